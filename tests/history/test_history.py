@@ -84,8 +84,22 @@ def test_the_index_follows_the_files_and_is_made_again_from_them(lab: Path) -> N
         assert index.rows() == rows
     (lab / ".stickslip" / "runs.sqlite").write_bytes(b"not a database" * 100)
     assert names() == {row["name"] for row in rows}
+    index = lab / ".stickslip" / "runs.sqlite"
+    content = bytearray(index.read_bytes())  # whole at its begin, as far as it says whose it is
+    content[4096:] = bytes(len(content) - 4096)
+    index.write_bytes(content)
+    assert names() == {row["name"] for row in rows}
     with Index(lab, read=lambda *_: pytest.fail("nothing has changed")) as index:
         assert index.rows() == rows
+
+
+def test_a_result_that_is_too_deep_is_one_line_of_the_history(tmp_path: Path) -> None:
+    (tmp_path / "fit").mkdir()
+    (tmp_path / "fit" / "report.html").write_text("")
+    (tmp_path / "fit" / "results.json").write_text("[" * 100_000)
+    (row,) = ss.runs(tmp_path).to_dict("records")
+    assert (row["name"], row["kind"]) == ("fit", "fit")
+    assert "recursion depth" in row["problem"]
 
 
 def test_search_and_filter(lab: Path) -> None:

@@ -170,9 +170,9 @@ def test_a_stop_waits_for_no_block(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_rig_says_what_it_cannot_do() -> None:
-    with pytest.raises(QuantityError, match="Actuator, not 'kang2007': load it first"):
+    with pytest.raises(QuantityError, match="actuator = 'kang2007' must be Actuator"):
         VirtualRig("kang2007", BENCH)  # type: ignore[arg-type]
-    with pytest.raises(QuantityError, match="Bench, not 'kang2007-bench'"):
+    with pytest.raises(QuantityError, match="bench = 'kang2007-bench' must be Bench"):
         VirtualRig(ACTUATOR, "kang2007-bench")  # type: ignore[arg-type]
     rig = VirtualRig(ACTUATOR, BENCH)
     with pytest.raises(QuantityError, match=r"drive = 60 is no waveform"):

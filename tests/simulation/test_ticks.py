@@ -64,7 +64,7 @@ def test_a_piezo_keeps_its_plays_and_its_creep() -> None:
 def test_what_is_not_followed_is_refused() -> None:
     with pytest.raises(QuantityError, match="BoucWen cannot be followed"):
         Motion(KANG.replace(piezo=Piezo(BoucWen(0.3, 0.02, 0.01))))
-    with pytest.raises(QuantityError, match="Actuator, not 3"):
+    with pytest.raises(QuantityError, match="model = 3 must be Actuator"):
         Motion(3)  # type: ignore[arg-type]
     with pytest.raises(QuantityError, match="tolerance = 0 m"):
         Motion(KANG, tolerance=0.0)

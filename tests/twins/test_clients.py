@@ -122,6 +122,23 @@ def test_the_nv200_is_a_rig() -> None:
             rig.load(np.zeros(5))
 
 
+def test_the_nv200_ramps_to_rest_what_a_killed_program_left() -> None:
+    twin = twin_of("nv200", axes=1)
+    axis, played = twin.output.axis, list[np.ndarray]()
+    with served(twin) as port:
+        killed = Nv200Rig("127.0.0.1", port=port, timeout="30 s")
+        killed._do("set,60")
+        killed.close()  # and no stop before
+        assert axis.state()[0] == pytest.approx(60.0)
+        heard = axis._heard
+        axis._heard = lambda path: (played.append(np.diff(path.volts) / np.diff(path.times)), heard(path))
+        Nv200Rig("127.0.0.1", port=port, ramp="2000 V/s", timeout="30 s").close()
+        assert axis.state()[0] == 0.0
+    assert np.abs(np.concatenate(played)).max() == pytest.approx(2000.0, rel=1e-3)
+    with pytest.raises(QuantityError, match="ramp = 0"):
+        Nv200Rig("127.0.0.1", port=1, ramp=0.0)
+
+
 def test_a_drive_becomes_the_shortest_table() -> None:
     ramp = np.arange(1.0, 6.0)
     rest = np.zeros(7)

@@ -138,6 +138,20 @@ def test_a_controller_of_pi_records_what_the_plant_does(monkeypatch: pytest.Monk
             PiRig("127.0.0.1", port=port)
 
 
+def test_a_controller_of_pi_ramps_to_rest_what_a_killed_program_left() -> None:
+    controller = PiezoController(wiring())
+    with served(controller) as port:
+        PiRig("127.0.0.1", port=port, timeout="30 s").close()
+        controller.execute("SVA 1 60")
+        time.sleep(0.05)
+        assert controller.wiring.voltage == pytest.approx(60.0)
+        began = time.monotonic()
+        PiRig("127.0.0.1", port=port, ramp="200 V/s", timeout="30 s").close()
+        assert time.monotonic() - began >= 60.0 / 200.0
+        time.sleep(0.05)
+        assert controller.wiring.voltage == 0.0
+
+
 def test_a_stick_slip_controller_of_pi_steps_and_goes() -> None:
     stages = [Stage(ACTUATOR, travel=4e-3, seed=4 + i) for i in range(2)]
     with served(StepController(stages)) as port:

@@ -75,7 +75,7 @@ def _take(acts: list[dict[str, Any]], line: str) -> None:
     """Add the act that a line tells, if it does."""
     try:
         one = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return
     if not isinstance(one, dict) or not all(isinstance(one.get(key), str) for key in ("act", "name")):
         return

@@ -74,6 +74,27 @@ class Index:
         for column in equal:
             if column not in COLUMNS:
                 raise ValueError(f"there is no column {column!r}; there are {', '.join(COLUMNS)}")
+        try:
+            rows = self._found(search, equal)
+        except sqlite3.DatabaseError:  # damaged somewhere inside
+            self.rebuild()
+            rows = self._found(search, equal)
+        acts = read_acts(self.folder)
+        of = {one["name"]: str(one["of"]) for one in acts if "of" in one}
+        renamed = [one for one in acts if one["act"] == "renamed"]
+        for row in rows:
+            if not row["links"] and row["name"] not in of:
+                continue
+            links = json.loads(row["links"] or "{}")
+            if row["name"] in of:
+                links["prediction"] = [of[row["name"]]]
+            for kind, names in links.items():
+                links[kind] = present_names(names, renamed)
+            row["links"] = json.dumps(links, ensure_ascii=False) if links else ""
+        return rows
+
+    def _found(self, search: str, equal: dict[str, str]) -> list[dict[str, Any]]:
+        """The rows of `rows`, as the index has them."""
         with closing(self._opened()) as database:
             self._update(database)
             where, given = ["1"], list[str]()
@@ -90,20 +111,7 @@ class Index:
             chosen = (
                 f"SELECT * FROM runs WHERE {' AND '.join(where)} ORDER BY {made} DESC, changed DESC, name"
             )
-            rows = [dict(row) for row in database.execute(chosen, given)]
-        acts = read_acts(self.folder)
-        of = {one["name"]: str(one["of"]) for one in acts if "of" in one}
-        renamed = [one for one in acts if one["act"] == "renamed"]
-        for row in rows:
-            if not row["links"] and row["name"] not in of:
-                continue
-            links = json.loads(row["links"] or "{}")
-            if row["name"] in of:
-                links["prediction"] = [of[row["name"]]]
-            for kind, names in links.items():
-                links[kind] = present_names(names, renamed)
-            row["links"] = json.dumps(links, ensure_ascii=False) if links else ""
-        return rows
+            return [dict(row) for row in database.execute(chosen, given)]
 
     def binned(self) -> list[str]:
         """Names of what is in the bin, the last one first."""
@@ -191,7 +199,7 @@ class Index:
             if kind == "parameters":
                 return {"kind": kind, **described_set(path)}
             return {"kind": kind, **self._read(path, described)}
-        except (RecordingError, OSError, ValueError, LookupError, AttributeError) as error:
+        except (RecordingError, OSError, ValueError, LookupError, AttributeError, RecursionError) as error:
             said = str(error).removeprefix(f"{path}: ").replace(str(path), path.name)
             row: dict[str, Any] = {"kind": kind, "problem": " ".join(said.split())}
             return {**row, "bytes": 0} if isinstance(error, ReaderBusy) else row  # which is tried again

@@ -1,11 +1,13 @@
-"""Files that are written whole or not at all, and the bin for those that make room."""
+"""Files that are written whole or not at all, what such a file says, and the bin for those that make room."""
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 BIN = ".bin"
 
@@ -39,6 +41,26 @@ def replaced_whole(target: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
     if os.name == "posix":  # elsewhere a folder cannot be opened
         _sync(target.parent)
+
+
+def read_small(path: Path, most: int = 100_000) -> dict[str, Any] | None:
+    """What a JSON file of up to so many bytes says, a mapping; None where there is no such file.
+
+    Raises:
+        ValueError: it is no plain file, too large, or no such JSON.
+        OSError: it cannot be read.
+    """
+    if not os.path.lexists(path):
+        return None
+    if not path.is_file() or path.stat().st_size > most:  # a pipe may never answer who opens it
+        raise ValueError(f"no plain file of up to {most} bytes")
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ValueError("no JSON that this program writes: too deep") from None
+    if not isinstance(found, dict):
+        raise ValueError("no JSON of names and values")
+    return found
 
 
 def to_bin(folder: Path, name: str) -> Path:

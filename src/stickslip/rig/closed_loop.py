@@ -20,7 +20,6 @@ import xarray as xr
 from ..calibration.applying import calibration_attribute
 from ..calibration.storage import to_text
 from ..progress import Progress, unheard
-from ..recording import save_recording
 from ..units import QuantityError, optional_si, to_si, with_prefix
 from ..waveform.signal import Waveform, value_at
 from .capture import Capture, stride
@@ -134,12 +133,11 @@ def regulate(
                 recording[name].attrs["long_name"] = name.replace("_", " ")
             recording.attrs.update(loop.statistics())
         if failure is not None:
-            _keep(failure, recording, save)
+            _keep(failure, recording, samples, save)
             raise failure
         assert recording is not None
         if samples is not None and save is not None:
-            samples.make_room()
-            save_recording(recording, save)
+            samples.become(recording, save)
         return recording
     finally:
         if samples is not None:

@@ -12,7 +12,7 @@ from ..calibration import Calibration
 from ..units import with_prefix
 from .home import Home
 from .limits import LimitError, Limits, beyond, check_drive
-from .protocols import Array, Capabilities, Rig
+from .protocols import Array, Capabilities, Rig, RigError
 
 FROZEN_DRIVE = 10.0  # V by which the drive must move for unchanged readings to be a fault
 _ANSWER = 0.01  # s in which a sensor answers to the drive
@@ -81,9 +81,14 @@ class Gate:
         """Look at the samples [inputs, n] that the rig gave.
 
         Raises:
+            RigError: what it gave are no such samples.
             LimitError: the rig was silent for too long; a reading is not finite, has not changed while the
                 drive moved, or is beyond an end stop.
         """
+        shape = getattr(block, "shape", None)
+        if shape is None or len(shape) != 2 or shape[0] != len(self._inputs):
+            given = f"{block!r:.40}" if shape is None else f"an array of the shape {shape}"
+            raise RigError(f"{self._can.name}: fetch gave {given}, not an array [{len(self._inputs)}, n]")
         self._hear(block.shape[1])
         if not block.shape[1]:
             return

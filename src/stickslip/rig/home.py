@@ -9,13 +9,16 @@ end-effector had come before. Home is a reading and the origin at which it was t
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 from ..calibration import Calibration
-from ..recording.replacing import replaced_whole
-from .protocols import Array
+from ..recording.replacing import read_small, replaced_whole
+from .limits import LimitError
+from .protocols import Array, RigError
 
 
 class Home:
@@ -36,11 +39,24 @@ class Home:
         self.position = 0.0
 
     def positions(self, source: str, raw: Array, chain: Sequence[Calibration], origin: float) -> Array:
-        """Readings [n] of an input as positions from home, m; the first reading ever is home itself."""
+        """Readings [n] of an input as positions from home, m; the first reading ever is home itself.
+
+        Raises:
+            LimitError: a calibration makes no number of a reading; no end stop would hold such a position.
+        """
         if source not in self.readings:
             self.readings[source] = (float(raw[0]), origin)
         reading, before = self.readings[source]
-        return origin - before + calibrated(raw, chain) - float(calibrated(raw[:1] * 0.0 + reading, chain)[0])
+        with np.errstate(over="ignore", invalid="ignore"):
+            zero = float(calibrated(raw[:1] * 0.0 + reading, chain)[0])
+            found = origin - before + calibrated(raw, chain) - zero
+        wrong = np.flatnonzero(~np.isfinite(found))
+        if wrong.size:
+            raise LimitError(
+                f"the input {source!r} reads {raw[wrong[0]]:.6g}, from which comes a position of "
+                f"{found[wrong[0]]}: stopped"
+            )
+        return found
 
     def save(self, path: Path) -> None:
         """Keep it in a file, whole or not at all."""
@@ -50,16 +66,32 @@ class Home:
 
     @classmethod
     def load(cls, path: Path) -> Home:
-        """What a file keeps; a new one where there is none, or none that can be used."""
+        """What a file keeps; a new one where there is none.
+
+        Raises:
+            RigError: it does not say where home is: end stops would silently count from elsewhere.
+        """
         made = cls()
         try:
-            found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-            made.readings = {str(k): (float(v[0]), float(v[1])) for k, v in found["readings"].items()}
-            made.position = None if found["position"] is None else float(found["position"])
-            made.origin = float(found["origin"])
-        except (OSError, ValueError, LookupError, TypeError, AttributeError):
-            return cls()
+            found = read_small(path)
+            if found is None:
+                return made
+            made.readings = {str(k): (_finite(v[0]), _finite(v[1])) for k, v in found["readings"].items()}
+            made.position = None if found["position"] is None else _finite(found["position"])
+            made.origin = _finite(found["origin"])
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
+            raise RigError(
+                f"{path} is damaged ({error}), and end stops count from what it says: restore it, or remove "
+                "it, which calls home where the end-effector is at the next run"
+            ) from None
         return made
+
+
+def _finite(value: object) -> float:
+    number = float(value)  # type: ignore[arg-type]
+    if not math.isfinite(number):
+        raise ValueError(f"{number} is not finite")
+    return number
 
 
 def calibrated(raw: Array, chain: Sequence[Calibration]) -> Array:

@@ -28,16 +28,17 @@ from ..lock import locked
 from .devices import open_device
 from .gate import PositionInput
 from .home import Home
-from .limits import Limits
+from .limits import LONGEST_STOP, Limits
 from .memory import collected_on_request, give_memory_back
 from .protocols import Array, Capabilities, RigError
 from .supervisor import ANOTHER, Order, Supervisor, state_of
-from .wire import WireError, receive, send
+from .wire import WireError, receive, send, text_of
 
 LINGER = 5.0  # s without a client after which the process ends
 _GREETING = 2.0  # s in which a client must say who it is
 _MOST_CLIENTS = 32
 _LONGEST_WAIT = 1.0  # s
+_LONGEST_RAMP = LONGEST_STOP + 5.0  # s
 _LEAVING = 0.3  # s in which the one who holds it may be about to leave
 
 
@@ -106,7 +107,11 @@ class Host:
                 while True:
                     asked, values = receive(link)
                     answer, block = self._answer(link, name, asked, values)
-                    send(link, answer, block)
+                    try:
+                        send(link, answer, block)
+                    except (TypeError, ValueError) as error:  # of a rig of somebody's own
+                        said = f"{asked.get('do')}: the rig gave what cannot be told: {error}"
+                        send(link, {"error": said, "kind": "RigError"})
         except WireError:
             return
         finally:
@@ -127,9 +132,11 @@ class Host:
             link.close()
 
     def _release(self, gone: bool = False) -> None:
-        """The rig is free, once its run has ended: which may take longer than anybody wants to wait, while a
-        virtual rig computes."""
+        """The rig is free, once its run has ended: the ramp to 0 V is waited for, but not a virtual rig that
+        computes for longer than anybody wants to wait."""
         self.supervisor.join(_LONGEST_WAIT)
+        if self.supervisor.phase == "stopping":
+            self.supervisor.join(_LONGEST_RAMP)
         if self.supervisor.busy:
             threading.Thread(target=self._release, args=(gone,), daemon=True).start()
             return
@@ -143,9 +150,8 @@ class Host:
     ) -> tuple[dict[str, Any], Array | None]:
         try:
             return self._done(link, name, asked, values)
-        except (
-            Exception
-        ) as error:  # all of it is told: a client that does not know goes on as if all were well
+        except BaseException as error:
+            # All of it is told: a client that does not know goes on as if all were well.
             said = ". ".join((str(error), *getattr(error, "__notes__", ())))
             return {"error": said, "kind": type(error).__name__, **self._progress()}, None
 
@@ -158,12 +164,14 @@ class Host:
         if do == "state":
             return state_of(self.supervisor, "" if self._holder is None else self._holder[1]), None
         if do == "open":
+            held = self._holder is not None and self._holder[0] is link
             self._hold(link, name)
-            capabilities = self._open(asked["device"], bool(asked["again"]))
-            told = getattr(self.supervisor.rig, "told", None)
-            virtual = asked["device"].get("kind") == "virtual"  # of which the client knows more
-            said = {} if told is None or virtual else told(1)
-            return {"capabilities": capabilities._asdict(), "told": said}, None
+            try:
+                return self._opened(asked["device"], bool(asked["again"])), None
+            except BaseException:
+                if not held:  # who gets no rig keeps nobody from trying
+                    self._holder = None
+                raise
         if self._holder is None or self._holder[0] is not link:
             raise RigError(f"{do}: open the rig first")
         if do == "fetch":
@@ -181,6 +189,7 @@ class Host:
         if do == "close":
             self.supervisor.stop("the rig was closed")
             self._release()
+            self.supervisor.check_stopped()
             return self._progress(), None
         raise RigError(f"{do!r} is no request")
 
@@ -207,6 +216,15 @@ class Host:
     def _held_by_other(self, link: socket.socket) -> bool:
         with self._lock:
             return self._holder is not None and self._holder[0] is not link
+
+    def _opened(self, device: dict[str, Any], again: bool) -> dict[str, Any]:
+        """What the rig can do, and what it says of itself; TypeError where that is no JSON."""
+        capabilities = self._open(device, again)
+        told = getattr(self.supervisor.rig, "told", None)
+        virtual = device.get("kind") == "virtual"  # of which the client knows more
+        said = {"capabilities": capabilities._asdict(), "told": {} if told is None or virtual else told(1)}
+        text_of(said)
+        return said
 
     def _open(self, device: dict[str, Any], again: bool) -> Capabilities:
         one = self.supervisor
@@ -239,18 +257,23 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
 
 
 def main(folder: Path) -> int:
-    """Own the rig of a folder until it is no longer needed; `ANOTHER` where another process does already."""
+    """Own the rig of a folder until it is no longer needed; `ANOTHER` where another process does already, 1
+    and a line on stderr where a file of the folder cannot be used."""
     give_memory_back()
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    with locked(folder / "lock") as mine:
-        if not mine:
-            return ANOTHER
-        host = Host(folder)
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: host.ended.set())
-        sys.setswitchinterval(1e-3)
-        with collected_on_request():
-            host.serve()
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with locked(folder / "lock") as mine:
+            if not mine:
+                return ANOTHER
+            host = Host(folder)
+            for number in (signal.SIGTERM, signal.SIGINT):
+                signal.signal(number, lambda *_: host.ended.set())
+            sys.setswitchinterval(1e-3)
+            with collected_on_request():
+                host.serve()
+    except (OSError, RigError) as error:  # a file of the folder; the client tells this line
+        print(error, file=sys.stderr)
+        return 1
     return 0
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import socket
@@ -18,6 +17,7 @@ from weakref import WeakSet
 import numpy as np
 
 from ..calibration.storage import to_text
+from ..recording.replacing import read_small
 from ..units import QuantityError
 from .devices import told_of
 from .gate import PositionInput
@@ -251,7 +251,7 @@ def _connected(folder: Path, name: str) -> socket.socket:
             return link
         left = None if started is None else _left(started)
         if left not in (None, 0, ANOTHER):
-            raise RigError(f"the rig's process ended at once ({left}); see {folder / 'rig.log'}")
+            raise RigError(f"the rig's process ended at once ({left}): {_last_line(folder / 'rig.log')}")
         if started is None or left is not None:
             started = _started(folder)
         if time.monotonic() > end:
@@ -264,18 +264,27 @@ def _started(folder: Path) -> int:
     not reach it."""
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     command = [sys.executable, "-m", "stickslip.rig.host", str(folder)]
-    writing = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
-    return os.posix_spawn(
-        sys.executable,
-        command,
-        os.environ,
-        file_actions=[
-            (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
-            (os.POSIX_SPAWN_OPEN, 1, str(folder / "rig.log"), writing, 0o600),
-            (os.POSIX_SPAWN_DUP2, 1, 2),
-        ],
-        setsid=True,
-    )
+    log = os.open(folder / "rig.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    try:
+        return os.posix_spawn(
+            sys.executable,
+            command,
+            os.environ,
+            file_actions=[
+                (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
+                (os.POSIX_SPAWN_DUP2, log, 1),
+                (os.POSIX_SPAWN_DUP2, log, 2),
+            ],
+            setsid=True,
+        )
+    finally:
+        os.close(log)
+
+
+def _last_line(log: Path) -> str:
+    """What a process said last, why it ended; where that can be read if it said nothing."""
+    lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
+    return next((line for line in reversed(lines) if line.strip()), f"see {log}")
 
 
 def _left(process: int) -> int | None:
@@ -290,13 +299,14 @@ def _left(process: int) -> int | None:
 def _greeted(folder: Path, name: str) -> socket.socket | None:
     """A connection to the process that is there; None where none is."""
     try:
-        known = json.loads((folder / "rig.json").read_text(encoding="utf-8"))
-        link = socket.create_connection(("127.0.0.1", int(known["port"])), timeout=5.0)
-    except (OSError, ValueError, LookupError):
+        known = read_small(folder / "rig.json") or {}
+        token, port = str(known["token"]), int(known["port"])
+        link = socket.create_connection(("127.0.0.1", port), timeout=5.0)
+    except (OSError, ValueError, LookupError, TypeError, OverflowError):  # damaged: the next process mends it
         return None
     try:
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        send(link, {"do": "hello", "token": known["token"], "name": name, "pid": os.getpid()})
+        send(link, {"do": "hello", "token": token, "name": name, "pid": os.getpid()})
         receive(link)
         link.settimeout(None)
     except (OSError, EOFError):

@@ -15,7 +15,7 @@ import xarray as xr
 from ..calibration import CalibrationError
 from ..calibration.applying import calibration_chain
 from ..progress import Progress, unheard, within
-from ..recording import STANDARD_NAMES, save_recording
+from ..recording import STANDARD_NAMES, RecordingError
 from ..recording.drive import drive_text
 from ..recording.schema import fits_name
 from ..records import did_you_mean
@@ -28,7 +28,7 @@ from .hosted import HostedRig
 from .limits import LimitError, Limits, check_drive
 from .protocols import Array, Capabilities, Rig, RigError
 from .recorded import Channel, Making
-from .samples import Samples, unfinished_path
+from .samples import Samples
 
 DRIVE, POSITION = "drive", "end_effector_position"
 SETTLING = 0.01  # s before the pre-trigger, for filters to settle
@@ -107,16 +107,11 @@ def measure(
                 except CaptureError as missed:
                     failure = missed
             if failure is not None:
-                _keep(failure, making.unfinished(raw, _why(failure)) if raw.size else None, save)
+                _keep(failure, making.unfinished(raw, _why(failure)) if raw.size else None, samples, save)
                 raise failure
         recording = making.recording(total, making.times(capture.samples))
         if samples is not None and save is not None:
-            samples.make_room()
-            try:
-                save_recording(recording, save)
-            except BaseException:
-                samples.leave()
-                raise
+            samples.become(recording, save)
         return recording
     finally:
         if samples is not None:
@@ -126,15 +121,17 @@ def measure(
 _HOMES: WeakKeyDictionary[Rig, Home] = WeakKeyDictionary()
 
 
-def _keep(failure: BaseException, recording: xr.Dataset | None, save: Path | None) -> None:
+def _keep(
+    failure: BaseException, recording: xr.Dataset | None, samples: Samples | None, save: Path | None
+) -> None:
     """What there is of a run goes with the error that ended it, and to a file while its samples are there."""
     failure.recording = recording  # type: ignore[attr-defined]
-    if recording is None or save is None:
+    if recording is None or samples is None or save is None:
         return
     try:
-        failure.kept = save_recording(recording, unfinished_path(save))  # type: ignore[attr-defined]
-    except OSError as error:
-        failure.add_note(f"What there is of {save.name} could not be kept: {error}")
+        failure.kept = samples.become(recording, save, unfinished=True)  # type: ignore[attr-defined]
+    except (OSError, RecordingError) as error:
+        failure.add_note(f"What there is of {save.name} could not be saved, its samples are left: {error}")
 
 
 def _home_of(rig: Rig) -> Home:

@@ -17,6 +17,7 @@ from .. import registry
 from ..units import QuantityError, to_si
 from .line import Line, finite
 from .protocols import About, Array, Capabilities, RigError
+from .table import check_positive
 
 TICK = 50e-6  # s
 TABLE, RECORD = 1024, 6144
@@ -44,6 +45,7 @@ class Nv200Rig:
         host: its address.
         port: of its data; 23 unless it was changed.
         interval: s, between updates of the output and between samples, a multiple of 50 us.
+        ramp: V/s, of the ramp to 0 V with which it begins: a program that was killed leaves its last voltage.
         timeout: s, for each answer.
 
     Inputs are "drive", the voltage at the piezo, and "position", that of its sensor.
@@ -67,9 +69,12 @@ class Nv200Rig:
         *,
         port: int = 23,
         interval: float | str = TICK,
+        ramp: float | str = 1000.0,
         timeout: float | str = 2.0,
     ) -> None:
         interval, self._timeout = to_si(interval, "s", "interval"), to_si(timeout, "s", "timeout")
+        ramp = to_si(ramp, "V/s", "ramp")
+        check_positive(ramp=ramp, timeout=self._timeout)
         self._factor = round(interval / TICK)
         if not 1 <= self._factor <= 65535 or abs(interval - self._factor * TICK) > 1e-9:
             raise QuantityError(f"interval = {interval:g} s must be a multiple of 50 us, up to 3.27 s")
@@ -85,8 +90,9 @@ class Nv200Rig:
             if again != (self._low, self._high) or not self._low <= 0.0 < self._high:
                 self._line.fail(f"avmin, avmax are {self._low:g}, {self._high:g} V, then {again} V")
             self.told_of = {name: ",".join(self._ask(name)).strip() for name in ("desc", "acserno", "sr")}
-            for command in ("grun,0", "cl,0", "setlpon,0", "notchon,0", "sr,2000"):
+            for command in ("grun,0", "cl,0", "setlpon,0", "notchon,0"):
                 self._do(command)
+            self.stop(ramp)
         rate = 1.0 / (TICK * self._factor)
         self.capabilities = Capabilities(
             name=f"NV200 {self.told_of['desc']} {self.told_of['acserno']}",

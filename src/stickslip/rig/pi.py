@@ -33,7 +33,8 @@ class PiRig:
         axis: of the controller, with its first output channel and wave generator.
         interval: s, between updates of the output and between samples; a multiple of the servo's cycle.
         points: of a wave table, and of a record, as the controller's manual says.
-        ramp: V/s, of the ramp to 0 V that ends each drive.
+        ramp: V/s, of the ramp to 0 V that ends each drive, and with which it begins: a program that was
+            killed leaves what it put out.
         port: TCP port.
         timeout: s, for each answer.
 
@@ -82,6 +83,7 @@ class PiRig:
             self._low, self._high = (self._line.number(f"{name}? 1") for name in ("VMI", "VMA"))
             self._line.do("WGO 1 0")
             self._line.do(f"SVO {axis} 0")
+            self._go_to_zero(ramp, False)
         except (RigError, QuantityError):
             self._line.close()
             raise

@@ -88,19 +88,28 @@ class Samples:
         self._count += block.shape[1]
         os.pwrite(self._file, struct.pack("<Q", self._count), 0)
 
-    def make_room(self) -> None:
-        """The run is over: give back what was kept for the recording."""
-        os.ftruncate(self._file, self._begin + 8 * self._count * self._width)
+    def become(self, recording: xr.Dataset, target: Path, unfinished: bool = False) -> Path:
+        """Save the recording that was made of them, in the room that was kept for it; as what there is of an
+        `unfinished` one beside NAME.nc. Where that fails the file lies, as that of a program that was killed.
+
+        Raises:
+            RecordingError, OSError: as `save_recording`.
+        """
+        try:
+            os.ftruncate(self._file, self._begin + 8 * self._count * self._width)
+            return save_recording(recording, unfinished_path(target) if unfinished else target)
+        except BaseException:
+            nobody = "0"
+            while (left := self.path.with_name(f".{target.stem}.{nobody}{_SUFFIX}")).exists():
+                nobody += "0"
+            with suppress(OSError):
+                self.path.rename(left)
+            raise
 
     def close(self) -> None:
-        """Remove the file, unless it was left."""
+        """Remove the file, unless it did not become a recording."""
         os.close(self._file)
         self.path.unlink(missing_ok=True)
-
-    def leave(self) -> None:
-        """Let the file lie, as that of a program that was killed: the recording could not be written."""
-        with suppress(OSError):
-            self.path.rename(self.path.with_name(self.path.name.replace(f".{os.getpid()}.", ".0.")))
 
 
 def _reserve(file: int, size: int) -> None:
@@ -137,12 +146,12 @@ def recover(folder: Path) -> list[Path]:
         name, process = path.name[1:].removesuffix(_SUFFIX).rpartition(".")[::2]
         if not name or not process.isdecimal() or is_running(int(process)):
             continue
-        with suppress(OSError, ValueError, LookupError, TypeError):
+        with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
             target = folder / f"{name}.nc"
             last = path.stat().st_mtime
             own = re.compile(re.escape(name) + r"(-\d+)?\.nc")
             others = [target, *(one for one in folder.glob("unfinished/*.nc") if own.fullmatch(one.name))]
-            saved = any(one.is_file() and one.stat().st_mtime >= last for one in others)
+            saved = any(one.is_file() and one.stat().st_mtime >= last for one in others if one not in made)
             recording = None if saved else _read(path)
             if recording is not None:
                 made.append(save_recording(recording, unfinished_path(target)))
@@ -173,7 +182,7 @@ def _read(path: Path) -> xr.Dataset | None:
         count, length = _head(file)
         if length == 0:
             return None
-        if length > path.stat().st_size:
+        if length + 8 * count > path.stat().st_size:
             raise ValueError("damaged")
         making = Making.from_text(file.read(length).decode())
         width = len(making.inputs)

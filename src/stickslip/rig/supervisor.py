@@ -70,6 +70,7 @@ class Supervisor:
         self._stored = 0  # samples before those
         self._keep: Path | None = None
         self._failure: BaseException | None = None
+        self._unsafe: BaseException | None = None  # of the stop, until the client was told
         self._stop: tuple[str, float] | None = None
         self._asked = self._alive = 0.0
         self._limits = Limits()
@@ -92,7 +93,7 @@ class Supervisor:
             rig, self._loop = self.rig, None
             if order.controller is not None:
                 rig = self._loop = self._looped(order)
-            self.phase, self._stop, self._failure = "preparing", None, None
+            self.phase, self._stop, self._failure, self._unsafe = "preparing", None, None, None
             self.began = self.ramp_after = None
             self._blocks.clear()
             self._sent, self._stored, self._keep = [], 0, order.keep
@@ -158,8 +159,16 @@ class Supervisor:
                 self._blocks.clear()
                 return np.concatenate(self._sent, axis=1)
             if self._failure is not None and not self.busy:
+                self._unsafe = None
                 raise self._failure
         return None
+
+    def check_stopped(self) -> None:
+        """Raises what the stop of the last run failed with, where `fetch` has not: a client that has all
+        samples asks for no more, and the output may keep its voltage."""
+        failed, self._unsafe = self._unsafe, None
+        if failed is not None:
+            raise failed
 
     def complete(self) -> None:
         """The program is gone, and its run has ended: store what it had not stored."""
@@ -226,6 +235,8 @@ class Supervisor:
         try:
             gate.stop()
         except BaseException as error:
+            error.__traceback__ = None
+            self._unsafe = error
             if failure is not None:
                 failure.add_note(f"The stop failed too: {error}")
             failure = failure or error
@@ -249,11 +260,11 @@ class Supervisor:
             self._wanting = False
 
     def let_go(self) -> None:
-        """Close the rig."""
+        """Close the rig. Whatever that fails with, nobody talks to it any more."""
         rig, self.rig = self.rig, None
         close = getattr(rig, "close", None)
         if close is not None:
-            with suppress(RigError, OSError):
+            with suppress(Exception):
                 close()
 
     def _go_on(self) -> None:

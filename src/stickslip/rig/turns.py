@@ -142,11 +142,11 @@ class LoopRig:
         readings, given = self._readings, self._given
         while self.count < end and not self.ended:
             tick, reading = self.count, readings[0]
+            self._check(readings, tick)
             if plain:
                 measured = self._start + (reading - self._zero)
             else:
                 measured = float(self._here(np.array([reading]))[0])
-            self._check(readings, tick)
             self._home.position = measured
             guard.sees(reading, measured, given)
             target = self._targets[min(tick, len(self._targets) - 1)]

@@ -12,6 +12,7 @@ import numpy as np
 from .. import registry
 from ..actuator import Actuator
 from ..electronics import adc_output, amplifier_output, dac_output, filtered
+from ..records import of_kind
 from ..simulation.errors import SimulationError
 from ..simulation.models import SLIDER, STAGE
 from ..simulation.trajectory import COMPLETE, checked_tolerance, follow_model
@@ -71,11 +72,8 @@ class VirtualRig:
         tolerance: float | str = 1e-9,
     ) -> None:
         tolerance = checked_tolerance(actuator, tolerance)
-        for value, kind in ((actuator, Actuator), (bench, Bench)):
-            if not isinstance(value, kind):
-                raise QuantityError(
-                    f"a virtual rig wants its {kind.__name__}, not {value!r:.60}: load it first"
-                )
+        of_kind(actuator, Actuator, "actuator")
+        of_kind(bench, Bench, "bench")
         _check_sensors(actuator, bench)
         # The limits of the drive are the gate's; a converter's step beside 0 V is no error.
         self.actuator = actuator.replace(

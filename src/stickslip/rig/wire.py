@@ -40,10 +40,22 @@ class WireError(OSError):
 
 
 def send(link: socket.socket, head: dict[str, Any], values: Array | None = None) -> None:
-    """Send a message."""
+    """Send a message; errors of `text_of` come before anything is sent."""
     array = np.zeros(0) if values is None else np.ascontiguousarray(values, dtype="<f8")
-    text = json.dumps({**head, "shape": array.shape}).encode()
+    text = text_of({**head, "shape": array.shape}).encode()
     link.sendall(struct.pack("<I", len(text)) + text + array.tobytes())
+
+
+def text_of(head: dict[str, Any]) -> str:
+    """As JSON, numbers of NumPy as Python's; TypeError for what it does not know, ValueError for circles."""
+    return json.dumps(head, default=_plain)
+
+
+def _plain(value: object) -> object:
+    """A number of NumPy as Python's; TypeError for all else that JSON does not know."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{value!r:.60} is no text, number or list")
 
 
 def receive(link: socket.socket) -> tuple[dict[str, Any], Array]:

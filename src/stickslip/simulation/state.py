@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..friction import element, project
+from ..records import of_kind
 from ..units import QuantityError
 from ..waveform.drive import Drive, evaluate
 from .errors import SimulationWarning
@@ -69,8 +70,7 @@ def taken_up(initial_state: State | xr.Dataset | None, model: Any, waveform: Any
     Warns where the piezo would remember the past of this waveform, and another one has made the state:
     plays and creep are not part of it, they come from the whole drive.
     """
-    if not isinstance(initial_state, xr.Dataset | State | None):
-        raise QuantityError(f"initial_state is a State or a trajectory, not {initial_state!r:.60}")
+    of_kind(initial_state, xr.Dataset | State | None, "initial_state")
     if not isinstance(initial_state, xr.Dataset):
         return initial_state
     state, piezo = final_state(initial_state), getattr(model, "piezo", None)

@@ -16,6 +16,7 @@ from ..actuator import Actuator
 from ..piezo import Creep, Piezo, PrandtlIshlinskii
 from ..piezo.creep import Lags, relaxed
 from ..piezo.operators import response
+from ..records import of_kind
 from ..solve.outcome import DONE
 from ..solve.periods import integrate
 from ..solve.resume import NO_RESUME
@@ -57,8 +58,7 @@ class Motion:
         remanence: tuple[Array, Array] | None = None,
     ) -> None:
         rest, self._tolerance = to_si(voltage, "V", "voltage"), checked_tolerance(None, tolerance)
-        if not isinstance(model, Actuator):
-            raise QuantityError(f"a motion from tick to tick is that of an Actuator, not {model!r:.60}")
+        of_kind(model, Actuator, "model")
         self._jumps_along = model.static and not model.clamped
         contact = contact_load(load, 1.0)
         self._of, self._load = contact.system(model), contact.drive
