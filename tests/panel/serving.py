@@ -39,7 +39,9 @@ def client_of(app: FastAPI, host: str = "", **headers: str) -> Iterator[httpx.Cl
     """A client of an application that is served for it; `host` is what it calls the server."""
     with serving(app) as port:
         shown = {"Host": f"{host}:{port}"} if host else {}
-        with httpx.Client(base_url=f"http://127.0.0.1:{port}", headers=shown | headers, timeout=60) as client:
+        with httpx.Client(
+            base_url=f"http://127.0.0.1:{port}", headers=shown | headers, timeout=300
+        ) as client:
             yield client
 
 

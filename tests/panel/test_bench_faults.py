@@ -18,6 +18,7 @@ from pathlib import Path
 import httpx
 import pytest
 import uvicorn
+from fastapi import FastAPI
 
 from damaged import hanging
 from stickslip import open_recording
@@ -227,6 +228,29 @@ def test_connections_that_say_nothing_are_let_go(tmp_path: Path, monkeypatch: py
         assert all(_last(link) == b"" for link in links)
     finally:
         at_last.close()
+        server.should_exit = True
+        thread.join(30)
+        listening.close()
+
+
+def test_an_answer_that_takes_the_server_long_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine a list of recordings took more than the minute that clients have to take it in."""
+    monkeypatch.setattr(connections, "PATIENCE", 0.05)
+    app = FastAPI()
+
+    @app.get("/slow")
+    def slow() -> str:
+        time.sleep(2.0)
+        return "made"
+
+    listening = socket.create_server(("127.0.0.1", 0))
+    server = uvicorn.Server(server_config(app))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+    thread.start()
+    try:
+        answer = httpx.get(f"http://127.0.0.1:{listening.getsockname()[1]}/slow", timeout=60.0)
+        assert answer.json() == "made"
+    finally:
         server.should_exit = True
         thread.join(30)
         listening.close()

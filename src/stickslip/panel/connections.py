@@ -43,10 +43,16 @@ class BoundedConnection(H11Protocol):
         """Whether no request is being answered."""
         return self.cycle is None or self.cycle.response_complete
 
+    @property
+    def _waits_for_the_server(self) -> bool:
+        """All of a request is there, and nothing of its answer: a busy machine may take minutes for it."""
+        return self.cycle is not None and not self.cycle.more_body and not self.cycle.response_started
+
     def _look(self) -> None:
         if self.transport.is_closing() or self.transport.get_protocol() is not self:  # it is a stream now
             return
-        self._looks = self._looks + 1 if self.cycle is self._served else 0
+        waited = self.cycle is self._served and not self._waits_for_the_server
+        self._looks = self._looks + 1 if waited else 0
         if (self.idle and (self.cycle is None or self._looks)) or self._looks >= _BODY:
             self.transport.abort()
             return
