@@ -137,12 +137,11 @@ def states(plays, drive, z, out):
 def lacking(plays, v, z, i, up):
     """How far what the plays see has to go on from v, in the direction of `up`, until it takes play i along;
     0 where it does: within the rounding of the greatest number that v is a sum of."""
-    r, count = plays.threshold[i], plays.zone.size
-    most = abs(v) + r
-    if count > 0:
-        most += max(abs(plays.zone[0]), abs(plays.zone[count - 1]))
+    r, furthest = plays.threshold[i], 0.0
+    for j in range(plays.zone.size):
+        furthest = max(furthest, abs(plays.zone[j]))
     way = up * (z[i] - v) + r
-    return way if way > ROUNDING * most else 0.0
+    return way if way > ROUNDING * (abs(v) + r + furthest) else 0.0
 
 
 @compiled
