@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import reference
 import stickslip as ss
-from stickslip.piezo import BoucWen, Piezo, PrandtlIshlinskii
+from stickslip.piezo import BoucWen, Piezo, PrandtlIshlinskii, operators
 from stickslip.units import QuantityError
 
 Array = NDArray[np.float64]
@@ -154,6 +154,15 @@ def test_an_inverse_from_rest_with_skews() -> None:
     for one in models:
         drive = random.uniform(-100.0, 100.0, 30)
         np.testing.assert_allclose(one.inverse(one.output(drive)), drive, atol=1e-9)
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_a_play_is_on_its_edge_within_rounding(up: float) -> None:
+    """Of the sum of what it sees, its half-width and the dead zone furthest off: 2, 2 and 3 V."""
+    plays = operators.Operators(*map(np.array, ([0.0, 2.0], [1.0, 1.0], [-3.0, 1.0], [0.1, 0.1], [0.1, 0.1])))
+    for off, lacks in ((0.0, False), (6.5e-13, False), (8e-13, True), (0.5, True), (-1.0, False)):
+        found = operators.lacking(plays, up * (2.0 - off), np.zeros(2), 1, up)
+        assert found == (pytest.approx(off, abs=1e-15) if lacks else 0.0)
 
 
 def test_a_walk_with_skews_is_cut_into_few_pieces() -> None:
