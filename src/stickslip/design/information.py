@@ -138,26 +138,34 @@ def zero_variance(walk: PlannedWalk, noise: Coloured | None) -> float:
     return max(stationary, 0.0) / n + noise.walk * n / 3.0
 
 
-def _directions(of: Seen) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """Of A with a diagonal of 1: what divides it, eigenvalues, -vectors, and which of them tell nothing."""
+class _Directions(NamedTuple):
+    """Of A with a diagonal of 1: what divides A, eigenvalues, -vectors, and which of them tell nothing."""
+
+    scale: Array
+    values: Array
+    vectors: Array
+    null: NDArray[np.bool_]
+
+
+def _directions(of: Seen) -> _Directions:
     scale = np.sqrt(np.diagonal(of.normal, axis1=-2, axis2=-1))
     safe = np.where(scale > 0.0, scale, 1.0)
     outer = safe[..., :, None] * safe[..., None, :]
     values, vectors = np.linalg.eigh(of.normal / outer)
-    return outer, values, vectors, values <= NOTHING * values[..., -1:]
+    return _Directions(outer, values, vectors, values <= NOTHING * values[..., -1:])
 
 
 def untold(of: Seen) -> Array:
     """How many combinations of the coordinates the recordings do not tell [...]."""
-    return np.count_nonzero(_directions(of)[3], axis=-1).astype(float)
+    return np.count_nonzero(_directions(of).null, axis=-1).astype(float)
 
 
 def covariance(of: Seen) -> Array:
     """Of the coordinates [..., k, k]; infinite on the diagonal of those that the recordings do not tell."""
-    outer, values, vectors, null = _directions(of)
+    scale, values, vectors, null = _directions(of)
     root = np.where(null, 0.0, 1.0 / np.where(null, 1.0, values))
     inverse = (vectors * root[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    found = inverse @ (of.spread / outer) @ inverse / outer
+    found = inverse @ (of.spread / scale) @ inverse / scale
     lost = np.asarray(np.any((np.abs(vectors) > 1e-6) & null[..., None, :], axis=-1))
     either = np.logical_or(lost[..., :, None], lost[..., None, :])
     found = np.where(either, 0.0, 0.5 * (found + np.swapaxes(found, -1, -2)))
