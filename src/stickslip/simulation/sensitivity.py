@@ -265,10 +265,10 @@ def sensitivities(
             change of a field, or see `simulate`.
         SimulationError: the motion could not be followed to the end.
     """
-    parameters = checked_names(parameters)
     tolerance = checked_tolerance(model, tolerance)
     sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     duration = optional_si(duration, "s", "duration")
+    parameters = checked_names(parameters)
     wanted = sample_times(waveform, duration, sample_rate, times)
     end = float(wanted[-1])
     drive = checked_drive(model, waveform, end, periodic=False)

@@ -60,10 +60,10 @@ def steady_step_derivatives(
         QuantityError, NotPeriodicError: see `steady_step` and `sensitivities`; NotPeriodicError also where
             something never slips within a period, and keeps for ever how it began.
     """
+    tolerance = checked_tolerance(model, tolerance)
     parameters = checked_names(parameters)
     if set(parameters) & set(INITIAL):
         raise QuantityError("the steady step does not depend on the initial state")
-    tolerance = checked_tolerance(model, tolerance)
     refuse_law(model)
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
     period, drive = periodic_drive(model, waveform)
