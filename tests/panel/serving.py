@@ -17,10 +17,11 @@ from websockets.sync.client import ClientConnection, connect
 
 
 @contextmanager
-def serving(app: FastAPI) -> Iterator[int]:
-    """Serve an application on a free port of the loopback address; gives the port."""
+def serving(app: FastAPI, config: uvicorn.Config | None = None) -> Iterator[int]:
+    """Serve an application on a free port of the loopback address, as configured; gives the port."""
     listening = socket.create_server(("127.0.0.1", 0))
-    server = uvicorn.Server(uvicorn.Config(app, log_level="error", timeout_graceful_shutdown=2))
+    plain = uvicorn.Config(app, log_level="error", timeout_graceful_shutdown=2)
+    server = uvicorn.Server(config or plain)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
     thread.start()
     while not server.started:

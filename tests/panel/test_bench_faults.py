@@ -17,7 +17,6 @@ from pathlib import Path
 
 import httpx
 import pytest
-import uvicorn
 from fastapi import FastAPI
 
 from damaged import hanging
@@ -205,13 +204,8 @@ def test_a_watcher_cannot_pass_for_the_holder(tmp_path: Path) -> None:
 def test_connections_that_say_nothing_are_let_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "PATIENCE", 1.0)
     monkeypatch.setattr(connections, "MOST_CONNECTIONS", 100)
-    listening = socket.create_server(("127.0.0.1", 0))
-    server = uvicorn.Server(server_config(create_app(tmp_path)))
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
-    thread.start()
-    port = listening.getsockname()[1]
-    at_last = ExitStack()
-    try:
+    app = create_app(tmp_path)
+    with serving(app, server_config(app)) as port, ExitStack() as at_last:
         half = [
             b"",
             b"GET / HTTP/1.1\r\nHost: 127.0",
@@ -226,11 +220,6 @@ def test_connections_that_say_nothing_are_let_go(tmp_path: Path, monkeypatch: py
         there = httpx.get(f"http://127.0.0.1:{port}/static/icon.svg", timeout=60.0)
         assert there.status_code == 200, "there is room"
         assert all(_last(link) == b"" for link in links)
-    finally:
-        at_last.close()
-        server.should_exit = True
-        thread.join(30)
-        listening.close()
 
 
 def test_an_answer_that_takes_the_server_long_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,17 +232,8 @@ def test_an_answer_that_takes_the_server_long_is_waited_for(monkeypatch: pytest.
         time.sleep(2.0)
         return "made"
 
-    listening = socket.create_server(("127.0.0.1", 0))
-    server = uvicorn.Server(server_config(app))
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
-    thread.start()
-    try:
-        answer = httpx.get(f"http://127.0.0.1:{listening.getsockname()[1]}/slow", timeout=60.0)
-        assert answer.json() == "made"
-    finally:
-        server.should_exit = True
-        thread.join(30)
-        listening.close()
+    with serving(app, server_config(app)) as port:
+        assert httpx.get(f"http://127.0.0.1:{port}/slow", timeout=60.0).json() == "made"
 
 
 def _last(link: socket.socket) -> bytes:

@@ -56,7 +56,9 @@ def score(of: Seen, goal: Goal, over: Over) -> Array:
     """What a choice lowers: the `criterion` at equal time, over the draws [draws, ...]."""
     found = criterion(of, goal) + 0.5 * np.log(of.duration)
     # Of sets that do not tell the goal, that is nearest which leaves the fewest combinations untold.
-    found = np.where(np.isinf(found), UNTOLD * (1.0 + untold(of)), found)
+    lost = np.isinf(found)
+    if np.any(lost):
+        found = np.where(lost, UNTOLD * (1.0 + untold(of)), found)
     return np.max(found, axis=0) if over == "worst" else np.mean(found, axis=0)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from ..records import of_kind
 from ..units import QuantityError, array_si, optional_si, to_si, with_prefix
 from ..waveform.signal import Waveform
 from .cycles import lost_power
@@ -90,10 +91,8 @@ def electrical(
     volts_off = to_si(tolerance, "V", "tolerance")
     if not volts_off > 0.0:
         raise QuantityError(f"tolerance = {volts_off:g} V is out of range: it must be > 0 V")
-    if not isinstance(stack, Stack):
-        raise QuantityError(f"stack = {stack!r:.60} must be an electronics.Stack")
-    if not isinstance(dependence, TemperatureDependence | None):
-        raise QuantityError(f"dependence = {dependence!r:.60} must be an electronics.TemperatureDependence")
+    of_kind(stack, Stack, "stack")
+    of_kind(dependence, TemperatureDependence | None, "dependence")
     at, volts = _closer(*_points(source, seconds, volts_off), _WARMING * stack.time_constant)
     told = slice(None)
     if times is not None:

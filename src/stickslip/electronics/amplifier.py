@@ -32,7 +32,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..records import Quantity, record
+from ..records import Quantity, of_kind, record
 from ..units import QuantityError, array_si, to_si
 from .charging import ChargingLimits, charged, rest
 
@@ -88,8 +88,7 @@ def small_signal_bandwidth(amplifier: Amplifier, capacitance: float | str) -> fl
 def limits(amplifier: Amplifier, farad: float) -> ChargingLimits:
     """What the kernel needs to know of an amplifier and the capacitance [F] that it charges; raises
     QuantityError for what is no amplifier."""
-    if not isinstance(amplifier, Amplifier):
-        raise QuantityError(f"amplifier = {amplifier!r:.60} must be an electronics.Amplifier")
+    of_kind(amplifier, Amplifier, "amplifier")
     tau = 0.5 / (math.pi * amplifier.bandwidth) + amplifier.output_resistance * farad
     peak, steady = amplifier.max_current, min(amplifier.rms_current, amplifier.max_current)
     memory = math.inf

@@ -228,6 +228,13 @@ def check_priors(priors: Bounds, free: Sequence[str], noise: float | None, what:
         raise QuantityError(f"priors weigh against the noise: give noise {what}, too")
 
 
+def linear(name: str, unit: str, start: float, limits: tuple[float, float], bounds: Bounds) -> Parameter:
+    """A parameter of either sign, within its bounds, or else within the limits."""
+    low, high = given_bounds(bounds, name, unit) or limits
+    start, square = min(max(start, low), high), Squared.are(bounds, name)
+    return Parameter(name, start, low, high, unit, log=False, square=square)
+
+
 def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
     """Those of one parameter in SI, if it has any; QuantityError unless the lower comes first."""
     given = bounds.get(name)

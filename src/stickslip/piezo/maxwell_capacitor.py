@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import registry
-from ..records import Quantity, record
+from ..records import Quantity, of_kind, record
 from ..units import QuantityError, to_si
 from .operators import Operators
 from .prandtl_ishlinskii import PrandtlIshlinskii
@@ -103,8 +103,7 @@ class MaxwellCapacitor(NamedTuple):
         Raises:
             QuantityError: such plays there are none, or the gain or stiffness is not above 0.
         """
-        if not isinstance(plays, PrandtlIshlinskii):
-            raise QuantityError(f"plays = {plays!r:.60} must be a PrandtlIshlinskii")
+        of_kind(plays, PrandtlIshlinskii, "plays")
         farad, gain = to_si(capacitance, "F", "capacitance"), to_si(gain, "m/V", "gain")
         stiffness = to_si(stiffness, "N/m", "stiffness")
         r, w = np.array(plays.thresholds), np.array(plays.weights)

@@ -39,12 +39,11 @@ from ...solve.prescribed import forces_at
 from ...units import optional_si, to_si, turned
 from ..free import (
     Bounds,
-    Squared,
     beside,
     check_names,
     check_priors,
-    given_bounds,
     known_of,
+    linear,
     parameter,
     said_of,
     with_prior,
@@ -334,10 +333,8 @@ def _own(values: Values) -> Values:
 
 
 def _of_channel(name: str, unit: str, start: float, reach: float, bounds: Bounds) -> Parameter:
-    low, high = LOAD_EXPONENTS if name == "load_exponent" else (-reach, reach)
-    low, high = given_bounds(bounds, name, unit) or (low, high)
-    start, square = min(max(start, low), high), Squared.are(bounds, name)
-    return Parameter(name, start, low, high, unit, log=False, square=square)
+    limits = LOAD_EXPONENTS if name == "load_exponent" else (-reach, reach)
+    return linear(name, unit, start, limits, bounds)
 
 
 def _response(

@@ -15,7 +15,7 @@ from ...estimate.parameter import Parameter
 from ...recording import RecordingWarning
 from ...units import with_prefix
 from ...waveform.signal import Waveform
-from ..free import Bounds, Squared, given_bounds
+from ..free import Bounds, linear
 from ..recorded.channels import channel, refuse_clipped, unit_of
 from ..recorded.drives import refuse_sampling
 
@@ -60,14 +60,7 @@ def of_channel(
     """One of `CHANNEL` as a parameter of a fit to all recordings; it starts at 0 if `begin` does not say."""
     if name == "delay":
         reach = LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in recordings)
-        return linear(name, "s", begin.get(name, 0.0), reach, bounds)
+        return linear(name, "s", begin.get(name, 0.0), (-reach, reach), bounds)
     positions = [r[OBSERVED].values for r in recordings]
     reach = max(float(np.ptp(x) + abs(x[0])) for x in positions)
-    return linear(name, unit_of(recordings, OBSERVED), begin.get(name, 0.0), reach, bounds)
-
-
-def linear(name: str, unit: str, start: float, reach: float, bounds: Bounds) -> Parameter:
-    """A parameter of either sign, as far from 0 as it reaches, or within its bounds."""
-    low, high = given_bounds(bounds, name, unit) or (-reach, reach)
-    start, square = min(max(start, low), high), Squared.are(bounds, name)
-    return Parameter(name, start, low, high, unit, log=False, square=square)
+    return linear(name, unit_of(recordings, OBSERVED), begin.get(name, 0.0), (-reach, reach), bounds)

@@ -22,10 +22,10 @@ from ...estimate.result import Fit
 from ...units import unit_for
 from ...waveform.drive import Drive, evaluate, segment_at
 from ...waveform.drive import value_slope_curvature as value_at
-from ..free import Bounds
+from ..free import Bounds, linear
 from ..recorded.channels import channel, drives_of, names_of, recordings_of
 from ..recorded.recorded_drive import drive_over
-from .position_channel import CHANNEL, OBSERVED, linear, of_channel
+from .position_channel import CHANNEL, OBSERVED, of_channel
 
 # A segment is left behind where the voltage changes so many times faster than it usually does.
 FAST = 10.0
@@ -80,7 +80,7 @@ def identify_static_walk(
     names = names_of(found)
     known = dict(bounds or {})
 
-    unit, parts = unit_for(model, "m"), []
+    unit, parts, most = unit_for(model, "m"), [], 10.0 * abs(model.gain)
     for recording, waveform, name in zip(found, drives_of(drive, found), names, strict=True):
         x = channel(recording, OBSERVED, name, varies=True)
         of = _walk(recording, waveform, name, slew_rate)
@@ -89,7 +89,7 @@ def identify_static_walk(
     fit = fit_least_squares(
         parts,
         [
-            linear("gain", unit_for(model, "m/V"), model.gain, 10.0 * abs(model.gain), known),
+            linear("gain", unit_for(model, "m/V"), model.gain, (-most, most), known),
             *(of_channel(name, found, known, {}) for name in CHANNEL),
         ],
         central=True,
