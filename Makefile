@@ -16,14 +16,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-# Two processes suit two cores, a file to each: what its tests share (a server, a browser) is made once.
+# Three processes suit two cores, for browsers and devices are waited for; a file to each: what its tests share (a
+# server, a browser) is made once.
 # The first run compiles the kernels, later ones find them in the user's cache.
-PYTEST ?= $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder
+PYTEST ?= $(BIN)/python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder
 # What runs as plain Python too, where coverage sees the lines inside the kernels: what calls these most directly,
 # but for the tests marked as too long for it.
 PLAIN_TESTS := $(addprefix tests/,friction piezo electronics waveform solve simulation plant/test_at_piezo.py \
   test_mechanism.py test_jit.py) \
   -m "not compiled"
+# Of the first second of each test: a lower bound, for much less time.
+COVERED := -p tools.brief_coverage --cov
 COVERAGE ?= 94
 LOCK_FLAGS ?=
 # Of trajectory, steady, ensemble, fit, accuracy, startup; all of them if empty.
@@ -74,8 +77,8 @@ demo: $(READY)
 	$(BIN)/stickslip demo --out out/demo
 
 test: $(READY) tools drivers
-	$(PYTEST) --cov --cov-report=
-	NUMBA_DISABLE_JIT=1 NUMBA_ENABLE_CUDASIM=1 $(PYTEST) --cov --cov-append --cov-fail-under=$(COVERAGE) $(PLAIN_TESTS)
+	$(PYTEST) $(COVERED) --cov-report=
+	NUMBA_DISABLE_JIT=1 NUMBA_ENABLE_CUDASIM=1 $(PYTEST) $(COVERED) --cov-append --cov-fail-under=$(COVERAGE) $(PLAIN_TESTS)
 
 # The tests drive the panel in a real browser, and compile exported models.
 tools:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import io
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -19,25 +22,35 @@ SANITIZED = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover
 COMPILERS = ["gcc", *filter(shutil.which, ["clang"])]
 ARM_COMPILERS = [*filter(shutil.which, ["arm-none-eabi-gcc"])]
 C = Path(__file__).parent
+CORE = ["stickslip.c", "stickslip.h", "stickslip_equations.h", "stickslip_real.h"]
 
 
 def compiled(folder: Path, program: Path, *flags: str, compiler: str = "gcc", name: str = "program") -> Path:
     """An exported model with a main program, compiled."""
     made = folder / name
-    sources = [program, folder / "stickslip.c", folder / "stickslip_parameters.c"]
-    command = [
-        compiler,
-        *WARNINGS,
-        *(flags or ("-O2",)),
-        f"-I{folder}",
-        *map(str, sources),
-        "-o",
-        str(made),
-        "-lm",
-    ]
+    how = [compiler, *WARNINGS, *(flags or ("-O2",))]
+    sources = [program, _core(folder, how), folder / "stickslip_parameters.c"]
+    _run([*how, f"-I{folder}", *map(str, sources), "-o", str(made), "-lm"])
+    return made
+
+
+@functools.cache
+def _objects() -> Path:
+    return Path(tempfile.mkdtemp(prefix="stickslip-objects-"))
+
+
+def _core(folder: Path, how: list[str]) -> Path:
+    """The model's code without its numbers: the same of many actuators, compiled once."""
+    texts = [(folder / name).read_text() for name in CORE]
+    made = _objects() / f"{hashlib.sha256(repr([how, texts]).encode()).hexdigest()}.o"
+    if not made.exists():
+        _run([*how, "-c", str(folder / CORE[0]), "-o", str(made)])
+    return made
+
+
+def _run(command: list[str]) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return made
 
 
 def output(program: Path, *arguments: str, text: str = "") -> str:

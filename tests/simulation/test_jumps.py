@@ -13,6 +13,7 @@ from stickslip.friction import StictionCoulombViscous
 
 KANG = ss.load_actuator("kang2007")
 every_law = pytest.mark.parametrize("law", ALL, ids=name)
+each_seed = pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.compiled)])
 SOON = 1e-11  # s
 # Periods within a fiftieth of the tolerance of 1 nm are copies: of the force of the stiffest bristles, N.
 COPIED = 0.02e-9 * 1.6e6
@@ -35,7 +36,7 @@ def split(found: Any, channel: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @every_law
-@pytest.mark.parametrize("seed", [1, 2])
+@each_seed
 def test_a_sample_at_a_jump_of_the_drive_is_after_it(law: Any, seed: int) -> None:
     """Of the copies of a period too: at exact times of samples, 0.2 s apart, it was up to 7 times the
     stiction."""
@@ -53,7 +54,7 @@ def test_a_sample_at_a_jump_of_the_drive_is_after_it(law: Any, seed: int) -> Non
 
 
 @every_law
-@pytest.mark.parametrize("seed", [1, 2])
+@each_seed
 def test_a_sample_at_a_jump_of_the_load_is_after_it(law: Any, seed: int) -> None:
     """Newly pressed contact carries no force: what is elastic in it goes on; what is viscous, or the law of
     one that slides, is of the new load at once. A load that falls takes its part of the force with it."""

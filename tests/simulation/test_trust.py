@@ -196,6 +196,7 @@ def test_a_stribeck_curve_that_falls_at_rest_is_refused_above_which_it_nears_its
         Stribeck(F_C, 0.7, 1e-8)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("seed", range(3))
 def test_a_sampled_drive_is_followed_without_starting_anew_at_each_sample(seed: int) -> None:
     """A recorded voltage: where only its slope jumps, by little, the steps need not be short."""

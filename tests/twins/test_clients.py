@@ -134,7 +134,8 @@ def test_the_nv200_ramps_to_rest_what_a_killed_program_left() -> None:
         axis._heard = lambda path: (played.append(np.diff(path.volts) / np.diff(path.times)), heard(path))
         Nv200Rig("127.0.0.1", port=port, ramp="2000 V/s", timeout="30 s").close()
         assert axis.state()[0] == 0.0
-    assert np.abs(np.concatenate(played)).max() == pytest.approx(2000.0, rel=1e-3)
+    # Downwards alone: what the killed program set can be told of late, by the server's thread.
+    assert np.concatenate(played).min() == pytest.approx(-2000.0, rel=1e-3)
     with pytest.raises(QuantityError, match="ramp = 0"):
         Nv200Rig("127.0.0.1", port=1, ramp=0.0)
 
