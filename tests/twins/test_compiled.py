@@ -1,0 +1,44 @@
+"""A twin is compiled before it serves: drivers wait a second or two for the answer to a command."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROGRAM = """
+import sys
+import numpy as np
+from numba.core import event
+import stickslip as ss
+from stickslip.twins.stage import Piece, Stage
+
+class Compiled(event.Listener):
+    count = 0
+    def on_start(self, event):
+        self.count += 1
+    def on_end(self, event):
+        pass
+
+compiled = Compiled()
+event.register("numba:compile", compiled)
+stage = Stage(ss.load_actuator(sys.argv[1]))
+before = compiled.count
+stage.play(Piece(np.array([1e-3, 2e-3]), np.array([10.0, 0.0]), np.linspace(0.0, 2e-3, 5)))
+stage.rest(1.0)
+print(before, compiled.count - before)
+"""
+
+
+@pytest.mark.parametrize("actuator", ["kang2007", "kang2007-hysteresis"])
+def test_nothing_is_compiled_while_it_moves(actuator: str, tmp_path: Path) -> None:
+    environment = {**os.environ, "STICKSLIP_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, actuator], capture_output=True, text=True, check=True, env=environment
+    )
+    at_first, moving = map(int, done.stdout.split())
+    assert at_first > 0
+    assert moving == 0
