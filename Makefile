@@ -25,7 +25,7 @@ PYTEST ?= $(BIN)/python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder
 PLAIN_TESTS := $(addprefix tests/,friction piezo electronics waveform solve simulation plant/test_at_piezo.py \
   test_mechanism.py test_jit.py) \
   -m "not compiled"
-# Of the first second of each test: a lower bound, for much less time.
+# Of the first two seconds of each test: a lower bound, for much less time.
 COVERED := -p tools.brief_coverage --cov
 COVERAGE ?= 94
 LOCK_FLAGS ?=

@@ -1,4 +1,4 @@
-"""Coverage of the first second of each test (a plugin of pytest: ``-p tools.brief_coverage``).
+"""Coverage of the first two seconds of each test (a plugin of pytest: ``-p tools.brief_coverage``).
 
 Long tests run the same lines again and again; traced, fits took 1.6 times as long. What only the rest of a
 long test runs counts as not run: the coverage that is reported is a lower bound.
@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-_TRACED = 1.0  # s of CPU time
+_TRACED = 2.0  # s of CPU time
 
 
 def _end(number: int, frame: FrameType | None) -> None:
