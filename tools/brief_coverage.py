@@ -1,6 +1,6 @@
 """Coverage of the first two seconds of each test (a plugin of pytest: ``-p tools.brief_coverage``).
 
-Long tests run the same lines again and again; traced, fits took 1.6 times as long. What only the rest of a
+Long tests run the same lines again and again; traced, fits took 1.5 times as long. What only the rest of a
 long test runs counts as not run: the coverage that is reported is a lower bound.
 """
 
