@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import functools
+import atexit
 import hashlib
 import io
 import shutil
@@ -23,6 +23,8 @@ COMPILERS = ["gcc", *filter(shutil.which, ["clang"])]
 ARM_COMPILERS = [*filter(shutil.which, ["arm-none-eabi-gcc"])]
 C = Path(__file__).parent
 CORE = ["stickslip.c", "stickslip.h", "stickslip_equations.h", "stickslip_real.h"]
+OBJECTS = Path(tempfile.mkdtemp(prefix="stickslip-objects-"))
+atexit.register(shutil.rmtree, OBJECTS)
 
 
 def compiled(folder: Path, program: Path, *flags: str, compiler: str = "gcc", name: str = "program") -> Path:
@@ -34,15 +36,10 @@ def compiled(folder: Path, program: Path, *flags: str, compiler: str = "gcc", na
     return made
 
 
-@functools.cache
-def _objects() -> Path:
-    return Path(tempfile.mkdtemp(prefix="stickslip-objects-"))
-
-
 def _core(folder: Path, how: list[str]) -> Path:
     """The model's code without its numbers: the same of many actuators, compiled once."""
     texts = [(folder / name).read_text() for name in CORE]
-    made = _objects() / f"{hashlib.sha256(repr([how, texts]).encode()).hexdigest()}.o"
+    made = OBJECTS / f"{hashlib.sha256(repr([how, texts]).encode()).hexdigest()}.o"
     if not made.exists():
         _run([*how, "-c", str(folder / CORE[0]), "-o", str(made)])
     return made

@@ -16,20 +16,12 @@ from numba.core import event
 import stickslip as ss
 from stickslip.twins.stage import Piece, Stage
 
-class Compiled(event.Listener):
-    count = 0
-    def on_start(self, event):
-        self.count += 1
-    def on_end(self, event):
-        pass
-
-compiled = Compiled()
-event.register("numba:compile", compiled)
-stage = Stage(ss.load_actuator(sys.argv[1]))
-before = compiled.count
-stage.play(Piece(np.array([1e-3, 2e-3]), np.array([10.0, 0.0]), np.linspace(0.0, 2e-3, 5)))
-stage.rest(1.0)
-print(before, compiled.count - before)
+with event.install_recorder("numba:compile") as made:
+    stage = Stage(ss.load_actuator(sys.argv[1]))
+with event.install_recorder("numba:compile") as moving:
+    stage.play(Piece(np.array([1e-3, 2e-3]), np.array([10.0, 0.0]), np.linspace(0.0, 2e-3, 5)))
+    stage.rest(1.0)
+print(len(made.buffer), len(moving.buffer))
 """
 
 

@@ -9,6 +9,7 @@ the voltage is held for long, the stage follows the creep so slowly that the end
 from __future__ import annotations
 
 import math
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -91,15 +92,9 @@ class Stage:
         self._state = State(end_effector_position=start)
         self.voltage, self.elongation, self.position = 0.0, 0.0, start
         self.stop_met = 0  # -1, 1: the end stop that holds it
-        self._compile()
-
-    def _compile(self) -> None:
-        """Here, and not while a program waits for the answer to its first command."""
-        end = np.array([1e-6])
-        rest = Sampled(np.append(0.0, end), np.zeros(2))
-        if self._piezo is not None and self._remanence is not None:
-            rest = from_state(self._piezo, self._remanence, rest.drive(end[0]), end[0])[0]
-        follow_model(self.actuator, rest, end, tolerance=_TOLERANCE, begin=self._state)
+        # Compiled here, and not while a program waits for the answer to its first command.
+        soon = np.array([1e-6])
+        copy(self).play(Piece(soon, np.zeros(1), soon))
 
     def play(self, piece: Piece) -> Path:
         """Move; the state is that at the end of the piece afterwards.
