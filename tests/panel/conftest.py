@@ -124,6 +124,7 @@ def page(browser: Browser) -> Iterator[Page]:
     made.on("pageerror", lambda error: errors.append(error.stack or str(error)))
     made.on("console", lambda said: errors.append(said.text) if "Content Security" in said.text else None)
     yield made
+    context.unroute_all(behavior="wait")  # what a test's own answers raise belongs to that test
     context.close()
     assert not errors
 

@@ -174,7 +174,8 @@ def test_curves_that_come_before_the_answer_are_drawn(identify: Page, recorded: 
         route.fulfill(response=answer)
 
     identify.route("**/api/identify/start", late)
-    start(identify)
+    with identify.expect_response("**/api/identify/start", timeout=LONG):
+        start(identify)
     phase(identify, "done")
     expect(identify.locator(".identify-canvas")).not_to_have_class(re.compile("empty"))
     identify.get_by_label("Recording that is shown").select_option("walk_75V.nc")
