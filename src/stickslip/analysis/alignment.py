@@ -185,7 +185,11 @@ def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
         if one.drift is not None:
             unit = str(one.recording[POSITION].attrs["units"])
             end = float(one.drift.at(one.recording["time"].values[-1]))
-            said.append(f"{one.name} {said_drift(one.drift, unit)}, {with_prefix(end, unit, 3)} at its end")
+            rate = said_drift(one.drift.slope, one.drift.error, unit)
+            said.append(
+                f"{one.name} {rate} before its drive begins: that is taken off all of it, "
+                f"{with_prefix(end, unit, 3)} at its end"
+            )
     return said
 
 

@@ -69,9 +69,9 @@ def step_bands(stage: Fit, steps: Sequence[Aligned]) -> list[tuple[NDArray[np.in
     own = stage.uncertainty.covariance[np.ix_(free, free)]
     ends = np.cumsum([g.n_data for g in stage.recordings])[:-1]
     found = []
-    for one, rows in zip(steps, np.split(stage.jacobian[:, free], ends), strict=True):
+    for one, rows, time in zip(steps, np.split(stage.jacobian[:, free], ends), stage.times, strict=True):
         (test,) = step_tests(one.recording)
-        samples = np.sort(np.argsort(np.abs(test.time), kind="stable")[: len(rows)])
+        samples = np.searchsorted(test.time, time)
         found.append((samples, _t(stage) * np.sqrt(np.einsum("ij,jk,ik->i", rows, own, rows))))
     return found
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..estimate.result import Fit
 from ..figures.campaign import Trace, step_responses
 from ..figures.style import svg
+from ..identify.step.fit import step_level
 from ..report import Column, Number, Picture, Section, Table
 from ..report.fits import parameter_table
 from ..units import near_one
@@ -38,7 +39,7 @@ def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:
             traces[one.name.replace("_", " ")] = Trace(
                 since,
                 one.recording[POSITION].values[samples],
-                stage.predict(one.recording)[samples] + stage.values[f"offset_{i}"],
+                stage.predict(one.recording)[samples] + step_level(stage.values, i, since),
                 parameters=band,
             )
         pictures.append(

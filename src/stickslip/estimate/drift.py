@@ -100,10 +100,10 @@ class Drift(NamedTuple):
         return self.error * (time - self.about)
 
 
-def said_drift(drift: Drift, unit: str) -> str:
-    """That a channel in this unit drifts, and what becomes of it."""
-    rate, error = (with_prefix(x, f"{unit}/s", 3) for x in drift[:2])
-    return f"drifts by {rate} (standard error {error}) before its drive begins: that is taken off all of it"
+def said_drift(slope: float, error: float, unit: str) -> str:
+    """That a channel in this unit drifts, by so much per second, and its standard error."""
+    rate, known_to = (with_prefix(x, f"{unit}/s", 3) for x in (slope, error))
+    return f"drifts by {rate} (standard error {known_to})"
 
 
 def drift_seen(time: Array, samples: Array, surely: float) -> Drift | None:

@@ -55,6 +55,8 @@ class KnownNoise(NamedTuple):
         step: of the converter, in the unit of the data; 0: none.
         drift: variance that a random walk gains from sample to sample, in the unit of the data squared.
         rest_again: so many samples up to the last are after any motion.
+        straightened: a drift was fitted to all samples, which could stand in for what the model lacks: here
+            the rest alone tells it.
     """
 
     given: NDArray[np.float64] | float | None = None
@@ -63,6 +65,7 @@ class KnownNoise(NamedTuple):
     step: float = 0.0
     drift: float = 0.0
     rest_again: int = 0
+    straightened: bool = False
 
 
 class Lack(NamedTuple):
@@ -119,6 +122,9 @@ def lack_of_fit(residuals: Array, known: KnownNoise, name: str, n_fitted: float 
         n_fitted: how many parameters were fitted to it.
     """
     r = np.asarray(residuals, dtype=float)
+    if known.straightened and known.at_rest >= FEWEST_AT_REST:
+        at = np.arange(r.size)
+        r = r - np.polyval(np.polyfit(at[: known.at_rest], r[: known.at_rest], 1), at)
     made = [
         _by_given(r, known, n_fitted),
         _by_drift(r, known, n_fitted > 0),

@@ -24,7 +24,8 @@ from ..chain import Chain
 from ..estimate.result import Fit
 from ..estimate.search import SearchState
 from ..identify.results import chain_numbers
-from ..identify.step.fit import STAGE_PARAMETERS, identify_step
+from ..identify.step.fit import STAGE_PARAMETERS, identify_step, step_level
+from ..identify.step.recorded_step import step_tests
 from ..identify.walk.displacement import Displacement, has_slopes
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.joint import jointly
@@ -168,7 +169,9 @@ def _stage(steps: Sequence[xr.Dataset], start: Actuator, rate: float | None, say
     curves = [
         _thin(part)
         for i, one in enumerate(steps, start=1)
-        for part in _near(one, one[OBSERVED].values - fit.values[f"offset_{i}"], fit.predict(one))  # type: ignore[misc]
+        for part in _near(
+            one, one[OBSERVED].values - step_level(fit.values, i, step_tests(one)[0].time), fit.predict(one)
+        )  # type: ignore[misc]
     ]
     say("stage", {"stage": fit.to_dict(), "step_names": [str(one.title) for one in steps]}, curves)
     return fit

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ...actuator import Actuator
 from ...electronics import Filter
-from ...estimate.coloured import coloured, with_coloured_noise, with_inherited
-from ...estimate.drift import Drift, drift_seen, off_by_drifts, said_drift
+from ...estimate.coloured import with_own_noise
+from ...estimate.drift import drift_seen, said_drift
 from ...estimate.fit import fit_least_squares
 from ...estimate.lack import KnownNoise
 from ...estimate.outliers import said_outliers
@@ -39,12 +39,14 @@ from .recorded_step import POSITION, StepTest, step_tests
 # The window, in peak times or in decays before and after the step, the longer of both: what comes later only
 # says how the sensor drifts.
 WINDOW, DECAYS = 8.0, 3.0
+# Windows before the step: a longer rest tells the drift hardly better, and a sensor wanders meanwhile.
+REST = 8.0
 # The damping ratio is at least that of a good tuning fork; at most, that of two poles a thousand times apart.
 DAMPING_RATIOS = (1e-4, 30.0)
 # Of the response time, below which a lag is none.
 LEAST_LAG = 1e-6
-# Of its standard error: a greater drift before the step is taken off.
-SEEN = 1.0
+# Standard errors: a greater drift is said, and taken off before a first look.
+SEEN = 3.0
 # m/V (rad/V): ten times what amplified stages have.
 LARGEST_GAIN = 1e-4
 STAGE_PARAMETERS = ("damping_ratio", "natural_frequency", "gain")
@@ -83,19 +85,20 @@ def identify_step(
         slew_rate: V/s that the amplifier rises at, if it is known: the current limit into the piezo. Unknown,
             the step is taken as one.
         lag: fit a first-order lag of the sensor.
-        window: s before and after the step that are fitted; left out, eight peak times, or three decays.
+        window: s before and after the step that are fitted; left out, eight peak times, or three decays, and
+            eight times as much before it.
         timing: for the classical numbers, from which the fit then starts; left out, times and start are
             those of the second-order response that a recording looks most like.
         observed: name of the position channel.
         tied: parameters that follow from others, as for `identify_friction`.
 
     Returns:
-        A fit of damping_ratio, natural_frequency [rad/s], gain [m/V], delay [s], lag [s] and the offset of
-        each recording [m]; `predict(recording)` gives the position without its offset. The delay is how late
+        A fit of damping_ratio, natural_frequency [rad/s], gain [m/V], delay [s], lag [s], and of each
+        recording the offset [m] and the drift of its sensor [m/s]; `predict(recording)` gives the position
+        without these two, which `step_level` gives. The delay is how late
         the sensor is in all, the lag included, counted from the sample after the step of drive_voltage. Where
         the stage is overdamped, nothing tells its two poles from the lag's: the intervals hold all three
-        ways, and `other_minima` tells them; without a lag (``lag=False``) there is one. A
-        drift that is seen before the step is taken off, and its error is in the intervals.
+        ways, and `other_minima` tells them; without a lag (``lag=False``) there is one.
 
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled.
@@ -106,39 +109,26 @@ def identify_step(
     check_known(piezo)
     slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
     window, start = optional_si(window, "s", "window"), optional_si(start, "s", "start")
-    recorded = step_tests(recordings, voltages, start, observed)
-    drifts = [_drift(test) for test in recorded]
-    tests = [
-        test if drift is None else test._replace(position=test.position - drift.at(test.time))
-        for test, drift in zip(recorded, drifts, strict=True)
-    ]
+    tests = step_tests(recordings, voltages, start, observed)
     response = _response(filter, slew_rate, piezo)
     known = filter is not None or bool(slew_rate) or piezo is not None
     first, look = _begun(tests, timing, _seen(response) if known else None)
-    reach = _reach(first, look) if window is None else window
-    kept, shown = ([_within(test, -reach, reach) for test in those] for those in (tests, recorded))
+    after = _reach(first, look) if window is None else window
+    kept = [_within(test, -after * (REST if window is None else 1.0), after) for test in tests]
 
     def residuals(test: StepTest, number: int) -> Callable[[Values], Array]:
-        def of(values: Values) -> Array:
-            offset = values[f"offset_{number}"]
-            return response(test, values) + offset - test.position
-
-        return of
+        return lambda values: response(test, values) + step_level(values, number, test.time) - test.position
 
     unit = unit_of(recordings_of(recordings), observed) or "m"
     check_motion(model, unit)
     parts = [
-        Residuals(residuals(test, i), test.position, None, test.name, unit, _known(one), test.time)
-        for i, (test, one) in enumerate(zip(kept, shown, strict=True), start=1)
+        Residuals(residuals(test, i), test.position, None, test.name, unit, _known(test), test.time)
+        for i, test in enumerate(kept, start=1)
     ]
     problem = Problem(parts, with_ties(_parameters(first, look, lag, unit), tied))
     fit = _with_exchanged(problem, fit_least_squares(problem))
-    # What is before the window says as much about the noise as what is in it.
-    until = [_within(test, -np.inf, reach) for test in tests]
-    left = [residuals(test, i)(fit.values) for i, test in enumerate(until, start=1)]
-    fit = with_coloured_noise(fit, coloured(left))
-    fit = with_inherited(fit, off_by_drifts([test.time for test in kept], drifts), np.eye(len(kept)))
-    known = [Inexact.seen(test.position, noisy=False) for test in shown]
+    fit = with_own_noise(fit)
+    known = [Inexact.seen(test.position, noisy=False) for test in kept]
     moved = moved_by(known, lambda drawn: -np.concatenate(drawn))
     fit = with_moved(fit, moved, said_steps(observed, known, unit))
 
@@ -150,7 +140,7 @@ def identify_step(
         observed=observed,
         remarks=(
             *fit.remarks,
-            *(f"{test.name} {said_drift(x, unit)}" for test, x in zip(kept, drifts, strict=True) if x),
+            *_said_drifts(fit, unit),
             *said_outliers(fit),
             *_said_gain(fit.values["gain"], unit),
         ),
@@ -180,10 +170,27 @@ def _with_exchanged(problem: Problem, fit: Fit) -> Fit:
     return lowest(ends)
 
 
-def _drift(test: StepTest) -> Drift | None:
-    """Of the sensor, where the rest before the step shows one: a false alarm only makes intervals wider."""
+def step_level(values: Values, number: int, since: Array) -> Array:
+    """Where the sensor would be without the step, m, shape (n,): offset and drift of the recording of that
+    number, from 1 on, so long after its step [s]."""
+    return values[f"offset_{number}"] + values[f"drift_{number}"] * since
+
+
+def _straightened(test: StepTest) -> StepTest:
+    """Without the drift that is seen before the step."""
     rest = test.time < 0.0
-    return drift_seen(test.time[rest], test.position[rest], SEEN)
+    drift = drift_seen(test.time[rest], test.position[rest], SEEN)
+    return test._replace(position=test.position - drift.at(test.time)) if drift else test
+
+
+def _said_drifts(fit: Fit, unit: str) -> list[str]:
+    """A sentence on each recording that drifts."""
+    said, errors = [], fit.standard_errors
+    for i, one in enumerate(fit.recordings, start=1):
+        slope, error = fit.values[f"drift_{i}"], errors[f"drift_{i}"]
+        if abs(slope) > SEEN * error:
+            said.append(f"{one.name} {said_drift(slope, error, unit)}: it is part of the fit")
+    return said
 
 
 def _said_gain(gain: float, unit: str) -> tuple[str, ...]:
@@ -208,7 +215,7 @@ class StepPrediction(NamedTuple):
     piezo: Piezo | None = None
 
     def predict(self, recording: xr.Dataset, drive: Any = None) -> Array:
-        """m, without the offset; the step is the recording's own."""
+        """m, without offset and drift; the step is the recording's own."""
         del drive
         voltages = None if self.voltage is None else [self.voltage]
         (test,) = step_tests(recording, voltages, self.start, self.observed)
@@ -216,7 +223,8 @@ class StepPrediction(NamedTuple):
 
 
 def _known(test: StepTest) -> KnownNoise:
-    return KnownNoise(at_rest=int(np.count_nonzero(test.time < 0.0)), step=resolution(test.position))
+    at_rest = int(np.count_nonzero(test.time < 0.0))
+    return KnownNoise(at_rest=at_rest, step=resolution(test.position), straightened=True)
 
 
 def _within(test: StepTest, first: float, last: float) -> StepTest:
@@ -229,6 +237,7 @@ def _begun(
 ) -> tuple[list[dict[str, float]], Look]:
     """The classical numbers of each step, and where the fit starts; `seen`: through what is known besides the
     stage, None where nothing is."""
+    tests = [_straightened(test) for test in tests]
     if timing is not None:
         first = [classical(test, timing) for test in tests]
         return first, _by_formulas(first)
@@ -270,8 +279,10 @@ def _parameters(first: Sequence[dict[str, float]], look: Look, lag: bool, unit: 
     ]
     if lag:
         found.append(Parameter("lag", 0.05 / omega, 0.0, 2.0 / omega, "s", log=False, square=True))
-    offsets = enumerate((row["bias"] for row in first), start=1)
-    return [*found, *(Parameter(f"offset_{i}", b, -np.inf, np.inf, unit, log=False) for i, b in offsets)]
+    for i, row in enumerate(first, start=1):
+        found.append(Parameter(f"offset_{i}", row["bias"], -np.inf, np.inf, unit, log=False))
+        found.append(Parameter(f"drift_{i}", 0.0, -np.inf, np.inf, f"{unit}/s", log=False))
+    return found
 
 
 def _response(

@@ -146,7 +146,7 @@ export async function mount(element, app) {
   }
   function resultCards() {
     const { fit } = state;
-    const estimates = (found) => Object.entries(found.parameters).filter(([name]) => !/^(lag|offset_\d+)$/.test(name)).map(([name, p]) => [form.labelOf(name), formatQuantity(p.value, p.unit, digitsOf(p)),
+    const estimates = (found) => Object.entries(found.parameters).filter(([name]) => !/^(lag|(offset|drift)_\d+)$/.test(name)).map(([name, p]) => [form.labelOf(name), formatQuantity(p.value, p.unit, digitsOf(p)),
       formatInterval(...p.interval, p.unit), p.standard_error === null ? "at its bound" : formatQuantity(p.standard_error, p.unit, 2)]);
     const heads = ["parameter", "estimate", "95 % interval", "standard error"];
     const sentences = fit.undetermined.length ? fit.undetermined : ["The recordings determine every parameter that was free."];
