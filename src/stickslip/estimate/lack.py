@@ -123,8 +123,7 @@ def lack_of_fit(residuals: Array, known: KnownNoise, name: str, n_fitted: float 
     """
     r = np.asarray(residuals, dtype=float)
     if known.straightened and known.at_rest >= FEWEST_AT_REST:
-        at = np.arange(r.size)
-        r = r - np.polyval(np.polyfit(at[: known.at_rest], r[: known.at_rest], 1), at)
+        r = _straightened(r, known.at_rest)
     made = [
         _by_given(r, known, n_fitted),
         _by_drift(r, known, n_fitted > 0),
@@ -138,6 +137,12 @@ def lack_of_fit(residuals: Array, known: KnownNoise, name: str, n_fitted: float 
     seen = [one for one in found if one.chance < FALSE_ALARM and one.ratio >= LEAST_RATIO]
     told = max(seen, key=lambda one: one.ratio) if seen else found[0]
     return Lack(name, told.ratio, min([one.chance for one in seen] or [told.chance]), told.against)
+
+
+def _straightened(r: Array, at_rest: int) -> Array:
+    """About the line of the samples at rest."""
+    at = np.arange(r.size, dtype=float)
+    return np.asarray(r - np.polyval(np.polyfit(at[:at_rest], r[:at_rest], 1), at), dtype=float)
 
 
 def independent(rows: Array) -> float:

@@ -166,13 +166,11 @@ def _stage(steps: Sequence[xr.Dataset], start: Actuator, rate: float | None, say
     if not steps:
         return None
     fit = identify_step(steps, start, slew_rate=rate)
-    curves = [
-        _thin(part)
-        for i, one in enumerate(steps, start=1)
-        for part in _near(
-            one, one[OBSERVED].values - step_level(fit.values, i, step_tests(one)[0].time), fit.predict(one)
-        )  # type: ignore[misc]
-    ]
+    assert fit.predict is not None
+    curves = []
+    for i, (one, test) in enumerate(zip(steps, step_tests(steps), strict=True), start=1):
+        moved = test.position - step_level(fit.values, i, test.time)
+        curves += [_thin(part) for part in _near(one, moved, fit.predict(one))]
     say("stage", {"stage": fit.to_dict(), "step_names": [str(one.title) for one in steps]}, curves)
     return fit
 
