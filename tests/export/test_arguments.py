@@ -56,8 +56,8 @@ def test_what_is_no_waveform(given: dict[str, Any], said: str, tmp_path: Path) -
     [
         (KANG.replace(end_effector_mass=1e-30), {}, "step = 2e-05 s, end_effector_mass = 1e-30 kg and"),
         (KANG.replace(end_effector_mass=1e-300), {}, "end_effector_mass = 1e-300 kg"),
-        (KANG, {"measurement_noise": 1e-30}, "measurement_noise = 1e-30 m"),
-        (PULLED._replace(mass=1e-30), {}, "step = 2e-05 s, mass = 1e-30 kg"),
+        (KANG, {"measurement_noise": 1e-200}, "measurement_noise = 1e-200 m"),
+        (PULLED._replace(mass=1e-300), {}, "step = 2e-05 s, mass = 1e-300 kg"),
     ],
 )
 @pytest.mark.filterwarnings("error")

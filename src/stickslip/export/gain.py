@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, LinAlgWarning, solve_discrete_are, solve_discrete_lyapunov
 
 from ..friction import elements
 from .linear import Method, S, W, X, Y, Z, contacts
@@ -15,6 +13,11 @@ from .linear import Method, S, W, X, Y, Z, contacts
 Matrix = NDArray[np.float64]
 # By how much an error grows in a step where the contact does not stay: where friction falls with the speed.
 _RUNS_AWAY = 1.001
+# By how much one part of an error may throw up another in a step: beyond, the rounding of a float does.
+_HELD = 2.0**24
+# 2^36 steps have passed after so many doublings: what falls by less than a part in 1e10 a step
+# counts as growing.
+_DOUBLINGS = 36
 
 
 def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
@@ -48,17 +51,21 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     c[0, seen] = 1.0
     push = method.forces * (0.1 * friction * h) / scale[:, None]
     noises = push @ push.T
-    steps = [method.after(state) * scale / scale[:, None] for state in states]
-    stays = [bool(np.max(np.abs(np.linalg.eigvals(step))) < _RUNS_AWAY) for step in steps]
+    steps = np.array([method.after(state) * scale / scale[:, None] for state in states])
+    if np.max(np.abs(steps)) > _HELD:
+        return None
+    stays = np.max(np.abs(np.linalg.eigvals(steps)), axis=1) < _RUNS_AWAY
     # What is not corrected has errors of its own, but for what is known exactly.
     whole = wanted if method.clamped or method.kinematic else list(range(method.size))
     whole = [i for i in whole if i != Z or elements(law)]
+    filters = np.zeros((len(steps), method.size))
+    filters[:, wanted] = kalman_gains(_of(steps, wanted), c[0, wanted], _of(noises, wanted))
+    errors = stationary_errors(_of(steps, whole), c[0, whole], _of(noises, whole), filters[:, whole])
     best, least = None, (np.inf, np.inf)
-    for one in (_filter(step, c, noises, wanted) for step in steps):
-        errors = [_error(step, c, noises, one, whole) for step in steps]
-        grows = [stay for error, stay in zip(errors, stays, strict=True) if not np.isfinite(error)]
-        rank = (len(grows), max((error for error in errors if np.isfinite(error)), default=np.inf))
-        if not any(grows) and rank < least:
+    for one, error in zip(filters, errors, strict=True):
+        grows = ~np.isfinite(error)
+        rank = (np.count_nonzero(grows), np.max(error[~grows], initial=-np.inf))
+        if not np.any(grows & stays) and rank < least:
             best, least = one, rank
     if best is None:
         return None
@@ -76,34 +83,87 @@ def _corrected(method: Method, static: bool) -> list[int]:
     return [X, S, *stage] if static else [X, S, Z, *stage]
 
 
-def _filter(step: Matrix, c: Matrix, noises: Matrix, of: list[int]) -> Matrix:
-    """The gain of the Kalman filter of some parts of the state; NaN where the others leave it none."""
-    gain, part = np.zeros(len(step)), np.ix_(of, of)
-    seen = c[:, of]
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", LinAlgWarning)
-            p = solve_discrete_are(step[part].T, seen.T, noises[part] + 1e-8 * np.eye(len(of)), np.eye(1))
-    except (LinAlgError, LinAlgWarning):
-        return np.full(len(step), np.nan)
-    gain[of] = (p @ seen.T / (seen @ p @ seen.T + 1.0))[:, 0]
-    return gain
+def _of(matrices: Matrix, parts: list[int]) -> Matrix:
+    return matrices[..., parts, :][..., parts]
 
 
-def _error(step: Matrix, c: Matrix, noises: Matrix, gain: Matrix, of: list[int]) -> float:
-    """The standard deviation of the corrected position over that of a measured one; infinite if it grows."""
-    part, k, seen = np.ix_(of, of), gain[of, None], c[:, of]
-    if not np.all(np.isfinite(k)):
-        return np.inf
-    left = np.eye(len(of)) - k @ seen
-    after = left @ step[part]
-    if not np.max(np.abs(np.linalg.eigvals(after))) < 1.0 - 1e-9:
-        return np.inf
-    noise = left @ noises[part] @ left.T + k @ k.T
+@np.errstate(all="ignore")  # what grows is given up, and said
+def kalman_gains(steps: Matrix, seen: Matrix, noises: Matrix) -> Matrix:
+    """The gains of the Kalman filters of some parts of the state, shape (states, parts); NaN where the others
+    leave none.
+
+    Solves the Riccati equations :math:`P = A P A^T - A P c^T (c P c^T + 1)^{-1} c P A^T + Q` of all states at
+    once by the structure-preserving doubling algorithm [chu2004].
+
+    Args:
+        steps: A, shape (states, parts, parts).
+        seen: c, of the measured position over its noise, shape (parts,).
+        noises: Q, shape (parts, parts).
+    """
+    count, size = steps.shape[:2]
+    gains = np.full((count, size), np.nan)
+    same = np.eye(size)
+    still = np.arange(count)
+    a = np.swapaxes(steps, 1, 2)
+    g = np.broadcast_to(np.outer(seen, seen), a.shape)
+    p = np.broadcast_to(noises + 1e-8 * same, a.shape)
+    for _ in range(_DOUBLINGS):
+        solved = _solved(same + g @ p, np.concatenate([a, g], axis=2))
+        ahead, over = solved[..., :size], solved[..., size:]
+        turned = np.swapaxes(a, 1, 2)
+        more = turned @ p @ ahead
+        g, p, a = g + a @ over @ turned, p + more, a @ ahead
+        p = 0.5 * (p + np.swapaxes(p, 1, 2))
+        g = 0.5 * (g + np.swapaxes(g, 1, 2))
+        done = np.linalg.norm(a, axis=(1, 2)) < 1e-14
+        found = p[done] @ seen
+        gains[still[done]] = found / (found @ seen + 1.0)[:, None]
+        keep = ~done & np.isfinite(p).all(axis=(1, 2)) & np.isfinite(g).all(axis=(1, 2))
+        still, a, g, p = still[keep], a[keep], g[keep], p[keep]
+        if not still.size:
+            break
+    return gains
+
+
+def _solved(left: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
+    """Of each system of a stack; NaN where one is singular."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", LinAlgWarning)
-            p = solve_discrete_lyapunov(after, noise, method="direct")
-    except (LinAlgError, LinAlgWarning):
-        return np.inf
-    return float(np.sqrt(max((seen @ p @ seen.T)[0, 0], 0.0)))
+        return np.linalg.solve(left, right)
+    except np.linalg.LinAlgError:
+        if len(left) == 1:
+            return np.full_like(right, np.nan)
+        return np.concatenate([_solved(*one) for one in zip(left[:, None], right[:, None], strict=True)])
+
+
+@np.errstate(all="ignore")
+def stationary_errors(steps: Matrix, seen: Matrix, noises: Matrix, gains: Matrix) -> Matrix:
+    r"""Standard deviations of the corrected position over that of a measured one, of each gain in each state,
+    shape (gains, states); infinite where the error grows.
+
+    The sum :math:`P = \sum_k A^k Q (A^k)^T` by doubling the number of its terms [smith1968]: all of them are
+    positive semi-definite, so that no rounding is blown up by a system of equations.
+
+    Args:
+        steps: shape (states, parts, parts).
+        seen: of the measured position over its noise, shape (parts,).
+        noises: covariance of what the model does not know in a step, shape (parts, parts).
+        gains: shape (gains, parts).
+    """
+    shape = (len(gains), len(steps))
+    left = np.eye(seen.size) - gains[:, :, None] * seen
+    noise = left @ noises @ np.swapaxes(left, 1, 2) + gains[:, :, None] * gains[:, None, :]
+    after = (left[:, None] @ steps).reshape(-1, seen.size, seen.size)
+    errors = np.full(after.shape[0], np.inf)
+    still = np.flatnonzero(np.isfinite(after).all(axis=(1, 2)))
+    after, p = after[still], noise[still // shape[1]]
+    for _ in range(_DOUBLINGS):
+        p = p + after @ p @ np.swapaxes(after, 1, 2)
+        after = after @ after
+        size = np.linalg.norm(after, axis=(1, 2))
+        done = size < 1e-14
+        errors[still[done]] = np.sqrt(np.maximum(seen @ p[done] @ seen, 0.0))
+        keep = ~done & np.isfinite(size)
+        still, after, p = still[keep], after[keep], p[keep]
+        if not still.size:
+            break
+    return errors.reshape(shape)

@@ -6,6 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from ..units import QuantityError
@@ -15,6 +16,9 @@ from .subset import real
 
 _MOST_STEPS = 20_000_000
 _MOST_LINES = 20_000
+# Steps: lines up to so long are searched for from many begins at once, in arrays of so many values; longer
+# ones in parts of at most so many.
+_SHORT, _AT_ONCE, _LONG = 64, 4096, 65536
 
 
 class Line(NamedTuple):
@@ -64,38 +68,93 @@ def played(waveform: Waveform, h: float, duration: float | None, tolerance: floa
     low, high = waveform.range()
     lines = _lines(begin, end, tolerance * max(high - low, 1e-300))
     if len(lines) > _MOST_LINES:
+        reached = sum(line.steps for line in lines) * h
         raise QuantityError(
-            f"the waveform needs {len(lines)} lines, more than {_MOST_LINES}: give a shorter duration"
+            f"the waveform needs more than {_MOST_LINES} lines, which end at {reached:g} s of {length:g} s: "
+            "give a shorter duration or a longer step"
         )
     return Played(lines, repeats, waveform.unit)
 
 
+class _Steps(NamedTuple):
+    """Of each step, its value at the begin and at the end, and the greater and the less of that at the end
+    and at the begin of the next: what a line that goes on has to be near to, both."""
+
+    begin: NDArray[np.float64]
+    end: NDArray[np.float64]
+    over: NDArray[np.float64]
+    under: NDArray[np.float64]
+
+
 def _lines(begin: NDArray[Any], end: NDArray[Any], tolerance: float) -> list[Line]:
-    """As few lines as a greedy search finds."""
-    made, first, count = [], 0, begin.size
-    while first < count:
-        length, best = 1, 1
-        while first + length <= count and _straight(begin, end, first, length, tolerance):
-            best, length = length, 2 * length
-        low, high = best, min(length, count - first + 1)  # the first that fails is above best
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (middle, high) if _straight(begin, end, first, middle, tolerance) else (low, middle)
-        made.append(Line(low, float(begin[first]), float(end[first + low - 1])))
-        first += low
+    """As few lines as a greedy search finds, each as long as one can be; cut off above `_MOST_LINES`."""
+    then = np.append(begin[1:], end[-1])
+    steps = _Steps(begin, end, np.maximum(end, then), np.minimum(end, then))
+    made: list[Line] = []
+    first = 0
+    likely, ahead = 8, 16  # above the length of the next line, and from how many begins on, by the last ones
+
+    def add(length: int) -> None:
+        nonlocal first
+        made.append(Line(length, float(begin[first]), float(end[first + length - 1])))
+        first += length
+
+    while first < begin.size and len(made) <= _MOST_LINES:
+        of, starts = first, min(ahead, _AT_ONCE // likely, begin.size - first - likely + 1)
+        if likely <= _SHORT and starts > 0:
+            lengths = _short(steps, first, starts, likely, tolerance)
+            while first < of + starts and lengths[first - of]:
+                add(lengths[first - of])
+            ahead = max(16, 2 * (first - of))
+        if first < of + max(starts, 1):
+            add(_longest(steps, first, likely, tolerance))
+        likely = max(8, 4 * made[-1].steps)
     return made
 
 
-def _straight(begin: NDArray[Any], end: NDArray[Any], first: int, length: int, tolerance: float) -> bool:
-    last = first + length - 1
-    if last >= begin.size:
-        return False
-    share = np.arange(length + 1) / length
-    line = begin[first] + share * (end[last] - begin[first])
-    starts, ends = begin[first : last + 1], end[first : last + 1]
-    return bool(
-        np.all(np.abs(line[:-1] - starts) <= tolerance) and np.all(np.abs(line[1:] - ends) <= tolerance)
-    )
+def _short(steps: _Steps, first: int, starts: int, most: int, tolerance: float) -> list[int]:
+    """From each of so many steps on, how long a line can be; 0 if that may be above `most`."""
+    end, over, under = (sliding_window_view(part, most)[first : first + starts] for part in steps[1:])
+    low, high = np.full(starts, -np.inf), np.full(starts, np.inf)
+    begin = steps.begin[first : first + starts, None]
+    fits, low, high = _fitting(begin, end, over, under, 0, low, high, tolerance)
+    return np.where(low <= high, 0, most - np.argmax(fits[:, ::-1], axis=1)).tolist()
+
+
+def _longest(steps: _Steps, first: int, likely: int, tolerance: float) -> int:
+    """How long a line from one step on can be; in parts, the first of which is as long as `likely`."""
+    length, done, part = 1, 0, max(likely, _SHORT)
+    low, high = np.float64(-np.inf), np.float64(np.inf)
+    while low <= high and first + done < steps.begin.size:
+        of = slice(first + done, first + done + part)
+        end, over, under = steps.end[of], steps.over[of], steps.under[of]
+        fits, low, high = _fitting(steps.begin[first], end, over, under, done, low, high, tolerance)
+        where = np.flatnonzero(fits)
+        length = done + int(where[-1]) + 1 if where.size else length
+        done, part = done + part, min(2 * part, _LONG)
+    return length
+
+
+def _fitting(
+    begin: Any, end: Any, over: Any, under: Any, done: int, low: Any, high: Any, tolerance: float
+) -> tuple[Any, Any, Any]:
+    """Whether a line from `begin` to the end of each step of the last axis is near to all between; `done`
+    steps lie before, which leave slopes from `low` to `high` per step. And the slopes left in the end.
+
+    The cone of the slopes that pass all values so far within the tolerance [sklansky1980]; a line ends in a
+    value of the waveform, and the slope to it must lie in the cone of those before.
+    """
+    count = np.arange(done + 1, done + 1 + end.shape[-1])
+    lows, highs = (over - begin - tolerance) / count, (under - begin + tolerance) / count
+    lows[..., 0], highs[..., 0] = np.maximum(lows[..., 0], low), np.minimum(highs[..., 0], high)
+    np.maximum.accumulate(lows, axis=-1, out=lows)
+    np.minimum.accumulate(highs, axis=-1, out=highs)
+    slope = (end - begin) / count
+    fits = np.empty(slope.shape, np.bool_)
+    fits[..., 0] = (low <= slope[..., 0]) & (slope[..., 0] <= high)
+    np.less_equal(lows[..., :-1], slope[..., 1:], out=fits[..., 1:])
+    fits[..., 1:] &= slope[..., 1:] <= highs[..., :-1]
+    return fits, lows[..., -1], highs[..., -1]
 
 
 def table_h(name: str, what: str, table: Played, h: float) -> str:
