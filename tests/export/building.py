@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import atexit
+import functools
 import hashlib
 import io
+import re
 import shutil
 import subprocess
 import tempfile
@@ -13,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from stickslip.export import export_c
+from stickslip.export import export_c, export_fmu
+from stickslip.export.variables import Mode
 
 WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow"]
 WARNINGS += ["-Wdouble-promotion", "-Werror"]
@@ -31,18 +34,27 @@ def compiled(folder: Path, program: Path, *flags: str, compiler: str = "gcc", na
     """An exported model with a main program, compiled."""
     made = folder / name
     how = [compiler, *WARNINGS, *(flags or ("-O2",))]
-    sources = [program, _core(folder, how), folder / "stickslip_parameters.c"]
-    _run([*how, f"-I{folder}", *map(str, sources), "-o", str(made), "-lm"])
+    objects = [_object(folder, name, how) for name in (CORE[0], "stickslip_parameters.c")]
+    _run([*how, f"-I{folder}", *map(str, [program, *objects]), "-o", str(made), "-lm"])
     return made
 
 
-def _core(folder: Path, how: list[str]) -> Path:
-    """The model's code without its numbers: the same of many actuators, compiled once."""
-    texts = [(folder / name).read_text() for name in CORE]
+def _object(folder: Path, source: str, how: list[str]) -> Path:
+    """One file compiled, once: the model's code is the same of many actuators, but for its heading, which the
+    numbers begin with too; and these are the same of many programs."""
+    texts = [(folder / name).read_text() for name in (source, *CORE[1:])]
+    if source == CORE[0]:
+        texts = [re.sub(r"^/\*.*?\*/", "", text, flags=re.DOTALL) for text in texts]
     made = OBJECTS / f"{hashlib.sha256(repr([how, texts]).encode()).hexdigest()}.o"
     if not made.exists():
-        _run([*how, "-c", str(folder / CORE[0]), "-o", str(made)])
+        _run([*how, "-c", str(folder / source), "-o", str(made)])
     return made
+
+
+@functools.cache
+def packaged_fmu(fmi: int, mode: Mode = "plant") -> Path:
+    """Of kang2007 in steps of 20 us, made once."""
+    return export_fmu("kang2007", OBJECTS / f"{mode}{fmi}", fmi=fmi, mode=mode)
 
 
 def _run(command: list[str]) -> None:

@@ -15,6 +15,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
+from export.building import packaged_fmu
 from stickslip import MaxwellSlip, PulledSlider, load_actuator, simulate
 from stickslip.export import export_fmu
 from stickslip.friction import Coulomb
@@ -33,7 +34,7 @@ def sawtooth(volts: float, hertz: float, end: float) -> np.ndarray:
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_walk(fmi, tmp_path) -> None:
-    fmu = export_fmu("kang2007", tmp_path / "fmu", fmi=fmi)
+    fmu = packaged_fmu(fmi)
     assert validate_fmu(fmu) == []
     end = 0.09
     how: dict[str, Any] = dict(
@@ -63,7 +64,7 @@ def test_walk(fmi, tmp_path) -> None:
 @pytest.mark.parametrize("mode", ["plant", "observer", "feedforward"])
 def test_valid_in_every_mode(fmi, mode, tmp_path) -> None:
     model = KANG.replace(friction=MaxwellSlip((1e6, 4e5), (0.3, 0.24)), natural_frequency=math.inf)
-    fmu = export_fmu(model if mode == "plant" else KANG, tmp_path / "fmu", fmi=fmi, mode=mode)
+    fmu = export_fmu(model, tmp_path / "fmu", fmi=fmi) if mode == "plant" else packaged_fmu(fmi, mode)
     assert validate_fmu(fmu) == []
     names = zipfile.ZipFile(fmu).namelist()
     assert "documentation/licenses/license.txt" in names
@@ -118,8 +119,7 @@ def step(made, fmi: int, k: int) -> None:
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_state_is_kept_and_serialised(fmi, tmp_path) -> None:
-    fmu = export_fmu(KANG, tmp_path / "fmu", fmi=fmi)
-    made, put, got = instance(fmu, tmp_path / "unzipped", fmi, [])
+    made, put, got = instance(packaged_fmu(fmi), tmp_path / "unzipped", fmi, [])
     made.exitInitializationMode()
     put("voltage", 60.0)
     for k in range(5):
@@ -158,8 +158,7 @@ def test_state_is_kept_and_serialised(fmi, tmp_path) -> None:
 )
 def test_bad_parameters_are_said(fmi, name, value, said, tmp_path) -> None:
     messages: list[str] = []
-    fmu = export_fmu(KANG, tmp_path / "fmu", fmi=fmi)
-    made, put, _ = instance(fmu, tmp_path / "unzipped", fmi, messages)
+    made, put, _ = instance(packaged_fmu(fmi), tmp_path / "unzipped", fmi, messages)
     put(name, value)
     with pytest.raises(Exception, match=r"failed|error|status"):
         made.exitInitializationMode()
@@ -168,8 +167,7 @@ def test_bad_parameters_are_said(fmi, name, value, said, tmp_path) -> None:
 
 def test_observer_and_feedforward(tmp_path) -> None:
     """The observer begins wrong and finds the plant; the feedforward's voltage moves it as wanted."""
-    fmu = export_fmu(KANG, tmp_path / "ahead", mode="feedforward")
-    made, put, got = instance(fmu, tmp_path / "unzipped", 2, [])
+    made, put, got = instance(packaged_fmu(2, "feedforward"), tmp_path / "unzipped", 2, [])
     put("wanted_position", 3e-6)
     put("wanted_velocity", 1e-4)
     put("wanted_acceleration", 0.5)

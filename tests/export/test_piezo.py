@@ -99,7 +99,7 @@ def test_feedforward_begins_at_rest_and_reaches_as_far(seed: int, tmp_path: Any)
     drive = ss.Sampled(found["time"], volts)
     truth = ss.simulate(model, drive, times=found["time"][:-1], tolerance=1e-10).end_effector_position.values
     assert np.max(np.abs(truth - wanted[:-1])) < 2e-2 * np.ptp(wanted)  # lines of 5 ms
-    single = scan(model, tmp_path / "f", "-O1", "-DSTICKSLIP_FLOAT", motion=motion, step=1e-4)
+    single = scan(model, tmp_path / "f", "-O2", "-DSTICKSLIP_FLOAT", motion=motion, step=1e-4)
     np.testing.assert_allclose(single["voltage"], volts, rtol=2e-3)
     amplifier = Amplifier(12.5, -5.0, 1e6, 1e9, 10.0, -20.0, 200.0)
     behind = scan(

@@ -83,11 +83,11 @@ def test_smaller_steps_are_nearer(model: ss.Actuator, tmp_path: Any) -> None:
 def test_nothing_is_out_of_bounds_or_runs_away(case: str, tmp_path: Any) -> None:
     folder = export_c(CASES[case], tmp_path / "c", waveform=ss.Sawtooth(65.0, 20.0, 0.98, periods=2))
     flags = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    for program in ("walk", "observe", "scan"):
+    for program in ("observe", "scan"):  # the first has all of the walk
         made = compiled(folder, folder / "host" / f"{program}.c", *flags)
         assert len(output(made).splitlines()) > 50
-    for real in ("-O2", "-DSTICKSLIP_FLOAT"):
-        output(compiled(folder, C / "endure.c", real), "50000")
+    for real in (["-O2"], ["-O2", "-DSTICKSLIP_FLOAT"]):
+        output(compiled(folder, C / "endure.c", *real), "50000")
 
 
 def columns(folder: Any, program: str) -> np.ndarray:
