@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
+from stickslip import load_actuator
+from stickslip.export import export_c
 from stickslip.export.table import _lines, played
 from stickslip.units import QuantityError
 from stickslip.waveform import Chirp, PeriodicKnots, Sampled, Sawtooth, Sequence, Sine, Waveform
@@ -76,8 +79,18 @@ def test_too_many_lines_are_refused_before_all_are_made(monkeypatch: pytest.Monk
         "stickslip.export.table.Line", lambda *line: made.append(line) or type("", (), {"steps": line[0]})
     )
     noise = Sampled(np.arange(200_001) * H, RANDOM.normal(size=200_001))
-    with pytest.raises(
-        QuantityError, match=r"more than 20000 lines, which end at 2\.\d+ s of 20 s: give a sh"
-    ):
-        played(noise, H, None)
+    with pytest.raises(QuantityError, match=r"motion = .* more than 20000 lines .* 2\.\d+ s of 20 s: give"):
+        played(noise, H, None, name="motion")
     assert len(made) < 30_000
+
+
+@pytest.mark.parametrize("h", [1e-6, 13.7e-6, 1e-4 / 7.0, 1.0 / 30030.0, 1.1e-3, 0.3])
+def test_the_default_motion_fits_any_step(h: float, tmp_path: Any) -> None:
+    """One period of 0.1 s in whole steps, where four that do not repeat would be too many lines."""
+    export_c(load_actuator("kang2007"), tmp_path / "c", step=h, duration=1.0)
+    text = (tmp_path / "c" / "stickslip_motion.h").read_text()
+    steps = sum(int(number) for number in re.findall(r"\{(\d+)L,", text))
+    if h < 1e-3:
+        assert "REPEATS 4L" in text
+        assert steps == round(0.1 / h)
+    assert steps >= 1

@@ -98,12 +98,12 @@ def export_c(
     files["stickslip_waveform.h"] = table.replace("\n#endif\n", f"\n{rest}\n{noise_line}\n\n#endif\n")
     examples = ["walk.c"]
     if isinstance(found.model, Actuator):
-        wanted = _default_motion(found.model) if motion is None else motion
+        wanted = _default_motion(found.model, h) if motion is None else motion
         unit = unit_for(found.model, "m")
         if getattr(wanted, "unit", None) != unit:
             raise QuantityError(f"the wanted motion is in {unit}; motion = {wanted!r:.60} is not")
         files["stickslip_motion.h"] = table_h(
-            "stickslip_motion", repr_of(wanted), played(wanted, h, None, 1e-7), h
+            "stickslip_motion", repr_of(wanted), played(wanted, h, None, 1e-7, "motion"), h
         )
         examples += ["observe.c", "scan.c"]
     with whole(out) as folder:
@@ -230,11 +230,14 @@ def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform
     return Sawtooth(min(65.0, model.max_voltage), 5.0, periods=8, offset=max(0.0, model.min_voltage))
 
 
-def _default_motion(model: Actuator) -> Waveform:
-    """A sine of a tenth of what the default waveform moves, from rest about its middle."""
+def _default_motion(model: Actuator, h: float) -> Waveform:
+    """A sine of a tenth of what the default waveform moves, from rest about its middle; of 10 Hz, or so near it
+    that a period is of whole steps of h [s] and the table of one plays all."""
     reach = 0.1 * abs(model.gain) * min(65.0, model.max_voltage)
     middle = 5.0 * reach + model.gain * max(0.0, model.min_voltage)
-    return Sine(reach, 10.0, offset=middle, periods=4, unit="rad" if model.rotary else "m")
+    steps = round(0.1 / h)
+    hertz = 1.0 / (steps * h) if steps > 20 else 10.0
+    return Sine(reach, hertz, offset=middle, periods=4, unit="rad" if model.rotary else "m")
 
 
 def repr_of(waveform: Waveform) -> str:

@@ -42,8 +42,10 @@ class Played(NamedTuple):
         return self.repeats * sum(line.steps for line in self.lines)
 
 
-def played(waveform: Waveform, h: float, duration: float | None, tolerance: float = 1e-5) -> Played:
-    """The waveform in steps of h [s]; lines are off by at most `tolerance` of its range.
+def played(
+    waveform: Waveform, h: float, duration: float | None, tolerance: float = 1e-5, name: str = "waveform"
+) -> Played:
+    """The waveform in steps of h [s]; lines are off by at most `tolerance` of its range; `name` is in errors.
 
     Raises:
         QuantityError: no duration, or too many steps or lines for a table.
@@ -59,7 +61,7 @@ def played(waveform: Waveform, h: float, duration: float | None, tolerance: floa
         repeats, length = round(seconds / period), period
     steps = round(length / h)
     if steps > _MOST_STEPS:
-        raise QuantityError(f"{length:g} s are {steps} steps of {h:g} s, more than {_MOST_STEPS}")
+        raise QuantityError(f"{name}: {length:g} s are {steps} steps of {h:g} s, more than {_MOST_STEPS}")
     table = waveform.drive(length)
     times: NDArray[np.float64] = np.arange(steps + 1, dtype=np.float64) * h
     nearly = h * 1e-7  # a jump on the grid of the steps belongs to the later step
@@ -70,8 +72,9 @@ def played(waveform: Waveform, h: float, duration: float | None, tolerance: floa
     if len(lines) > _MOST_LINES:
         reached = sum(line.steps for line in lines) * h
         raise QuantityError(
-            f"the waveform needs more than {_MOST_LINES} lines, which end at {reached:g} s of {length:g} s: "
-            "give a shorter duration or a longer step"
+            f"{name} = {waveform!r:.60} needs more than {_MOST_LINES} lines in steps of {h:g} s, which end "
+            f"at {reached:g} s of {length:g} s: give a shorter one, or a longer step; if it repeats, a period "
+            "of whole steps"
         )
     return Played(lines, repeats, waveform.unit)
 
