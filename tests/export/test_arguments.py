@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stickslip import load_actuator
+from stickslip import Constant, Sine, load_actuator
 from stickslip.actuator import PulledSlider
 from stickslip.export import ExportError, export_c, export_fmu
 from stickslip.units import QuantityError
@@ -48,6 +48,40 @@ def test_arguments_of_another_kind(given: dict[str, Any], said: str, tmp_path: P
 def test_what_is_no_waveform(given: dict[str, Any], said: str, tmp_path: Path) -> None:
     with pytest.raises(QuantityError, match=said):
         export_c(KANG, tmp_path / "c", **given)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (
+            {"motion": Sine(1e-6, 1e7, unit="m")},
+            "motion = Sine.*: its duration = 8e-07 s must be finite and at",
+        ),
+        (
+            {"waveform": Constant(30.0)},
+            "waveform = Constant.*: its duration = inf s must be finite and at least",
+        ),
+        ({"waveform": Constant(30.0), "duration": 1e-6}, "^duration = 1e-06 s must be finite and at least"),
+    ],
+)
+def test_what_is_shorter_than_a_step(given: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(QuantityError, match=said):
+        export_c(KANG, tmp_path / "c", **given)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"fmi": [2]}, r"fmi = \[2\]: known are versions 2 and 3"),
+        ({"compiler": 3}, "compiler = 3 is no command, such as 'gcc'"),
+        ({"compiler": None}, "compiler = None is no command"),
+    ],
+)
+def test_what_makes_no_fmu(given: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match=said):
+        export_fmu(KANG, tmp_path / "fmu", **given)
     assert not list(tmp_path.iterdir())
 
 

@@ -73,7 +73,7 @@ def export_fmu(
     """
     h = checked_step(step)
     farad = optional_si(piezo_capacitance, "F", "piezo_capacitance")
-    if fmi not in _BINARIES:
+    if fmi not in tuple(_BINARIES):
         raise ExportError(f"fmi = {fmi!r}: known are versions 2 and 3")
     if mode not in get_args(Mode):
         raise ExportError(f"mode = {mode!r}: known are {', '.join(get_args(Mode))}")
@@ -86,6 +86,8 @@ def export_fmu(
             "mode = 'feedforward' is not for an actuator with a piezo, whose hysteresis has a past: play the "
             "drive of inverse_drive, or call stickslip_piezo_inverse of the exported C"
         )
+    if not isinstance(compiler, str):
+        raise ExportError(f"compiler = {compiler!r} is no command, such as 'gcc'; '' leaves the binary out")
     if compiler and shutil.which(compiler) is None:
         raise ExportError(f"the compiler {compiler!r} is not installed; compiler = '' leaves the binary out")
     parts = signal_chain(found, amplifier, farad, sensor, chain)

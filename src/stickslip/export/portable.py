@@ -231,13 +231,12 @@ def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform
 
 
 def _default_motion(model: Actuator, h: float) -> Waveform:
-    """A sine of a tenth of what the default waveform moves, from rest about its middle; of 10 Hz, or so near it
-    that a period is of whole steps of h [s] and the table of one plays all."""
+    """A sine of a tenth of what the default waveform moves, from rest about its middle; of about 10 Hz: a
+    period is of whole steps of h [s], so that the table of one plays all."""
     reach = 0.1 * abs(model.gain) * min(65.0, model.max_voltage)
     middle = 5.0 * reach + model.gain * max(0.0, model.min_voltage)
-    steps = round(0.1 / h)
-    hertz = 1.0 / (steps * h) if steps > 20 else 10.0
-    return Sine(reach, hertz, offset=middle, periods=4, unit="rad" if model.rotary else "m")
+    period = max(round(0.1 / h), 20) * h
+    return Sine(reach, 1.0 / period, offset=middle, periods=4, unit="rad" if model.rotary else "m")
 
 
 def repr_of(waveform: Waveform) -> str:

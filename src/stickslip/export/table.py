@@ -55,7 +55,8 @@ def played(
     if duration is None and period and not math.isfinite(seconds):
         seconds = 8.0 * period
     if not (math.isfinite(seconds) and seconds >= h):
-        raise QuantityError(f"duration = {seconds:g} s must be finite and at least one step of {h:g} s")
+        of = f"{name} = {waveform!r:.60}: its duration" if duration is None else "duration"
+        raise QuantityError(f"{of} = {seconds:g} s must be finite and at least one step of {h:g} s")
     repeats, length = 1, seconds
     if period and abs(period / h - round(period / h)) < 1e-6 and seconds >= 2.0 * period * (1.0 - 1e-9):
         repeats, length = round(seconds / period), period
@@ -73,8 +74,8 @@ def played(
         reached = sum(line.steps for line in lines) * h
         raise QuantityError(
             f"{name} = {waveform!r:.60} needs more than {_MOST_LINES} lines in steps of {h:g} s, which end "
-            f"at {reached:g} s of {length:g} s: give a shorter one, or a longer step; if it repeats, a period "
-            "of whole steps"
+            f"at {reached:g} s of {length:g} s: give a shorter one, or a longer step; if it repeats, a "
+            "period of whole steps"
         )
     return Played(lines, repeats, waveform.unit)
 
