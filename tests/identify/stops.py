@@ -24,12 +24,14 @@ def made_loops(
     stiffness, strength, *, seed=0, noise=0.0, bias=0.0, curvature=0.0, drift=0.0, begin=0.0,
     asymmetry=0.0, contact_offset=0.0, load_exponent=1.0,
 ):  # fmt: skip
-    """A recording of loops over a few amplitudes, under a normal force that varies about 5 N."""
+    """A recording of loops over a few amplitudes, under a normal force that varies about 5 N; the contact
+    follows the motion at 40 times the rate of the samples."""
     rng = np.random.default_rng(seed)
-    t = begin + np.linspace(0.0, 3.0, 241)
-    x = 1e-4 * np.sin(2 * np.pi * t) * (1.0 - 0.2 * np.sin(2.0 * t))
+    fine = begin + np.linspace(0.0, 3.0, 9601)
+    x = 1e-4 * np.sin(2 * np.pi * fine) * (1.0 - 0.2 * np.sin(2.0 * fine))
+    force = stops(stiffness, strength, x, 1.0, 0.0)[::40]
+    t, x = fine[::40], x[::40]
     normal = 5.0 + 0.5 * np.sin(3.0 * t)
-    force = stops(stiffness, strength, x, 1.0, 0.0)
     load = (normal / 5.0) ** load_exponent * (1.0 + drift * (t - begin))
     uneven = contact_offset + asymmetry * np.abs(force) + curvature * force**2
     shown = bias + load * (force + uneven) + noise * rng.standard_normal(t.size)

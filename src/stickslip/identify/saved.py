@@ -24,7 +24,7 @@ from ..piezo import Piezo
 from ..recording.replacing import replaced_whole
 from .frequency.amplitude import AmplitudeModel
 from .frequency.modal import ModalModel
-from .loops.fit import LoopPrediction
+from .loops.response import LoopPrediction
 from .piezo.prediction import PiezoPrediction
 from .step.fit import StepPrediction
 from .walk.prediction import Predictor

@@ -15,10 +15,9 @@ are the same; samples without load tell which it is.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -30,12 +29,9 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...estimate.several import ENOUGH, followed, from_several, lowest
-from ...friction import elements
 from ...progress import Progress, unheard
 from ...recording import RecordingError
-from ...simulation import SimulationError, friction_response
 from ...simulation.varied import free_names, with_values
-from ...solve.prescribed import forces_at
 from ...units import optional_si, to_si, turned
 from ..free import (
     Bounds,
@@ -50,25 +46,12 @@ from ..free import (
 )
 from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
-from ..recorded.recorded_drive import noise_level
+from .first import with_first
 from .missing import Slope, left_over, missing, viscous_slope
+from .response import CHANNEL, OBSERVED, LoopPrediction, own_of, response_of
 from .sampled import with_sampling
-from .starts import loop_starts
+from .starts import loop_starts, stribeck_starts
 
-OBSERVED = "friction_force"
-# Besides the law, with units; those that are not of the channel are the contact's.
-CHANNEL = {
-    "bias": "N",
-    "contact_offset": "N",
-    "asymmetry": "",
-    "curvature": "1/N",
-    "drift": "1/s",
-    "load_exponent": "",
-}
-# Of the reference, below which a normal force carries nothing: the contact begins relaxed.
-UNLOADED = 0.02
-# Deviations of a position's noise, within which it has not moved.
-SAME = 4.0
 # What is noticed where it is not free.
 NOTICED = ("drift", "asymmetry", "contact_offset")
 LOAD_EXPONENTS = (0.2, 2.0)
@@ -149,8 +132,8 @@ def identify_loops(
         refuse_clipped(force, OBSERVED, name, rests=True)
     origin = float(found[0]["time"].values[0])
     settings = (reference, origin, tolerance)
-    responses = [_response(r, name, *settings) for r, name in zip(found, names, strict=True)]
-    model = with_values(model, _own(starting)) if starting else model
+    responses = [response_of(r, name, *settings) for r, name in zip(found, names, strict=True)]
+    model = with_values(model, own_of(starting)) if starting else model
     reach = _reach(found, measured, origin)
     parameters = [
         _of_channel(name, units[name], starting.get(name, neutral[name][0]), reach.get(name, 0.0), bounds)
@@ -175,9 +158,10 @@ def identify_loops(
         difference_step=DIFFERENCE_STEP,
     )
 
-    fit = _searched(
-        problem, [{p.name: p.start for p in parameters}, *begins], starts, seed, max_evaluations, progress
-    )
+    more = (starts, seed, max_evaluations, progress)
+    fit = _searched(problem, [{p.name: p.start for p in parameters}, *begins], *more)
+    falls = stribeck_starts(problem.parameters, fit.values, found)
+    fit = _searched(problem, [fit.values, *falls], *more) if falls else fit
     fit = with_own_noise(fit) if correlated and noise is None else fit
     fit, left_by = _with_inexact(fit, found, measured, model, settings)
     asked = _unasked({*free, *tied})
@@ -188,7 +172,7 @@ def identify_loops(
         noticed, doubts = [*noticed, *said], [*doubts, *beyond]
     return replace(
         fit,
-        model=with_values(model, _own(fit.values)),
+        model=with_values(model, own_of(fit.values)),
         observed=OBSERVED,
         predict=LoopPrediction(model, fit.values, *settings).predict,
         doubts=(*fit.doubts, *doubts),
@@ -279,13 +263,14 @@ def _with_inexact(
     """The fit with what steps and noise of the recorded position and normal force, their sampling, and steps
     of the force leave open; and the root mean square of what all but the last leave in each recording."""
     names, squares, best = names_of(recordings), np.zeros(len(recordings)), fit.values
+    fit = with_first(fit, recordings, lambda r: response_of(r, names[0], *settings)(model, best))
     ends = np.cumsum([force.size for force in measured])[:-1]
     for what in ("position",) if settings[0] is None else ("position", "normal_force"):
         values = [channel(r, what, name) for r, name in zip(recordings, names, strict=True)]
 
         def shown(drawn: Sequence[NDArray[np.float64]], what: str = what) -> NDArray[np.float64]:
             responses = [
-                _response(r.assign({what: ("time", x)}), name, *settings)(model, best)
+                response_of(r.assign({what: ("time", x)}), name, *settings)(model, best)
                 for r, x, name in zip(recordings, drawn, names, strict=True)
             ]
             return np.concatenate(responses)
@@ -295,26 +280,12 @@ def _with_inexact(
         fit = with_moved(fit, moved, said_steps(what, known, unit_of(recordings, what)))
         if moved is not None:
             squares += [float(np.mean(part**2)) for part in np.split(moved, ends, axis=1)]
-    fit, more = with_sampling(fit, recordings, lambda r: _response(r, names[0], *settings)(model, best))
+    fit, more = with_sampling(fit, recordings, lambda r: response_of(r, names[0], *settings)(model, best))
     squares += more
     forces = [Inexact.seen(force, noisy=False) for force in measured]
     moved = moved_by(forces, lambda drawn: -np.concatenate(drawn))
     fit = with_moved(fit, moved, said_steps(OBSERVED, forces, unit_of(recordings, OBSERVED)))
     return fit, [*np.sqrt(squares)]
-
-
-class LoopPrediction(NamedTuple):
-    """What the force channel shows by a law with values; settings as for `identify_loops`, `origin` [s]."""
-
-    law: Any
-    values: Values
-    reference_normal_force: float | None
-    origin: float
-    tolerance: float
-
-    def predict(self, recording: xr.Dataset) -> NDArray[np.float64]:
-        """N, free-running from the first sample."""
-        return _response(recording, names_of([recording])[0], *self[2:])(self.law, self.values)
 
 
 def _slope(
@@ -328,64 +299,6 @@ def _slope(
     return (sides[0] - sides[1]) / (2.0 * h)
 
 
-def _own(values: Values) -> Values:
-    return {name: value for name, value in values.items() if name not in CHANNEL}
-
-
 def _of_channel(name: str, unit: str, start: float, reach: float, bounds: Bounds) -> Parameter:
     limits = LOAD_EXPONENTS if name == "load_exponent" else (-reach, reach)
     return linear(name, unit, start, limits, bounds)
-
-
-def _response(
-    recording: xr.Dataset, name: str, reference: float | None, origin: float, tolerance: float
-) -> Callable[[Any, Values], NDArray[np.float64]]:
-    """From a law and values to what the force channel shows."""
-    time = recording["time"].values
-    position = channel(recording, "position", name, varies=True)
-    velocity = np.gradient(position, time, edge_order=2)
-    first = _first(channel(recording, OBSERVED, name), position)
-    load = np.ones(time.size)
-    if reference is not None:  # a measured one, with noise: no contact is pulled
-        load = np.maximum(channel(recording, "normal_force", name) / reference, 0.0)
-
-    def response(model: Any, values: Values) -> NDArray[np.float64]:
-        strength = load ** values.get("load_exponent", 1.0) * (
-            1.0 + values.get("drift", 0.0) * (time - origin)
-        )
-        bias, begin = values.get("bias", 0.0), 0.0
-        if load[0] > UNLOADED and strength[0] > 0.0:
-            begin = _odd_part((first - bias) / strength[0], values)
-        law = with_values(model, _own(values))
-        try:
-            found = friction_response(
-                law,
-                time,
-                position,
-                initial_force=begin,
-                initial_velocity=float(velocity[0]) if begin else 0.0,
-                tolerance=tolerance,
-            )
-        except SimulationError as error:  # to a fit, a trial point without a model
-            raise ArithmeticError(str(error)) from error
-        force = found[OBSERVED].values.copy()
-        states = [found[f"bristle_deflection_{e}"].values for e in range(1, elements(law) + 1)]
-        forces_at(law, velocity, np.column_stack(states or [np.sign(force)]), force)
-        uneven = values.get("asymmetry", 0.0) * np.abs(force) + values.get("curvature", 0.0) * force**2
-        return bias + strength * (values.get("contact_offset", 0.0) + force + uneven)
-
-    return response
-
-
-def _first(force: NDArray[np.float64], position: NDArray[np.float64]) -> float:
-    """The force before the motion: of all samples, while the position is within its noise of the first."""
-    gone = np.abs(position - position[0]) > SAME * noise_level(position)
-    return float(np.median(force[: np.argmax(gone)] if np.any(gone) else force))
-
-
-def _odd_part(shown: float, values: Values) -> float:
-    """The force F of the law that shows as q + F + a|F| + h F^2."""
-    rest = shown - values.get("contact_offset", 0.0)
-    side = 1.0 + math.copysign(values.get("asymmetry", 0.0), rest * values.get("asymmetry", 0.0))
-    curvature = values.get("curvature", 0.0)
-    return 2.0 * rest / (side + math.sqrt(max(0.0, side**2 + 4.0 * curvature * rest)))

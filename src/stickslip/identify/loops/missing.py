@@ -55,6 +55,9 @@ def missing(fit: Fit, model: Any, viscous: Slope, others: Sequence[Slope]) -> tu
     the others only where they explain something beside it.
     """
     asked = [one for one in others if gain(fit, one.by) > ASKED]
+    # Freed it also moves the begin of the prediction, which an error of the first force would be taken for.
+    if "sigma_2" in fit.values:
+        return [_said(fit, one) for one in asked], []
     share = _explained(fit, viscous)
     if gain(fit, viscous.by) <= ASKED or share <= max([_explained(fit, one) for one in asked], default=0.0):
         return [_said(fit, one) for one in asked], []

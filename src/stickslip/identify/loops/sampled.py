@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
 from ...estimate.coloured import with_inherited
 from ...estimate.result import Fit
@@ -22,6 +23,29 @@ Array = NDArray[np.float64]
 
 # Of what the fit leaves, root mean square: where sampling may make so much, it is said.
 MUCH = 0.5
+# Parts of an interval in which the velocity changes by more than this share of itself.
+PIECES, CHANGES = 8, 0.2
+
+
+def between(time: Array, position: Array, velocity: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+    """The motion with points between its samples where the velocity changes by much of itself, above all
+    where it turns: the cubic through two samples with the velocities at them. A body at rest stays there.
+
+    Returns:
+        Time [s] and position [m], and at which of these the samples are.
+    """
+    rests = np.diff(position) == 0.0
+    still = np.zeros(time.size, dtype=bool)
+    for place in range(3):
+        still[place : time.size - 2 + place] |= rests[:-1] & rests[1:]
+    slope = np.where(still, 0.0, velocity)
+    changes = np.abs(np.diff(slope)) > CHANGES * np.minimum(np.abs(slope[:-1]), np.abs(slope[1:]))
+    pieces = np.where(changes, PIECES, 1)
+    at = np.concatenate([[0], np.cumsum(pieces)])
+    fine = np.interp(np.arange(at[-1] + 1), at, time)
+    path = np.asarray(CubicHermiteSpline(time, position, slope)(fine))
+    path[at] = position
+    return fine, path, at
 
 
 def with_sampling(

@@ -14,6 +14,9 @@ from ..free import REACH
 # Of the stroke, over which a contact may yield: from what the sampling hardly shows to all of it.
 YIELDS = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
 
+# Of the largest speed, at which friction may have fallen; and stiction over Coulomb friction to begin at.
+FALLS, RATIO = (0.003, 0.01, 0.03, 0.1, 0.3), 1.2
+
 Array = NDArray[np.float64]
 
 
@@ -56,3 +59,28 @@ def loop_starts(
         wide.append(p)
     limits = {p.name: (p.lower, p.upper) for p in wide}
     return wide, [{n: float(np.clip(v, *limits[n])) for n, v in begin.items()} for begin in begins]
+
+
+def stribeck_starts(
+    parameters: Sequence[Parameter], values: Values, recordings: Sequence[xr.Dataset]
+) -> list[Values]:
+    """The values with other Stribeck velocities; none where that is not free.
+
+    From far above the velocity at which friction falls, or from no stiction, no search leads there.
+
+    Args:
+        parameters: those that are searched for.
+        values: near which the others are.
+        recordings: with position [m].
+    """
+    limits = {p.name: (p.lower, p.upper) for p in parameters}
+    if "stribeck_velocity" not in limits:
+        return []
+    speed = max(float(np.max(np.abs(np.gradient(r["position"], r["time"])))) for r in recordings)
+    ratios = {"stiction_ratio": RATIO, "stiction_force": RATIO * values.get("coulomb_force", np.inf)}
+    begins = []
+    for share in FALLS:
+        begin = values | {name: x for name, x in ratios.items() if name in limits and np.isfinite(x)}
+        begin["stribeck_velocity"] = share * speed
+        begins.append({n: float(np.clip(begin[n], *limits[n])) for n in limits})
+    return begins

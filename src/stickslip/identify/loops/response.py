@@ -1,0 +1,111 @@
+"""What a force channel shows of a contact that is moved, by a law and its values: free-running."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...estimate.parameter import Values
+from ...friction import elements
+from ...simulation import SimulationError, friction_response
+from ...simulation.varied import with_values
+from ...solve.prescribed import forces_at
+from ..recorded.channels import channel, names_of
+from ..recorded.recorded_drive import noise_level
+from .sampled import between
+
+OBSERVED = "friction_force"
+# Besides the law, with units; those that are not of the channel are the contact's.
+CHANNEL = {
+    "bias": "N",
+    "contact_offset": "N",
+    "asymmetry": "",
+    "curvature": "1/N",
+    "drift": "1/s",
+    "load_exponent": "",
+}
+# Of the reference, below which a normal force carries nothing: the contact begins relaxed.
+UNLOADED = 0.02
+# Deviations of a position's noise, within which it has not moved.
+SAME = 4.0
+# Of the stroke: a tolerance that is greater bends short strokes by more than the noise.
+FINEST = 1e-6
+
+
+class LoopPrediction(NamedTuple):
+    """What the force channel shows by a law with values; settings as for `identify_loops`, `origin` [s]."""
+
+    law: Any
+    values: Values
+    reference_normal_force: float | None
+    origin: float
+    tolerance: float
+
+    def predict(self, recording: xr.Dataset) -> NDArray[np.float64]:
+        """N, free-running from the first sample."""
+        return response_of(recording, names_of([recording])[0], *self[2:])(self.law, self.values)
+
+
+def own_of(values: Values) -> Values:
+    return {name: value for name, value in values.items() if name not in CHANNEL}
+
+
+def response_of(
+    recording: xr.Dataset, name: str, reference: float | None, origin: float, tolerance: float
+) -> Callable[[Any, Values], NDArray[np.float64]]:
+    """From a law and values to what the force channel shows."""
+    time = recording["time"].values
+    position = channel(recording, "position", name, varies=True)
+    velocity = np.gradient(position, time, edge_order=2)
+    fine, path, at = between(time, position, velocity)
+    tolerance = min(tolerance, FINEST * float(np.ptp(position)))
+    first = float(np.median(channel(recording, OBSERVED, name)[: at_rest(position)]))
+    load = np.ones(time.size)
+    if reference is not None:  # a measured one, with noise: no contact is pulled
+        load = np.maximum(channel(recording, "normal_force", name) / reference, 0.0)
+
+    def response(model: Any, values: Values) -> NDArray[np.float64]:
+        strength = load ** values.get("load_exponent", 1.0) * (
+            1.0 + values.get("drift", 0.0) * (time - origin)
+        )
+        bias, begin = values.get("bias", 0.0), 0.0
+        if load[0] > UNLOADED and strength[0] > 0.0:
+            begin = _odd_part((first - bias) / strength[0], values)
+        law = with_values(model, own_of(values))
+        try:
+            found = friction_response(
+                law,
+                fine,
+                path,
+                initial_force=begin,
+                initial_velocity=float(velocity[0]) if begin else 0.0,
+                tolerance=tolerance,
+            )
+        except SimulationError as error:  # to a fit, a trial point without a model
+            raise ArithmeticError(str(error)) from error
+        force = found[OBSERVED].values[at]
+        states = [found[f"bristle_deflection_{e}"].values[at] for e in range(1, elements(law) + 1)]
+        forces_at(law, velocity, np.column_stack(states or [np.sign(force)]), force)
+        uneven = values.get("asymmetry", 0.0) * np.abs(force) + values.get("curvature", 0.0) * force**2
+        return bias + strength * (values.get("contact_offset", 0.0) + force + uneven)
+
+    return response
+
+
+def at_rest(position: NDArray[np.float64]) -> int:
+    """How many samples there are before the motion: while the position is within its noise of the first."""
+    gone = np.abs(position - position[0]) > SAME * noise_level(position)
+    return int(np.argmax(gone)) if np.any(gone) else position.size
+
+
+def _odd_part(shown: float, values: Values) -> float:
+    """The force F of the law that shows as q + F + a|F| + h F^2."""
+    rest = shown - values.get("contact_offset", 0.0)
+    side = 1.0 + math.copysign(values.get("asymmetry", 0.0), rest * values.get("asymmetry", 0.0))
+    curvature = values.get("curvature", 0.0)
+    return 2.0 * rest / (side + math.sqrt(max(0.0, side**2 + 4.0 * curvature * rest)))
