@@ -47,6 +47,7 @@ from ..free import (
 from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
 from .first import with_first
+from .held import held_elsewhere, with_held
 from .missing import Slope, left_over, missing, viscous_slope
 from .response import CHANNEL, OBSERVED, LoopPrediction, own_of, response_of
 from .sampled import with_sampling
@@ -145,23 +146,34 @@ def identify_loops(
     parameters, begins = loop_starts(parameters, found, measured, bounds)
     others = beside(free, tied, known_of(model, neutral, turns))
 
-    problem = Problem(
-        [
-            Residuals(
-                _residuals(model, response, force), force, noise, name, units["bias"], time=one["time"].values
-            )
-            for response, force, name, one in zip(responses, measured, names, found, strict=True)
-        ],
-        [*parameters, *others],
-        noise_known=noise is not None,
-        correlated=correlated and noise is not None,
-        difference_step=DIFFERENCE_STEP,
-    )
+    def described(parameters: Sequence[Parameter]) -> Problem:
+        return Problem(
+            [
+                Residuals(
+                    _residuals(model, response, force),
+                    force,
+                    noise,
+                    name,
+                    units["bias"],
+                    time=one["time"].values,
+                )
+                for response, force, name, one in zip(responses, measured, names, found, strict=True)
+            ],
+            parameters,
+            noise_known=noise is not None,
+            correlated=correlated and noise is not None,
+            difference_step=DIFFERENCE_STEP,
+        )
 
+    problem = described([*parameters, *others])
     more = (starts, seed, max_evaluations, progress)
     fit = _searched(problem, [{p.name: p.start for p in parameters}, *begins], *more)
     falls = stribeck_starts(problem.parameters, fit.values, found)
     fit = _searched(problem, [fit.values, *falls], *more) if falls else fit
+    held = held_elsewhere(fit, [*parameters, *others], described)
+    if any(one.cost < fit.cost for one in held):  # it was not the lowest
+        fit = _searched(problem, [fit.values, min(held, key=lambda one: one.cost).values], *more)
+    fit = with_held(fit, held)
     fit = with_own_noise(fit) if correlated and noise is None else fit
     fit, left_by = _with_inexact(fit, found, measured, model, settings)
     asked = _unasked({*free, *tied})

@@ -1,0 +1,78 @@
+"""What fits as well where the Stribeck velocity is another: its valley is bent.
+
+A motion that passes quickly through the velocities at which friction falls shows the tail of the fall only,
+and a higher stiction that falls earlier has the same tail. Intervals linearised at one of them miss the
+others. So the rest is fitted again with the velocity held elsewhere: the likelihood's profile, by points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...estimate.fit import fit_least_squares
+from ...estimate.identifiability import LOOSE_RATIO
+from ...estimate.minima import Minimum, still_fits
+from ...estimate.parameter import Parameter
+from ...estimate.problem import FitError, Problem
+from ...estimate.result import Fit
+
+NAME, POINTS = "stribeck_velocity", 7
+
+
+def held_elsewhere(
+    fit: Fit, parameters: Sequence[Parameter], described: Callable[[Sequence[Parameter]], Problem]
+) -> tuple[Fit, ...]:
+    """Fits with the Stribeck velocity held all over its interval; none where that is narrow, or not free.
+
+    Where a value ended at its bound, that interval says nothing, and the bounds of the velocity count.
+
+    Args:
+        fit: of all parameters.
+        parameters: all of them, with those that are fixed or tied.
+        described: the problem, of such.
+    """
+    p = next((p for p in fit.parameters if p.name == NAME), None)
+    if p is None or len(fit.parameters) < 2:
+        return ()
+    low, high = (p.lower, p.upper) if np.any(fit.uncertainty.bounded) else fit.confidence_intervals()[NAME]
+    if high < LOOSE_RATIO * low:
+        return ()
+    found = []
+    for at in np.geomspace(low, high, POINTS):
+        begin = {**fit.values, NAME: float(at)}
+        held = [
+            q
+            if q.fixed or q.tied
+            else q._replace(start=begin[q.name], fixed=q.name == NAME, prior=None if q is p else q.prior)
+            for q in parameters
+        ]
+        try:
+            found.append(fit_least_squares(described(held), tolerance=1e-7))
+        except FitError:
+            continue
+    return tuple(found)
+
+
+def with_held(fit: Fit, held: Sequence[Fit]) -> Fit:
+    """The fit whose intervals hold those that the noise does not reject."""
+    place = [p.name for p in fit.parameters].index(NAME) if held else 0
+    variance = 1.0 if fit.noise_known else fit.reduced_chi_squared
+    others = []
+    for one in held:
+        excess = max(one.cost - fit.cost, 0.0) / variance if variance > 0.0 else 0.0
+        if one.converged and still_fits(excess, len(fit.parameters)):
+            known = one.uncertainty
+            covariance = np.insert(np.insert(known.covariance, place, 0.0, axis=0), place, 0.0, axis=1)
+            columns = [np.insert(x, place, 0) for x in (known.bounded, known.push, known.released)]
+            others.append(
+                Minimum(
+                    one.values,
+                    known._replace(
+                        covariance=covariance, bounded=columns[0], push=columns[1], released=columns[2]
+                    ),
+                    excess,
+                )
+            )
+    return fit.with_minima([*fit.minima, *others]) if others else fit
