@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -17,12 +16,9 @@ from .response import OBSERVED, at_rest
 
 Array = NDArray[np.float64]
 
-# Of a variance, from which on it is said: half of an interval's width.
-MUCH = 0.75
-
 
 def with_first(fit: Fit, recordings: Sequence[xr.Dataset], response: Callable[[xr.Dataset], Array]) -> Fit:
-    """The fit with what the noise of the first samples leaves open; said where it is much.
+    """The fit with what the noise of the first samples leaves open.
 
     Args:
         fit: of the recordings.
@@ -37,10 +33,4 @@ def with_first(fit: Fit, recordings: Sequence[xr.Dataset], response: Callable[[x
         # Of the median, whose variance is that of the mean times pi/2.
         variances.append((0.5 * math.pi if count > 2 else 1.0) / count)
     columns = 0.5 * np.asarray(block_diag(*(column[:, None] for column in moved)))
-    wider = with_inherited(fit, columns, np.diag(variances))
-    with np.errstate(invalid="ignore"):
-        share = 1.0 - np.diag(fit.uncertainty.covariance) / np.diag(wider.uncertainty.covariance)
-    if not np.any(share > MUCH):
-        return wider
-    said = "the force before the motion is that of few samples: begin at rest; the intervals allow for it"
-    return replace(wider, remarks=(*fit.remarks, said))
+    return with_inherited(fit, columns, np.diag(variances))
