@@ -82,7 +82,10 @@ def identify_loops(
     Every recording is one free-running prediction from its first sample, where all elements of the law are
     taken as equally deflected, so that they carry the measured force, less what is viscous of it (their true
     state is not known): that of the first sample, or the median while the position stays where it is. Begin
-    recordings at rest: the noise of a single first sample stays until the contact slips.
+    recordings at rest: the noise of a single first sample stays until the contact slips, and the intervals
+    are wider by it. That elements begin alike, which is wrong right after a turn, they take as exact. Between
+    samples the motion is smooth (see `sampled`). Where the motion passes the fall of friction too quickly to
+    tell the Stribeck velocity, the rest is fitted with that held elsewhere, and the intervals hold what fits.
 
     Args:
         recordings: with position [m] and friction_force [N], positive when the driving body moves towards +x;
@@ -103,7 +106,7 @@ def identify_loops(
             ``{"strength_2": "0.5 * strength_1"}``.
         noise: standard deviation of the force, N; left out, it is estimated from the residuals.
         starts, seed, max_evaluations, progress: as `identify_friction`.
-        tolerance: m, on the deflections.
+        tolerance: m, on the deflections; never more than a millionth of the stroke.
         correlated: allow for residuals correlated in time in the uncertainty: here they are model error. As
             for `identify_friction`, by the noise that they show; with a given `noise` by a window over lags.
 

@@ -1,8 +1,9 @@
 """What the sampling of a motion leaves open of its friction.
 
-Between samples a motion is taken as a line. Where it turns between two of them, or the friction changes
-within one interval, the force is off by an amount that falls as the square of that: what every second sample
-makes of the same motion is off by four times as much. A third of the difference counts as a standard error.
+Between samples a motion is a cubic where its velocity changes by much: as a line it would turn too early, and
+the force be off until the contact slips again. What that leaves falls at least as the square of the interval,
+so what every second sample makes of the same motion is off by four times as much, or more. A third of the
+difference counts as a standard error.
 """
 
 from __future__ import annotations
