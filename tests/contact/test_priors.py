@@ -112,12 +112,13 @@ def test_draws_and_widths() -> None:
 
 
 def test_loops_that_hardly_slide_are_helped_by_a_prior() -> None:
-    """What the data leave open is the prior's, in closed form; what they tell is theirs."""
+    """What the data leave open is the prior's, in closed form; what they tell is theirs. The loops begin at
+    rest: the noise of a single first force moves the values by more than the prior lets them."""
     law = ss.LuGre(1e6, 0.0, 0.0, 0.5, 0.5, 1e-3)
-    x = 30e-9 * np.sin(np.linspace(0.0, 4.0 * np.pi, 200))
-    time = np.linspace(0.0, 10.0, 200)
+    x = np.append(np.zeros(200), 30e-9 * np.sin(np.linspace(0.0, 4.0 * np.pi, 200)))
+    time = np.linspace(-10.0, 10.0, 400)
     force = ss.simulation.friction_response(law, time, x, tolerance=1e-13)["friction_force"].values
-    noisy = force + 15e-3 * np.random.default_rng(2).standard_normal(200)
+    noisy = force + 15e-3 * np.random.default_rng(2).standard_normal(400)
     loops = make_recording(time, {"position": x, "friction_force": noisy})
     free = ["sigma_0", "coulomb_force"]
     common: dict[str, Any] = {"noise": "15 mN", "correlated": False}
