@@ -47,8 +47,8 @@ from ..free import (
 from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
 from .first import with_first
-from .held import held_elsewhere, with_held
 from .missing import Slope, left_over, missing, viscous_slope
+from .profiled import profile_points, with_profile
 from .response import CHANNEL, OBSERVED, LoopPrediction, own_of, response_of
 from .sampled import with_sampling
 from .starts import loop_starts, stribeck_starts
@@ -85,7 +85,7 @@ def identify_loops(
     recordings at rest: the noise of a single first sample stays until the contact slips, and the intervals
     are wider by it. That elements begin alike, which is wrong right after a turn, they take as exact. Between
     samples the motion is smooth (see `sampled`). Where the motion passes the fall of friction too quickly to
-    tell the Stribeck velocity, the rest is fitted with that held elsewhere, and the intervals hold what fits.
+    tell the Stribeck velocity, the rest is fitted with that fixed elsewhere, and the intervals hold what fits.
 
     Args:
         recordings: with position [m] and friction_force [N], positive when the driving body moves towards +x;
@@ -173,10 +173,10 @@ def identify_loops(
     fit = _searched(problem, [{p.name: p.start for p in parameters}, *begins], *more)
     falls = stribeck_starts(problem.parameters, fit.values, found)
     fit = _searched(problem, [fit.values, *falls], *more) if falls else fit
-    held = held_elsewhere(fit, [*parameters, *others], described)
-    if any(one.cost < fit.cost for one in held):  # it was not the lowest
-        fit = _searched(problem, [fit.values, min(held, key=lambda one: one.cost).values], *more)
-    fit = with_held(fit, held)
+    points = profile_points(fit, [*parameters, *others], described)
+    if any(one.cost < fit.cost for one in points):  # it was not the lowest
+        fit = _searched(problem, [fit.values, min(points, key=lambda one: one.cost).values], *more)
+    fit = with_profile(fit, points)
     fit = with_own_noise(fit) if correlated and noise is None else fit
     fit, left_by = _with_inexact(fit, found, measured, model, settings)
     asked = _unasked({*free, *tied})

@@ -1,8 +1,8 @@
-"""What fits as well where the Stribeck velocity is another: its valley is bent.
+"""Profile likelihood of the Stribeck velocity, by points: where its confidence region is bent.
 
 A motion that passes quickly through the velocities at which friction falls shows the tail of the fall only,
 and a higher stiction that falls earlier has the same tail. Intervals linearised at one of them miss the
-others. So the rest is fitted again with the velocity held elsewhere: the likelihood's profile, by points.
+others. So the rest is fitted again with the velocity fixed elsewhere.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from ...estimate.result import Fit
 NAME, POINTS = "stribeck_velocity", 7
 
 
-def held_elsewhere(
+def profile_points(
     fit: Fit, parameters: Sequence[Parameter], described: Callable[[Sequence[Parameter]], Problem]
 ) -> tuple[Fit, ...]:
-    """Fits with the Stribeck velocity held all over its interval; none where that is narrow, or not free.
+    """Fits with the Stribeck velocity fixed all over its interval; none where that is narrow, or not free.
 
     Where a value ended at its bound, that interval says nothing, and the bounds of the velocity count.
 
@@ -42,25 +42,25 @@ def held_elsewhere(
     found = []
     for at in np.geomspace(low, high, POINTS):
         begin = {**fit.values, NAME: float(at)}
-        held = [
+        fixed = [
             q
             if q.fixed or q.tied
             else q._replace(start=begin[q.name], fixed=q.name == NAME, prior=None if q is p else q.prior)
             for q in parameters
         ]
         try:
-            found.append(fit_least_squares(described(held), tolerance=1e-7))
+            found.append(fit_least_squares(described(fixed), tolerance=1e-7))
         except FitError:
             continue
     return tuple(found)
 
 
-def with_held(fit: Fit, held: Sequence[Fit]) -> Fit:
+def with_profile(fit: Fit, points: Sequence[Fit]) -> Fit:
     """The fit whose intervals hold those that the noise does not reject."""
-    place = [p.name for p in fit.parameters].index(NAME) if held else 0
+    place = [p.name for p in fit.parameters].index(NAME) if points else 0
     variance = 1.0 if fit.noise_known else fit.reduced_chi_squared
     others = []
-    for one in held:
+    for one in points:
         excess = max(one.cost - fit.cost, 0.0) / variance if variance > 0.0 else 0.0
         if one.converged and still_fits(excess, len(fit.parameters)):
             known = one.uncertainty
