@@ -85,7 +85,7 @@ def identify_loops(
     recordings at rest: the noise of a single first sample stays until the contact slips, and the intervals
     are wider by it. That elements begin alike, which is wrong right after a turn, they take as exact. Between
     samples the motion is smooth (see `sampled`). Where the motion passes the fall of friction too quickly to
-    tell the Stribeck velocity, the rest is fitted with that fixed elsewhere, and the intervals hold what fits.
+    tell the Stribeck velocity, the rest is fitted with it fixed elsewhere, and intervals hold what fits.
 
     Args:
         recordings: with position [m] and friction_force [N], positive when the driving body moves towards +x;
