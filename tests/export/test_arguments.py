@@ -43,17 +43,6 @@ def test_arguments_of_another_kind(given: dict[str, Any], said: str, tmp_path: P
         ({"motion": np.zeros(4)}, "the wanted motion is in m; motion = array"),
         ({"waveform": 3}, "waveform = 3 is no waveform, such as Sawtooth"),
         ({"waveform": np.zeros(4)}, "waveform = array.* is no waveform"),
-    ],
-)
-def test_what_is_no_waveform(given: dict[str, Any], said: str, tmp_path: Path) -> None:
-    with pytest.raises(QuantityError, match=said):
-        export_c(KANG, tmp_path / "c", **given)
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
         (
             {"motion": Sine(1e-6, 1e7, unit="m")},
             "motion = Sine.*: its duration = 8e-07 s must be finite and at",
@@ -65,7 +54,7 @@ def test_what_is_no_waveform(given: dict[str, Any], said: str, tmp_path: Path) -
         ({"waveform": Constant(30.0), "duration": 1e-6}, "^duration = 1e-06 s must be finite and at least"),
     ],
 )
-def test_what_is_shorter_than_a_step(given: dict[str, Any], said: str, tmp_path: Path) -> None:
+def test_what_is_no_waveform_or_shorter_than_a_step(given: dict[str, Any], said: str, tmp_path: Path) -> None:
     with pytest.raises(QuantityError, match=said):
         export_c(KANG, tmp_path / "c", **given)
     assert not list(tmp_path.iterdir())

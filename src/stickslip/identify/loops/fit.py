@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -149,30 +150,24 @@ def identify_loops(
     parameters, begins = loop_starts(parameters, found, measured, bounds)
     others = beside(free, tied, known_of(model, neutral, turns))
 
-    def described(parameters: Sequence[Parameter]) -> Problem:
-        return Problem(
-            [
-                Residuals(
-                    _residuals(model, response, force),
-                    force,
-                    noise,
-                    name,
-                    units["bias"],
-                    time=one["time"].values,
-                )
-                for response, force, name, one in zip(responses, measured, names, found, strict=True)
-            ],
-            parameters,
-            noise_known=noise is not None,
-            correlated=correlated and noise is not None,
-            difference_step=DIFFERENCE_STEP,
+    parts = [
+        Residuals(
+            _residuals(model, response, force), force, noise, name, units["bias"], time=one["time"].values
         )
-
+        for response, force, name, one in zip(responses, measured, names, found, strict=True)
+    ]
+    described = partial(
+        Problem,
+        parts,
+        noise_known=noise is not None,
+        correlated=correlated and noise is not None,
+        difference_step=DIFFERENCE_STEP,
+    )
     problem = described([*parameters, *others])
     more = (starts, seed, max_evaluations, progress)
     fit = _searched(problem, [{p.name: p.start for p in parameters}, *begins], *more)
-    falls = stribeck_starts(problem.parameters, fit.values, found)
-    fit = _searched(problem, [fit.values, *falls], *more) if falls else fit
+    if falls := stribeck_starts(problem.parameters, fit.values, found):
+        fit = _searched(problem, [fit.values, *falls], *more)
     points = profile_points(fit, [*parameters, *others], described)
     if any(one.cost < fit.cost for one in points):  # it was not the lowest
         fit = _searched(problem, [fit.values, min(points, key=lambda one: one.cost).values], *more)
@@ -278,24 +273,25 @@ def _with_inexact(
     """The fit with what steps and noise of the recorded position and normal force, their sampling, and steps
     of the force leave open; and the root mean square of what all but the last leave in each recording."""
     names, squares, best = names_of(recordings), np.zeros(len(recordings)), fit.values
-    fit = with_first(fit, recordings, lambda r: response_of(r, names[0], *settings)(model, best))
+
+    def of_one(recording: xr.Dataset) -> NDArray[np.float64]:
+        return response_of(recording, names[0], *settings)(model, best)
+
+    fit = with_first(fit, recordings, of_one)
     ends = np.cumsum([force.size for force in measured])[:-1]
     for what in ("position",) if settings[0] is None else ("position", "normal_force"):
         values = [channel(r, what, name) for r, name in zip(recordings, names, strict=True)]
 
         def shown(drawn: Sequence[NDArray[np.float64]], what: str = what) -> NDArray[np.float64]:
-            responses = [
-                response_of(r.assign({what: ("time", x)}), name, *settings)(model, best)
-                for r, x, name in zip(recordings, drawn, names, strict=True)
-            ]
-            return np.concatenate(responses)
+            changed = [r.assign({what: ("time", x)}) for r, x in zip(recordings, drawn, strict=True)]
+            return np.concatenate([of_one(r) for r in changed])
 
         known = [Inexact.seen(x) for x in values]
         moved = moved_by(known, shown)
         fit = with_moved(fit, moved, said_steps(what, known, unit_of(recordings, what)))
         if moved is not None:
             squares += [float(np.mean(part**2)) for part in np.split(moved, ends, axis=1)]
-    fit, more = with_sampling(fit, recordings, lambda r: response_of(r, names[0], *settings)(model, best))
+    fit, more = with_sampling(fit, recordings, of_one)
     squares += more
     forces = [Inexact.seen(force, noisy=False) for force in measured]
     moved = moved_by(forces, lambda drawn: -np.concatenate(drawn))

@@ -95,10 +95,10 @@ def identify_step(
     Returns:
         A fit of damping_ratio, natural_frequency [rad/s], gain [m/V], delay [s], lag [s], and of each
         recording the offset [m] and the drift of its sensor [m/s]; `predict(recording)` gives the position
-        without these two, which `step_level` gives. The delay is how late
-        the sensor is in all, the lag included, counted from the sample after the step of drive_voltage. Where
-        the stage is overdamped, nothing tells its two poles from the lag's: the intervals hold all three
-        ways, and `other_minima` tells them; without a lag (``lag=False``) there is one.
+        without these two, which `step_level` gives. The delay is how late the sensor is in all, the lag
+        included, counted from the sample after the step of drive_voltage. Where the stage is overdamped,
+        nothing tells its two poles from the lag's: the intervals hold all three ways, and `other_minima`
+        tells them; without a lag (``lag=False``) there is one.
 
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled.
