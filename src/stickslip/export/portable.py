@@ -93,6 +93,9 @@ def export_c(
         raise QuantityError(f"the input of an amplifier is in V, not in {drive.unit}")
     files = core_files(found, parts, h, noise)
     table = table_h("stickslip_waveform", repr_of(drive), played(drive, h, seconds), h)
+    # For the example's check of the step: a jump between two steps is another one in half of it.
+    halved = table_h("stickslip_halved", repr_of(drive), played(drive, 0.5 * h, seconds), 0.5 * h)
+    files["stickslip_halved.h"] = halved
     rest = f"#define STICKSLIP_REST_INPUT R({float(drive.drive(h).before)!r})"
     noise_line = f"#define STICKSLIP_MEASUREMENT_NOISE R({noise!r})"
     files["stickslip_waveform.h"] = table.replace("\n#endif\n", f"\n{rest}\n{noise_line}\n\n#endif\n")
