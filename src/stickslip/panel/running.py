@@ -83,6 +83,7 @@ class Runner:
         self._using = threading.Lock()  # the rig: a run, or setting home
         self._delivered = 0.0  # s that a request to stop took to the rig's process
         self._lock = threading.Lock()
+        self._telling = threading.RLock()  # `state`, which the run's thread and who asks for a stop change
         self._thread: threading.Thread | None = None
         self._stop: tuple[str, float] | None = None
         self._told = 0.0
@@ -111,7 +112,7 @@ class Runner:
 
     def start(self, job: Job) -> None:
         """Start a job; raises RigError while another runs."""
-        with self._lock:
+        with self._lock, self._telling:
             if self.busy:
                 raise RigError("a run is going on: stop it first")
             self._stop, self._busy = None, True
@@ -126,9 +127,11 @@ class Runner:
     def stop(self, why: str) -> bool:
         """Ask the run to end with a ramp to 0 V; at once, whoever asks. Whether anything went on."""
         also = [act() for act in self.also_stop]
-        if not self.busy:
-            return any(also)
-        if self._stop is None:
+        with self._telling:
+            if not self.busy:
+                return any(also)
+            if self._stop is not None:
+                return True
             self._stop = (why, time.perf_counter())
             self._state(phase="stopping")
             threading.Thread(target=self._halt, args=self._stop, daemon=True).start()
@@ -219,8 +222,9 @@ class Runner:
             collect()
             if self._moved:
                 self.before_ramp = ramped
-            self._busy = False  # before it is told: who hears of the end may start again
-            self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
+            with self._telling:
+                self._busy = False  # before it is told: who hears of the end may start again
+                self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
 
     def _recorded(self, job: Job, progress: Progress) -> int:
         """How many recordings it has made."""
@@ -256,8 +260,12 @@ class Runner:
     def seen(self, position: float) -> None:
         """A loop goes on, and the end-effector is there, m from home."""
         self._at(position)
-        if self.state["phase"] == "preparing":
-            self._state(phase="running")
+        self._puts_out()
+
+    def _puts_out(self) -> None:
+        with self._telling:
+            if self.state["phase"] == "preparing":
+                self._state(phase="running")
 
     def _at(self, position: float) -> None:
         self.position, self.before_ramp, self._moved = position, False, True
@@ -278,14 +286,15 @@ class Runner:
             self._live.begin(f"{job.title}: {cell.name}", job.columns, rate, samples, before, pre_trigger)
             seek.begin(before)
             self._statistics.begin(job.columns, drive)
-            self._state(phase="preparing", doing=cell.name)  # a virtual rig computes before it puts out
+            with self._telling:
+                # A virtual rig computes before it puts out; where a stop was asked for, it does neither.
+                self._state(phase="preparing" if self._stop is None else "stopping", doing=cell.name)
 
         def sees(block: dict[str, NDArray[np.float64]]) -> None:
             self.need_going()
             if not any(one.size for one in block.values()):
                 return
-            if self.state["phase"] == "preparing":
-                self._state(phase="running")
+            self._puts_out()
             seek(block)
             began = getattr(rig, "began", None)
             if POSITION in block and began is not None:
@@ -324,8 +333,9 @@ class Runner:
         self._state(doing=doing, done=done, remaining=remaining)
 
     def _state(self, **changes: Any) -> None:
-        self.state = {**self.state, **changes}
-        self._hub.tell("run", **self.state, **self.where)
+        with self._telling:
+            self.state = {**self.state, **changes}
+            self._hub.tell("run", **self.state, **self.where)
 
 
 class _TriggerSeeker:

@@ -62,8 +62,9 @@ class Sequencer:
     def __init__(self, hub: Hub, document: BenchDocument, runner: Runner, starter: Starter) -> None:
         self._hub, self._document, self._runner, self._starter = hub, document, runner, starter
         self._lock = threading.Lock()
+        self._telling = threading.Lock()  # `state`, which the sequence's thread and requests change
         self._ending = threading.Event()  # now
-        self._last = False  # after the run that goes on
+        self._last = threading.Event()  # no further run; what rests need not rest on
         self._thread: threading.Thread | None = None
         self.state: dict[str, Any] = {
             "phase": "idle",
@@ -120,7 +121,7 @@ class Sequencer:
             if self.state["phase"] == "running" or self._runner.busy:
                 raise RigError("a run or a sequence is going on: stop it first")
             self._ending.clear()
-            self._last = False
+            self._last.clear()
             self._starter.queued = True
             self._tell(phase="running", at=0, count=len(steps), title="", said="", left=_left(steps, 0.0))
             self._thread = threading.Thread(target=self._go, args=(steps, asked), name="sequence")
@@ -128,20 +129,26 @@ class Sequencer:
         return len(steps)
 
     def end_after(self) -> None:
-        """No further run after the one that goes on."""
-        self._last = True
-        self._tell(said="ends after this run")
+        """No further run after the one that goes on; between two runs it ends at once."""
+        with self._telling:
+            if self.state["phase"] == "running":
+                self._change(said="ends after this run")
+                self._last.set()
 
     def join(self) -> None:
         """End it, and wait for that."""
-        self._ending.set()
+        self._end()
         if self._thread is not None:
             self._thread.join()
 
     def _stopped(self) -> bool:
         running = self.state["phase"] == "running"
-        self._ending.set()
+        self._end()
         return running
+
+    def _end(self) -> None:
+        self._ending.set()
+        self._last.set()
 
     def _go(self, steps: list[Step], asked: Sequence) -> None:
         phase, said = "failed", "it ended by itself"
@@ -155,7 +162,7 @@ class Sequencer:
         """One after the other; the phase in which it ended, and what is said of it."""
         overhead, failed = _OVERHEAD, 0
         for i, step in enumerate(steps):
-            if self._ending.is_set() or self._last:
+            if self._last.is_set():
                 return "ended", f"ended after {i} of {len(steps)}"
             self._tell(at=i + 1, title=step.title, left=_left(steps[i:], overhead))
             begun = time.monotonic()
@@ -164,7 +171,7 @@ class Sequencer:
             if outcome == "done":
                 rest = step.rest if i + 1 < len(steps) else 0.0
                 self._tell(left=_left(steps[i + 1 :], overhead) + rest)
-                self._ending.wait(rest)
+                self._last.wait(rest)
                 continue
             failed += 1
             if not (asked.go_on and outcome == "failed") or self._ending.is_set():
@@ -197,6 +204,10 @@ class Sequencer:
         return str(self._runner.state["phase"])
 
     def _tell(self, **changes: Any) -> None:
+        with self._telling:
+            self._change(**changes)
+
+    def _change(self, **changes: Any) -> None:
         self.state = {**self.state, **changes}
         self._hub.tell("sequence", **self.state)
 
