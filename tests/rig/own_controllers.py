@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-import time
+import threading
 
 from stickslip import registry
 from stickslip.units import QuantityError
+
+PATIENCE = 300.0  # s
+ANSWER = threading.Event()  # until a controller that stalls may answer
 
 
 @registry.controllers.add
@@ -33,6 +36,6 @@ class Ramping:
             if self.does == "nan":
                 return float("nan")
             if self.does == "stall":
-                time.sleep(4.0)
+                ANSWER.wait(PATIENCE)
             self.done = self.does == "done"
         return min(self.slope * tick, self.top)

@@ -176,11 +176,11 @@ def test_a_controller_that_fails_ends_in_the_ramp(tmp_path: Path) -> None:
 
 def test_a_controller_that_never_answers_is_left_behind() -> None:
     rig, released = VirtualRig(ACTUATOR, BENCH), threading.Event()
-    stalls = failing(500, lambda: 30.0 if released.wait(60.0) else 0.0)
+    stalls = failing(500, lambda: 30.0 if released.wait(300.0) else 0.0)
     begun = time.monotonic()
     with pytest.raises(LimitError, match="watchdog: nothing came from the controller") as caught:
-        regulate(rig, stalls, 0.0, IDEAL, Limits(watchdog=1.0), 0.1)
-    assert time.monotonic() - begun < 30.0
+        regulate(rig, stalls, 0.0, IDEAL, Limits(watchdog=5.0), 0.1)
+    assert time.monotonic() - begun < 200.0
     assert caught.value.recording.sizes["time"] == 500  # type: ignore[attr-defined]
     assert at_rest(rig)
     released.set()  # it comes back, and finds nothing that runs
@@ -278,7 +278,7 @@ def test_what_was_recorded_outlives_kill_9(tmp_path: Path) -> None:
         [sys.executable, "-c", KILLED, str(tmp_path / "loop.nc")], env=environment, cwd=tmp_path
     )
     try:
-        until = time.monotonic() + 100.0
+        until = time.monotonic() + 300.0
         while time.monotonic() < until and program.poll() is None:
             files = list(tmp_path.glob(".*.samples"))
             if files and int.from_bytes(files[0].read_bytes()[:8], "little") >= 800:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import gc
 import json
 import os
+import re
 import signal
 import socket
 import stat
@@ -31,7 +32,7 @@ from stickslip.waveform.periodic import Sawtooth
 from rig.laboratory import ACTUATOR, BENCH, CHANNELS, IDEAL  # isort: skip
 
 DRIVE, CAPTURE = Sawtooth(65.0, 20.0), Capture(0.3, 1e-3, 0.02)
-LONG = Capture(6.0, 1e-3, 0.02)
+LONG = Capture(20.0, 1e-3, 0.02)
 
 CLIENT = """
 import sys
@@ -45,7 +46,7 @@ def tell(doing, done):
     print(done, flush=True)
 
 rig = HostedRig(Link(Path(sys.argv[1]), "a script"), device(True))
-measure(rig, DRIVE, IDEAL, LONG, Limits(watchdog=1.0), save=Path(sys.argv[2]), progress=tell)
+measure(rig, DRIVE, IDEAL, LONG, Limits(watchdog=float(sys.argv[3])), save=Path(sys.argv[2]), progress=tell)
 """
 
 
@@ -61,11 +62,10 @@ def link(tmp_path: Path) -> Iterator[Link]:
 
 
 @contextmanager
-def client(folder: Path, target: Path) -> Iterator[subprocess.Popen[str]]:
+def client(folder: Path, target: Path, watchdog: float = 60.0) -> Iterator[subprocess.Popen[str]]:
     """A program that runs a long recording; gives it once samples come."""
-    with subprocess.Popen(
-        [sys.executable, "-c", CLIENT, str(folder), str(target)], stdout=subprocess.PIPE, text=True
-    ) as process:
+    command = [sys.executable, "-c", CLIENT, str(folder), str(target), str(watchdog)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
             while float(process.stdout.readline() or "nan") <= 0.03:
@@ -75,13 +75,12 @@ def client(folder: Path, target: Path) -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
-def idle(link: Link) -> float:
-    """How long it takes until nothing runs, s."""
+def idle(link: Link) -> None:
+    """Wait until nothing runs."""
     begun = time.monotonic()
     while link.ask("state")[0]["phase"] != "idle":
-        assert time.monotonic() - begun < 60.0, "it goes on"
+        assert time.monotonic() - begun < 300.0, "it goes on"
         time.sleep(0.005)
-    return time.monotonic() - begun
 
 
 def number_of(link: Link) -> int:
@@ -166,11 +165,14 @@ def test_a_program_that_is_killed_while_samples_are_under_way_loses_none(link: L
 
 
 def test_a_program_that_stalls_has_its_run_stopped(link: Link, tmp_path: Path) -> None:
-    with client(link.folder, tmp_path / "long.nc") as program:
+    with client(link.folder, tmp_path / "long.nc", 3.0) as program:
         program.send_signal(signal.SIGSTOP)
-        assert idle(link) > 0.3, "the watchdog of 1 s"
+        idle(link)
         program.send_signal(signal.SIGCONT)
-        program.wait(20)
+        _, said = program.communicate(timeout=300)
+        silent = re.search(r"watchdog: the program that runs it has been silent for ([\d.]+) s", said)
+        assert silent is not None, said
+        assert float(silent[1]) >= 3.0
     kept = list((tmp_path).glob(".long.*"))
     assert program.returncode == 1
     assert not kept
@@ -213,7 +215,7 @@ def test_two_programs_and_a_stop_by_whoever_is_there(link: Link, tmp_path: Path)
             HostedRig(link, device())
         assert link.ask("stop", why="the other operator")[0]["stopped"]
         idle(link)
-        assert program.wait(20) == 1
+        assert program.wait(300) == 1
     assert not (tmp_path / "long.nc").exists()
 
 
@@ -238,7 +240,7 @@ def test_it_ends_when_nobody_is_there(tmp_path: Path) -> None:
     link = Link(tmp_path / "rig", "a test")
     process = number_of(link)
     link.close()
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + 300.0
     while (tmp_path / "rig" / "rig.json").exists():
         assert time.monotonic() < end
         time.sleep(0.1)

@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ from stickslip.units import QuantityError
 from stickslip.waveform import Sine
 
 from rig.laboratory import ACTUATOR, BENCH, CHANNELS, IDEAL  # isort: skip
-from rig.own_controllers import Ramping  # isort: skip
+from rig.own_controllers import ANSWER, PATIENCE, Ramping  # isort: skip
 
 
 def ramping(**options: object) -> ControllerSpec:
@@ -54,7 +55,7 @@ def link(tmp_path: Path) -> Iterator[Link]:
 
 
 def idle(link: Link) -> None:
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + PATIENCE
     while link.ask("state")[0]["phase"] != "idle":
         assert time.monotonic() < end, "it goes on"
         time.sleep(0.005)
@@ -107,11 +108,12 @@ def test_a_controller_ends_it_and_takes_commands(link: Link) -> None:
 
 
 @contextmanager
-def supervised(**options: object) -> Iterator[tuple[Supervisor, VirtualRig]]:
+def supervised(**options: Any) -> Iterator[tuple[Supervisor, VirtualRig]]:
     """A run that goes on, of a supervisor in this process, so that its rig can be looked at."""
     one, rig = Supervisor(Home(), lambda: None), VirtualRig(ACTUATOR, BENCH, seed=3)
     one.rig = rig
-    limits = Limits(watchdog=0.5, max_position=float(options.pop("stop", 1.0)))
+    watchdog = float(options.pop("watchdog", PATIENCE))
+    limits = Limits(watchdog=watchdog, max_position=float(options.pop("stop", 1.0)))
     inputs = ("drive", AT, WANTED, ASKED)
     controller = ramping(**options).document()
     one.run(Order(limits, inputs, 10**6, 0, PositionInput("ideal", ()), np.zeros(1), None, controller))
@@ -119,7 +121,7 @@ def supervised(**options: object) -> Iterator[tuple[Supervisor, VirtualRig]]:
         yield one, rig
     finally:
         one.stop("the test ends")
-        one.join(60.0)
+        one.join(PATIENCE)
 
 
 def fetched(one: Supervisor) -> BaseException:
@@ -158,28 +160,29 @@ def test_a_stop_and_a_silent_program_end_it() -> None:
         assert one.stop("a stop")
         assert isinstance(fetched(one), StopRequested)
         assert at_rest(rig)
-    with supervised() as (one, rig):
-        while (one.said() or {})["ticks"] < 1500:
-            one.fetch(0.1)
-        one.join(60.0)  # nobody fetches: the watchdog
+    with supervised(watchdog=0.5) as (one, rig):
+        one.join(PATIENCE)  # nobody fetches: the watchdog
         assert not one.busy
         assert at_rest(rig)
         assert "silent" in str(fetched(one))
 
 
 def test_a_controller_that_never_answers_is_left_behind() -> None:
-    with supervised(at=2000, does="stall") as (one, rig):
+    ANSWER.clear()
+    with supervised(at=2000, does="stall", watchdog=5.0) as (one, rig):
         while (one.said() or {})["ticks"] < 2001:
             one.fetch(0.1)
-        end = time.monotonic() + 3.5
+        end = time.monotonic() + PATIENCE / 2
         while abs(rig.output()[1][-1]) > rig.capabilities.step or rig.output()[1].max() < 30.0:
             assert time.monotonic() < end, "the ramp comes before the answer"
             one.fetch(0.05)
+        ANSWER.set()
 
 
 KILLED = """
 import sys, time
 from pathlib import Path
+from typing import Any
 sys.path.insert(0, "tests")
 from rig.test_hosted_loop import IDEAL, Limits, Link, HostedRig, device, ramping, regulate
 rig = HostedRig(Link(Path(sys.argv[1]), "a script"), device(True))
@@ -191,7 +194,7 @@ def test_kill_9_in_mid_move_ends_in_the_ramp_with_the_recording_whole(link: Link
     with subprocess.Popen(
         [sys.executable, "-c", KILLED, str(link.folder), str(tmp_path / "move.nc")]
     ) as program:
-        end = time.monotonic() + 100.0
+        end = time.monotonic() + PATIENCE
         while True:
             files = list(tmp_path.glob(".move.*.samples"))
             if files and int.from_bytes(files[0].read_bytes()[:8], "little") >= 1500:
