@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -9,16 +10,32 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from urllib.error import HTTPError
 from urllib.request import urlopen
 
+import httpx
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect, sync_playwright
 
-expect.set_options(timeout=60_000)  # ms, on a busy machine
 PATIENCE = 300.0  # s for a server on a busy machine, the first one of which may compile
+expect.set_options(timeout=1e3 * PATIENCE)
+CLIENT = "tester"  # who the page of a test is
+AS_CLIENT = f"sessionStorage.getItem('client') || sessionStorage.setItem('client', '{CLIENT}')"
+# What a page shows for a while only, noted by the page itself: a busy machine may look when it is over.
+NOTES = """
+  window.notices = [];
+  window.phases = []; // of a fit, and in words of a move
+  new MutationObserver((changes) => {
+    for (const { target, addedNodes } of changes)
+      if (target.id === "notices") for (const one of addedNodes) notices.push(one.textContent);
+    for (const now of [document.querySelector(".identify")?.dataset.phase,
+      document.getElementById("move-phase")?.textContent]) if (now && phases.at(-1) !== now) phases.push(now);
+  }).observe(document, { subtree: true, childList: true, attributeFilter: ["data-phase"] });
+"""
 
 
 class Panel:
@@ -78,7 +95,7 @@ class Panel:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
         try:
-            return self.process.wait(30)
+            return self.process.wait(PATIENCE)
         finally:
             self.process.kill()
             self._close()
@@ -108,17 +125,30 @@ def browser() -> Iterator[Browser]:
     assert path is not None, "the browser tests need chromium: apt-get install chromium"
     with sync_playwright() as driver:
         started = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        for name in ("new_context", "new_page"):
+            setattr(started, name, _patient(getattr(started, name)))
         yield started
         started.close()
+
+
+def _patient(new: Callable[..., Any]) -> Callable[..., Any]:
+    """Where a time limit only ends what hangs."""
+
+    def made(*given: Any, **options: Any) -> Any:
+        one = new(*given, **options)
+        one.set_default_timeout(1e3 * PATIENCE)
+        return one
+
+    return made
 
 
 @pytest.fixture
 def page(browser: Browser) -> Iterator[Page]:
     """An empty page; an error in a script of the panel fails the test."""
     context = browser.new_context(viewport={"width": 1280, "height": 720}, accept_downloads=True)
-    context.set_default_timeout(60_000)
     # The same page for the server in every test: control is with it from one test to the next.
-    context.add_init_script("sessionStorage.getItem('client') || sessionStorage.setItem('client', 'tester')")
+    context.add_init_script(AS_CLIENT)
+    context.add_init_script(NOTES)
     made = context.new_page()
     errors: list[str] = []
     made.on("pageerror", lambda error: errors.append(error.stack or str(error)))
@@ -129,8 +159,73 @@ def page(browser: Browser) -> Iterator[Page]:
     assert not errors
 
 
+def noticed(page: Page, words: str) -> None:
+    """Wait for a notice with these words, after those that were waited for: it may be gone again."""
+    until(
+        page,
+        """(words) => {
+          const at = notices.findIndex((one) => one.includes(words));
+          if (at >= 0) notices.splice(0, at + 1);
+          return at >= 0;
+        }""",
+        words,
+    )
+
+
+def passing(page: Page, phase: str, act: Callable[[], object]) -> None:
+    """Do something, and wait until the page has shown a phase, which may be over again."""
+    page.evaluate("phases.length = 0")
+    act()
+    until(page, "(one) => phases.includes(one)", phase)
+
+
+@contextmanager
+def endless(panel: Panel, run: str, client: str = CLIENT) -> Iterator[None]:
+    """Inside, this run goes on for two minutes, longer than even a busy machine takes to stop it. The rig
+    computes it first, in some seconds."""
+    with httpx.Client(base_url=panel.url, headers={"X-Client": client}, timeout=PATIENCE) as asking:
+        path = ["runs", ("walk", "forward", "step").index(run), "capture", "length"]
+        asking.post("bench/set", json={"path": path, "value": "120 s"}).raise_for_status()
+        try:
+            yield
+        finally:
+            asking.post("bench/undo", json={}).raise_for_status()
+
+
+class Held:
+    """The stream of a page, which shows a run as going on, whether it has ended or not, until the test lets
+    the end through."""
+
+    def __init__(self, page: Page) -> None:
+        self._kept: list[str | bytes] = []
+        self._keeps = False
+        page.route_web_socket(re.compile("/stream$"), self._connect)
+
+    def keep(self) -> None:
+        """The end of the next run."""
+        self._keeps = True
+
+    def let_go(self) -> None:
+        """What was kept."""
+        self._keeps = False
+        for message in self._kept:
+            self._page.send(message)
+        self._kept = []
+
+    def _connect(self, page: WebSocketRoute) -> None:
+        self._page = page
+        page.connect_to_server().on_message(self._pass)
+
+    def _pass(self, message: str | bytes) -> None:
+        said = json.loads(message) if isinstance(message, str) else {}
+        if self._keeps and said.get("kind") == "run" and said["phase"] in ("done", "stopped", "failed"):
+            self._kept.append(message)
+        else:
+            self._page.send(message)
+
+
 def run_number(page: Page) -> int:
     """Of the last run, once the server has told the page."""
     phase = page.locator("#phase")
-    expect(phase).to_have_attribute("data-number", re.compile(r"^\d+$"), timeout=1e3 * PATIENCE)
+    expect(phase).to_have_attribute("data-number", re.compile(r"^\d+$"))
     return int(str(phase.get_attribute("data-number")))

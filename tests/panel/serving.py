@@ -30,7 +30,7 @@ def serving(app: FastAPI, config: uvicorn.Config | None = None) -> Iterator[int]
         yield listening.getsockname()[1]
     finally:
         server.should_exit = True
-        thread.join(30)
+        thread.join(300)
         listening.close()
         assert not thread.is_alive()
 
@@ -57,7 +57,7 @@ def streaming(
         yield stream
 
 
-def heard(stream: ClientConnection, kind: str, timeout: float = 60.0) -> dict[str, Any]:
+def heard(stream: ClientConnection, kind: str, timeout: float = 300.0) -> dict[str, Any]:
     """The next JSON message of a kind; others are passed over."""
     end = time.monotonic() + timeout
     while True:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+import time
 
 import numpy as np
 import pytest
@@ -11,8 +12,8 @@ from playwright.sync_api import Page, Route, expect
 
 from stickslip import open_recording
 
-from .conftest import PATIENCE, Panel, until
-from .test_bench_page import opened, press, run, si
+from .conftest import PATIENCE, Panel, noticed, until
+from .test_bench_page import changed, opened, press, run, si
 
 pytestmark = pytest.mark.browser
 FIELD = "forward voltage"
@@ -75,7 +76,7 @@ def test_a_refusal_moves_nothing(page: Page, panel: Panel) -> None:
         page.get_by_role("tab", name="Recordings").click()
         page.locator(button).click()
         expect(page.get_by_label("Length", exact=True)).to_be_focused()
-    expect(page.locator(".notice.error").last).to_contain_text("Length: a number in s, such as 50 ms")
+    noticed(page, "Length: a number in s, such as 50 ms")
     page.keyboard.press("Control+z")
     # What is got ready is read whole, however narrow the header.
     assert page.evaluate(
@@ -162,17 +163,19 @@ def test_the_vertical_axis_follows_the_next_run(page: Page, panel: Panel) -> Non
     over = page.locator(".plotter .u-over").first
     box = over.bounding_box()
     assert box is not None
+    picture = page.locator(".plotter canvas").first
+    whole = picture.screenshot()
     page.mouse.move(box["x"] + 100, box["y"] + 0.75 * box["height"])
     page.mouse.down()
     page.mouse.move(box["x"] + 400, box["y"] + 0.75 * box["height"] - 50, steps=5)
     page.mouse.up()
+    changed(picture, whole)
     page.wait_for_timeout(200)
-    zoomed = page.locator(".plotter canvas").first.screenshot()
+    zoomed = picture.screenshot()
     page.locator(".plotter .plot").focus()
     page.mouse.move(0, 0)
     press(page, "#start", "Done")
-    page.wait_for_timeout(300)
-    assert page.locator(".plotter canvas").first.screenshot() != zoomed
+    changed(picture, zoomed)
 
 
 @pytest.mark.parametrize("name", ["bench", "identify", "explore", "design", "history"])
@@ -190,6 +193,15 @@ def test_every_page_has_one_heading_and_says_what_comes(page: Page, panel: Panel
         expect(page.get_by_text("What comes here")).to_be_visible()
 
 
+def asked(page: Page, held: list[Route], count: int) -> None:
+    """Wait until so many requests are held, and for what else may come."""
+    end = time.monotonic() + PATIENCE
+    while len(held) < count:
+        assert time.monotonic() < end
+        page.wait_for_timeout(50)
+    page.wait_for_timeout(300)
+
+
 def test_enter_pressed_twice_does_once(page: Page, panel: Panel) -> None:
     """The second before the server has answered the first, as on a loaded machine."""
     held: list[Route] = []
@@ -204,7 +216,7 @@ def test_enter_pressed_twice_does_once(page: Page, panel: Panel) -> None:
     page.get_by_label("Title").fill("Twice")
     page.get_by_label("Title").press("Enter")
     page.get_by_label("Title").press("Enter")
-    page.wait_for_timeout(300)
+    asked(page, held, 2)
     assert [one.request.url.rpartition("/")[2] for one in held] == ["note", "set"]
     for one in held:
         one.continue_()
@@ -213,6 +225,6 @@ def test_enter_pressed_twice_does_once(page: Page, panel: Panel) -> None:
     expect(words).to_have_value("")
     words.fill("said after it")  # once answered, the form can be sent again
     words.press("Enter")
-    page.wait_for_timeout(300)
+    asked(page, held, 3)
     assert len(held) == 3
     held[-1].continue_()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page, expect
+from playwright.sync_api import Browser, Locator, Page, Route, expect
 
 import stickslip as ss
 
@@ -21,7 +21,7 @@ LONG = 1e3 * PATIENCE  # ms: the first simulation on a machine compiles it
 def explore(panel: Panel, page: Page) -> Page:
     """The page as it begins, everything drawn."""
     page.goto(f"{panel.url}#explore")
-    page.locator(".explore[data-curves]").wait_for(timeout=LONG)
+    page.locator(".explore[data-curves][data-drawn]").wait_for(timeout=LONG)
     return page
 
 
@@ -160,13 +160,16 @@ def test_a_slow_sawtooth_is_drawn(explore: Page) -> None:
 
 
 def test_what_belongs_to_an_earlier_state_is_dimmed(explore: Page) -> None:
-    explore.route("**/api/explore/*", lambda route: (explore.wait_for_timeout(1500), route.continue_())[1])
+    held: list[Route] = []
+    explore.route("**/api/explore/*", lambda route: held.append(route))
     number = shown(explore, "Steady step")
     opacity = "document.querySelector('.explore-numbers .of-steps').computedStyleMap().get('opacity').value"
     explore.get_by_label("Waveform").select_option("Sine")
     until(explore, f"{opacity} < 0.6")
     expect(explore.locator(".explore-numbers")).to_have_attribute("aria-busy", "true")
-    explore.unroute_all(behavior="wait")
+    explore.route("**/api/explore/*", lambda route: route.continue_())
+    for route in held:
+        route.continue_()
     expect(explore.locator(".explore-numbers")).to_have_attribute("aria-busy", "false")
     expect(number).to_have_css("opacity", "1")
 
@@ -207,8 +210,10 @@ def test_another_law_and_another_waveform(explore: Page) -> None:
 
 
 def test_pins_compare_and_the_link_holds_everything(explore: Page, browser: Browser) -> None:
+    first = shown(explore, "Net displacement").inner_text()
     type_in(explore, "Coulomb friction", "0.8 N")
     expect(field(explore, "Stiction")).to_have_value("800 mN")
+    expect(shown(explore, "Net displacement")).not_to_have_text(first)
     before = shown(explore, "Net displacement").inner_text()
     explore.get_by_role("button", name="Pin", exact=True).click()
     type_in(explore, "Frequency", "8 Hz")

@@ -69,7 +69,7 @@ def test_loops_steps_and_walk_give_the_whole_actuator(recorded: Panel, page: Pag
     expect(results.get_by_text("Hysteresis and creep, from the loops")).to_be_visible()
     expect(results).to_contain_text("A stage without hysteresis and creep does not explain these recordings")
     expect(results.locator("tr", has_text="loops.nc")).to_contain_text("loops")
-    state = httpx.get(f"{recorded.url}api/identify/state").json()
+    state = httpx.get(f"{recorded.url}api/identify/state", timeout=PATIENCE).json()
     fitted = state["fit"]["parameters"]
     law = BENT.friction
     for name, truth in (("sigma_0", law.sigma_0), ("coulomb_force", law.coulomb_force)):

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +18,8 @@ from playwright.sync_api import Browser, Page, Route, expect
 
 import stickslip as ss
 
-from .conftest import PATIENCE, Panel, until
+from .conftest import PATIENCE, Panel, passing
+from .test_exit import children
 
 pytestmark = pytest.mark.browser
 LONG = 2e3 * PATIENCE  # ms: the first fit on a machine compiles
@@ -54,7 +58,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
 @pytest.fixture
 def identify(recorded: Panel, page: Page) -> Page:
     """The page, no fit running."""
-    httpx.post(f"{recorded.url}api/identify/cancel", json={}, timeout=60)
+    httpx.post(f"{recorded.url}api/identify/cancel", json={}, timeout=PATIENCE)
     page.goto(f"{recorded.url}#identify")
     page.locator(".identify[data-phase]").wait_for(timeout=LONG)
     untick(page, ".identify-list")
@@ -91,22 +95,19 @@ def test_a_fit_from_start_to_report(
         """() => {
           const page = document.querySelector(".identify");
           window.shown = new Set();
-          window.phases = [];
           const inside = { subtree: true, childList: true, characterData: true };
           new MutationObserver(() => {
-            window.phases.push(page.dataset.phase);
             window.shown.add(page.querySelector(".identify-live").textContent);
           }).observe(page, { ...inside, attributeFilter: ["data-phase"] });
         }"""
     )
     before = drawn(identify)
-    start(identify)
-    until(identify, "window.phases.includes('running')")
+    passing(identify, "running", lambda: start(identify))
     phase(identify, "done")
     assert identify.evaluate("() => window.shown.size") > 2, "the values move while it runs"
     assert drawn(identify) > before + 2, "and so does the picture"
     # What it found is what the walks were made with.
-    found = httpx.get(f"{recorded.url}api/identify/state").json()["fit"]["parameters"]
+    found = httpx.get(f"{recorded.url}api/identify/state", timeout=PATIENCE).json()["fit"]["parameters"]
     for name, truth in TRUTH.items():
         low, high = found[name]["interval"]
         assert low < truth < high
@@ -168,7 +169,7 @@ def test_curves_that_come_before_the_answer_are_drawn(identify: Page, recorded: 
     def late(route: Route) -> None:
         answer = route.fetch()
         end = time.monotonic() + LONG / 1e3
-        while httpx.get(f"{recorded.url}api/identify/state").json()["phase"] == "running":
+        while httpx.get(f"{recorded.url}api/identify/state", timeout=PATIENCE).json()["phase"] == "running":
             assert time.monotonic() < end
             time.sleep(0.1)
         route.fulfill(response=answer)
@@ -185,9 +186,9 @@ def test_curves_that_come_before_the_answer_are_drawn(identify: Page, recorded: 
 def test_a_fit_goes_on_when_the_page_closes(recorded: Panel, browser: Browser) -> None:
     page = browser.new_page()
     page.goto(f"{recorded.url}#identify")
-    page.locator(".identify[data-phase]").wait_for()
-    start(page)
-    phase(page, "running")
+    page.locator(".identify[data-phase]").wait_for(timeout=LONG)
+    with page.expect_response("**/api/identify/start"):
+        start(page)
     page.close()
     back = browser.new_page()
     back.goto(f"{recorded.url}#identify")
@@ -196,17 +197,38 @@ def test_a_fit_goes_on_when_the_page_closes(recorded: Panel, browser: Browser) -
     back.close()
 
 
-def test_a_fit_can_be_cancelled_and_another_started(identify: Page) -> None:
-    start(identify, "starts")
-    phase(identify, "running")
-    expect(identify.get_by_role("button", name="Start fit")).to_be_disabled()
-    identify.get_by_role("button", name="Cancel").click()
-    phase(identify, "cancelled")
-    expect(identify.locator(".identify-status")).to_contain_text("Cancelled")
-    start(identify)
-    phase(identify, "running")
-    identify.get_by_role("button", name="Cancel").click()
-    phase(identify, "cancelled")
+@contextmanager
+def pausing(recorded: Panel, *before: int) -> Iterator[list[int]]:
+    """Inside, a fit that begins does not end: the process of the fits, none of those `before`, waits."""
+    end = time.monotonic() + PATIENCE
+    while not (found := [one for one in fits(recorded) if one not in before]):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    for one in found:
+        os.kill(one, signal.SIGSTOP)
+    yield found
+    for one in found:  # ended, where the fit was cancelled: once it goes on
+        os.kill(one, signal.SIGCONT)
+
+
+def fits(panel: Panel) -> list[int]:
+    """Processes in which a panel fits."""
+    return [number for number, said in children(panel.process.pid).items() if "spawn_main" in said]
+
+
+def test_a_fit_can_be_cancelled_and_another_started(identify: Page, recorded: Panel) -> None:
+    with pausing(recorded) as paused:
+        start(identify, "starts")
+        phase(identify, "running")
+        expect(identify.get_by_role("button", name="Start fit")).to_be_disabled()
+        identify.get_by_role("button", name="Cancel").click()
+        phase(identify, "cancelled")
+        expect(identify.locator(".identify-status")).to_contain_text("Cancelled")
+    with pausing(recorded, *paused):
+        start(identify)
+        phase(identify, "running")
+        identify.get_by_role("button", name="Cancel").click()
+        phase(identify, "cancelled")
 
 
 def test_what_is_missing_is_said(identify: Page) -> None:
@@ -255,7 +277,7 @@ def test_an_interval_has_the_digits_that_tell_its_ends_apart(identify: Page) -> 
 
 
 def test_requests_cannot_leave_the_folder(recorded: Panel) -> None:
-    with httpx.Client(base_url=recorded.url, timeout=60) as client:
+    with httpx.Client(base_url=recorded.url, timeout=PATIENCE) as client:
         law = client.get("api/explore/choices").json()["sets"]["kang2007"]
         asked: dict[str, Any] = {"set": "kang2007", "law": "LuGre", "friction": law["friction"]["LuGre"]}
         asked |= {"free": ["sigma_0"]}

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from stickslip import open_recording
 
-from .conftest import PATIENCE, Panel
+from .conftest import PATIENCE, Panel, passing
 
 pytestmark = pytest.mark.browser
 SLOW = PATIENCE * 1e3  # ms
@@ -63,6 +63,11 @@ def number(page: Page, name: str) -> float:
     return float(value) * {"p": 1e-6, "n": 1e-3, "µ": 1.0, "m": 0.0}[unit[0]]
 
 
+def steps(page: Page) -> Locator:
+    """How many were made."""
+    return page.locator(".move-now dl > div", has=page.get_by_text("Steps made", exact=True)).locator("dd")
+
+
 def test_from_gains_to_a_place_a_step_a_scan_and_back(panel: Panel, opened: Page) -> None:
     """Gains without a margin are refused with it, and nothing is put out; then all that the page does."""
     put(opened, "Bandwidth of the integral", "900 Hz")
@@ -84,11 +89,13 @@ def test_from_gains_to_a_place_a_step_a_scan_and_back(panel: Panel, opened: Page
     expect(opened.locator("#move-fault")).to_contain_text("more than the piezo has")
     put(opened, "Scan range", "2 um")
     put(opened, "Cycles", "5")
-    press(opened, "Scan")
-    settled(opened, "Scanning by the piezo")
+    # For 10 s, of which the page is told several times a second.
+    put(opened, "Frequency", "0.5 Hz")
+    passing(opened, "Scanning by the piezo", lambda: press(opened, "Scan"))
     settled(opened)
+    made_before = steps(opened).inner_text()
     press(opened, "Forward ▸")
-    expect(opened.locator("#move-phase")).not_to_have_text("Holding by the piezo: there")
+    expect(steps(opened)).not_to_have_text(made_before)
     settled(opened)
     assert 22.0 < number(opened, "Target") < 35.0
     before = set(panel.folder.rglob("move*.nc"))
@@ -149,6 +156,7 @@ def test_a_stop_and_an_operator_who_leaves(panel: Panel, opened: Page, browser: 
 
 def test_kill_9_in_mid_move(panel: Panel, opened: Page) -> None:
     put(opened, "Position from home", "900 um")
+    put(opened, "a second", "10")  # half a minute
     press(opened, "Go")
     settled(opened, "Walking by steps")
     opened.wait_for_timeout(300)

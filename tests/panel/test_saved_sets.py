@@ -15,7 +15,7 @@ from stickslip.panel import create_app
 from stickslip.parameters.writing import parameter_text, write_parameters
 from stickslip.piezo import BoucWen, Piezo
 
-from .conftest import Panel
+from .conftest import PATIENCE, Panel, noticed
 from .serving import client_of
 from .test_identify_page import LONG, TRUTH, save_walk
 
@@ -52,7 +52,7 @@ def test_a_run_is_identified_from_its_page_and_with_a_saved_set(page: Page, lab:
     expect(page.get_by_label("Fit newer.nc")).not_to_be_checked()
     page.goto(f"{lab.url}#identify?recording=gone.nc")
     page.reload()
-    expect(page.locator("#notices")).to_contain_text("gone.nc is not there")
+    noticed(page, "gone.nc is not there")
     page.goto(f"{lab.url}#identify?recording=older.nc")
     page.reload()
     expect(page.get_by_label("Fit older.nc")).to_be_checked()
@@ -67,7 +67,7 @@ def test_a_run_is_identified_from_its_page_and_with_a_saved_set(page: Page, lab:
     expect(sets).to_have_value(BRASS)
     page.get_by_role("button", name="Start fit").click()
     page.locator(".identify[data-phase=done]").wait_for(timeout=LONG)
-    state = httpx.get(f"{lab.url}api/identify/state").json()
+    state = httpx.get(f"{lab.url}api/identify/state", timeout=PATIENCE).json()
     assert (state["request"]["set"], state["request"]["recordings"]) == (BRASS, ["older.nc"])
     low, high = state["fit"]["parameters"]["sigma_0"]["interval"]
     assert low < TRUTH["sigma_0"] < high
