@@ -39,10 +39,10 @@ from stickslip.study.store import Store
 KANG = ss.load_actuator("kang2007")
 SAW = ss.Sawtooth(65.0, 50.0, periods=2)
 FILE = study_functions.__file__
-# A study file of as many members, each of which takes its time.
-SLOW = f"""\
+# A study file of as many members, in 80 tasks; all but the first 12 wait until a test lets them.
+GATED = f"""\
 kind: study
-measure: {{kind: own, function: {FILE}:slow_squares}}
+measure: {{kind: own, function: {FILE}:gated_squares}}
 task: 3
 grid: {{x: {{start: 0, stop: 19, points: 20}}, y: {{start: 0, stop: 11, points: 12}}}}
 """
@@ -208,21 +208,31 @@ def workers_of(process: subprocess.Popen) -> list[int]:
     return [int(p) for f in folders for p in (f / "children").read_text().split()]
 
 
-def test_killed_runs_go_on_and_end_the_same(tmp_path: Path, log: Path) -> None:
+@pytest.fixture
+def gate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The file that lets all tasks go on."""
+    monkeypatch.setenv("STUDY_GATE", str(tmp_path / "gate"))
+    return tmp_path / "gate"
+
+
+def test_killed_runs_go_on_and_end_the_same(tmp_path: Path, log: Path, gate: Path) -> None:
     """A worker is killed, then the run itself; the workers that are left end by themselves."""
     file, store = tmp_path / "study.yaml", tmp_path / "killed.zarr"
-    file.write_text(SLOW)
+    file.write_text(GATED)
     run = begin(file, store, "--workers", "2")
-    wait_for(store, 10, run)
-    os.kill(workers_of(run)[0], signal.SIGKILL)
-    wait_for(store, 30, run)
-    left = workers_of(run)
+    wait_for(store, 12, run)
+    first = workers_of(run)
+    os.kill(first[0], signal.SIGKILL)
+    while not set(left := workers_of(run)) - set(first):  # another one takes its place
+        assert run.poll() is None
+        time.sleep(0.005)
     partial = xr.open_zarr(store, chunks=None).load()
     done = partial["status"].values != -1
     assert 0 < done.sum() < done.size
     np.testing.assert_array_equal(partial["value"].values[done], EXPECTED[done])
     run.kill()
     run.wait()
+    gate.touch()
     for process in left:
         while Path(f"/proc/{process}/cmdline").exists() and Path(f"/proc/{process}/cmdline").read_bytes():
             time.sleep(0.01)
@@ -269,12 +279,13 @@ def test_a_worker_that_hangs_before_it_begins_is_replaced(
     np.testing.assert_array_equal(found["value"], EXPECTED)
 
 
-def test_a_stop_ends_it_and_what_is_finished_is_kept(tmp_path: Path) -> None:
+def test_a_stop_ends_it_and_what_is_finished_is_kept(tmp_path: Path, gate: Path) -> None:
     file, store = tmp_path / "study.yaml", tmp_path / "s.zarr"
-    file.write_text(SLOW)
+    file.write_text(GATED)
     run = begin(file, store, "--workers", "1")
     wait_for(store, 4, run)
     stop_study(store)
+    gate.touch()  # for the task in hand
     assert run.wait() == 1
     done = Store(store).done()
     assert 4 <= done.sum() < done.size
