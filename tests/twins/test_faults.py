@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +49,7 @@ def test_the_cable_comes_out_while_it_steps(name: str) -> None:
 
 @pytest.mark.parametrize("name", POSITIONERS)
 def test_a_slow_answer_is_not_taken_for_that_to_something_else(name: str) -> None:
-    twin, slow = twin_of(name), 0.0
+    twin, slow, given_up = twin_of(name), False, threading.Event()
     session = twin.session
 
     def dawdling() -> Any:
@@ -57,7 +57,8 @@ def test_a_slow_answer_is_not_taken_for_that_to_something_else(name: str) -> Non
         feed = made.feed
 
         def late(data: bytes) -> bytes:
-            time.sleep(slow)
+            if slow:
+                given_up.wait(60.0)
             return feed(data)
 
         made.feed = late
@@ -67,10 +68,11 @@ def test_a_slow_answer_is_not_taken_for_that_to_something_else(name: str) -> Non
     with served(twin) as port:
         client = client_of(name, port, 1.0)
         client.step(*LONG)
-        slow = 2.0
+        slow = True
         with pytest.raises(RigError, match=rf"{name.upper()} at .*nothing came as the answer to"):
             client.moving(1)
-        slow = 0.0
+        slow = False
+        given_up.set()
         with pytest.raises(RigError, match="connection is closed"):
             client.moving(1)
         client.stop()
