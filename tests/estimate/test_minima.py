@@ -8,6 +8,7 @@ import pytest
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.minima import bound
 from stickslip.estimate.parameter import Parameter
+from stickslip.estimate.problem import Problem
 
 NOISE = 0.1 * np.random.default_rng(0).standard_normal(100)
 
@@ -60,3 +61,34 @@ def test_the_same_valley_is_one_minimum() -> None:
 def test_the_bound_is_that_of_all_parameters_together() -> None:
     assert bound(1) == pytest.approx(3.841, abs=1e-3)
     assert bound(3) == pytest.approx(7.815, abs=1e-3)
+
+
+def test_another_order_of_alike_elements_is_no_other_minimum() -> None:
+    """A sum of two decays, with and without bounds that forbid one order."""
+    times = np.linspace(0.0, 4.0, 200)
+    random = np.random.default_rng(1)
+    measured = 2.0 * np.exp(-times) + np.exp(-4.0 * times) + 0.01 * random.standard_normal(times.size)
+
+    def residuals(values: dict[str, float]) -> np.ndarray:
+        return sum(values[f"size_{i}"] * np.exp(-values[f"rate_{i}"] * times) for i in (1, 2)) - measured
+
+    names = ("size_1", "rate_1", "size_2", "rate_2")
+    wide = [
+        Parameter(name, start, 0.05, 50.0) for name, start in zip(names, (1.0, 0.5, 1.0, 8.0), strict=True)
+    ]
+    narrow = [p._replace(upper=2.5) if p.name == "rate_1" else p for p in wide]
+    groups = (names[:2], names[2:])
+    plain, whole, kept = (
+        fit_least_squares(Problem(residuals, among, exchangeable=exchangeable), starts=8)
+        for among, exchangeable in ((wide, ()), (wide, groups), (narrow, groups))
+    )
+    assert (len(plain.minima), len(whole.minima)) == (1, 0)
+    low, high = plain.confidence_intervals()["rate_1"]
+    assert (low < 1.0, high > 3.0) == (True, True)
+    for fit in (whole, kept):
+        ordered = sorted((fit.values[f"rate_{i}"], i) for i in (1, 2))
+        for (_, i), truth in zip(ordered, ((2.0, 1.0), (1.0, 4.0)), strict=True):
+            for name, value in zip((f"size_{i}", f"rate_{i}"), truth, strict=True):
+                low, high = fit.confidence_intervals()[name]
+                assert low <= value <= high
+                assert high - low < 0.5 * value

@@ -116,6 +116,7 @@ def _described(searches: Searches) -> Fit:
         noise=problem.given,
         loss=problem.loss,
         loss_scale=problem.loss_scale,
+        exchangeable=problem.exchangeable,
         known=tuple(
             r.known._replace(given=r.noise if assumed.known and gaussian else None)
             for r in problem.recordings

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
 from .covariance import Uncertainty
+from .parameter import Parameter, Values
 from .quantiles import chi_squared
 
 # A minimum is another one where a coordinate is further away than so many of its standard errors.
@@ -37,3 +42,35 @@ def bound(n_parameters: int, level: float = LEVEL) -> float:
 def still_fits(excess: float, n_parameters: int) -> bool:
     """Whether a minimum with that excess of chi-squared fits as well as the lowest."""
     return excess <= bound(n_parameters)
+
+
+def relabelled(
+    one: Minimum, parameters: Sequence[Parameter], like: Values, groups: Sequence[Sequence[str]]
+) -> Minimum:
+    """A minimum with its exchangeable groups of parameters in the order that is nearest to other values; as
+    it is, where that would lead out of bounds.
+
+    A sum of alike elements has each of its minima once for every order of these, which are no different ones.
+    """
+    place = {p.name: i for i, p in enumerate(parameters)}
+
+    def away(here: Sequence[str], there: Sequence[str]) -> float:
+        pairs = [(parameters[place[a]], like[a], one.values[b]) for a, b in zip(here, there, strict=True)]
+        return sum(abs(p.coordinate(x) - p.coordinate(y)) for p, x, y in pairs)
+
+    _, order = linear_sum_assignment([[away(here, there) for there in groups] for here in groups])
+    values, index = dict(one.values), np.arange(len(parameters))
+    for here, other in zip(groups, order, strict=True):
+        for a, b in zip(here, groups[other], strict=True):
+            values[a], index[place[a]] = one.values[b], place[b]
+    if not all(p.lower <= values[p.name] <= p.upper for p in parameters):
+        return one
+    known = one.uncertainty
+    moved = Uncertainty(
+        known.covariance[np.ix_(index, index)],
+        known.bounded[index],
+        known.push[index],
+        known.released[index],
+        None if known.centre is None else known.centre[index],
+    )
+    return one._replace(values=values, uncertainty=moved)

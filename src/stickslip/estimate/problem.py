@@ -68,6 +68,8 @@ class Problem:
         difference_step: of the derivatives, relative to the value. Must stay far above the relative error of
             an adaptive simulator; 1e-4 suits tolerances of 1e-8 and below.
         n_eliminated: number of further parameters that the residual functions fit inside (see `separable`).
+        exchangeable: groups of names that may change places without a change of the model, as the parameters
+            of each of several alike elements: minima in other orders of them are the same.
         completed: from a fit to what it is with these put in.
 
     Raises:
@@ -87,6 +89,7 @@ class Problem:
         loss_scale: float = 1.0,
         difference_step: float = 1e-4,
         n_eliminated: int = 0,
+        exchangeable: tuple[tuple[str, ...], ...] = (),
         completed: Callable[[Fit], Fit] = lambda fit: fit,
     ):
         if callable(recordings):
@@ -95,6 +98,7 @@ class Problem:
         self.recordings, self.parameters, self.step = recordings, self.ties.searched, difference_step
         self.jacobian, self.noise_known, self.correlated = jacobian, noise_known, correlated
         self.loss, self.loss_scale, self.completed = loss, loss_scale, completed
+        self.exchangeable = exchangeable
         self._check([p.name for p in parameters])
         parameters = self.parameters
         self.start = np.array([p.coordinate(p.start) for p in parameters])

@@ -21,7 +21,7 @@ from .covariance import Uncertainty
 from .goodness import Goodness, pooled_r_squared, pooled_rmse
 from .identifiability import undetermined
 from .lack import KnownNoise, Lack, lack_of_fit
-from .minima import APART, Minimum, bound
+from .minima import APART, Minimum, bound, relabelled
 from .parameter import Parameter, Values
 from .quantiles import reach
 from .shown import as_dict, as_text, preformatted
@@ -58,7 +58,7 @@ class Fit:
         beside: parameters that are fixed or tied to others.
         noise: standard deviation that each recording's data were weighted with, one number or shape (n,), in
             their unit; empty where none was given.
-        loss, loss_scale: see `Problem`.
+        loss, loss_scale, exchangeable: see `Problem`.
     """
 
     parameters: tuple[Parameter, ...]
@@ -90,6 +90,7 @@ class Fit:
     noise: tuple[float | np.ndarray, ...] = ()
     loss: str = "linear"
     loss_scale: float = 1.0
+    exchangeable: tuple[tuple[str, ...], ...] = ()
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
@@ -177,6 +178,8 @@ class Fit:
         """The fit with those of the other minima that are not the same as its own, or as one before."""
         kept: list[Minimum] = []
         own = Minimum(self.values, self.uncertainty, 0.0)
+        if self.exchangeable:
+            others = [relabelled(m, self.parameters, self.values, self.exchangeable) for m in others]
         for other in sorted(others, key=lambda m: m.excess):
             if all(self._apart(other, known) for known in (own, *kept)):
                 kept.append(other)

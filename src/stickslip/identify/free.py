@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from ..estimate.parameter import Parameter
 from ..estimate.tied import names_in
+from ..friction import MaxwellSlip
 from ..records import Quantity, did_you_mean, quantities
 from ..simulation.varied import element_of, free_names, law_of, ratios_of
 from ..units import QuantityError, to_si, turned, with_unit
@@ -36,6 +37,19 @@ class Squared(NamedTuple):
     def are(cls, bounds: Bounds, name: str) -> bool:
         """Whether those of a parameter are such."""
         return isinstance(bounds.get(name), cls)
+
+
+def exchangeable(
+    law: Any, parameters: Sequence[Parameter], others: Sequence[Parameter]
+) -> tuple[tuple[str, ...], ...]:
+    """The parameters of each element of a law that is a sum of alike ones, as `Problem` takes them; of those
+    elements all of whose parameters are searched for, and of which nothing else is said."""
+    if not isinstance(law, MaxwellSlip) or any(p.tied for p in others):
+        return ()
+    searched = {p.name for p in parameters if p.prior is None and not p.fixed}
+    groups = [(f"stiffness_{i}", f"strength_{i}") for i in range(1, len(law.strength) + 1)]
+    found = tuple(group for group in groups if searched.issuperset(group))
+    return found if len(found) > 1 else ()
 
 
 def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Parameter:

@@ -39,6 +39,7 @@ from ..free import (
     beside,
     check_names,
     check_priors,
+    exchangeable,
     known_of,
     linear,
     parameter,
@@ -162,6 +163,7 @@ def identify_loops(
         noise_known=noise is not None,
         correlated=correlated and noise is not None,
         difference_step=DIFFERENCE_STEP,
+        exchangeable=exchangeable(model, parameters, others),
     )
     problem = described([*parameters, *others])
     more = (starts, seed, max_evaluations, progress)

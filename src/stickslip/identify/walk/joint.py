@@ -191,7 +191,7 @@ class _Weighted:
     ) -> None:
         self.motions, self.measured, self.names, self.known = motions, measured, names, known
         self.parameters, self.beside, self.weight = list(parameters), list(fit.beside), weight
-        self.varied = Varied(fit.model, Ties([*parameters, *fit.beside]))
+        self.varied, self.exchangeable = Varied(fit.model, Ties([*parameters, *fit.beside])), fit.exchangeable
 
     def left(self, values: Values) -> list[Array]:
         """Model minus measured, m."""
@@ -233,6 +233,7 @@ class _Weighted:
             parameters,
             jacobian=jacobian,
             noise_known=True,
+            exchangeable=self.exchangeable,
         )
 
     def search(self, begin: Values, hops: int = 0, most: int = MOST_EVALUATIONS) -> Fit:

@@ -21,7 +21,7 @@ from ...estimate.search import SearchState
 from ...estimate.tied import Ties
 from ...progress import Progress
 from ...simulation.varied import with_values
-from ..free import value_of
+from ..free import exchangeable, value_of
 from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement, has_slopes
 from .position_channel import CHANNEL
@@ -142,6 +142,7 @@ class Walks:
             loss=self.loss,
             loss_scale=self.loss_scale,
             difference_step=DIFFERENCE_STEP,
+            exchangeable=exchangeable(self.model.friction, parameters, self.ties.beside),
         )
 
     def searched(
