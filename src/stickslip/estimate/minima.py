@@ -58,10 +58,10 @@ def relabelled(
         pairs = [(parameters[place[a]], like[a], one.values[b]) for a, b in zip(here, there, strict=True)]
         return sum(abs(p.coordinate(x) - p.coordinate(y)) for p, x, y in pairs)
 
-    _, order = linear_sum_assignment([[away(here, there) for there in groups] for here in groups])
+    _, order = linear_sum_assignment(np.array([[away(here, there) for there in groups] for here in groups]))
     values, index = dict(one.values), np.arange(len(parameters))
-    for here, other in zip(groups, order, strict=True):
-        for a, b in zip(here, groups[other], strict=True):
+    for here, there in zip(groups, map(int, order), strict=True):
+        for a, b in zip(here, groups[there], strict=True):
             values[a], index[place[a]] = one.values[b], place[b]
     if not all(p.lower <= values[p.name] <= p.upper for p in parameters):
         return one
