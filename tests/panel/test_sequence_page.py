@@ -194,6 +194,32 @@ def test_steps_and_their_drift_are_those_of_the_walk(tmp_path: Path) -> None:
     assert values["position"] == 1.5e-6
 
 
+def test_statistics_are_the_same_however_a_run_comes_cut_into_blocks(tmp_path: Path) -> None:
+    """Those of a walk of eight periods between rests, as the rig's sensors show it."""
+    random = np.random.default_rng(6)
+    time = np.arange(20_000) / 10e3
+    periods = 20.0 * np.clip(time - 0.1, 0.0, 0.4)
+    on = (time > 0.1) & (time < 0.5)
+    volts = 65.0 * on * (periods % 1.0) + random.normal(0.0, 0.05, time.size)
+    at = 2e-6 * np.floor(periods) + 5e-6 * on * (periods % 1.0) + random.normal(0.0, 1e-9, time.size)
+
+    def of(cuts: Any) -> dict[str, float]:
+        found, _ = numbers(tmp_path)
+        found.begin(COLUMNS, "drive_voltage")
+        for part in np.split(np.arange(time.size), cuts):
+            found.add({"drive_voltage": volts[part], "end_effector_position": at[part]}, 0.0)
+        found.end(1e-6)
+        return {name: one["value"] for name, one in found.values.items()}
+
+    whole = of([])
+    assert whole["steps"] == 6
+    assert whole["mean step"] == pytest.approx(2e-6, abs=0.1e-6)
+    for count in (1, 2, 5, 20, 60, 300):
+        for _ in range(5):  # the same place twice is an empty block
+            cuts = np.sort(random.integers(0, time.size, count))
+            assert of(cuts) == pytest.approx(whole, rel=1e-9, abs=0.0), cuts
+
+
 def test_alarms_are_raised_once_a_run_and_kept(tmp_path: Path) -> None:
     found, hub = numbers(tmp_path)
     found.begin(COLUMNS, "drive_voltage")

@@ -88,7 +88,7 @@ class Statistics:
                     self._sums[name] += (values.size, values.sum(), np.square(values).sum())
                     ends = self._ends[name]
                     ends[:] = min(ends[0], float(values.min())), max(ends[1], float(values.max()))
-            if self._drive in block and POSITION in block:
+            if self._drive in block and POSITION in block and block[POSITION].size:
                 self._walk(block[self._drive], block[POSITION])
             now = time.monotonic()
             if now < self._next:
@@ -103,14 +103,24 @@ class Statistics:
                 self._tell(position)
 
     def _walk(self, volts: NDArray[np.float64], at: NDArray[np.float64]) -> None:
-        self._low, self._high = min(self._low, float(volts.min())), max(self._high, float(volts.max()))
-        swing = self._high - self._low
-        if swing < _LEAST_SWING:
-            return
-        if swing > _GROWN * self._swing:  # rises were seen at another phase until now
-            self._swing, self._above, self._at = swing, True, None
-        middle, margin = 0.5 * (self._low + self._high), 0.2 * swing
+        """What is known of the swing at each sample is that of the samples up to it: how a run comes cut
+        into blocks changes no step."""
+        low = np.minimum.accumulate(np.append(self._low, volts))[1:]
+        high = np.maximum.accumulate(np.append(self._high, volts))[1:]
+        self._low, self._high = float(low[-1]), float(high[-1])
+        swing = high - low
+        middle, margin = 0.5 * (low + high), 0.2 * swing
         state = np.where(volts > middle, 1, np.where(volts < middle - margin, -1, 0))
+        begin = int(np.searchsorted(swing, _LEAST_SWING))
+        while begin < swing.size:
+            if swing[begin] > _GROWN * self._swing:  # rises were seen at another phase until now
+                self._swing, self._above, self._at = float(swing[begin]), True, None
+            end = int(np.searchsorted(swing, _GROWN * self._swing, side="right"))
+            self._rises(state[begin:end], at[begin:end])
+            begin = end
+
+    def _rises(self, state: NDArray[np.int_], at: NDArray[np.float64]) -> None:
+        """Steps between rises of a drive above the middle (1) from below it (-1)."""
         known = np.flatnonzero(state)
         turns = np.flatnonzero(np.diff(state[known], prepend=1 if self._above else -1))
         for i in known[turns]:
