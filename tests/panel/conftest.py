@@ -179,17 +179,41 @@ def passing(page: Page, phase: str, act: Callable[[], object]) -> None:
     until(page, "(one) => phases.includes(one)", phase)
 
 
+def connected(panel: Panel, headers: dict[str, str] | None = None) -> httpx.Client:
+    """A client with a connection for each request: the panel ends one that says nothing for some seconds,
+    which may be just when the next request comes."""
+    limits = httpx.Limits(max_keepalive_connections=0)
+    return httpx.Client(base_url=panel.url.rstrip("/"), headers=headers, timeout=PATIENCE, limits=limits)
+
+
+def fitted(page: Page, panel: Panel, act: Callable[[], object]) -> dict[str, Any]:
+    """Do what starts a fit, and wait until the page shows how it ended; what the server says of it. What the
+    page shows meanwhile it may have missed: it connects again after a silence."""
+    with page.expect_response("**/api/identify/start") as answered:
+        act()
+    assert answered.value.ok, answered.value.text()
+    end = time.monotonic() + 2.0 * PATIENCE  # the first time on a machine compiles
+    with connected(panel) as asking:
+        while (state := asking.get("/api/identify/state").json())["phase"] == "running":
+            assert time.monotonic() < end, "the fit does not end"
+            page.wait_for_timeout(100)
+    assert state["phase"] == "done", state.get("error")
+    expect(page.locator(".identify-results")).to_contain_text(state["report"])
+    expect(page.locator(".identify")).to_have_attribute("data-phase", "done")
+    return state
+
+
 @contextmanager
 def endless(panel: Panel, run: str, client: str = CLIENT) -> Iterator[None]:
     """Inside, this run goes on for two minutes, longer than even a busy machine takes to stop it. The rig
     computes it first, in some seconds."""
-    with httpx.Client(base_url=panel.url, headers={"X-Client": client}, timeout=PATIENCE) as asking:
+    with connected(panel, {"X-Client": client}) as asking:
         path = ["runs", ("walk", "forward", "step").index(run), "capture", "length"]
-        asking.post("bench/set", json={"path": path, "value": "120 s"}).raise_for_status()
+        asking.post("/bench/set", json={"path": path, "value": "120 s"}).raise_for_status()
         try:
             yield
         finally:
-            asking.post("bench/undo", json={}).raise_for_status()
+            asking.post("/bench/undo", json={}).raise_for_status()
 
 
 class Held:

@@ -12,20 +12,19 @@ from playwright.sync_api import Page, expect
 
 import stickslip as ss
 
-from .conftest import PATIENCE, Panel, passing, run_number
+from .conftest import PATIENCE, Panel, fitted, run_number
 
 pytestmark = pytest.mark.browser
 SLOW = 2e3 * PATIENCE  # ms: the first time on a machine compiles
 
 
-def fitted(page: Page, panel: Panel) -> dict[str, Any]:
+def identified(page: Page, panel: Panel) -> dict[str, Any]:
     """Press the one button that the Identify page asks for; what was found."""
     page.click("text=Identify")
-    passing(page, "running", page.get_by_role("button", name="Start fit").click)
-    expect(page.locator(".identify")).to_have_attribute("data-phase", "done", timeout=SLOW)
+    state = fitted(page, panel, page.get_by_role("button", name="Start fit").click)
     expect(page.locator(".identify-results")).to_contain_text("Coulomb friction")
     assert "did not converge" not in page.locator(".identify-results").inner_text()
-    return httpx.get(f"{panel.url}api/identify/state", timeout=PATIENCE).json()
+    return state
 
 
 def walked(page: Page, run: str) -> None:
@@ -41,7 +40,7 @@ def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: 
     page.goto(panel.url)
     page.click("#start")
     expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
-    first = fitted(page, panel)
+    first = identified(page, panel)
     # What the recording says of the rig is what the fit starts with, and it converges.
     assert first["fit"]["converged"]
     assert first["request"]["model"]["stage_reaction"] is False
@@ -66,7 +65,7 @@ def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: 
     step.get_by_label(re.compile("^Step ")).check()
     expect(step.get_by_label(re.compile("^Fit "))).to_be_disabled()
     expect(page.get_by_label("Fit natural frequency of the stage")).to_be_disabled()
-    second = fitted(page, panel)
+    second = identified(page, panel)
     assert second["fit"]["converged"]
     stage = second["stage"]["parameters"]
     low, high = stage["damping_ratio"]["interval"]

@@ -18,7 +18,7 @@ from playwright.sync_api import Browser, Page, Route, expect
 
 import stickslip as ss
 
-from .conftest import PATIENCE, Panel, passing
+from .conftest import PATIENCE, Panel, fitted
 from .test_exit import children
 
 pytestmark = pytest.mark.browser
@@ -102,12 +102,11 @@ def test_a_fit_from_start_to_report(
         }"""
     )
     before = drawn(identify)
-    passing(identify, "running", lambda: start(identify))
-    phase(identify, "done")
+    state = fitted(identify, recorded, lambda: start(identify))
     assert identify.evaluate("() => window.shown.size") > 2, "the values move while it runs"
     assert drawn(identify) > before + 2, "and so does the picture"
     # What it found is what the walks were made with.
-    found = httpx.get(f"{recorded.url}api/identify/state", timeout=PATIENCE).json()["fit"]["parameters"]
+    found = state["fit"]["parameters"]
     for name, truth in TRUTH.items():
         low, high = found[name]["interval"]
         assert low < truth < high

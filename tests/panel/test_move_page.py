@@ -6,6 +6,7 @@ import re
 import time
 from pathlib import Path
 
+import httpx
 import numpy as np
 import pytest
 import xarray as xr
@@ -13,10 +14,22 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from stickslip import open_recording
 
-from .conftest import PATIENCE, Panel, passing
+from .conftest import CLIENT, PATIENCE, Panel, passing
 
 pytestmark = pytest.mark.browser
 SLOW = PATIENCE * 1e3  # ms
+
+
+@pytest.fixture(scope="module")
+def panel(panel: Panel) -> Panel:
+    """Whose rig waits longer for a panel that a busy machine gives no time, and goes on with its move."""
+    httpx.post(
+        f"{panel.url}bench/set",
+        json={"path": ["limits", "watchdog"], "value": f"{PATIENCE} s"},
+        headers={"X-Client": CLIENT},
+        timeout=PATIENCE,
+    ).raise_for_status()
+    return panel
 
 
 @pytest.fixture

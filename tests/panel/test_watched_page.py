@@ -16,7 +16,7 @@ import pytest
 from playwright.sync_api import Browser, Page, Route, expect
 from websockets.asyncio.client import connect
 
-from .conftest import PATIENCE, Panel, endless, noticed, run_number, until
+from .conftest import PATIENCE, Panel, connected, endless, noticed, run_number, until
 from .serving import Link
 from .test_bench_page import drawn, draws
 
@@ -189,9 +189,9 @@ def test_what_happened_while_the_network_was_lost_is_shown(page: Page, panel: Pa
     expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1), timeout=SLOW)
     link.cut()
     expect(page.locator("#connection")).to_have_text("connection lost")
-    with httpx.Client(base_url=panel.url, timeout=PATIENCE) as direct:  # the run goes on
+    with connected(panel) as direct:  # the run goes on
         for _ in range(int(PATIENCE)):
-            if len(direct.get("recordings").json()) and len(list(panel.folder.rglob("walk.nc"))) > walks:
+            if len(direct.get("/recordings").json()) and len(list(panel.folder.rglob("walk.nc"))) > walks:
                 break
             page.wait_for_timeout(1000)
     assert len(list(panel.folder.rglob("walk.nc"))) == walks + 1
