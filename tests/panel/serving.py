@@ -20,7 +20,8 @@ from websockets.sync.client import ClientConnection, connect
 def serving(app: FastAPI, config: uvicorn.Config | None = None) -> Iterator[int]:
     """Serve an application on a free port of the loopback address, as configured; gives the port."""
     listening = socket.create_server(("127.0.0.1", 0))
-    plain = uvicorn.Config(app, log_level="error", timeout_graceful_shutdown=2)
+    # A connection that says nothing is kept: ended after some seconds, it may be just when a request comes.
+    plain = uvicorn.Config(app, log_level="error", timeout_graceful_shutdown=2, timeout_keep_alive=3600)
     server = uvicorn.Server(config or plain)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
     thread.start()

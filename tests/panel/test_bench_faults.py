@@ -22,14 +22,14 @@ from fastapi import FastAPI
 
 from damaged import hanging
 from stickslip import open_recording
-from stickslip.panel import connections, create_app
+from stickslip.panel import connections, create_app, server
 from stickslip.panel import running as running_module
 from stickslip.panel.connections import server_config
 from stickslip.panel.folder import Folder
 from stickslip.panel.starting import new_folder
 from stickslip.readers import process
 
-from .conftest import PATIENCE, Panel
+from .conftest import PATIENCE, Panel, connected
 from .serving import client_of, heard, serving, streaming
 from .test_bench_routes import FAST, ME, change, ran
 
@@ -63,28 +63,50 @@ def stop(client: httpx.Client) -> None:
             pass
 
 
-def test_a_damaged_file_holds_up_neither_the_page_nor_a_stop(panel: Panel) -> None:
-    hanging(panel.folder / "damaged.nc")
-    (panel.folder / "note.nc").write_bytes(b"no recording")
-    with httpx.Client(base_url=panel.url.rstrip("/"), headers=ME, timeout=60.0) as client:
+class Watched(process.Reader):
+    """Says when it comes to the damaged file."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.damaged = threading.Event()
+
+    def _read(self, path: Path, patience: float, use: Any, key: tuple[str, int, int]) -> Any:
+        if path.name == "damaged.nc":
+            self.damaged.set()
+        return super()._read(path, patience, use, key)
+
+
+def test_a_damaged_file_holds_up_neither_the_page_nor_a_stop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its reader computes for as long as the test likes, and is then ended as its own timer does it."""
+    monkeypatch.setattr(process, "PATIENCE", 10.0 * PATIENCE)
+    (tmp_path / "note.nc").write_bytes(b"no recording")
+    reader = Watched()
+    monkeypatch.setattr(server, "Reader", lambda: reader)
+    with client_of(create_app(tmp_path), **ME) as client:
+        client.get("/api/identify/recordings").raise_for_status()  # its process is there
+        hanging(tmp_path / "damaged.nc")
         running(client)
         found: list[list[dict]] = []
         watcher = threading.Thread(
             target=lambda: found.append(
-                httpx.get(f"{panel.url}api/identify/recordings", timeout=PATIENCE).json()
+                httpx.get(f"{client.base_url}/api/identify/recordings", timeout=PATIENCE).json()
             )
         )
         watcher.start()
+        assert reader.damaged.wait(PATIENCE)
         time.sleep(1.5)
         assert watcher.is_alive(), "it is being read"
         assert client.get("/static/icon.svg").status_code == 200
         stop(client)
         assert watcher.is_alive(), "neither has waited for it"
+        os.kill(reader._process.pid, signal.SIGPROF)
         watcher.join(PATIENCE)
         problems = {one["name"]: one["problem"] for one in found[0]}
         assert "could not be read within" in problems["damaged.nc"]
         assert "note.nc" in problems
-        again = client.post("/recordings/show", json={"name": "damaged.nc"}, timeout=process.PATIENCE)
+        again = client.post("/recordings/show", json={"name": "damaged.nc"})
         assert again.status_code == 400, "it is not tried again"
 
 
@@ -96,7 +118,7 @@ def test_pipes_and_large_files_are_refused_at_once(panel: Panel) -> None:
         f"{b}: &{b} [{', '.join([f'*{a}'] * 10)}]\n" for a, b in zip("abcdefghij", "bcdefghijk", strict=False)
     )
     (panel.folder / "bomb.yaml").write_text(bomb)
-    with httpx.Client(base_url=panel.url.rstrip("/"), headers=ME, timeout=60.0) as client:
+    with connected(panel, ME) as client:
         for name, said in [("pipe", "no plain file"), ("large", "up to 1 MB"), ("bomb", "more than 1000000")]:
             with ThreadPoolExecutor(45) as pool:
                 ask = [
@@ -265,12 +287,14 @@ def test_wrong_tokens_are_answered_slowly(tmp_path: Path) -> None:
         tried: list[int] = []
 
         def guess(which: int) -> None:
-            link = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
-            while time.monotonic() < begun + 3.0:
+            link = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
+            while True:  # once at least
                 link.request("GET", "/recordings", headers={"Authorization": f"Bearer {which}-{len(tried)}"})
                 answer = link.getresponse()
                 answer.read()
                 tried.append(answer.status)
+                if time.monotonic() > begun + 3.0:
+                    break
             link.close()
 
         threads = [threading.Thread(target=guess, args=(i,)) for i in range(20)]
@@ -282,9 +306,8 @@ def test_wrong_tokens_are_answered_slowly(tmp_path: Path) -> None:
         assert 5 <= tried.count(401) <= 5 * (taken + 1.0), "five a second are looked at"
         assert set(tried) <= {401, 429}
         time.sleep(1.1)
-        right = httpx.get(
-            f"http://127.0.0.1:{port}/recordings", headers={"Authorization": f"Bearer {token}"}, timeout=60.0
-        )
+        headers = {"Authorization": f"Bearer {token}"}
+        right = httpx.get(f"http://127.0.0.1:{port}/recordings", headers=headers, timeout=PATIENCE)
         assert right.status_code == 200
 
 
@@ -293,7 +316,7 @@ def test_a_panel_that_is_killed_or_frozen_leaves_no_voltage(tmp_path: Path) -> N
     for sign in (signal.SIGKILL, signal.SIGSTOP):
         panel = Panel(tmp_path)
         try:
-            with httpx.Client(base_url=panel.url.rstrip("/"), headers=ME, timeout=60.0) as client:
+            with connected(panel, ME) as client:
                 running(client)
                 time.sleep(0.3)
                 rig = json.loads((tmp_path / ".rig" / "rig.json").read_text())["pid"]

@@ -188,17 +188,22 @@ def test_a_controller_that_never_answers_is_left_behind() -> None:
     rig.stop(1000.0)
 
 
-class Compiling(VirtualRig):
-    """Takes longer to begin than the watchdog waits, as where its solver is compiled for the first time."""
+def test_the_watchdog_waits_for_the_begin(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that goes on by more than it waits, as where a solver is compiled for the first time."""
+    clock, ahead, looks = time.monotonic, [0.0], threading.Semaphore(0)
+    monkeypatch.setattr(time, "monotonic", lambda: clock() + ahead[0])
 
-    def begin(self, inputs: tuple[str, ...]) -> list[float]:
-        time.sleep(1.5)
-        return super().begin(inputs)
+    class Compiling(VirtualRig):
+        def begin(self, inputs: tuple[str, ...]) -> list[float]:
+            ahead[0] = 1000.0
+            while looks.acquire(blocking=False):
+                pass
+            for _ in range(3):  # between them, the silence is looked at
+                assert looks.acquire(timeout=300.0)
+            return super().begin(inputs)
 
-
-def test_the_watchdog_waits_for_the_begin() -> None:
-    rig, calm = Compiling(ACTUATOR, BENCH), Asking(lambda tick: 1.0)
-    made = regulate(rig, calm, 0.0, IDEAL, Limits(watchdog=1.0), 0.01)
+    rig, calm, limits = Compiling(ACTUATOR, BENCH), Asking(lambda tick: 1.0), Limits(watchdog=500.0)
+    made = regulate(rig, calm, 0.0, IDEAL, limits, 0.01, progress=lambda *_: looks.release())
     assert made.attrs["outcome"] == "complete"
 
 
