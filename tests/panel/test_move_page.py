@@ -20,15 +20,19 @@ pytestmark = pytest.mark.browser
 SLOW = PATIENCE * 1e3  # ms
 
 
-@pytest.fixture(scope="module")
-def panel(panel: Panel) -> Panel:
-    """Whose rig waits longer for a panel that a busy machine gives no time, and goes on with its move."""
+def patient(panel: Panel) -> None:
+    """The rig is to wait longer for a panel that a busy machine gives no time, and to go on with its move."""
     httpx.post(
         f"{panel.url}bench/set",
         json={"path": ["limits", "watchdog"], "value": f"{PATIENCE} s"},
         headers={"X-Client": CLIENT},
         timeout=PATIENCE,
     ).raise_for_status()
+
+
+@pytest.fixture(scope="module")
+def panel(panel: Panel) -> Panel:
+    patient(panel)
     return panel
 
 
@@ -79,6 +83,18 @@ def number(page: Page, name: str) -> float:
 def steps(page: Page) -> Locator:
     """How many were made."""
     return page.locator(".move-now dl > div", has=page.get_by_text("Steps made", exact=True)).locator("dd")
+
+
+def test_gains_that_could_not_be_had_come_with_the_next_word_of_the_experiment(
+    panel: Panel, page: Page
+) -> None:
+    page.route("**/api/move/choices", lambda route: route.abort())
+    page.goto(f"{panel.url}#move")
+    expect(page.locator("#move-fault")).to_have_text("The server does not answer.")
+    page.unroute("**/api/move/choices")
+    patient(panel)  # as it was
+    page.locator(".move-gains[data-answers]").wait_for()
+    expect(page.locator("#move-fault")).to_have_text("")
 
 
 def test_from_gains_to_a_place_a_step_a_scan_and_back(panel: Panel, opened: Page) -> None:

@@ -168,6 +168,7 @@ export async function mount(element, app) {
       choices = await app.request("/api/move/choices");
     } catch (error) {
       choices = null;
+      loaded = ""; // tried again when the stream next says what the experiment is, as after a lost connection
       how.textContent = "";
       say(error);
       show();
