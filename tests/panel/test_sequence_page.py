@@ -218,6 +218,8 @@ def test_statistics_are_the_same_however_a_run_comes_cut_into_blocks(tmp_path: P
         for _ in range(5):  # the same place twice is an empty block
             cuts = np.sort(random.integers(0, time.size, count))
             assert of(cuts) == pytest.approx(whole, rel=1e-9, abs=0.0), cuts
+    volts[random.integers(0, time.size, 50)] = np.nan  # of a channel that misses some
+    assert of([])["steps"] == of([7, 5000])["steps"] == 6
 
 
 def test_alarms_are_raised_once_a_run_and_kept(tmp_path: Path) -> None:

@@ -105,8 +105,8 @@ class Statistics:
     def _walk(self, volts: NDArray[np.float64], at: NDArray[np.float64]) -> None:
         """What is known of the swing at each sample is that of the samples up to it: how a run comes cut
         into blocks changes no step."""
-        low = np.minimum.accumulate(np.append(self._low, volts))[1:]
-        high = np.maximum.accumulate(np.append(self._high, volts))[1:]
+        low = np.fmin.accumulate(np.append(self._low, volts))[1:]
+        high = np.fmax.accumulate(np.append(self._high, volts))[1:]
         self._low, self._high = float(low[-1]), float(high[-1])
         swing = high - low
         middle, margin = 0.5 * (low + high), 0.2 * swing
