@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.building import compiled
+from export.building import compiled, walk
 from stickslip import Actuator, simulate
-from stickslip.export import export_c
+from stickslip.export import export_c, table
 from stickslip.friction import Elastoplastic, LuGre, StictionCoulombViscous
 from stickslip.waveform.periodic import Sawtooth
 
@@ -73,3 +73,15 @@ def test_a_step_that_is_too_long_is_said(model, frequency, least, short, tmp_pat
     assert 0.4 * error < said < 3.0 * error
     error, said = error_and_said(model, drive, short, tmp_path / "short")
     assert (error < 0.01, said) == (True, 0.0)
+
+
+def test_a_waveform_that_half_the_step_has_no_table_for_is_exported(tmp_path, monkeypatch) -> None:
+    """It was refused for the check of its step alone."""
+    drive = Sawtooth(65.0, 18.1, periods=3)
+    whole = table.played(drive, 20e-6, None)
+    monkeypatch.setattr(table, "_MOST_STEPS", whole.steps)
+    half = table.in_half(whole, drive, 20e-6, None)
+    assert half.steps == 2 * whole.steps
+    assert [line.begin for line in half.lines] == [line.begin for line in whole.lines]
+    found = walk("kang2007", tmp_path / "c", waveform=drive)
+    assert np.isfinite(found["end_effector_position"]).all()

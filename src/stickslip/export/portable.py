@@ -23,7 +23,7 @@ from ..waveform.signal import Waveform
 from .equations import SignalChain, equations
 from .gain import observer_gain
 from .source import Exported, ExportError, exported
-from .table import played, table_h
+from .table import in_half, played, table_h
 from .values import parameters_c, plain
 from .writing import whole
 
@@ -92,10 +92,10 @@ def export_c(
     elif drive.unit != "V":
         raise QuantityError(f"the input of an amplifier is in V, not in {drive.unit}")
     files = core_files(found, parts, h, noise)
-    table = table_h("stickslip_waveform", repr_of(drive), played(drive, h, seconds), h)
-    # For the example's check of the step: a jump between two steps is another one in half of it.
-    halved = table_h("stickslip_halved", repr_of(drive), played(drive, 0.5 * h, seconds), 0.5 * h)
-    files["stickslip_halved.h"] = halved
+    steps = played(drive, h, seconds)
+    table = table_h("stickslip_waveform", repr_of(drive), steps, h)
+    half = in_half(steps, drive, h, seconds)
+    files["stickslip_halved.h"] = table_h("stickslip_halved", repr_of(drive), half, 0.5 * h)
     rest = f"#define STICKSLIP_REST_INPUT R({float(drive.drive(h).before)!r})"
     noise_line = f"#define STICKSLIP_MEASUREMENT_NOISE R({noise!r})"
     files["stickslip_waveform.h"] = table.replace("\n#endif\n", f"\n{rest}\n{noise_line}\n\n#endif\n")

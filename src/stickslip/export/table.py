@@ -80,6 +80,15 @@ def played(
     return Played(lines, repeats, waveform.unit)
 
 
+def in_half(table: Played, waveform: Waveform, h: float, duration: float | None) -> Played:
+    """The waveform in half the step of its table, where a jump between two steps is another one; or the
+    lines of the table, where half the step is too short for one of its own."""
+    try:
+        return played(waveform, 0.5 * h, duration)
+    except QuantityError:
+        return table._replace(lines=[line._replace(steps=2 * line.steps) for line in table.lines])
+
+
 class _Steps(NamedTuple):
     """Of each step, its value at the begin and at the end, and the greater and the less of that at the end
     and at the begin of the next: what a line that goes on has to be near to, both."""

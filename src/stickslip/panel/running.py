@@ -82,7 +82,6 @@ class Runner:
         self._linking = threading.Lock()
         self._using = threading.Lock()  # the rig: a run, or setting home
         self._delivered = 0.0  # s that a request to stop took to the rig's process
-        self._lock = threading.Lock()
         self._telling = threading.RLock()  # `state`, which the run's thread and who asks for a stop change
         self._thread: threading.Thread | None = None
         self._stop: tuple[str, float] | None = None
@@ -112,7 +111,7 @@ class Runner:
 
     def start(self, job: Job) -> None:
         """Start a job; raises RigError while another runs."""
-        with self._lock, self._telling:
+        with self._telling:
             if self.busy:
                 raise RigError("a run is going on: stop it first")
             self._stop, self._busy = None, True
