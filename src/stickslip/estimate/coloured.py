@@ -92,6 +92,8 @@ def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
         if _criterion(pieces, *beside, level) < _criterion(pieces, *found):
             found, steps = beside, level
     filter, variance = found
+    if filter.size == 1:
+        return Coloured(np.array([variance]), steps)
     impulse = np.zeros(min(max(r.size for r in pieces), 2000))
     impulse[0] = math.sqrt(variance)
     response = np.asarray(lfilter([1.0], filter, impulse))

@@ -28,9 +28,10 @@ def relative_offset(
         return math.inf
     norms = np.sqrt(np.diag(gram))
     norms[norms == 0.0] = 1.0
-    along = jacobian.T @ residuals / norms
-    step = np.linalg.lstsq(gram / np.outer(norms, norms), along)[0]
-    explained = max(float(along @ step), 0.0)
     n, k = jacobian.shape
+    squares, directions = np.linalg.eigh(gram / np.outer(norms, norms))
+    told = squares > k * np.finfo(float).eps * squares[-1]
+    along = (jacobian.T @ residuals / norms) @ directions[:, told]
+    explained = float(np.sum(along**2 / squares[told]))
     left = (float(residuals @ residuals) - explained) / (n - k) if variance is None else variance
     return math.sqrt(explained / k / left) if left > 0.0 else math.inf

@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 from scipy.ndimage import uniform_filter1d
+from scipy.special import chdtrc, fdtrc, ndtri
 
 from .drift import drift
 
@@ -172,7 +172,7 @@ def _by_given(r: Array, known: KnownNoise, n_fitted: float) -> _Compared | None:
     freedom = max(over.size - n_fitted, 1.0)
     square = float(over @ over) / freedom
     share = independent_samples(over, 1) / over.size
-    chance = float(stats.chi2.sf(square * freedom * share, freedom * share))
+    chance = float(chdtrc(freedom * share, square * freedom * share))
     return _Compared(math.sqrt(square), chance, "as it was given")
 
 
@@ -196,7 +196,7 @@ def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
     square, count = float(np.mean(moved**2)), independent_samples(every)
     # Drift is one sample, however long: so few are independent where it outweighs the noise.
     freedom = (noise + far) ** 2 / (noise**2 * every.size / (count * moved.size) + far**2)
-    chance = float(chances @ stats.f.sf(square / (noise + far), freedom, count))
+    chance = float(chances @ fdtrc(freedom, count, square / (noise + far)))
     return _Compared(
         math.sqrt(square / (noise + likely)), chance, f"{AT_REST if n else BETWEEN}, with its drift"
     )
@@ -231,7 +231,7 @@ def _by_rest(r: Array, known: KnownNoise) -> _Compared | None:
         if noise <= 0.0:
             continue
         counts = [_independent_differences(part, int(lag)) for part in (r[:n], r[n:])]
-        chance = float(stats.f.sf(left / noise, max(counts[1], 1.0), max(counts[0], 1.0))) * lags.size
+        chance = float(fdtrc(max(counts[1], 1.0), max(counts[0], 1.0), left / noise)) * lags.size
         one = _Compared(math.sqrt(left / noise), min(chance, 1.0), AT_REST)
         if worst is None or one.chance < worst.chance:
             worst = one
@@ -254,7 +254,7 @@ def _in_motion(quiet: float, step: float, samples: int) -> float:
     if step <= 0.0:
         return quiet
     leaves = min(max(quiet / step**2, 1.0 / samples), MOST_HIDDEN)
-    hidden = 0.5 * step / float(stats.norm.isf(0.5 * leaves))
+    hidden = 0.5 * step / -float(ndtri(0.5 * leaves))
     return max(quiet, hidden**2 + step**2 / 12.0)
 
 
@@ -275,7 +275,7 @@ def _by_periods(r: Array, known: KnownNoise) -> _Compared | None:
     # Of the lowest lines alone, of more, of all: what is smooth shows in few.
     bands = np.unique(np.geomspace(min(4, spread.size), spread.size, BANDS).astype(int))
     freedom = 2.0 * (count - 1) * SMOOTHED
-    chances = [float(stats.f.sf(np.mean(excess[:k]) / 2.0, 2 * k, freedom)) for k in bands]
+    chances = [float(fdtrc(2 * k, freedom, np.mean(excess[:k]) / 2.0)) for k in bands]
     within = float(np.mean((folded - mean) ** 2)) * count / (count - 1)
     ratio = math.sqrt(1.0 + max(float(np.mean(mean**2)) / within - 1.0 / count, 0.0))
     return _Compared(ratio, min(1.0, min(chances) * len(bands)), BETWEEN)
@@ -315,7 +315,7 @@ def left_over(name: str, left: float, least: Array, more: int, fitted: int) -> L
     if not ratio > 1.0 or freedom < 1:
         return Lack(name, ratio, 1.0, "")
     freedom *= independent_samples(least, 1) / least.size
-    chance = float(stats.f.sf((ratio**2 - 1.0) * freedom / more, more, freedom))
+    chance = float(fdtrc(more, freedom, (ratio**2 - 1.0) * freedom / more))
     return Lack(name, ratio, chance, "by what it leaves with other values of the stage")
 
 

@@ -196,7 +196,8 @@ class Problem:
                 r = np.concatenate(self.raw(q)) / (self.noise * self.scale)
             except (ValueError, ArithmeticError):
                 r = np.full(self.noise.size, np.nan)
-            r = np.append(r, (q[self._known] - self._expected) / (self._spread * self.scale))
+            if self._known.size:
+                r = np.append(r, (q[self._known] - self._expected) / (self._spread * self.scale))
             r[~(np.abs(r) < 1e100)] = np.nan  # their squares would overflow
             cost = float(r @ r)
         if cost < self.best_cost:
@@ -212,6 +213,8 @@ class Problem:
         of_data = self.by_coordinates(self.values(q)) / (self.noise * self.scale)[:, None]
         if not np.all(np.isfinite(of_data)):  # the model works there, its derivatives do not
             return self.differences(q, two_sided)
+        if not self._known.size:
+            return of_data
         return np.concatenate([of_data, np.eye(len(q))[self._known] / (self._spread * self.scale)[:, None]])
 
     def by_coordinates(self, values: Values) -> np.ndarray:

@@ -147,6 +147,8 @@ class Ties:
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """All values; numbers, or arrays of them. Those that are there already stay, but for tied ones."""
         found = {**values, **{n: x for n, x in self._fixed.items() if n not in values}}
+        if not self._order:
+            return found
         with np.errstate(all="ignore"):  # trial points may be absurd, and then are not finite
             for name, tree in self._order:
                 made = _value(tree, {n: np.asarray(x)[()] for n, x in found.items()}, _in_si)

@@ -13,7 +13,7 @@ from stickslip.actuator import Actuator, load_actuator
 from stickslip.estimate.parameter import Parameter
 from stickslip.friction import Coulomb, Elastoplastic, LuGre
 from stickslip.identify.free import parameter
-from stickslip.identify.walk.friction import identify_friction
+from stickslip.identify.walk.friction import DITHERED, identify_friction
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import free_names, with_values
@@ -66,6 +66,19 @@ def test_a_simulation_without_noise_is_explained(tolerance: float) -> None:
     assert not verify(fit, [recording], drive=DRIVE).statements
     wrong = model.replace(friction=model.friction._replace(coulomb_force=0.53))
     assert identify_friction([recording], wrong, ["sigma_0"], drive=DRIVE, hops=0).failures
+
+
+def test_steps_far_below_the_noise_are_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawn at random, as coarser steps are, they would add a thousandth to no standard error."""
+    fine = reference()
+    fine["end_effector_position"].values[:] = np.round(fine["end_effector_position"].values / 1e-9) * 1e-9
+    errors = []
+    for dithered in (DITHERED, np.inf):
+        monkeypatch.setattr("stickslip.identify.walk.friction.DITHERED", dithered)
+        fit = identify_friction([fine], actuator(**TRUTH), FREE, drive=DRIVE, hops=0)
+        errors.append(np.array([fit.standard_errors[name] for name in FREE]))
+    assert np.all(errors[0] < errors[1])
+    assert errors[1] == pytest.approx(errors[0], rel=1e-3)
 
 
 def test_spikes_of_the_sensor_are_said() -> None:

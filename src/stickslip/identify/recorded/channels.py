@@ -161,7 +161,6 @@ def refuse_clipped(
     moving = change[change > 0.0]
     if not moving.size:
         return
-    level = step or converter_step(values)
     hidden = 0.0 if drive is None else HIDDEN * step * float(np.ptp(drive) / np.ptp(values))
     for end, what in ((values.max(), "greatest"), (values.min(), "least")):
         at = np.flatnonzero(np.diff(np.concatenate([[0], (values == end).astype(int), [0]])))
@@ -172,6 +171,7 @@ def refuse_clipped(
                 continue
             if last - first < FEWEST_CLIPPED:
                 continue
+            level = step or converter_step(values)
             came_from = values[max(2 * first - last, 0) : first + 1]
             if not rests and np.ptp(came_from) < FEWEST_LEVELS * level:
                 continue

@@ -110,6 +110,8 @@ class Displacement:
 
 def _held(samples: NDArray[np.float64], early: int) -> NDArray[np.float64]:
     """The samples after the first, which stands for those before the motion begins."""
+    if early == 1:
+        return samples
     return np.concatenate([np.repeat(samples[:1], early, axis=0), samples[1:]])
 
 

@@ -57,6 +57,8 @@ GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
 # Parts of the range of forces, and of deflections, from which a fit that does not explain its recordings
 # begins again.
 PARTS = 3
+# Noise of so many steps of a converter makes its error white, and less than a thousandth of what is left.
+DITHERED = 10.0
 
 
 def identify_friction(
@@ -272,7 +274,10 @@ def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float
     """The fit with what the converter's steps leave open, its actuator, and what that predicts."""
     measured = walks.measured
     simulated = np.concatenate(fit.residuals) + np.concatenate(measured)
-    known = [Inexact(x, one.step) for x, one in zip(measured, walks.known, strict=True)]
+    known = [
+        Inexact(x, one.step if of.rmse < DITHERED * one.step else 0.0)
+        for x, one, of in zip(measured, walks.known, fit.recordings, strict=True)
+    ]
     moved = moved_by(known, lambda drawn: simulated - np.concatenate(drawn))
     fit = with_moved(fit, moved, said_steps(OBSERVED, known, walks.unit))
     model = with_values(walks.model, own_values(fit.values))._replace(rotary=walks.unit == "rad")
