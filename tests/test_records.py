@@ -45,6 +45,32 @@ class Plank(NamedTuple):
     hardness: Annotated[float, Quantity("N/m", "k", "stiffness", minimum=0)]
 
 
+@record
+class Bridge(NamedTuple):
+    """A record of records."""
+
+    beam: Beam
+    plank: Plank | None = None
+    open: bool = True
+    name: str = ""
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"beam": 5}, "Bridge.beam = 5 must be Beam"),
+        ({"beam": Plank(1.0, 2.0)}, r"Bridge.beam = Plank\(.*\) must be Beam"),
+        ({"plank": (1.0, 2.0)}, r"Bridge.plank = \(1.0, 2.0\) must be Plank or None"),
+        ({"open": 1}, "Bridge.open = 1 must be True or False"),
+        ({"name": None}, "Bridge.name = None must be a text"),
+    ],
+)
+def test_what_is_no_quantity_is_of_its_kind(wrong: dict[str, object], said: str) -> None:
+    right = Bridge(Beam(1.0, 2.0), Plank(1.0, 2.0), open=False, name="a")
+    with pytest.raises(QuantityError, match=said):
+        right._replace(**wrong)
+
+
 def test_strings_become_si_and_tuples_stay_tuples() -> None:
     beam = Beam("98.2 g", "1.399 N/um", share="25 %", load="1 mN", modes=["1 kHz", 5.0], label="a")  # type: ignore[arg-type]
     assert beam == Beam(0.0982, 1.399e6, 0.25, math.inf, 1e-3, (2000 * math.pi, 5.0), "a")

@@ -101,11 +101,7 @@ def _check_friction(system: Any) -> None:
     if not is_law(system.friction):
         known = ", ".join(registry.laws.names())
         raise QuantityError(f"{owner}.friction = {system.friction!r} must be a law with its values: {known}")
-    if not isinstance(system.name, str):
-        raise QuantityError(f"{owner}.name = {system.name!r} must be a text")
     along = system.normal_force
-    if along is not None and not isinstance(along, NormalForce):
-        raise QuantityError(f"{owner}.normal_force = {along!r} must be a NormalForce, or None")
     if along is not None and elements(system.friction) == 0 and along.stiffness_exponent != 1.0:
         raise QuantityError(
             f"{owner}.normal_force.stiffness_exponent = {along.stiffness_exponent:g} is of a bristle's "
@@ -157,13 +153,6 @@ class Actuator(NamedTuple):
     def _check(self) -> None:
         _check_friction(self)
         self._check_stage()
-        if self.piezo is not None and not isinstance(self.piezo, Piezo):
-            raise QuantityError(
-                f"Actuator.piezo = {self.piezo!r} must be a Piezo, with its hysteresis and creep, or None"
-            )
-        for field in ("stage_reaction", "clamped", "rotary"):
-            if not isinstance(getattr(self, field), bool):
-                raise QuantityError(f"Actuator.{field} = {getattr(self, field)!r} must be True or False")
         if self.rotary and self.incline != 0.0:
             raise QuantityError(
                 f"Actuator.incline = {self.incline:g} rad must be 0 rad where the actuator turns: "
@@ -183,8 +172,6 @@ class Actuator(NamedTuple):
     def _check_stage(self) -> None:
         """Raise QuantityError for modes, or a piezo's electrical side, that this stage cannot have."""
         modes = self.further_modes
-        if modes is not None and not isinstance(modes, StageModes):
-            raise QuantityError(f"Actuator.further_modes = {modes!r} must be StageModes, or None")
         if modes is not None and self.static:
             raise QuantityError("Actuator.further_modes need a finite natural_frequency [rad/s] of the first")
         if self.two_port is not None and (modes is not None or self.static or not self.gain > 0.0):

@@ -22,6 +22,9 @@ from .units import QuantityError, to_si, turned, with_prefix
 
 T = TypeVar("T")
 
+# In words, what values of these kinds are.
+_PLAIN = {bool: "True or False", str: "a text", NoneType: "None"}
+
 
 class Quantity(NamedTuple):
     """What a field means: put it into the annotation, ``Annotated[float, Quantity("N/m", "σ₀", ...)]``.
@@ -108,6 +111,17 @@ def _fields_with_quantity(record_type: type) -> dict[str, _Field]:
     return found
 
 
+@functools.cache
+def _kinds(record_type: type) -> dict[str, Any]:
+    """What each field must be that is no `Quantity`: True or False, a text, a record, or None."""
+
+    def known(kind: Any) -> bool:
+        return kind in _PLAIN or hasattr(kind, "_fields")
+
+    hints = get_type_hints(record_type)
+    return {name: kind for name, kind in hints.items() if all(map(known, get_args(kind) or (kind,)))}
+
+
 def quantities(record_type: type) -> dict[str, Quantity]:
     """The `Quantity` of each field that has one, in order of the fields."""
     return {name: field.quantity for name, field in _fields_with_quantity(record_type).items()}
@@ -137,7 +151,7 @@ def of_kind(value: Any, kind: Any, field: str) -> Any:
     several (``LowPass | None``)."""
     if isinstance(value, kind):
         return value
-    names = ["None" if one is NoneType else one.__name__ for one in get_args(kind) or (kind,)]
+    names = [_PLAIN.get(one, one.__name__) for one in get_args(kind) or (kind,)]
     raise QuantityError(f"{field} = {value!r:.60} must be {' or '.join(names)}")
 
 
@@ -194,12 +208,13 @@ def _rows(one: Any, owner: Any) -> Iterator[str]:
 
 
 def record(named_tuple: type[T]) -> type[T]:
-    """Make construction of a ``NamedTuple`` check every `Quantity` and run the class's ``_check``, if any.
+    """Make construction of a ``NamedTuple`` check every `Quantity`, and what is a text, True or False, or a
+    record, and run the class's ``_check``, if any.
 
     A field annotated as a tuple (the elements of a Maxwell-slip law, say) takes any list, each value of it
     checked; None passes only where the annotation allows it. Records of two types are never equal.
     """
-    specs = _fields_with_quantity(named_tuple)
+    specs, kinds = _fields_with_quantity(named_tuple), _kinds(named_tuple)
     of_turns = {name: spec._replace(quantity=spec.quantity.turned()) for name, spec in specs.items()}
     plain_new = named_tuple.__new__
 
@@ -208,6 +223,8 @@ def record(named_tuple: type[T]) -> type[T]:
         known = of_turns if values.get("rotary") is True else specs
         checked = (known[n].check(v, f"{cls.__name__}.{n}") if n in known else v for n, v in values.items())
         made = tuple.__new__(cls, checked)
+        for name, kind in kinds.items():
+            of_kind(values[name], kind, f"{cls.__name__}.{name}")
         check = getattr(made, "_check", None)
         if check is not None:
             check()

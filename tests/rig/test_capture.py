@@ -102,7 +102,7 @@ def test_refused_before_anything_is_put_out(drive, channels, capture: Capture, m
         ({"pre_trigger": 0.1}, "Capture.pre_trigger"),
         ({"interval": 0.06}, "two samples"),
         ({"average": 1.5}, "whole number"),
-        ({"trigger": "edge"}, "must be a Trigger"),
+        ({"trigger": "edge"}, "Capture.trigger = .edge. must be Trigger or None"),
         ({"length": "1 V"}, "Capture.length"),
     ],
 )

@@ -160,7 +160,7 @@ def test_what_has_no_place_is_refused() -> None:
             ask()
     with pytest.raises(ss.export.ExportError, match="normal_force to None"):
         ss.export.export_c(model, "nowhere")
-    with pytest.raises(QuantityError, match="must be a NormalForce"):
+    with pytest.raises(QuantityError, match="must be NormalForce or None"):
         KANG.replace(normal_force=1.5)
     with pytest.raises(QuantityError, match="Coulomb has none"):
         KANG.replace(friction=ss.Coulomb(0.5), normal_force=NormalForce(stiffness_exponent=0.5))

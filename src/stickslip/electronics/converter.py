@@ -51,8 +51,6 @@ class Dac(NamedTuple):
 
     def _check(self) -> None:
         _check(self)
-        if not isinstance(self.truncates, bool):
-            raise QuantityError(f"Dac.truncates = {self.truncates!r} must be True or False")
 
 
 @record

@@ -51,10 +51,6 @@ class MaxwellCapacitor(NamedTuple):
     charge_drive: bool = False
 
     def _check(self) -> None:
-        if not isinstance(self.charge_drive, bool):
-            raise QuantityError(
-                f"MaxwellCapacitor.charge_drive = {self.charge_drive!r} must be True or False"
-            )
         if len(self.stiffnesses) != len(self.breakaways) or not self.stiffnesses:
             raise QuantityError(
                 f"MaxwellCapacitor has {len(self.stiffnesses)} stiffnesses [V/C] and {len(self.breakaways)} "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ class Capture(NamedTuple):
     length: Annotated[float, Quantity("s", "T", "length", above=0)]
     interval: Annotated[float, Quantity("s", "Δt", "sampling interval", above=0)]
     pre_trigger: Annotated[float, Quantity("s", "T_0", "time before the trigger", minimum=0)] = 0.0
-    trigger: Any = None
+    trigger: Trigger | None = None
     average: Annotated[float, Quantity("", "N", "runs to average", minimum=1, maximum=10_000)] = 1
 
     def _check(self) -> None:
@@ -48,8 +48,6 @@ class Capture(NamedTuple):
             raise QuantityError(f"Capture.length = {with_prefix(self.length, 's')} is below two samples")
         if self.average % 1:
             raise QuantityError(f"Capture.average = {self.average:g} must be a whole number")
-        if self.trigger is not None and not isinstance(self.trigger, Trigger):
-            raise QuantityError(f"Capture.trigger = {self.trigger!r} must be a Trigger or None")
 
     @property
     def samples(self) -> int:

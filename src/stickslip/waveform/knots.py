@@ -53,8 +53,6 @@ class PeriodicKnots(NamedTuple):
 
     def _check(self) -> None:
         check_periods(self)
-        if self.smooth not in (True, False):
-            raise QuantityError(f"PeriodicKnots.smooth = {self.smooth!r}: it is True or False")
         times, n = self.times, len(self.times)
         if not n or n != len(self.values):
             raise QuantityError(
