@@ -54,14 +54,15 @@ def dataset_path(name: str, file: str) -> Path:
     if file not in paths:
         raise RecordingError(f"the data set {name} has no file {file!r}; it has {', '.join(paths)}")
     own = os.environ.get(ENVIRONMENT)
-    folders = [*([Path(own)] if own else []), _BESIDE_CHECKOUT]
+    folders = [Path(own)] if own else []
+    folders += [_BESIDE_CHECKOUT] if _BESIDE_CHECKOUT.is_dir() else []
     for folder in folders:
         if (folder / name / file).is_file():
             return folder / name / file
     try:
         return fetch(f"{dataset.url}/{paths[file]}", dataset.files[paths[file]], name)
     except RecordingError as error:
-        looked = " or ".join(str(folder / name) for folder in folders)
+        looked = " or ".join(str(folder / name) for folder in folders) or "this installation"
         raise RecordingError(
             f"{file} is not in {looked}, and {error}; {ENVIRONMENT} can name a folder"
         ) from error
@@ -81,4 +82,11 @@ def fetch(url: str, sha256: str, name: str) -> Path:
     try:
         return Path(pooch.retrieve(url, f"sha256:{sha256}", fname=url.rsplit("/", 1)[1], path=cache))
     except (OSError, ValueError) as error:  # requests' errors are OSErrors; a wrong checksum is a ValueError
-        raise RecordingError(f"it cannot be fetched from {url}: {error}") from error
+        raise RecordingError(f"it cannot be fetched from {url}: {_first_cause(error)}") from error
+
+
+def _first_cause(error: BaseException) -> BaseException:
+    """Of what libraries wrap again and again, the one that says it: "Name or service not known"."""
+    while error.__context__ is not None:
+        error = error.__context__
+    return error

@@ -36,19 +36,21 @@ def run(out: str | os.PathLike[str], progress: Progress = unheard) -> Document:
     ]
     for i, name in enumerate(EXAMPLES):
         tasks.append((name, _CAMPAIGN_SHARE + i * share, share, partial(run_file, folder / name)))
-    parts, missing = [], []
+    parts, missing = [], dict[str, str]()
     for name, begin, length, task in tasks:
         try:
             parts.append(task(partial(within, progress, begin, length)))
         except RecordingError as error:
-            missing.append(f"{name} could not be run: {error}")
+            missing[name] = str(error)
     title = "stickslip: demonstration"
     notes = (
         "The campaign of Kang's thesis on a virtual rig, from eleven recordings to a verified model; then "
         "models identified from measurements that others have published, and verified on parts that no fit "
         "has seen."
     )
-    found = joined(title, " ".join((notes, *missing)), parts, told=False)
     if not missing:
-        return found
-    return replace(found, sections=[*found.sections, Section("Parts that are missing", points=missing)])
+        return joined(title, notes, parts, told=False)
+    notes += f" Left out, for their data are neither here nor to be fetched: {', '.join(missing)}."
+    found = joined(title, notes, parts, told=False)
+    reasons = Section("Parts that are missing", points=[f"{name}: {why}" for name, why in missing.items()])
+    return replace(found, sections=[*found.sections, reasons])

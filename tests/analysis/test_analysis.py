@@ -354,7 +354,10 @@ def test_the_demonstration_says_which_data_are_missing(
     monkeypatch.setattr(demo.importlib.resources, "files", lambda package: tmp_path)
     said = []
     document = demo.run(tmp_path / "out", lambda doing, done: said.append(done))
-    assert "not_here.mat" in document.summary
+    assert document.summary.endswith("neither here nor to be fetched: pulled_slider.yaml.")
+    missing = document.sections[-1]
+    assert missing.title == "Parts that are missing"
+    assert "not_here.mat" in missing.points[0]
     assert document.numbers["a_short_campaign"]["verification"]["sawtooth_20Hz_75V"]["r_squared"].value > 0.99
     assert said == sorted(said)
 
