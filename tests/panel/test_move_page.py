@@ -185,7 +185,7 @@ def test_a_stop_and_an_operator_who_leaves(panel: Panel, opened: Page, browser: 
 
 def test_kill_9_in_mid_move(panel: Panel, opened: Page) -> None:
     put(opened, "Position from home", "900 um")
-    put(opened, "a second", "10")  # half a minute
+    put(opened, "a second", "1")  # longer than a session lasts
     press(opened, "Go")
     settled(opened, "Walking by steps")
     opened.wait_for_timeout(300)
