@@ -54,7 +54,7 @@ def _ensemble() -> tuple[list[Row], dict[str, str]]:
 
 
 def _fit() -> tuple[list[Row], dict[str, str]]:
-    return measure("fit", [Tool("benchmarks.ours.fit"), peer("fitting")], rounds=3, most=1.0, patience=600.0)
+    return measure("fit", [Tool("benchmarks.ours.fit"), peer("fitting")], rounds=3, most=1.0)
 
 
 def _campaign() -> tuple[list[Row], dict[str, str]]:

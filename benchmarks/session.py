@@ -42,8 +42,15 @@ class Worker:
     def __init__(self, tool: Tool, part: str, patience: float) -> None:
         if not Path(tool.python).exists():
             raise Failed("its environment is not there (make peers)")
+        self._tool, self._part = tool, part
+        hello = self._start(patience)
+        self.cases: list[dict[str, str]] = hello["cases"]
+        self.versions: dict[str, str] = hello["versions"]
+
+    def _start(self, patience: float) -> dict[str, Any]:
+        tool = self._tool
         self._process = subprocess.Popen(
-            [tool.python, "-m", tool.module, part],
+            [tool.python, "-m", tool.module, self._part],
             cwd=ROOT,
             env={**os.environ, **tool.environment},
             stdin=subprocess.PIPE,
@@ -51,11 +58,11 @@ class Worker:
             stderr=None if "BENCH_VERBOSE" in os.environ else subprocess.DEVNULL,
             text=True,
         )
-        hello = self._answer(patience)
-        self.cases: list[dict[str, str]] = hello["cases"]
-        self.versions: dict[str, str] = hello["versions"]
+        return self._answer(patience)
 
     def ask(self, case: int, seconds: float, patience: float) -> dict[str, Any]:
+        if self._process.poll() is not None:  # by another case, which is not to cost this one
+            self._start(patience)
         assert self._process.stdin
         try:
             self._process.stdin.write(json.dumps({"case": case, "seconds": seconds}) + "\n")
@@ -73,6 +80,7 @@ class Worker:
             selector.register(self._process.stdout, selectors.EVENT_READ)
             if not selector.select(patience):
                 self._process.kill()
+                self._process.wait()
                 raise Failed(f"no answer within {patience:g} s")
         line = self._process.stdout.readline()
         if not line:

@@ -7,6 +7,7 @@ own repositories, at a fixed commit and checked by SHA-256.
 from __future__ import annotations
 
 import os
+import sys
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -78,15 +79,15 @@ def fetch(url: str, sha256: str, name: str) -> Path:
         import pooch  # an extra: the data are fetched for examples, not for work
     except ImportError as error:
         raise RecordingError("fetching it needs pooch: pip install 'stickslip[data]'") from error
-    cache = Path(pooch.os_cache("stickslip")) / name
+    cache, outer = Path(pooch.os_cache("stickslip")) / name, sys.exception()
     try:
         return Path(pooch.retrieve(url, f"sha256:{sha256}", fname=url.rsplit("/", 1)[1], path=cache))
     except (OSError, ValueError) as error:  # requests' errors are OSErrors; a wrong checksum is a ValueError
-        raise RecordingError(f"it cannot be fetched from {url}: {_first_cause(error)}") from error
+        raise RecordingError(f"it cannot be fetched from {url}: {_first(error, outer)}") from error
 
 
-def _first_cause(error: BaseException) -> BaseException:
-    """Of what libraries wrap again and again, the one that says it: "Name or service not known"."""
-    while error.__context__ is not None:
+def _first(error: BaseException, outer: BaseException | None) -> str:
+    """What libraries wrap again and again, such as "Name or service not known"; before it came `outer`."""
+    while error.__context__ is not None and error.__context__ is not outer:
         error = error.__context__
-    return error
+    return str(error)

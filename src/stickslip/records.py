@@ -23,7 +23,7 @@ from .units import QuantityError, to_si, turned, with_prefix
 T = TypeVar("T")
 
 # In words, what values of these kinds are.
-_PLAIN = {bool: "True or False", str: "a text", NoneType: "None"}
+_PLAIN: dict[Any, str] = {bool: "True or False", str: "a text", NoneType: "None"}
 
 
 class Quantity(NamedTuple):
@@ -151,7 +151,7 @@ def of_kind(value: Any, kind: Any, field: str) -> Any:
     several (``LowPass | None``)."""
     if isinstance(value, kind):
         return value
-    names = [_PLAIN.get(one, one.__name__) for one in get_args(kind) or (kind,)]
+    names = [_PLAIN.get(one, str(one.__name__)) for one in get_args(kind) or (kind,)]
     raise QuantityError(f"{field} = {value!r:.60} must be {' or '.join(names)}")
 
 
