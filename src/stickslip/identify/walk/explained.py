@@ -24,7 +24,7 @@ from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement, has_slopes
 from .friction import identify_friction
 from .other_stages import moved_by
-from .walks import position_slopes, stage_beside
+from .walks import NEAR, position_slopes, stage_beside
 
 TOGETHER = "all walks together"
 
@@ -61,7 +61,8 @@ def explained(
     """
     begin = {name: fit.values[name] for name in ("delay", "offset") if name in fit.values}
     settings: dict[str, Any] = {"drive": drives, "channel": (), "begin": begin, "correlated": False}
-    settings |= {"averaged": False, "slew_rate": slew_rate, "tied": fit.tied, **options}
+    # What is left is compared, not the values: a tenth of their standard errors is a hundredth of chi-squared.
+    settings |= {"averaged": False, "settled": NEAR, "slew_rate": slew_rate, "tied": fit.tied, **options}
     more = [name for name in STAGE_PARAMETERS if name not in (*free, *fit.tied) and name in fit.model._fields]
     loose = identify_friction(walks, fit.model, [*free, *more], hops=0, **settings)
     if any(one.seen for one in loose.lack):  # or it ended in a local minimum

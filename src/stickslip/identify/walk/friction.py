@@ -50,7 +50,7 @@ from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_uns
 from .prediction import Predictor
 from .reaction import with_reaction_asked
 from .several import from_points, straightened
-from .walks import Varied, Walks, observed, own_values, slopes_of
+from .walks import SETTLED, Varied, Walks, observed, own_values, slopes_of
 
 # Of the stroke, and steps, of the simulations that only tell where to begin.
 GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
@@ -83,6 +83,7 @@ def identify_friction(
     averaged: bool = True,
     loss: str = "linear",
     loss_scale: float = 1.0,
+    settled: float = SETTLED,
     max_evaluations: int = 200,
     progress: Progress = unheard,
     each: Callable[[SearchState], None] | None = None,
@@ -144,6 +145,7 @@ def identify_friction(
             intervals are those of the curvature there.
         loss, loss_scale: see `fit_least_squares`: "soft_l1" or "huber" for recordings with outliers; the
             scale is in m unless the noise is given.
+        settled: see `fit_least_squares`.
         max_evaluations: of all recordings, for each start, with slopes; where these are differences, their
             evaluations come on top.
         progress, each: called after each evaluation; see `fit_least_squares`.
@@ -203,6 +205,7 @@ def identify_friction(
         seed,
         progress,
         each,
+        settled,
     )
 
     def fitted(free: Sequence[str]) -> Fit:

@@ -13,7 +13,7 @@ import numpy as np
 from ...estimate.lack import independent_samples
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
-from .walks import Walks
+from .walks import NEAR, Walks
 
 # Difference of chi-squared from which one of two models with as many parameters is the better one: e^5 to 1.
 CLEAR = 10.0
@@ -25,11 +25,11 @@ def with_reaction_asked(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
     model = walks.model
     if model.stage_reaction or model.static or model.clamped:
         return fit
-    start = [p._replace(start=fit.values[p.name]) for p in fit.parameters]
+    # From afar, in logarithms: along straight valleys such searches went on and on, and ended higher.
+    start = [p._replace(start=fit.values[p.name], power=0) for p in fit.parameters]
     try:
-        other = replace(walks, model=model.replace(stage_reaction=True)).fit(
-            start, max_evaluations=max_evaluations
-        )
+        reacting = replace(walks, model=model.replace(stage_reaction=True))
+        other = reacting.searched(start, max_evaluations=max_evaluations, settled=NEAR)
     except FitError:  # there is no motion with it from there
         return fit
     count = independent_samples(np.concatenate(other.residuals))

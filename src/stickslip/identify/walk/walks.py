@@ -74,6 +74,7 @@ class Walks:
     seed: int
     progress: Progress
     each: Callable[[SearchState], None] | None
+    settled: float = SETTLED
     varied: Varied = field(init=False)
 
     def __post_init__(self) -> None:
@@ -150,7 +151,7 @@ class Walks:
         parameters: Sequence[Parameter],
         *,
         max_evaluations: int,
-        settled: float = SETTLED,
+        settled: float | None = None,
         **options: Any,
     ) -> Fit:
         """By least squares; see `completed`."""
@@ -162,7 +163,7 @@ class Walks:
             seed=self.seed,
             progress=self.progress,
             each=self.each,
-            settled=settled,
+            settled=settled or self.settled,
             max_evaluations=max_evaluations * each,
             **options,
         )
