@@ -32,8 +32,8 @@ Array = NDArray[np.float64]
 
 
 class Coloured(NamedTuple):
-    """Noise of one channel: autocovariance [lags] of its stationary part, in the unit of the data squared;
-    and the variance that its random walk gains from sample to sample."""
+    """Noise of one channel: autocovariance [lags] of its stationary part, in the unit of the data squared, 0
+    beyond them; and the variance that its random walk gains from sample to sample."""
 
     autocovariance: Array
     walk: float = 0.0
