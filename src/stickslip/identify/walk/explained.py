@@ -61,7 +61,7 @@ def explained(
     """
     begin = {name: fit.values[name] for name in ("delay", "offset") if name in fit.values}
     settings: dict[str, Any] = {"drive": drives, "channel": (), "begin": begin, "correlated": False}
-    # What is left is compared, not the values: a tenth of their standard errors is a hundredth of chi-squared.
+    # What is left is compared, not the values: a tenth of a standard error is a hundredth of chi-squared.
     settings |= {"averaged": False, "settled": NEAR, "slew_rate": slew_rate, "tied": fit.tied, **options}
     more = [name for name in STAGE_PARAMETERS if name not in (*free, *fit.tied) and name in fit.model._fields]
     loose = identify_friction(walks, fit.model, [*free, *more], hops=0, **settings)
