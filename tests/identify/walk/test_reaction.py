@@ -64,3 +64,20 @@ def test_a_stage_that_no_force_moves_is_not_asked_for(change: dict[str, Any]) ->
 
     fit = fitted(KANG, 50e-9, KANG.replace(friction=START), hops=0)
     assert with_reaction_asked(fit, Refuses(), 10) is fit  # type: ignore[arg-type]
+
+
+def test_a_search_with_the_reaction_goes_to_its_end() -> None:
+    """After twelve evaluations it describes this walk far worse than the fit without; at its end, better."""
+    hidden = KANG.replace(
+        gain=116.44e-9,
+        natural_frequency=4099.0,
+        damping_ratio=0.766,
+        friction=LuGre(3.5375e6, 88.04, 0.0, 0.35752, 0.35752),
+        stage_reaction=True,
+    )
+    time, drive = np.arange(1600) * 1e-3, ss.Sawtooth(65.0, 5.0)
+    position = ss.simulate(hidden, drive, times=time)["end_effector_position"].values
+    noise = 5e-9 * np.random.default_rng(0).standard_normal(time.size)
+    recording = make_recording(time, {"end_effector_position": position + noise})
+    fit = ss.identify_friction(recording, hidden.replace(stage_reaction=False), FREE, drive=drive)
+    assert any("explained better where friction acts back" in one for one in fit.failures)

@@ -13,13 +13,10 @@ import numpy as np
 from ...estimate.lack import independent_samples
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
-from ...estimate.several import ENOUGH
 from .walks import NEAR, Walks
 
 # Difference of chi-squared from which one of two models with as many parameters is the better one: e^5 to 1.
 CLEAR = 10.0
-# Where it is the worse one by so much when a search from afar has come near a minimum, it is no better there.
-HOPELESS = 100.0
 
 
 def with_reaction_asked(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
@@ -29,16 +26,15 @@ def with_reaction_asked(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
     if model.stage_reaction or model.static or model.clamped:
         return fit
     # From afar, in logarithms: along straight valleys 5 of 60 such searches did not end, so 2.
+    # To the end: what is far worse after a few evaluations may be the better one there.
     start = [p._replace(start=fit.values[p.name], power=0) for p in fit.parameters]
     try:
         reacting = replace(walks, model=model.replace(stage_reaction=True))
-        other = reacting.searched(start, max_evaluations=min(ENOUGH, max_evaluations))
-        if _lower(fit, other) > -HOPELESS:
-            start = [p._replace(start=other.values[p.name]) for p in start]
-            other = reacting.searched(start, max_evaluations=max_evaluations, settled=NEAR)
+        other = reacting.searched(start, max_evaluations=max_evaluations, settled=NEAR)
     except FitError:  # there is no motion with it from there
         return fit
-    lower = _lower(fit, other)
+    count = independent_samples(np.concatenate(other.residuals))
+    lower = count * float(np.log(fit.cost / other.cost))
     ends = fit.confidence_intervals()
     outside = [
         f"{p.name} = {p.shown(other.values[p.name], 3)}"
@@ -59,8 +55,3 @@ def with_reaction_asked(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
         )
         return replace(fit, remarks=(*fit.remarks, said))
     return fit
-
-
-def _lower(fit: Fit, other: Fit) -> float:
-    """By how much the other one lowers chi-squared."""
-    return independent_samples(np.concatenate(other.residuals)) * float(np.log(fit.cost / other.cost))
