@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ParamSpec, TypeVar
 
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.style import context
@@ -136,8 +137,10 @@ def shade(axes: Iterable[Axes], spans: Iterable[tuple[float, float]], label: str
 def svg(figure: Figure) -> str:
     """The figure as an SVG element: no XML header, no date, no reference to anything outside of it."""
     target = io.StringIO()
+    figure.dpi = DOTS_PER_INCH
     with context(_STYLE, after_reset=True):
-        figure.savefig(target, format="svg", dpi=DOTS_PER_INCH, metadata={"Date": None, "Creator": None})
+        # Not `savefig`, which draws twice: the first time for a layout that the second makes again.
+        FigureCanvasSVG(figure).print_svg(target, metadata={"Date": None, "Creator": None})
     text = target.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
     return text[text.index("<svg") :].strip()

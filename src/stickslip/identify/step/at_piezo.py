@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...piezo import Creep, Piezo, PrandtlIshlinskii
 from ...units import QuantityError
-from .linear import residues
+from .linear import one_of_pairs, residues
 
 Array = NDArray[np.float64]
 
@@ -72,6 +72,7 @@ def response(
             known[voltage, rest] = ramps(piezo, voltage, rest, slew_rate)
         parts = known[voltage, rest]
         level, c, p = _with_creep(creep, *residues(poles, zeros))
+        c, p = one_of_pairs(c, p)
         height, begin, rise = np.array(parts).T[:, :, None]
         found, end = np.zeros(time.size), parts[-1].begin + parts[-1].rise
         rising, later = (time > 0.0) & (time < end), time >= end

@@ -95,8 +95,10 @@ def first_look(test: StepTest, response: Response = plain) -> Look:
     return found
 
 
-def common_look(tests: Sequence[StepTest], looks: Sequence[Look], response: Response) -> Look:
-    """Of the looks of several recordings of a stage the one that leaves least of all."""
+def common_look(tests: Sequence[StepTest], looks: Sequence[Look]) -> int:
+    """The number of the recording of a stage whose look leaves least of all recordings of it."""
+    if len(looks) == 1:
+        return 0
     levels = [_crossing(test)[2] for test in tests]
     shown = [
         _thinned(test._replace(position=(test.position - rest) / rise), CHOSEN_BY)
@@ -104,9 +106,9 @@ def common_look(tests: Sequence[StepTest], looks: Sequence[Look], response: Resp
     ]
 
     def left(look: Look) -> float:
-        return sum(float(np.mean(_left(look, one, response) ** 2)) for one in shown)
+        return sum(float(np.mean(_left(look, one, plain) ** 2)) for one in shown)
 
-    return min(looks, key=left) if len(looks) > 1 else looks[0]
+    return int(np.argmin([left(look) for look in looks]))
 
 
 def _crossing(test: StepTest) -> tuple[float, float, tuple[float, float]]:
@@ -154,10 +156,11 @@ def _thinned(test: StepTest, most: int) -> StepTest:
 def _aligned(look: Look, test: StepTest, half: float, response: Response) -> Look:
     """With the delay at which it is half risen when the recorded one is."""
     slow = 2.0 / look.natural_frequency * (1.0 + 2.0 * look.damping_ratio)
-    since = np.append(np.linspace(0.0, max(slow, 2.0 * half), 200), 1e3 / look.decay)
-    shape = np.abs(response(test._replace(time=since), look))
-    beyond = np.flatnonzero(shape >= 0.5 * shape[-1])
-    return look._replace(delay=half - float(since[beyond[0]]))
+    since = np.append(np.linspace(0.0, max(slow, 2.0 * half), 40), 1e3 / look.decay)
+    share = np.abs(response(test._replace(time=since), look))
+    share = share / share[-1]
+    i = max(int(np.flatnonzero(share >= 0.5)[0]), 1)
+    return look._replace(delay=half - float(np.interp(0.5, share[i - 1 : i + 1], since[i - 1 : i + 1])))
 
 
 def _left(look: Look, test: StepTest, response: Response) -> Array:

@@ -31,8 +31,8 @@ from ..recorded.channels import recordings_of, unit_of
 from ..recorded.known_noise import resolution
 from .at_piezo import check_known
 from .at_piezo import response as piezo_response
-from .first_look import Look, Response, common_look, first_look, plain
-from .formulas import Timing, classical, own_timing, second_order, timing_of
+from .first_look import Look, Response, common_look, first_look
+from .formulas import Timing, classical, second_order, timing_of
 from .linear import filter_zeros_poles, second_order_poles
 from .recorded_step import POSITION, StepTest, step_tests
 
@@ -243,9 +243,8 @@ def _begun(
         return first, _by_formulas(first)
     looks = [first_look(test) for test in tests]
     first = [classical(test, timing_of(test, look)) for test, look in zip(tests, looks, strict=True)]
-    if seen is not None:
-        looks = [first_look(test, seen) for test in tests]
-    return first, common_look(tests, looks, seen or plain)
+    best = common_look(tests, looks)
+    return first, looks[best] if seen is None else first_look(tests[best], seen)
 
 
 def _by_formulas(first: Sequence[dict[str, float]]) -> Look:
@@ -323,7 +322,8 @@ def step_formula_errors(
     Args:
         fit: of `identify_step`.
         recordings: those of the fit.
-        voltages, start, timing: as for the fit; each recording's own timing is kept for its repetitions.
+        voltages, start, timing: as for the fit; left out, times and start are those of the second-order
+            response that the fit's own looks most like.
         n: noisy repetitions.
         seed: of them.
 
@@ -333,9 +333,10 @@ def step_formula_errors(
         the formulas read anything, NaN where there are none.
     """
     tests = step_tests(recordings, voltages, start, observed=fit.observed)
-    timings = [timing or own_timing(test) for test in tests]
     assert fit.predict is not None  # identify_step always gives it
     clean = [fit.predict(r) for r in recordings_of(recordings)]
+    look = None if timing else first_look(tests[0]._replace(position=clean[0]))
+    timings = [timing if look is None else timing_of(test, look) for test in tests]
     random = np.random.default_rng(seed)
 
     def read(noisy: bool) -> list[float]:

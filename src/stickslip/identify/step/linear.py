@@ -51,7 +51,7 @@ def step_response(
         rise: s.
     """
     time = np.asarray(t, dtype=float)
-    c, p = residues(poles, zeros)
+    c, p = one_of_pairs(*residues(poles, zeros))
     if rise <= 0.0:
         return _sum(time, c, p, 0)
     return (_sum(time, c, p, 1) - _sum(time - rise, c, p, 1)) / rise
@@ -69,6 +69,13 @@ def residues(
     scale = np.prod(-p) / np.prod(-z)
     away = p[:, None] - p + np.eye(p.size)
     return scale * np.prod(p[:, None] - z, axis=1) / (p * np.prod(away, axis=1)), p
+
+
+def one_of_pairs(c: NDArray, p: NDArray) -> tuple[NDArray, NDArray]:
+    """One of each conjugate pair of poles, twice its coefficient: the real part of the sum is the same."""
+    paired = np.isin(p, p.conj()) & (p.imag != 0.0)
+    kept = ~paired | (p.imag > 0.0)
+    return np.where(paired, 2.0 * c, c)[kept], p[kept]
 
 
 def _sum(t: NDArray[np.float64], c: NDArray, p: NDArray, integrals: int) -> NDArray[np.float64]:
