@@ -16,7 +16,9 @@ import xarray as xr
 
 from ...actuator import Actuator
 from ...estimate.lack import LEAST_RATIO, Lack, left_over
+from ...estimate.parameter import Values
 from ...estimate.result import Fit
+from ...simulation.varied import with_values
 from ...waveform.signal import Waveform
 from ..piezo.left_out import spread
 from ..recorded.channels import names_of
@@ -24,7 +26,7 @@ from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement, has_slopes
 from .friction import identify_friction
 from .other_stages import moved_by
-from .walks import NEAR, position_slopes, stage_beside
+from .walks import NEAR, own_values, position_slopes, stage_beside
 
 TOGETHER = "all walks together"
 
@@ -70,7 +72,10 @@ def explained(
         loose = min(loose, again, key=lambda one: one.cost)
     if not more:
         return Explained(loose, loose, loose.lack)
-    known = identify_friction(walks, fit.model, free, hops=0, **settings)
+    ahead = _ahead(loose, {name: getattr(fit.model, name) for name in more}) or fit.values
+    at = settings | {"begin": begin | {name: ahead[name] for name in begin}}
+    start = with_values(fit.model, own_values(ahead))
+    known = identify_friction(walks, start, free, hops=0, **at)
     if known.cost > LEAST_RATIO**2 * loose.cost:  # it may have ended in a local minimum of its own
         law = loose.model.friction
         others = [
@@ -84,6 +89,22 @@ def explained(
     allowed = _allowed(known, walks, drives, slew_rate, stage, stages, loose.rmse)
     together = left_over(TOGETHER, allowed, np.concatenate(loose.residuals), len(more), len(loose.parameters))
     return Explained(loose, known, (*loose.lack, together))
+
+
+def _ahead(fit: Fit, known: Values) -> Values:
+    """Where the other values of a fit go, as far as it is linear, if some become what they are known to be;
+    none where it has no derivatives."""
+    if fit.jacobian is None:
+        return {}
+    moved = [p.name in known for p in fit.parameters]
+    q = np.array([p.coordinate(fit.values[p.name]) for p in fit.parameters])
+    to = np.array([p.coordinate(known.get(p.name, fit.values[p.name])) for p in fit.parameters])
+    columns = fit.jacobian[:, np.logical_not(moved)]
+    by_known = fit.jacobian[:, moved] @ (to - q)[moved]
+    q[np.logical_not(moved)] -= np.linalg.lstsq(columns, by_known, rcond=None)[0]
+    found = {p.name: p.value(float(x)) for p, x in zip(fit.parameters, q, strict=True)}
+    inside = {p.name: min(max(found[p.name], p.lower), p.upper) for p in fit.parameters}
+    return {name: value for name, value in inside.items() if name not in known}
 
 
 def _allowed(

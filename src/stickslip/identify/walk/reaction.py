@@ -17,6 +17,8 @@ from .walks import NEAR, Walks
 
 # Difference of chi-squared from which one of two models with as many parameters is the better one: e^5 to 1.
 CLEAR = 10.0
+# Where a step lowers it by less than this, the search is over: some go on for long along what is not determined.
+SLOW = 1e-3 * CLEAR
 
 
 def with_reaction_asked(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
@@ -30,7 +32,8 @@ def with_reaction_asked(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
     start = [p._replace(start=fit.values[p.name], power=0) for p in fit.parameters]
     try:
         reacting = replace(walks, model=model.replace(stage_reaction=True))
-        other = reacting.searched(start, max_evaluations=max_evaluations, settled=NEAR)
+        tolerance = SLOW / fit.degrees_of_freedom
+        other = reacting.searched(start, max_evaluations=max_evaluations, settled=NEAR, tolerance=tolerance)
     except FitError:  # there is no motion with it from there
         return fit
     count = independent_samples(np.concatenate(other.residuals))
