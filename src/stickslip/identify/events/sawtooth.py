@@ -66,14 +66,15 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
     steps = _steps(t, x, slips)
     walks = [_walk(t, x, slips, steps, w) for w in np.unique(slips.walk)]
     own = unit_of([recording], observed) or "m"
-    units = {name: own if unit == "m" else unit for name, unit in (SLIP_UNITS | WALK_UNITS).items()}
-    found = xr.Dataset({name: ("slip", steps[name], {"units": units[name]}) for name in SLIP_UNITS})
-    found = found.rename(walk="walk_number")
-    for name in WALK_UNITS:
-        found[name] = ("walk", [walk[name] for walk in walks], {"units": units[name]})
     frequency, spectrum = _spectrum(t, x, slips)
-    found = found.assign_coords(frequency=("frequency", frequency, {"units": "Hz"}))
-    found["spectrum"] = ("frequency", spectrum, {"units": own})
+    over_walks = {name: [walk[name] for walk in walks] for name in WALK_UNITS}
+    variables = {
+        name: (over, values[name], {"units": own if unit == "m" else unit})
+        for over, values, units in (("slip", steps, SLIP_UNITS), ("walk", over_walks, WALK_UNITS))
+        for name, unit in units.items()
+    }
+    variables["spectrum"] = ("frequency", spectrum, {"units": own})
+    found = xr.Dataset(variables, {"frequency": ("frequency", frequency, {"units": "Hz"})})
     found.attrs = {
         "period": slips.period,
         "delay": slips.delay,
@@ -85,7 +86,14 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
 
 
 # Of a position in m.
-SLIP_UNITS = {"peak": "m", "valley": "m", "up_step": "m", "down_step": "m", "slip_time": "s", "walk": ""}
+SLIP_UNITS = {
+    "peak": "m",
+    "valley": "m",
+    "up_step": "m",
+    "down_step": "m",
+    "slip_time": "s",
+    "walk_number": "",
+}
 WALK_UNITS = {
     "direction": "",
     "n_slips": "",
@@ -136,7 +144,7 @@ def _steps(t: Array, x: Array, slips: Slips) -> dict[str, Any]:
     up[1:][follows] = (along[1:] * (peak[1:] - valley[:-1]))[follows]
     return {
         "slip_time": slips.time,
-        "walk": slips.walk.astype(float),
+        "walk_number": slips.walk.astype(float),
         "peak": peak,
         "valley": valley,
         "up_step": up,
