@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Cycloid, ReverseSawtooth, Sawtooth, Sine, Triangle
 
 
@@ -24,6 +25,11 @@ def test_a_million_periods() -> None:
     assert np.array_equal(drive.start[::2], k / 20e3)
     np.testing.assert_allclose(drive.start[1::2], (k + 0.9) / 20e3, rtol=2e-16, atol=0)
     assert np.all(np.diff(drive.start) > 0.09 / 20e3)
+
+
+def test_more_periods_than_memory_holds_are_named() -> None:
+    with pytest.raises(QuantityError, match="5,000,000,00. periods of 0.2 s; .* up to 10,000,000"):
+        Sawtooth(65, 5).value([0.0, 1e9])
 
 
 def test_many_values_of_many_periods() -> None:

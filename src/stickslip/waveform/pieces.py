@@ -15,6 +15,8 @@ from .drive import Drive, segment_at
 # A start that comes closer to the end than this (relative) is the end itself, but for rounding: 8 periods of
 # 0.1 s in 0.8 s must not leave a ninth of 1e-16 s.
 SLIVER = 1e-12
+# More would need gigabytes of memory.
+MOST_PERIODS = 10_000_000
 
 
 class Piece(NamedTuple):
@@ -134,7 +136,13 @@ def _begun(duration: float, period: float, periods: float | None) -> int:
             f"duration = {duration} s is out of range: a periodic drive is tabulated up to a finite time"
         )
     needed = math.floor(max(duration, 0.0) / period) + 1
-    return needed if periods is None else min(needed, int(periods))
+    needed = needed if periods is None else min(needed, int(periods))
+    if needed > MOST_PERIODS:
+        raise QuantityError(
+            f"duration = {duration:g} s has {needed:,} periods of {period:g} s; a drive is tabulated over up to "
+            f"{MOST_PERIODS:,}"
+        )
+    return needed
 
 
 def _tiled(one: Drive, start: NDArray[np.float64], end: float | None, duration: float) -> Drive:
