@@ -139,8 +139,8 @@ def _begun(duration: float, period: float, periods: float | None) -> int:
     needed = needed if periods is None else min(needed, int(periods))
     if needed > MOST_PERIODS:
         raise QuantityError(
-            f"duration = {duration:g} s has {needed:,} periods of {period:g} s; a drive is tabulated over up to "
-            f"{MOST_PERIODS:,}"
+            f"duration = {duration:g} s has {needed:,} periods of {period:g} s; a drive is tabulated over up "
+            f"to {MOST_PERIODS:,}"
         )
     return needed
 

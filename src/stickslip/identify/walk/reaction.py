@@ -17,7 +17,8 @@ from .walks import NEAR, Walks
 
 # Difference of chi-squared from which one of two models with as many parameters is the better one: e^5 to 1.
 CLEAR = 10.0
-# Where a step lowers it by less than this, the search is over: some go on for long along what is not determined.
+# Where a step lowers it by less than this, the search is over: some go on for long along a value that is not
+# determined.
 SLOW = 1e-3 * CLEAR
 
 
