@@ -1,3 +1,4 @@
+import io
 import xml.etree.ElementTree as ET
 
 import matplotlib as mpl
@@ -5,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from stickslip.figures.style import MANY_MARKERS, MANY_POINTS, drawn, panels, svg, trace
+from stickslip.figures.style import DOTS_PER_INCH, MANY_MARKERS, MANY_POINTS, drawn, panels, svg, trace
 
 
 def picture(points: int, **how: object) -> Figure:
@@ -24,6 +25,15 @@ def test_settings_of_the_user_are_neither_used_nor_changed() -> None:
     axes = inside.axes[0]
     assert axes.lines[0].get_linewidth() < 2.0
     assert axes.xaxis.get_ticklabels()[0].get_fontsize() < 10.0
+
+
+def test_svg_is_what_savefig_draws() -> None:
+    saved, made = io.StringIO(), drawn(lambda: picture(MANY_POINTS + 1))
+    as_drawn = {"Date": None, "Creator": None}
+    drawn(lambda: made().savefig(saved, format="svg", dpi=DOTS_PER_INCH, metadata=as_drawn))()
+    body = saved.getvalue().split("</metadata>")[1].strip()
+    assert "data:image/png;base64" in body
+    assert svg(made()).endswith(body)
 
 
 def test_svg_stands_alone_and_is_reproducible() -> None:

@@ -8,7 +8,7 @@ import pytest
 import stickslip as ss
 from stickslip.identify.recorded.drives import Slewed
 from stickslip.identify.step.at_piezo import ramps, response
-from stickslip.identify.step.linear import second_order_poles, step_response
+from stickslip.identify.step.linear import one_of_pairs, residues, second_order_poles, step_response
 from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
 from stickslip.units import QuantityError
 
@@ -44,6 +44,19 @@ def test_a_pole_however_fast_is_as_none() -> None:
     time, poles = np.linspace(-1e-3, 5e-3, 400), [complex(-800.0, 2000.0), complex(-800.0, -2000.0)]
     fast = response(None, 6e5)(time, 60.0, 0.0, [*poles, complex(-1e9)], [])
     assert fast == pytest.approx(response(None, 6e5)(time, 60.0, 0.0, poles, []), abs=2e-4)
+
+
+@pytest.mark.parametrize("zeta", [0.3, 1.0 - 1e-13, 1.0 - 1e-7, 1.0, 1.0 + 1e-13, 2.0])
+@pytest.mark.parametrize("other", [0.3, 0.7])
+def test_one_of_each_conjugate_pair_stands_for_both(zeta: float, other: float) -> None:
+    poles = [*second_order_poles(zeta, 3e3), *second_order_poles(other, 3e3), complex(-900.0)]
+    c, p = residues(poles)
+    half, upper = one_of_pairs(c, p)
+    t = np.linspace(0.0, 5e-3, 60)
+    assert len(upper) == 5 - (zeta < 1.0 - 1e-10) - 1
+    np.testing.assert_allclose(
+        np.real(half @ np.exp(np.outer(upper, t))), np.real(c @ np.exp(np.outer(p, t))), atol=1e-9
+    )
 
 
 def test_without_a_piezo_it_is_one_step() -> None:

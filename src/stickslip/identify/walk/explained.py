@@ -94,14 +94,13 @@ def explained(
 def _ahead(fit: Fit, known: Values) -> Values:
     """Where the other values of a fit go, as far as it is linear, if some become what they are known to be;
     none where it has no derivatives."""
-    if fit.jacobian is None:
+    if fit.jacobian is None or not np.all(np.isfinite(fit.jacobian)):
         return {}
-    moved = [p.name in known for p in fit.parameters]
+    moved = np.array([p.name in known for p in fit.parameters])
     q = np.array([p.coordinate(fit.values[p.name]) for p in fit.parameters])
     to = np.array([p.coordinate(known.get(p.name, fit.values[p.name])) for p in fit.parameters])
-    columns = fit.jacobian[:, np.logical_not(moved)]
     by_known = fit.jacobian[:, moved] @ (to - q)[moved]
-    q[np.logical_not(moved)] -= np.linalg.lstsq(columns, by_known, rcond=None)[0]
+    q[~moved] -= np.linalg.lstsq(fit.jacobian[:, ~moved], by_known, rcond=None)[0]
     found = {p.name: p.value(float(x)) for p, x in zip(fit.parameters, q, strict=True)}
     inside = {p.name: min(max(found[p.name], p.lower), p.upper) for p in fit.parameters}
     return {name: value for name, value in inside.items() if name not in known}
