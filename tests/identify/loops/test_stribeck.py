@@ -56,3 +56,16 @@ def test_a_fall_that_is_passed_quickly_is_not_determined_and_the_intervals_say_s
         assert ends[name][0] <= truth(law)[name] <= ends[name][1], name
     assert any("stribeck_velocity is not determined" in said for said in fit.undetermined)
     assert ends["stiction_ratio"][1] == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("deviation", [1e-7, 1e-4])
+def test_what_is_known_of_the_stribeck_velocity_limits_it_where_the_ratio_is_at_its_bound(
+    deviation: float,
+) -> None:
+    law = LuGre(1e6, 71.1, 50.0, 1.0, 1.282, 5e-6)
+    made = loops(law, 1e-5, 600, 4e-3, 0)
+    begin = law._replace(stiction_force=1.1, stribeck_velocity=1e-6)
+    known = {"stribeck_velocity": (1e-6, deviation)}
+    fit = identify_loops(made, begin, FREE, noise=4e-3, priors=known)
+    low, high = fit.confidence_intervals()["stribeck_velocity"]
+    assert (high < 2e-6) is (deviation < 1e-6)

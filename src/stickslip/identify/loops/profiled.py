@@ -61,7 +61,9 @@ def with_profile(fit: Fit, points: Sequence[Fit]) -> Fit:
     variance = 1.0 if fit.noise_known else fit.reduced_chi_squared
     others = []
     for one in points:
-        excess = max(one.cost - fit.cost, 0.0) / variance if variance > 0.0 else 0.0
+        # Where it is fixed, the fit has no prior of it.
+        cost = one.cost + _by_prior(fit.parameters[place], one.values[NAME])
+        excess = max(cost - fit.cost, 0.0) / variance if variance > 0.0 else 0.0
         if one.converged and still_fits(excess, len(fit.parameters)):
             known = one.uncertainty
             covariance = np.insert(np.insert(known.covariance, place, 0.0, axis=0), place, 0.0, axis=1)
@@ -76,3 +78,11 @@ def with_profile(fit: Fit, points: Sequence[Fit]) -> Fit:
                 )
             )
     return fit.with_minima([*fit.minima, *others]) if others else fit
+
+
+def _by_prior(p: Parameter, value: float) -> float:
+    """What a value adds to chi-squared."""
+    if p.prior is None:
+        return 0.0
+    mean, deviation = p.expected
+    return ((p.coordinate(value) - mean) / deviation) ** 2
