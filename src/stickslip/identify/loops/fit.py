@@ -165,15 +165,8 @@ def identify_loops(
         difference_step=DIFFERENCE_STEP,
         exchangeable=exchangeable(model, parameters, others),
     )
-    problem = described([*parameters, *others])
-    more = (starts, seed, max_evaluations, progress)
-    fit = _searched(problem, [{p.name: p.start for p in parameters}, *begins], *more)
-    if falls := stribeck_starts(problem.parameters, fit.values, found):
-        fit = _searched(problem, [fit.values, *falls], *more)
-    points = profile_points(fit, [*parameters, *others], described)
-    if any(one.cost < fit.cost for one in points):  # it was not the lowest
-        fit = _searched(problem, [fit.values, min(points, key=lambda one: one.cost).values], *more)
-    fit = with_profile(fit, points)
+    begins = [{p.name: p.start for p in parameters}, *begins]
+    fit = _lowest(described, [*parameters, *others], begins, found, starts, seed, max_evaluations, progress)
     fit = with_own_noise(fit) if correlated and noise is None else fit
     fit, left_by = _with_inexact(fit, found, measured, model, settings)
     asked = _unasked({*free, *tied})
@@ -190,6 +183,24 @@ def identify_loops(
         doubts=(*fit.doubts, *doubts),
         remarks=(*fit.remarks, *noticed),
     )
+
+
+def _lowest(
+    described: Callable[[Sequence[Parameter]], Problem],
+    parameters: Sequence[Parameter],
+    begins: Sequence[Values],
+    recordings: Sequence[xr.Dataset],
+    *how: Any,
+) -> Fit:
+    """The lowest minimum, looked for from other Stribeck velocities too; see `profiled`."""
+    problem = described(parameters)
+    fit = _searched(problem, begins, *how)
+    if falls := stribeck_starts(problem.parameters, fit.values, recordings):
+        fit = _searched(problem, [fit.values, *falls], *how)
+    points = profile_points(fit, parameters, described)
+    if any(one.cost < fit.cost for one in points):  # it was not the lowest
+        fit = _searched(problem, [fit.values, min(points, key=lambda one: one.cost).values], *how)
+    return with_profile(fit, points)
 
 
 def _searched(
