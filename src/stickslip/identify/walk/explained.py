@@ -72,7 +72,7 @@ def explained(
         loose = min(loose, again, key=lambda one: one.cost)
     if not more:
         return Explained(loose, loose, loose.lack)
-    ahead = _ahead(loose, {name: getattr(fit.model, name) for name in more}) or fit.values
+    ahead = {**fit.values, **_ahead(loose, {name: getattr(fit.model, name) for name in more})}
     at = settings | {"begin": begin | {name: ahead[name] for name in begin}}
     start = with_values(fit.model, own_values(ahead))
     known = identify_friction(walks, start, free, hops=0, **at)
