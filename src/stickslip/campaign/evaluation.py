@@ -225,7 +225,7 @@ def _explained(
         friction,
         [one.recording for one in walks],
         [one.drive for one in walks],
-        [*file.free, "delay", "offset"],
+        file.free,
         stage=stage,
         stages=stages,
         slew_rate=file.known_slew_rate,

@@ -67,5 +67,5 @@ def test_what_is_known_of_the_stribeck_velocity_limits_it_where_the_ratio_is_at_
     begin = law._replace(stiction_force=1.1, stribeck_velocity=1e-6)
     known = {"stribeck_velocity": (1e-6, deviation)}
     fit = identify_loops(made, begin, FREE, noise=4e-3, priors=known)
-    low, high = fit.confidence_intervals()["stribeck_velocity"]
+    _, high = fit.confidence_intervals()["stribeck_velocity"]
     assert (high < 2e-6) is (deviation < 1e-6)

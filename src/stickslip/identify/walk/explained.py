@@ -26,6 +26,7 @@ from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement, has_slopes
 from .friction import identify_friction
 from .other_stages import moved_by
+from .position_channel import CHANNEL
 from .walks import NEAR, own_values, position_slopes, stage_beside
 
 TOGETHER = "all walks together"
@@ -56,12 +57,13 @@ def explained(
     Args:
         fit: of `identify_friction`.
         walks, drives, slew_rate: as for it.
-        free: what was fitted.
+        free: what was fitted; and those of the position channel that the fit has.
         stage: the fit that the model's stage is from; without it the stage is taken as exact.
         stages: those that recordings without a part of each would have given; see `piezo.left_out`.
         options: of `identify_friction`.
     """
-    begin = {name: fit.values[name] for name in ("delay", "offset") if name in fit.values}
+    begin = {name: fit.values[name] for name in CHANNEL if name in fit.values}
+    free = [*free, *(name for name in begin if name not in free)]
     settings: dict[str, Any] = {"drive": drives, "channel": (), "begin": begin, "correlated": False}
     # What is left is compared, not the values: a tenth of a standard error is a hundredth of chi-squared.
     settings |= {"averaged": False, "settled": NEAR, "slew_rate": slew_rate, "tied": fit.tied, **options}
