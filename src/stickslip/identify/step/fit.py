@@ -335,8 +335,10 @@ def step_formula_errors(
     tests = step_tests(recordings, voltages, start, observed=fit.observed)
     assert fit.predict is not None  # identify_step always gives it
     clean = [fit.predict(r) for r in recordings_of(recordings)]
-    look = None if timing else first_look(tests[0]._replace(position=clean[0]))
-    timings = [timing if look is None else timing_of(test, look) for test in tests]
+    timings = [timing] * len(tests) if timing else []
+    if not timings:
+        look = first_look(tests[0]._replace(position=clean[0]))
+        timings = [timing_of(test, look) for test in tests]
     random = np.random.default_rng(seed)
 
     def read(noisy: bool) -> list[float]:

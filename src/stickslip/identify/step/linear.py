@@ -71,7 +71,9 @@ def residues(
     return scale * np.prod(p[:, None] - z, axis=1) / (p * np.prod(away, axis=1)), p
 
 
-def one_of_pairs(c: NDArray, p: NDArray) -> tuple[NDArray, NDArray]:
+def one_of_pairs(
+    c: NDArray[np.complex128], p: NDArray[np.complex128]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """One of each conjugate pair of poles, twice its coefficient: the real part of the sum is the same."""
     paired = np.isin(p, p.conj()) & (p.imag != 0.0)
     kept = ~paired | (p.imag > 0.0)

@@ -74,8 +74,8 @@ def explained(
         loose = min(loose, again, key=lambda one: one.cost)
     if not more:
         return Explained(loose, loose, loose.lack)
-    ahead = {**fit.values, **_ahead(loose, {name: getattr(fit.model, name) for name in more})}
-    at = settings | {"begin": begin | {name: ahead[name] for name in begin}}
+    ahead = _ahead(loose, {name: getattr(fit.model, name) for name in more})
+    at: dict[str, Any] = {**settings, "begin": {name: ahead.get(name, begin[name]) for name in begin}}
     start = with_values(fit.model, own_values(ahead))
     known = identify_friction(walks, start, free, hops=0, **at)
     if known.cost > LEAST_RATIO**2 * loose.cost:  # it may have ended in a local minimum of its own
