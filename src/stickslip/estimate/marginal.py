@@ -108,9 +108,9 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
         path.refine()
     else:
         best = max(path.fits(), key=lambda one: one.log_weight)
-        return _values([p, *others], np.append(best.at, best.others))
+        return values_at([p, *others], np.append(best.at, best.others))
     value = p.value(float(found.mean[-1]))
-    alone, _ = hold(value, _values(others, found.mean[:-1]))
+    alone, _ = hold(value, values_at(others, found.mean[:-1]))
     # `alone` has the fixed one beside the others.
     order, none = np.insert(np.arange(len(others)), place, len(others)), np.zeros(len(others) + 1)
     return replace(
@@ -150,7 +150,7 @@ class _Path:
         """Fit from where a fit beside leads to; the best is kept. None where there is no model."""
         self.tried.add((at, beside))
         try:
-            alone, whole = self.hold(self.parameter.value(at), _values(self.others, begin))
+            alone, whole = self.hold(self.parameter.value(at), values_at(self.others, begin))
         except FitError:
             return None
         self.evaluations += alone.n_evaluations
@@ -228,7 +228,8 @@ class _Path:
         return -np.linalg.lstsq(j / size, whole[:, place], rcond=None)[0] / size
 
 
-def _values(parameters: Sequence[Parameter], coordinates: Array) -> Values:
+def values_at(parameters: Sequence[Parameter], coordinates: Array) -> Values:
+    """The values at coordinates, none of them beyond its bounds."""
     return {
         p.name: min(max(p.value(float(q)), p.lower), p.upper)
         for p, q in zip(parameters, coordinates, strict=True)

@@ -91,6 +91,11 @@ class Parameter(NamedTuple):
         value, deviation = self.prior
         return self.coordinate(value), deviation / self.slope(value)
 
+    def prior_cost(self, q: float) -> float:
+        """What the prior adds to the weighted sum of squares at the coordinate q; 0 without one."""
+        mean, spread = (0.0, math.inf) if self.prior is None else self.expected
+        return ((q - mean) / spread) ** 2
+
     @property
     def state(self) -> str:
         """How it is no free one, in brackets; empty for a free one."""

@@ -57,12 +57,15 @@ def profile_points(
 
 def with_profile(fit: Fit, points: Sequence[Fit]) -> Fit:
     """The fit whose intervals hold those that the noise does not reject."""
-    place = [p.name for p in fit.parameters].index(NAME) if points else 0
+    if not points:
+        return fit
+    place = [p.name for p in fit.parameters].index(NAME)
+    p = fit.parameters[place]
     variance = 1.0 if fit.noise_known else fit.reduced_chi_squared
     others = []
     for one in points:
         # Where it is fixed, the fit has no prior of it.
-        cost = one.cost + _by_prior(fit.parameters[place], one.values[NAME])
+        cost = one.cost + p.prior_cost(p.coordinate(one.values[NAME]))
         excess = max(cost - fit.cost, 0.0) / variance if variance > 0.0 else 0.0
         if one.converged and still_fits(excess, len(fit.parameters)):
             known = one.uncertainty
@@ -78,11 +81,3 @@ def with_profile(fit: Fit, points: Sequence[Fit]) -> Fit:
                 )
             )
     return fit.with_minima([*fit.minima, *others]) if others else fit
-
-
-def _by_prior(p: Parameter, value: float) -> float:
-    """What a value adds to chi-squared."""
-    if p.prior is None:
-        return 0.0
-    mean, deviation = p.expected
-    return ((p.coordinate(value) - mean) / deviation) ** 2

@@ -16,6 +16,7 @@ import xarray as xr
 
 from ...actuator import Actuator
 from ...estimate.lack import LEAST_RATIO, Lack, left_over
+from ...estimate.marginal import values_at
 from ...estimate.parameter import Values
 from ...estimate.result import Fit
 from ...simulation.varied import with_values
@@ -103,9 +104,7 @@ def _ahead(fit: Fit, known: Values) -> Values:
     to = np.array([p.coordinate(known.get(p.name, fit.values[p.name])) for p in fit.parameters])
     by_known = fit.jacobian[:, moved] @ (to - q)[moved]
     q[~moved] -= np.linalg.lstsq(fit.jacobian[:, ~moved], by_known, rcond=None)[0]
-    found = {p.name: p.value(float(x)) for p, x in zip(fit.parameters, q, strict=True)}
-    inside = {p.name: min(max(found[p.name], p.lower), p.upper) for p in fit.parameters}
-    return {name: value for name, value in inside.items() if name not in known}
+    return {name: value for name, value in values_at(fit.parameters, q).items() if name not in known}
 
 
 def _allowed(

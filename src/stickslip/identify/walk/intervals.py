@@ -86,8 +86,7 @@ def profile_interval(
             for one in own
         ]
         moved = _again(begin, recordings, held, begin.values, settings)
-        mean, spread = (0.0, math.inf) if p.prior is None else p.expected
-        cost = moved.cost + ((at - mean) / spread) ** 2
+        cost = moved.cost + p.prior_cost(at)
         return math.sqrt(max(cost - best.cost, 0.0) / unit), moved
 
     ends = []
