@@ -6,6 +6,7 @@ one walk nearly as well.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -37,8 +38,8 @@ def with_reaction_asked(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
         other = reacting.searched(start, max_evaluations=max_evaluations, settled=NEAR, tolerance=tolerance)
     except FitError:  # there is no motion with it from there
         return fit
-    count = independent_samples(np.concatenate(other.residuals))
-    lower = count * float(np.log(fit.cost / other.cost))
+    left = np.concatenate(other.residuals)
+    lower = independent_samples(left) / left.size * _difference(fit, other)
     ends = fit.confidence_intervals()
     outside = [
         f"{p.name} = {p.shown(other.values[p.name], 3)}"
@@ -59,3 +60,10 @@ def with_reaction_asked(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
         )
         return replace(fit, remarks=(*fit.remarks, said))
     return fit
+
+
+def _difference(fit: Fit, other: Fit) -> float:
+    """Of chi-squared of two fits, each where it is at its best, which a mean over all that fits is not."""
+    if math.isnan(fit.log_likelihood):  # a robust loss
+        return other.n_data * math.log(fit.cost / other.cost)
+    return 2.0 * (other.log_likelihood - fit.log_likelihood)
