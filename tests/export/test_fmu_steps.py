@@ -164,7 +164,8 @@ def error_and_said(model: ss.Actuator, fmu: Path, fmi: int, step: float, folder:
         found.append(got("end_effector_position"))
     assert not said
     made.terminate()
-    truth = ss.simulate(model, drive, times=times)["end_effector_position"].values
+    # Less is not always to be had: a rounding decides at which jump of the drive this contact breaks loose.
+    truth = ss.simulate(model, drive, times=times, tolerance=1e-7)["end_effector_position"].values
     error = float(np.max(np.abs(np.array(found) - truth)) / np.abs(np.diff(truth)).sum())
     shares = [re.search(r"too long .* (\S+) of its path", text) for text in said]
     assert all(shares)
