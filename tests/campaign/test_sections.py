@@ -93,6 +93,7 @@ def test_contours_hold_their_share_and_the_estimate_is_marked() -> None:
     [
         ({"LuGre": 0.01, "Dahl": 0.02}, "confirmed."),
         ({"LuGre": 0.02, "Dahl": 0.01}, "do not confirm it"),
+        ({"LuGre": 0.13, "Dahl": 0.01}, "LuGre, the usual choice, is 1,200 % above the least error"),
         ({"LuGre": 0.01, "Twin": 0.01001}, "cannot tell it from Twin"),
     ],
 )

@@ -224,3 +224,26 @@ def test_of_two_fits_to_a_recording_one_thing_is_said() -> None:
     own, other = Lack("walk", 3.6, 1e-9, "before it moves"), Lack("walk", 3.2, 1e-9, "before it moves")
     third = Lack("other", 2.0, 1e-9, "before it moves")
     assert said([own, other, Lack("fine", 1.0, 0.5, ""), third]) == (own.sentence, third.sentence)
+
+
+@pytest.mark.parametrize("slip", [5, 20])
+@pytest.mark.parametrize("walk", [0.0, 0.01])
+def test_a_slip_that_is_off_and_made_good_in_the_next_ones_is_seen(slip: int, walk: float) -> None:
+    """Eight times the noise off: drift, for all that so short a rest tells of the mean square."""
+    random = np.random.default_rng(18)
+    t = np.arange(3000.0) - REST
+    off = 8.0 * np.clip(t / slip, 0.0, 1.0) * np.exp(-np.maximum(t - slip, 0.0) / 400.0)
+    seen = []
+    for _ in range(20):
+        r = off + random.standard_normal(t.size) + np.cumsum(walk * random.standard_normal(t.size))
+        seen.append(lack_of_fit(r, KnownNoise(at_rest=REST), "walk", 3).seen)
+    assert np.mean(seen) >= 0.95
+
+
+@pytest.mark.parametrize("rest", [50, 128, 500])
+@pytest.mark.parametrize("kind", ["white", "correlated", "filtered", "drifting", "rounded"])
+def test_levels_of_noise_alone_are_no_misfit(kind: str, rest: int) -> None:
+    random = np.random.default_rng(19)
+    known = KnownNoise(at_rest=rest, step=1.0 if kind == "rounded" else 0.0)
+    found = [lack_of_fit(noise(kind, random, 3000), known, "walk", 3) for _ in range(300)]
+    assert np.mean([one.seen and "levels" in one.against for one in found]) <= 0.01

@@ -131,6 +131,10 @@ def choice_numbers(choice: Comparison) -> dict[str, Any]:
     }
 
 
+def _plain(number: float) -> str:
+    return f"{number:,.0f}" if abs(number) >= 100.0 else f"{number:.3g}"
+
+
 def conclusion(choice: Comparison) -> str:
     """Whether the usual choice holds, in numbers."""
     table = choice.table
@@ -141,8 +145,8 @@ def conclusion(choice: Comparison) -> str:
     seen = (
         f"By the error on walks that were not fitted {best} is best, "
         f"{with_prefix(least, rmse.attrs['units'])}; by BIC {simplest}. "
-        f"{USUAL}, the usual choice, is {100 * own:.2g} % above the least error and "
-        f"{float(bic.sel(law=USUAL)):.3g} above the least BIC"
+        f"{USUAL}, the usual choice, is {_plain(100 * own)} % above the least error and "
+        f"{_plain(float(bic.sel(law=USUAL)))} above the least BIC"
     )
     rivals = [
         str(law)

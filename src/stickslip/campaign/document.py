@@ -315,7 +315,7 @@ def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Sect
             if one.use == "verify":
                 groups.setdefault(one.name.rpartition("_")[0] or "walks", []).append(one)
         for i, (name, group) in enumerate(groups.items()):
-            said = f"{name.replace('_', ' ')}: predicted, not fitted, and measured"
+            said = f"{name[:1].upper()}{name[1:].replace('_', ' ')}: predicted, not fitted, and measured"
             pictures.append(
                 _walks_picture(file, found, bands, group[:4], f"campaign-predicted-{i + 1}", said)
             )

@@ -1,12 +1,14 @@
 r"""Lack of fit: whether a model leaves more than noise, judged by noise that is known otherwise.
 
-Four comparisons, each where a recording allows it:
+Five comparisons, each where a recording allows it:
 
 * the noise that was given: the reduced chi-squared;
 * samples at rest, before anything moves and after, or else what differs from period to period: all of the
   residuals in motion, about the level at rest, against that noise and as much drift as it shows (`drift`);
 * samples at rest before: residuals in motion against these, by their differences over the same times,
   :math:`D(k) = \frac{1}{2} \langle (r_{i+k} - r_i)^2 \rangle`, so that drift is no misfit;
+* the same samples: the largest change of the level in motion, from some samples to as many a little later,
+  as a slip that is off leaves it, against the changes at rest;
 * periods of the drive: what repeats from one to the next is the model's, what does not is noise. The power of
   the mean over the periods against that of the scatter about it, line by line of their spectra.
 
@@ -22,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import detrend
 from scipy.special import chdtrc, fdtrc, ndtri
 
 from .drift import drift
@@ -128,6 +131,7 @@ def lack_of_fit(residuals: Array, known: KnownNoise, name: str, n_fitted: float 
         _by_given(r, known, n_fitted),
         _by_drift(r, known, n_fitted > 0),
         _by_rest(r, known),
+        _by_levels(r, known),
         _by_periods(r, known),
     ]
     found = [one for one in made if one is not None]
@@ -224,18 +228,49 @@ def _by_rest(r: Array, known: KnownNoise) -> _Compared | None:
     if n < FEWEST_AT_REST or r.size - n < n // 4 + 8:
         return None
     worst: _Compared | None = None
-    lags = np.unique(np.geomspace(1, n // 8, 3).astype(int))
+    lags = _lengths(1, n // 8)
     for lag in lags:
         quiet, moving = (0.5 * (part[lag:] - part[:-lag]) ** 2 for part in (r[:n], r[n:]))
         noise, left = _in_motion(float(quiet.mean()), known.step, n), float(moving.mean())
         if noise <= 0.0:
             continue
-        counts = [_independent_differences(part, int(lag)) for part in (r[:n], r[n:])]
-        chance = float(fdtrc(max(counts[1], 1.0), max(counts[0], 1.0), left / noise)) * lags.size
+        counts = [_independent_differences(part, lag) for part in (r[:n], r[n:])]
+        chance = float(fdtrc(max(counts[1], 1.0), max(counts[0], 1.0), left / noise)) * len(lags)
         one = _Compared(math.sqrt(left / noise), min(chance, 1.0), AT_REST)
         if worst is None or one.chance < worst.chance:
             worst = one
     return worst
+
+
+def _by_levels(r: Array, known: KnownNoise) -> _Compared | None:
+    """A slip that is off and is made good in the next ones is drift to the root mean square, and rare to
+    differences."""
+    n = known.at_rest
+    noise = _in_motion(float(np.var(r[:n])), known.step, n) if n >= FEWEST_AT_REST else 0.0
+    sizes = [m for m in _lengths(4, n // 16) if 8 * m <= n and 4 * m + 8 <= r.size - n]
+    if noise <= 0.0 or not sizes:
+        return None
+    chance = min(_of_largest_change(r, n, m, noise) for m in sizes) * len(sizes)
+    left = detrend(r[n:])
+    return _Compared(
+        math.sqrt(float(np.mean(left**2)) / noise), min(chance, 1.0), f"{AT_REST}, by its levels"
+    )
+
+
+def _of_largest_change(r: Array, n: int, m: int, noise: float) -> float:
+    """The chance that levels of m samples, twice as many apart for a slip between, change as much as in
+    motion: by how they do in n samples at rest, or would at least, were noise of this variance white."""
+    level = np.convolve(r, np.full(m, 1.0 / m), mode="valid")
+    change = (level[3 * m :] - level[: -3 * m]) ** 2
+    quiet, moving = change[: n - 4 * m + 1], change[n - 2 * m :]
+    usual = max(float(quiet.mean()), 2.0 * noise / m)
+    # Changes less than 1.5 m apart are no independent ones.
+    count = max((n - 3 * m) / (1.5 * m), 1.0)
+    return float(fdtrc(1.0, count, float(moving.max()) / usual)) * 1.5 * moving.size / m
+
+
+def _lengths(least: int, most: int) -> list[int]:
+    return np.unique(np.geomspace(least, max(most, least), 3).astype(int)).tolist()
 
 
 def _independent_differences(r: Array, lag: int) -> float:
