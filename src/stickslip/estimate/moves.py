@@ -1,4 +1,4 @@
-r"""How the estimate of a fit moves with what that took as known.
+r"""Sensitivity of a fit's estimate to what it took as known.
 
 Data whose residuals r change by :math:`\partial r/\partial k` with a quantity k, and priors that do not, give
 

@@ -19,7 +19,7 @@ from benchmarks.coverage import (
 )
 
 from stickslip.identify.step.fit import identify_step
-from stickslip.identify.walk.first_guess import VALLEY, far
+from stickslip.identify.walk.first_guess import APART, far
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.recording import RecordingWarning
 
@@ -27,9 +27,9 @@ from stickslip.recording import RecordingWarning
 @pytest.mark.parametrize(
     ("one", "other", "apart"),
     [
-        (1.0, 0.9 * VALLEY, False),
-        (1.0, 1.1 * VALLEY, True),
-        (1.1 * VALLEY, 1.0, True),
+        (1.0, 0.9 * APART, False),
+        (1.0, 1.1 * APART, True),
+        (1.1 * APART, 1.0, True),
         (0.0, 1.0, True),
         (1.0, 0.0, True),
         (0.0, 0.0, False),

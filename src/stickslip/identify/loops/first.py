@@ -1,4 +1,4 @@
-"""What the noise of the force before the motion leaves open: the prediction begins with it."""
+"""Error by the noise of the force before the motion, with which the prediction begins."""
 
 from __future__ import annotations
 

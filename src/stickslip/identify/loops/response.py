@@ -1,4 +1,4 @@
-"""What a force channel shows of a contact that is moved, by a law and its values: free-running."""
+"""Force channel of a contact that is moved, predicted by a law and its values alone (free-running)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the sampling of a motion leaves open of its friction.
+"""Error of friction by the sampling of its motion.
 
 Between samples a motion is a cubic where its velocity changes by much: as a line it would turn too early, and
 the force be off until the contact slips again. What that leaves falls at least as the square of the interval,

@@ -44,7 +44,7 @@ NEAR = 3.0
 TRIED, LOOKED_AT, LOOK = 64, 10, 6
 LOOKED_AT_THERE = 2  # of each part, where there are parts
 # Of them, so many are begun from, those whose values differ by more than this factor.
-BEGINS, VALLEY = 4, 1.25
+BEGINS, APART = 4, 1.25
 
 Array = NDArray[np.float64]
 
@@ -181,7 +181,7 @@ def first_guess(
 def far(one: Values, other: Values, names: Sequence[str]) -> bool:
     """Whether two points are in different local minima, as far as a short search tells."""
     ends = [sorted((abs(one[name]), abs(other[name]))) for name in names]  # one may be 0, at its bound
-    return any(high > VALLEY * low for low, high in ends)
+    return any(high > APART * low for low, high in ends)
 
 
 def beside(parameters: Sequence[Parameter], values: Values, given: Container[str] = ()) -> list[Parameter]:
