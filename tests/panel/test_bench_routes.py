@@ -288,6 +288,21 @@ def test_runs_differ_and_are_numbered_on_over_restarts_of_the_server(tmp_path: P
     assert len({one["sigma_0"] for _, one in told}) == 4
 
 
+@pytest.mark.parametrize("held", [b"", b"12.5", b"-3", b"\xff\x00"])
+def test_a_damaged_number_of_runs_is_named_and_nothing_is_run(held: bytes, tmp_path: Path) -> None:
+    """Counted anew, runs could be those of before again."""
+    kept = tmp_path / ".rig" / "runs"
+    with client_of(create_app(tmp_path), **ME) as made:
+        made.post("/bench/set", json=FAST).raise_for_status()
+        kept.parent.mkdir(exist_ok=True)
+        kept.write_bytes(held)
+        refused = made.post("/bench/start", json={"runs": ["forward"]})
+    assert refused.status_code == 400
+    assert ".rig/runs does not hold how many runs" in refused.json()["error"]
+    assert kept.read_bytes() == held
+    assert not list(tmp_path.glob("recordings/*"))
+
+
 def test_how_runs_differ_is_set_on_the_bench(client: httpx.Client) -> None:
     change(client, ["rig", "variation", "stiffness"], "4 %").raise_for_status()
     with streaming(client) as stream:

@@ -146,8 +146,15 @@ def counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
     kept = root / ".rig" / "runs"
     try:
         before = int(kept.read_text(encoding="ascii"))
-    except (OSError, ValueError):  # of a version that counted folders
+    except FileNotFoundError:  # of a version that counted folders
         before = len(list(root.glob("recordings/*")))
+    except (OSError, ValueError):
+        before = -1
+    if before < 0:
+        raise QuantityError(
+            f"{kept} does not hold how many runs there were: write a whole number of 0 or more into it, "
+            "more than there can have been"
+        )
     kept.parent.mkdir(exist_ok=True)
     with replaced_whole(kept) as temporary:
         temporary.write_text(str(before + _recordings(content)), encoding="ascii")
