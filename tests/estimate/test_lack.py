@@ -246,4 +246,4 @@ def test_levels_of_noise_alone_are_no_misfit(kind: str, rest: int) -> None:
     random = np.random.default_rng(19)
     known = KnownNoise(at_rest=rest, step=1.0 if kind == "rounded" else 0.0)
     found = [lack_of_fit(noise(kind, random, 3000), known, "walk", 3) for _ in range(300)]
-    assert np.mean([one.seen and "levels" in one.against for one in found]) <= 0.01
+    assert np.mean([one.seen and "changes of level" in one.against for one in found]) <= 0.01

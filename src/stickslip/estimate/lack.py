@@ -253,7 +253,7 @@ def _by_levels(r: Array, known: KnownNoise) -> _Compared | None:
     chance = min(_of_largest_change(r, n, m, noise) for m in sizes) * len(sizes)
     left = detrend(r[n:])
     return _Compared(
-        math.sqrt(float(np.mean(left**2)) / noise), min(chance, 1.0), f"{AT_REST}, by its levels"
+        math.sqrt(float(np.mean(left**2)) / noise), min(chance, 1.0), f"{AT_REST}, by changes of level"
     )
 
 
