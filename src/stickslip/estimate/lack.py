@@ -269,8 +269,9 @@ def _of_largest_change(r: Array, n: int, m: int, noise: float) -> float:
     return float(fdtrc(1.0, count, float(moving.max()) / usual)) * 1.5 * moving.size / m
 
 
-def _lengths(least: int, most: int) -> list[int]:
-    return np.unique(np.geomspace(least, max(most, least), 3).astype(int)).tolist()
+def _lengths(least: int, most: int, count: int = 3) -> list[int]:
+    """So many, in proportion to one another."""
+    return np.unique(np.geomspace(least, max(most, least), count).astype(int)).tolist()
 
 
 def _independent_differences(r: Array, lag: int) -> float:
@@ -308,7 +309,7 @@ def _by_periods(r: Array, known: KnownNoise) -> _Compared | None:
         return None
     excess = 2.0 * count * np.abs(np.fft.rfft(mean)[1 : spread.size + 1]) ** 2 / spread
     # Of the lowest lines alone, of more, of all: what is smooth shows in few.
-    bands = np.unique(np.geomspace(min(4, spread.size), spread.size, BANDS).astype(int))
+    bands = _lengths(min(4, spread.size), spread.size, BANDS)
     freedom = 2.0 * (count - 1) * SMOOTHED
     chances = [float(fdtrc(2 * k, freedom, np.mean(excess[:k]) / 2.0)) for k in bands]
     within = float(np.mean((folded - mean) ** 2)) * count / (count - 1)
