@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.recording import RecordingWarning
 
 NOISE = 5e-9  # m
 TRUTH = ss.load_actuator("kang2007").replace(stage_reaction=False)
@@ -38,3 +39,11 @@ def test_a_wrong_gain_is_said_and_a_right_one_not(rest: float) -> None:
         found = ss.verify(ss.identify.Predictor(TRUTH), recording, drive=drive)
         assert (said in found.report()) is wrong
         assert np.isfinite(found.lacks[0].ratio) == (rest == REST)
+
+
+def test_what_is_taken_of_a_recorded_drive_is_said_once() -> None:
+    """Nothing was new the second time: the search for a start read the channel again."""
+    walk = ss.simulate(TRUTH, ss.Sawtooth(65.0, 5.0, periods=3), times=np.arange(0.0, 0.6, 1e-3))
+    with pytest.warns(RecordingWarning, match="changes too fast for its samples") as said:
+        ss.identify_friction(walk, TRUTH, ["coulomb_force"])
+    assert len(said) == 1

@@ -5,6 +5,7 @@ The drive is tabulated once, and nothing is labelled: a call costs little more t
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -41,14 +42,24 @@ class Displacement:
         model: Actuator,
         tolerance: float,
         slew_rate: float | None = None,
-        max_steps: int | None = None,
     ) -> None:
-        drive, self.time = drive_over(recording, drive, name, slew_rate)
+        self.waveform, self.time = drive_over(recording, drive, name, slew_rate)
         self.tolerance = tolerance
-        self.drive = checked_drive(model, drive, float(self.time[-1]), periodic=False)
-        self.max_steps = (max_steps or MAX_STEPS) + OF_SEGMENT * self.drive.start.size
+        self.drive = checked_drive(model, self.waveform, float(self.time[-1]), periodic=False)
+        self.max_steps = MAX_STEPS + OF_SEGMENT * self.drive.start.size
+        self._forget()
+
+    def _forget(self) -> None:
         self._known: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
         self._slopes: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
+
+    def beginning(self, samples: int, tolerance: float, max_steps: int) -> Displacement:
+        """Its first samples, simulated to another tolerance."""
+        short = copy.copy(self)
+        short.time, short.tolerance = self.time[:samples], tolerance
+        short.max_steps = max_steps + OF_SEGMENT * int(np.count_nonzero(self.drive.start < short.time[-1]))
+        short._forget()
+        return short
 
     def stroke(self, model: Actuator) -> float:
         """How far the stage goes under the drive, m, as far as the samples show it."""

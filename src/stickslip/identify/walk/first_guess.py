@@ -21,7 +21,6 @@ from collections.abc import Callable, Container, Sequence
 from operator import itemgetter
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc
 
@@ -74,13 +73,13 @@ def plausible(model: Actuator, stroke: float) -> Callable[[Array], dict[str, Arr
     return of
 
 
-def beginning(recording: xr.Dataset, drive: Waveform | None) -> xr.Dataset:
-    """The first periods of a recording, as far as its drive is known to have some."""
-    begin, periodic = (0.0, None) if drive is None else periodic_part(drive)
+def early_samples(time: Array, drive: Waveform) -> int:
+    """How many samples the first periods have, as far as a drive is known to have some; else all."""
+    begin, periodic = periodic_part(drive)
     if periodic is None:
-        return recording
-    early = recording["time"].values <= begin + PERIODS * float(periodic.period)
-    return recording.isel(time=early) if np.count_nonzero(early) > FEWEST else recording
+        return time.size
+    early = int(np.count_nonzero(time <= begin + PERIODS * float(periodic.period)))
+    return early if early > FEWEST else time.size
 
 
 def first_guess(

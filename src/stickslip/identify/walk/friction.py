@@ -43,7 +43,7 @@ from ..recorded.channels import drives_of, names_of, recordings_of, unit_of
 from ..recorded.drives import warn_of_other_drive
 from ..recorded.known_noise import known_noise, said_unjudged
 from .displacement import Displacement, has_slopes
-from .first_guess import beginning, first_guess
+from .first_guess import early_samples, first_guess
 from .needed import asked_for, said_free, said_kept, shown_at_rest
 from .phases import with_other_phases
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
@@ -210,7 +210,7 @@ def identify_friction(
 
     def fitted(free: Sequence[str]) -> Fit:
         own = parameters(free)
-        best = _searched(walks, own, found, drives, slew_rate, bounds, starts, hops, max_evaluations)
+        best = _searched(walks, own, bounds, starts, hops, max_evaluations)
         return _averaged(walks, best, {p.name: p.start for p in own}, max_evaluations) if averaged else best
 
     fit = _with_channel(fitted, walks, free, channel, first)
@@ -293,9 +293,6 @@ def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float
 def _searched(
     walks: Walks,
     parameters: list[Parameter],
-    found: Sequence[xr.Dataset],
-    drives: Sequence[Waveform | None],
-    slew_rate: float | None,
     bounds: Bounds,
     starts: int,
     hops: int,
@@ -305,19 +302,19 @@ def _searched(
     model, own = walks.model, parameters
     begins = [{p.name: p.start for p in parameters}]
     most = int(np.argmax([np.ptp(position) for position in walks.measured]))
+    walk = walks.motions[most]
 
-    def guessed(part: xr.Dataset, parts: int = 1) -> tuple[list[Parameter], list[Values]]:
-        name, stroke = walks.names[most], max(motion.stroke(model) for motion in walks.motions)
-        tolerance = GUESS_TOLERANCE * stroke
-        short = Displacement(part, drives[most], name, model, tolerance, slew_rate, GUESS_STEPS)
-        return _guessed(short, walks.measured[most], name, walks, own, stroke, bounds, parts)
+    def guessed(samples: int, parts: int = 1) -> tuple[list[Parameter], list[Values]]:
+        stroke = max(motion.stroke(model) for motion in walks.motions)
+        short = walk.beginning(samples, GUESS_TOLERANCE * stroke, GUESS_STEPS)
+        return _guessed(short, walks.measured[most], walks.names[most], walks, own, stroke, bounds, parts)
 
     if hops:
-        parameters, guesses = guessed(beginning(found[most], drives[most]))
+        parameters, guesses = guessed(early_samples(walk.time, walk.waveform))
         begins += guesses
     fit = from_points(walks, parameters, begins, bounds, max_evaluations)
     if hops and not (_white(fit) and not any(one.seen for one in fit.lack)):
-        parameters, guesses = guessed(found[most], PARTS)  # the beginning may not tell minima apart
+        parameters, guesses = guessed(walk.time.size, PARTS)  # the beginning may not tell minima apart
         fit = lowest([fit, from_points(walks, parameters, guesses, bounds, max_evaluations)])
     fit = with_other_phases(fit, walks, max_evaluations) if hops else fit
     if starts > 1 or (hops and not _white(fit)):
