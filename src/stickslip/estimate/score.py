@@ -13,39 +13,63 @@ ASKED = 10.83
 # Samples over which the memory of residuals is judged, in at most so many pieces.
 FEWEST, PIECES = 64, 8
 
+Array = NDArray[np.float64]
 
-def gain(fit: Fit, slopes: NDArray[np.float64]) -> float:
+
+def gain(fit: Fit, slopes: Array) -> float:
     """By how much a further parameter would lower chi-squared, in variances of what would be left.
 
     Args:
         fit: by least squares, with its Jacobian.
         slopes: derivatives of all residuals, joined, by the further parameter, shape (n,).
     """
-    own, r = _own(fit, slopes), np.concatenate(fit.residuals)
+    own, r = _own(fit.jacobian, slopes), np.concatenate(fit.residuals)
     length = float(own @ own)
     if length == 0.0:
         return 0.0
-    left = r - float(own @ r) / length * own
-    size = max(r.size // PIECES, FEWEST)
-    pieces = left[: r.size // size * size].reshape(-1, size) if r.size >= size else left[None]
-    share = independent(pieces) / pieces.shape[1]
-    variance = float(left @ left) / max(r.size - len(fit.parameters) - 1, 1)
-    return share * float(own @ r) ** 2 / length / variance if variance > 0.0 else 0.0
+    by = float(own @ r)
+    return _in_variances(by**2 / length, r - by / length * own, len(fit.parameters) + 1)
 
 
-def step(fit: Fit, slopes: NDArray[np.float64]) -> float:
+def loss(fit: Fit, name: str) -> float:
+    """By how much chi-squared would rise were one of the parameters zero, linearised, in variances of what
+    is left.
+
+    Args:
+        fit: by least squares, with its Jacobian.
+        name: of a parameter on a linear scale.
+    """
+    if fit.jacobian is None:
+        return 0.0
+    i = [p.name for p in fit.parameters].index(name)
+    p = fit.parameters[i]
+    step = p.coordinate(fit.values[name]) - p.coordinate(0.0)
+    moved = step * _own(np.delete(fit.jacobian, i, axis=1), fit.jacobian[:, i])
+    return _in_variances(float(moved @ moved), np.concatenate(fit.residuals), len(fit.parameters))
+
+
+def step(fit: Fit, slopes: Array) -> float:
     """What the further parameter would be, from 0 on, linearised; in its unit."""
-    own = _own(fit, slopes)
+    own = _own(fit.jacobian, slopes)
     length = float(own @ own)
     return -float(own @ np.concatenate(fit.residuals)) / length if length > 0.0 else 0.0
 
 
-def _own(fit: Fit, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _in_variances(squares: float, left: Array, parameters: int) -> float:
+    """A sum of squares over the variance of residuals [n], as far as these are independent of each other."""
+    size = max(left.size // PIECES, FEWEST)
+    pieces = left[: left.size // size * size].reshape(-1, size) if left.size >= size else left[None]
+    share = independent(pieces) / pieces.shape[1]
+    variance = float(left @ left) / max(left.size - parameters, 1)
+    return share * squares / variance if variance > 0.0 else 0.0
+
+
+def _own(jacobian: Array | None, slopes: Array) -> Array:
     """The part [n] of the slopes that the fitted parameters cannot do; zeros where they can do it all."""
     column = np.asarray(slopes, dtype=float)
-    if fit.jacobian is None:
+    if jacobian is None:
         return np.zeros(column.size)
-    norms = np.linalg.norm(fit.jacobian, axis=0)
-    q, _ = np.linalg.qr(fit.jacobian[:, norms > 0.0] / norms[norms > 0.0])
+    norms = np.linalg.norm(jacobian, axis=0)
+    q, _ = np.linalg.qr(jacobian[:, norms > 0.0] / norms[norms > 0.0])
     own = column - q @ (q.T @ column)
     return own if float(own @ own) > 1e-10 * float(column @ column) else np.zeros(column.size)

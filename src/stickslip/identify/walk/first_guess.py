@@ -40,10 +40,10 @@ PERIODS, FEWEST = 3, 30  # and samples within them; of a recording that begins l
 # Of a value to a bound, as a factor: nearer, the bound is none that was meant.
 NEAR = 3.0
 # Points tried, how many of them are looked at closer, and for how many evaluations.
-TRIED, LOOKED_AT, LOOK = 64, 10, 6
+TRIED, LOOKED_AT, LOOK = 64, 20, 6
 LOOKED_AT_THERE = 2  # of each part, where there are parts
 # Of them, so many are begun from, those whose values differ by more than this factor.
-BEGINS, APART = 4, 1.25
+BEGINS, APART = 6, 1.25
 
 Array = NDArray[np.float64]
 

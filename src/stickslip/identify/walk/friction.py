@@ -44,7 +44,7 @@ from ..recorded.drives import warn_of_other_drive
 from ..recorded.known_noise import known_noise, said_unjudged
 from .displacement import Displacement, has_slopes
 from .first_guess import early_samples, first_guess
-from .needed import asked_for, said_free, said_kept, shown_at_rest
+from .needed import freed, freed_near, said_free, said_kept
 from .phases import with_other_phases
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
 from .prediction import Predictor
@@ -208,12 +208,30 @@ def identify_friction(
         settled,
     )
 
-    def fitted(free: Sequence[str]) -> Fit:
-        own = parameters(free)
-        best = _searched(walks, own, bounds, starts, hops, max_evaluations)
-        return _averaged(walks, best, {p.name: p.start for p in own}, max_evaluations) if averaged else best
+    taken = {*free, *(p.name for p in walks.ties.beside if p.tied)}
 
-    fit = _with_channel(fitted, walks, free, channel, first)
+    def searched(free: Sequence[str]) -> Fit:
+        return _searched(walks, parameters(free), bounds, starts, hops, max_evaluations)
+
+    def near(free: Sequence[str], fit: Fit) -> Fit:
+        given = {p.name: p.start for p in parameters(free)}
+        own = [p._replace(start=given[p.name], power=0) for p in fit.parameters if p.name in given]
+        there = [fit.values, *(m.values for m in fit.minima)]
+        begins = [given, *({name: one[name] for name in given} for one in there)]
+        return from_points(walks, own, begins, bounds, max_evaluations)
+
+    asked: list[str] = []
+    if channel is not None:
+        fit = searched([*free, *(name for name in channel if name not in taken)])
+    elif hops:
+        fit, asked = freed(searched, near, walks, free, taken, first)
+    else:
+        fit, asked = freed_near(searched, walks, free, taken, first)
+    if averaged:
+        given = {p.name: p.start for p in parameters([p.name for p in fit.parameters])}
+        fit = _averaged(walks, fit, given, max_evaluations)
+    if asked:
+        fit = replace(fit, remarks=(*fit.remarks, said_free(fit, asked)))
     if hops:
         fit = with_reaction_asked(fit, walks, max_evaluations)
     return _completed(fit, walks, slew_rate, tolerance)
@@ -251,26 +269,6 @@ def _check(model: Actuator, free: Sequence[str], bounds: Bounds, priors: Bounds,
     own = {name: limits for name, limits in bounds.items() if name not in CHANNEL}
     check_priors(priors, free, noise, "[m], the position's deviation")
     check_names(free, [*free_names(model), *CHANNEL], own)
-
-
-def _with_channel(
-    fitted: Callable[[Sequence[str]], Fit],
-    walks: Walks,
-    free: Sequence[str],
-    channel: Sequence[str] | None,
-    first: Values,
-) -> Fit:
-    """The fit with those of delay and offset free that are named, or else that the recordings show."""
-    had = {*free, *(p.name for p in walks.ties.beside if p.tied)}
-    if channel is not None:
-        return fitted([*free, *(name for name in channel if name not in had)])
-    asked = [name for name in shown_at_rest(walks.known, walks.measured) if name not in had]
-    fit = fitted([*free, *asked])
-    more = asked_for(fit, [m.time for m in walks.motions], walks.measured, first, had.union(asked))
-    if more:
-        asked = [name for name in CHANNEL if name in (*asked, *more)]
-        fit = fitted([*free, *asked])
-    return replace(fit, remarks=(*fit.remarks, said_free(fit, asked))) if asked else fit
 
 
 def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float) -> Fit:

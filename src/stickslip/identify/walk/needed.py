@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...actuator import Actuator
 from ...estimate.lack import KnownNoise
+from ...estimate.parameter import Values
 from ...estimate.result import Fit
-from ...estimate.score import ASKED, gain
+from ...estimate.score import ASKED, gain, loss
 from ...simulation.varied import ratios_of
 from ..free import value_of
 from .position_channel import CHANNEL
+from .walks import Walks
 
 # Samples at rest that tell a mean, and of how many standard errors it is one.
 FEWEST, SURE = 10, 4.0
+# Of the sum of squares: a fit without them that leaves more than this is no description.
+FAR = 2.0
 
 Array = NDArray[np.float64]
 
@@ -34,23 +38,65 @@ def shown_at_rest(known: Sequence[KnownNoise], measured: Sequence[Array]) -> lis
     return []
 
 
-def asked_for(
-    fit: Fit,
-    times: Sequence[Array],
-    measured: Sequence[Array],
-    first: Mapping[str, float],
-    free: Container[str],
-) -> list[str]:
-    """Those of offset and delay that would lower the sum of squares by more than noise does.
+def freed(
+    searched: Callable[[Sequence[str]], Fit],
+    near: Callable[[Sequence[str], Fit], Fit],
+    walks: Walks,
+    free: Sequence[str],
+    taken: Collection[str],
+    first: Values,
+) -> tuple[Fit, list[str]]:
+    """The fit with those of delay and offset free too that the recordings show; and which these are.
+
+    All are searched with both first: an offset that is there, and not in the model, makes minima of its own,
+    and searches end in them.
 
     Args:
-        fit: without them.
-        times, measured: of each recording [n], s and m.
+        searched: from anywhere.
+        near: from a fit of more parameters, and the other minima of it.
+        walks: to be described.
+        free: what else is free.
+        taken: what is free, or tied.
         first: a delay that is known to be there is free in any case.
-        free: what is free already.
     """
-    moving = [-np.gradient(r + x, t) for r, x, t in zip(fit.residuals, measured, times, strict=True)]
-    slopes = {"delay": np.concatenate(moving), "offset": np.ones(sum(x.size for x in measured))}
+    others = [name for name in CHANNEL if name not in taken]
+    asked = [name for name in others if name in shown_at_rest(walks.known, walks.measured)]
+    whole = searched([*free, *others])
+    if asked != others:
+        less = near([*free, *asked], whole)
+        if less.cost > FAR * whole.cost:  # its slopes tell nothing
+            more = [name for name in others if name in first or loss(whole, name) > ASKED]
+        else:
+            more = _asked_for(less, walks, first, {*taken, *asked})
+        if not more:
+            return less, asked
+        asked = [name for name in others if name in (*asked, *more)]
+    return whole if asked == others else near([*free, *asked], whole), asked
+
+
+def freed_near(
+    searched: Callable[[Sequence[str]], Fit],
+    walks: Walks,
+    free: Sequence[str],
+    taken: Collection[str],
+    first: Values,
+) -> tuple[Fit, list[str]]:
+    """As `freed`, of a start that is near: only what is asked for is searched for."""
+    asked = [name for name in shown_at_rest(walks.known, walks.measured) if name not in taken]
+    fit = searched([*free, *asked])
+    more = _asked_for(fit, walks, first, {*taken, *asked})
+    if more:
+        asked = [name for name in CHANNEL if name in (*asked, *more)]
+        fit = searched([*free, *asked])
+    return fit, asked
+
+
+def _asked_for(fit: Fit, walks: Walks, first: Values, free: Collection[str]) -> list[str]:
+    """Those of offset and delay that would lower the sum of squares of a fit without them by more than noise
+    does."""
+    pairs = zip(fit.residuals, walks.measured, walks.motions, strict=True)
+    moving = [-np.gradient(r + x, motion.time) for r, x, motion in pairs]
+    slopes = {"delay": np.concatenate(moving), "offset": np.ones(sum(x.size for x in walks.measured))}
     return [
         name for name in CHANNEL if name not in free and (name in first or gain(fit, slopes[name]) > ASKED)
     ]

@@ -16,6 +16,8 @@ from .walks import Walks
 
 # How a search goes along the valley: walks are nearer to linear in forces and compliances than in logarithms.
 POWERS = {"N": 1, "N s/m": 1, "N/m": -1}
+# Chi-squared may fall by so much on the way of a search from where it was left to its end.
+LEADS = 20.0
 POWERS |= {turned(unit): power for unit, power in POWERS.items()}
 
 
@@ -46,16 +48,23 @@ def from_points(
         for fit in kept[1:]:
             within = _reaching(within, fit)
 
-        def end(fit: Fit) -> Fit:
+        def end(fit: Fit, enough: bool) -> Fit:
             there = straightened(within, fit.values)
-            # Where one value is lost, the search goes along a valley; `integrated` does that better.
-            lost = loosest(fit, CHANNEL) is not None
-            return followed(fit, lambda: walks.fit(there, max_evaluations=max_evaluations), lost)
+            return followed(fit, lambda: walks.fit(there, max_evaluations=max_evaluations), enough)
 
-        found = [end(fit) for fit in kept]
+        # Where one value is lost, the search goes along a valley; `integrated` does that better.
+        found = [end(fit, _lost(fit)) for fit in kept]
+        best = min(found, key=lambda fit: fit.cost)
+        if not _lost(best):  # what may fit as well beside it is in its intervals only from its end
+            most = best.cost * (1.0 + LEADS / best.degrees_of_freedom)
+            found = [end(fit, fit.cost > most) for fit in found]
         return [replace(fit, parameters=tuple(straightened(within, fit.values))) for fit in found]
 
     return from_several(begins, look, ends)
+
+
+def _lost(fit: Fit) -> bool:
+    return loosest(fit, CHANNEL) is not None
 
 
 def _reaching(parameters: Sequence[Parameter], fit: Fit) -> list[Parameter]:
