@@ -64,8 +64,8 @@ def freed(
     whole = searched([*free, *others])
     if asked != others:
         less = near([*free, *asked], whole)
-        if less.cost > FAR * whole.cost:  # its slopes tell nothing
-            more = [name for name in others if name in first or loss(whole, name) > ASKED]
+        if less.cost > FAR * whole.cost:  # its slopes tell nothing; either of two that act alike would do
+            more = [name for name in others if name in first or loss(whole, name) > ASKED] or others
         else:
             more = _asked_for(less, walks, first, {*taken, *asked})
         if not more:
