@@ -25,30 +25,32 @@ class Motor(PVGroup):
     def __init__(self, positioner, axis, voltage, frequency, prefix):
         super().__init__(prefix=prefix)
         self._positioner, self._axis, self._steps = positioner, axis, (voltage, frequency)
+        # The positioner answers one command after the other; what it said before a step is not told after it.
         self._one_at_a_time = asyncio.Lock()
-
-    async def _ask(self, call, *given):
-        async with self._one_at_a_time:  # it answers one command after the other
-            return await asyncio.to_thread(call, *given)
 
     @target.putter
     async def target(self, instance, value):
-        await self._ask(self._positioner.step, self._axis, int(value) - instance.value, *self._steps)
-        await self.done.write(0)
+        async with self._one_at_a_time:
+            await asyncio.to_thread(
+                self._positioner.step, self._axis, int(value) - instance.value, *self._steps
+            )
+            await self.done.write(0)
         return int(value)
 
     @stop.putter
     async def stop(self, instance, value):
         if value:
-            await self._ask(self._positioner.stop)
+            async with self._one_at_a_time:
+                await asyncio.to_thread(self._positioner.stop)
         return 0
 
     @readback.startup
     async def readback(self, instance, async_lib):
         while True:
-            moving = await self._ask(self._positioner.moving, self._axis)
-            await instance.write(await self._ask(self._positioner.position, self._axis))
-            await self.done.write(int(not moving))
+            async with self._one_at_a_time:
+                moving = await asyncio.to_thread(self._positioner.moving, self._axis)
+                await instance.write(await asyncio.to_thread(self._positioner.position, self._axis))
+                await self.done.write(int(not moving))
             await async_lib.sleep(0.05)
 
 
