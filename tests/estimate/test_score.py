@@ -8,7 +8,7 @@ import pytest
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.score import gain, loss, step
+from stickslip.estimate.score import gain, rise, step
 
 T = np.linspace(0.0, 1.0, 400)
 COLUMNS = {"level": np.ones(T.size), "slope": T, "bend": np.sin(6.0 * T)}
@@ -29,13 +29,13 @@ def test_both_are_what_a_fit_finds(seed: int) -> None:
     less, more = fitted(["level", "slope"], seed), fitted(["level", "slope", "bend"], seed)
     fell = (less.cost - more.cost) / (more.cost / more.degrees_of_freedom)
     assert gain(less, COLUMNS["bend"]) == pytest.approx(fell, rel=0.35)
-    assert loss(more, "bend") == pytest.approx(fell, rel=0.35)
+    assert rise(more, "bend") == pytest.approx(fell, rel=0.35)
     assert step(less, COLUMNS["bend"]) == pytest.approx(more.values["bend"], rel=1e-6)
 
 
-def test_what_others_can_do_is_no_loss() -> None:
+def test_what_others_can_do_is_no_rise() -> None:
     COLUMNS["again"] = 2.0 - 4.0 * T
     try:
-        assert loss(fitted(["level", "slope", "again"], 0), "again") == 0.0
+        assert rise(fitted(["level", "slope", "again"], 0), "again") == 0.0
     finally:
         del COLUMNS["again"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .lack import independent
+from .lack import independent_samples
 from .result import Fit
 
 # Chi-squared of one parameter that chance exceeds once in a thousand.
 ASKED = 10.83
-# Samples over which the memory of residuals is judged, in at most so many pieces.
-FEWEST, PIECES = 64, 8
+# Samples over which residuals are taken to remember.
+MEMORY = 8
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ def gain(fit: Fit, slopes: Array) -> float:
     return _in_variances(by**2 / length, r - by / length * own, len(fit.parameters) + 1)
 
 
-def loss(fit: Fit, name: str) -> float:
+def rise(fit: Fit, name: str) -> float:
     """By how much chi-squared would rise were one of the parameters zero, linearised, in variances of what
     is left.
 
@@ -57,9 +57,7 @@ def step(fit: Fit, slopes: Array) -> float:
 
 def _in_variances(squares: float, left: Array, parameters: int) -> float:
     """A sum of squares over the variance of residuals [n], as far as these are independent of each other."""
-    size = max(left.size // PIECES, FEWEST)
-    pieces = left[: left.size // size * size].reshape(-1, size) if left.size >= size else left[None]
-    share = independent(pieces) / pieces.shape[1]
+    share = independent_samples(left, MEMORY) / left.size
     variance = float(left @ left) / max(left.size - parameters, 1)
     return share * squares / variance if variance > 0.0 else 0.0
 

@@ -214,11 +214,7 @@ def identify_friction(
         return _searched(walks, parameters(free), bounds, starts, hops, max_evaluations)
 
     def near(free: Sequence[str], fit: Fit) -> Fit:
-        given = {p.name: p.start for p in parameters(free)}
-        own = [p._replace(start=given[p.name], power=0) for p in fit.parameters if p.name in given]
-        there = [fit.values, *(m.values for m in fit.minima)]
-        begins = [given, *({name: one[name] for name in given} for one in there)]
-        return from_points(walks, own, begins, bounds, max_evaluations)
+        return _near(walks, parameters(free), fit, bounds, max_evaluations)
 
     asked: list[str] = []
     if channel is not None:
@@ -320,6 +316,17 @@ def _searched(
         fit = lowest([fit, walks.fit(straight, max_evaluations=max_evaluations, starts=starts, hops=hops)])
         fit = with_other_phases(fit, walks, max_evaluations) if hops else fit
     return fit
+
+
+def _near(
+    walks: Walks, parameters: Sequence[Parameter], fit: Fit, bounds: Bounds, max_evaluations: int
+) -> Fit:
+    """From a fit of more parameters within its bounds, from its other minima, and from the user's start."""
+    given = {p.name: p.start for p in parameters}
+    own = [p._replace(start=given[p.name], power=0) for p in fit.parameters if p.name in given]
+    there = [fit.values, *(m.values for m in fit.minima)]
+    begins = [given, *({name: one[name] for name in given} for one in there)]
+    return from_points(walks, own, begins, bounds, max_evaluations)
 
 
 def _white(fit: Fit) -> bool:

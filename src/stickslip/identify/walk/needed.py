@@ -12,7 +12,7 @@ from ...actuator import Actuator
 from ...estimate.lack import KnownNoise
 from ...estimate.parameter import Values
 from ...estimate.result import Fit
-from ...estimate.score import ASKED, gain, loss
+from ...estimate.score import ASKED, gain, rise
 from ...simulation.varied import ratios_of
 from ..free import value_of
 from .position_channel import CHANNEL
@@ -65,7 +65,7 @@ def freed(
     if asked != others:
         less = near([*free, *asked], whole)
         if less.cost > FAR * whole.cost:  # its slopes tell nothing; either of two that act alike would do
-            more = [name for name in others if name in first or loss(whole, name) > ASKED] or others
+            more = [name for name in others if name in first or rise(whole, name) > ASKED] or others
         else:
             more = _asked_for(less, walks, first, {*taken, *asked})
         if not more:

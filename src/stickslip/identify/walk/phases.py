@@ -18,7 +18,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...actuator import Actuator
-from ...estimate.minima import still_fits
 from ...estimate.result import Fit
 from ...estimate.several import lowest
 from ...units import turned
@@ -26,7 +25,7 @@ from ...waveform.drive import evaluate
 from ..free import value_of
 from ..recorded.channels import edges
 from .displacement import Displacement
-from .several import straightened
+from .several import likely, straightened
 from .walks import Walks
 
 # A decay by this power of e leaves no phase for the next jump to meet; with fewer cycles, minima are so far
@@ -35,8 +34,8 @@ GONE, FEWEST = 3.0, 4.0
 # Searches stand half a minimum apart, up to so many on each side and to this logarithm of the stiffness, and
 # take few evaluations; anew where one led lower, at most so often.
 RUNGS, REACH, LOOK, CLIMBS = 12, 0.5, 5, 4
-# Of what they found, so many are searched to their ends: chi-squared may fall by so much on the way.
-FOLLOWED, LEADS = 2, 20.0
+# Of what they found, so many are searched to their ends.
+FOLLOWED = 2
 STIFFNESS = ("N/m", turned("N/m"))
 
 
@@ -70,7 +69,7 @@ def with_other_phases(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
         if n < FEWEST:
             break
         looks = _looks(fit, walks, free, n)
-        apart = [one for one in looks if _far(one, fit, free, 0.5 / n) and _likely(one, fit)]
+        apart = [one for one in looks if _far(one, fit, free, 0.5 / n) and likely(one, fit)]
         near = sorted(apart, key=lambda one: one.cost)[:FOLLOWED]
         ends = [
             walks.fit(straightened(fit.parameters, one.values), max_evaluations=max_evaluations)
@@ -102,9 +101,3 @@ def _far(one: Fit, other: Fit, stiffnesses: Sequence[str], least: float) -> bool
     """Whether two stiffnesses differ by more than this [logarithm]."""
     sums = [sum(fit.values[name] for name in stiffnesses) for fit in (one, other)]
     return abs(math.log(sums[0] / sums[1])) > least
-
-
-def _likely(look: Fit, fit: Fit) -> bool:
-    """Whether a search that has begun may end where the noise does not reject it."""
-    variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
-    return variance > 0.0 and still_fits((look.cost - fit.cost) / variance - LEADS, len(fit.parameters))

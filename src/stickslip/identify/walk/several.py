@@ -6,6 +6,7 @@ from collections.abc import Container, Sequence
 from dataclasses import replace
 
 from ...estimate.identifiability import loosest
+from ...estimate.minima import still_fits
 from ...estimate.parameter import Parameter, Values
 from ...estimate.result import Fit
 from ...estimate.several import ENOUGH, followed, from_several
@@ -16,9 +17,9 @@ from .walks import Walks
 
 # How a search goes along the valley: walks are nearer to linear in forces and compliances than in logarithms.
 POWERS = {"N": 1, "N s/m": 1, "N/m": -1}
+POWERS |= {turned(unit): power for unit, power in POWERS.items()}
 # Chi-squared may fall by so much on the way of a search from where it was left to its end.
 LEADS = 20.0
-POWERS |= {turned(unit): power for unit, power in POWERS.items()}
 
 
 def from_points(
@@ -56,8 +57,7 @@ def from_points(
         found = [end(fit, _lost(fit)) for fit in kept]
         best = min(found, key=lambda fit: fit.cost)
         if not _lost(best):  # what may fit as well beside it is in its intervals only from its end
-            most = best.cost * (1.0 + LEADS / best.degrees_of_freedom)
-            found = [end(fit, fit.cost > most) for fit in found]
+            found = [end(fit, not (_lost(fit) and likely(fit, best))) for fit in found]
         return [replace(fit, parameters=tuple(straightened(within, fit.values))) for fit in found]
 
     return from_several(begins, look, ends)
@@ -65,6 +65,12 @@ def from_points(
 
 def _lost(fit: Fit) -> bool:
     return loosest(fit, CHANNEL) is not None
+
+
+def likely(look: Fit, fit: Fit) -> bool:
+    """Whether a search that has begun may end where the noise does not reject it, beside a fit."""
+    variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
+    return variance > 0.0 and still_fits((look.cost - fit.cost) / variance - LEADS, len(fit.parameters))
 
 
 def _reaching(parameters: Sequence[Parameter], fit: Fit) -> list[Parameter]:
