@@ -13,6 +13,7 @@ import pytest
 
 from stickslip.actuator import load_actuator
 from stickslip.control import (
+    ControlWarning,
     LowPass,
     MoveError,
     Mover,
@@ -123,8 +124,10 @@ class Slider:
     """A piezo and an end-effector that sticks below a voltage edge, and is left behind by some of it above;
     with creep [m per tick] and an end stop."""
 
-    def __init__(self, random: np.random.Generator, stop: float = 1.0, creep: float = 2e-12) -> None:
-        self.random, self.stop, self.creep = random, stop, creep
+    def __init__(
+        self, random: np.random.Generator, stop: float = 1.0, creep: float = 2e-12, noise: float = 2e-9
+    ) -> None:
+        self.random, self.stop, self.creep, self.noise = random, stop, creep, noise
         self.volts = self.slipped = self.crept = 0.0
         self.share = random.uniform(0.5, 0.9)
 
@@ -134,7 +137,7 @@ class Slider:
             self.slipped -= self.share * change * GAIN
         self.crept += self.creep
         where = self.slipped + self.crept + volts * GAIN
-        return min(where, self.stop) + 2e-9 * self.random.standard_normal()
+        return min(where, self.stop) + self.noise * self.random.standard_normal()
 
 
 GAIN = 0.1e-6
@@ -215,6 +218,14 @@ def test_a_range_that_holding_uses_up_in_c(tmp_path: Path) -> None:
     assert phases.index("hold") < phases.index("recentre") < len(phases) - 2
     jumps = np.diff([volts for volts, *_ in said])
     assert jumps.min() < -40.0
+    assert in_c(made_mover(), tmp_path, given) == said
+
+
+def test_arrival_in_noise_in_c(tmp_path: Path) -> None:
+    mover = made_mover()
+    with pytest.warns(ControlWarning, match="more than a third"):
+        given, said = driven(mover, [3e-6, 4e-6], {}, Slider(np.random.default_rng(4), noise=6e-9), 12_000)
+    assert len({settled for _, _, settled, _ in said if settled >= 0.0}) >= 2, "it settles again"
     assert in_c(made_mover(), tmp_path, given) == said
 
 

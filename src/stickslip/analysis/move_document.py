@@ -43,6 +43,8 @@ def move_document(
     said = f"At {aim.said(aim.target)} after {with_prefix(took.value, 's')}" if there else "Not at the target"
     said += f", with {mover.steps} steps; over the last {with_prefix(found.held, 's')} it is off by "
     said += f"{aim.said(found.rms)} rms."
+    if mover.remark:
+        said += f" {mover.remark[0].upper()}{mover.remark[1:]}."
     return Document(
         title=file.title,
         summary=said,
@@ -69,14 +71,18 @@ def move_document(
         },
         assumptions=[f"{field} = {words}" for field, words in plant.assumptions.items()],
         citations=plant.citation if plant.name else "",
-        failures=_failures(aim, there, found),
+        failures=_failures(aim, mover, found),
     )
 
 
-def _failures(aim: Aim, there: bool, found: Settling) -> list[str]:
+def _failures(aim: Aim, mover: Mover, found: Settling) -> list[str]:
     failures = []
-    if not there:
-        failures.append(f"the position was not within {aim.said(aim.within)} of the target")
+    if mover.settled_at is None:
+        why = f"the position was not within {aim.said(aim.within)} of the target"
+        if math.isfinite(mover.arrival.offset):
+            off, doubt = aim.said(mover.arrival.offset), aim.said(mover.arrival.doubt)
+            why += f": at last its readings were off by {off} in the mean, known to {doubt}"
+        failures.append(why)
     if aim.hold_within is not None and not found.rms <= aim.hold_within:
         failures.append(f"the hold is {aim.said(found.rms)} rms, above {aim.said(aim.hold_within)}")
     return failures

@@ -29,6 +29,10 @@ _LEAD = Quantity("s", "", "the time that the feedforward is ahead", minimum=0)
 _FEEDFORWARD = Quantity("V/m", "K_f", "the voltage per wanted position")
 
 
+class ControlWarning(UserWarning):
+    """A loop that may do less than its numbers say: noise above its tolerance, a mode beyond its ticks."""
+
+
 def whole_number(value: Any, field: str) -> int:
     """The value; raises QuantityError where it is no whole number >= 0."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:

@@ -158,7 +158,8 @@ class Commanded:
         settled = mover.settled_at is not None and phase == "hold"
         return {
             "phase": phase,
-            "words": WORDS[phase],
+            "words": f"{WORDS[phase]}; {mover.remark}" if mover.remark else WORDS[phase],
+            "remark": mover.remark,
             "settled": settled,
             "steps": mover.steps,
             "lost": mover.lost,

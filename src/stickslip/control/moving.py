@@ -10,17 +10,20 @@
 
 Handing over from steps to the piezo is without a jump: the regulator begins at the voltage that is there.
 Steps forward begin at the least voltage and steps backward at the greatest, so that both come to the target
-from their own side. When holding has used up the piezo's range (creep, a load), the move begins anew.
+from their own side. When holding has used up the piezo's range (creep, a load), the move begins anew. Arrival
+is judged by the mean of the readings and its uncertainty (`arrival`).
 """
 
 from __future__ import annotations
 
 import math
+import warnings
 from typing import Annotated, NamedTuple
 
 from ..records import Quantity, of_kind, record
 from ..units import QuantityError, to_si, with_prefix
-from .blocks import Regulator
+from .arrival import BATCHES, NOISY, SPREAD, STUDENT, Arrival
+from .blocks import ControlWarning, Regulator
 from .shaping import Slip
 from .steps import RISING, Steps, StepSizes
 
@@ -41,7 +44,7 @@ class Stepping(NamedTuple):
     scan: Annotated[float, Quantity("s", "t_s", "time of a scan to the target", above=0)] = 0.02
     margin: Annotated[float, Quantity("", "m", "share of the range kept free", minimum=0, maximum=0.4)] = 0.1
     tolerance: Annotated[float, Quantity("m", "ε", "what counts as there", above=0)] = 10e-9
-    dwell: Annotated[float, Quantity("s", "t_d", "how long it must be there", minimum=0)] = 0.01
+    dwell: Annotated[float, Quantity("s", "t_d", "time over which arrival is judged", minimum=0)] = 0.01
 
 
 # What of the expected way counts as a step, and after how many that were none the move is given up.
@@ -74,6 +77,8 @@ class Mover:
     Attributes:
         phase: see the module; `history` is when each began, s.
         settled_at: s, when it was first at the target, or None; `steps` is how many were made.
+        arrival: what the readings at the target say; see `Arrival`.
+        remark: a sentence on noise that hides whether it is there, or "".
         steps_wanted: set to make so many full steps at once, backward where it is negative, and then hold
             where they lead, whatever the target is until then.
         centre_wanted: set to have the piezo in the middle of its range, when it holds, for the same target.
@@ -115,7 +120,8 @@ class Mover:
             )
         rate = regulator.rate
         self._period, self._pause = round(rate / walk.frequency), round(walk.pause * rate)
-        self._scan, self._dwell = max(round(walk.scan * rate), 1), round(walk.dwell * rate)
+        self._scan, self._batch = max(round(walk.scan * rate), 1), max(round(walk.dwell * rate / BATCHES), 1)
+        self.arrival, self.remark = Arrival(walk.tolerance, self.gain, self._batch), ""
         self._rise = round(RISING * self._period)
         if self._period < 8:
             raise QuantityError(
@@ -138,7 +144,7 @@ class Mover:
         self._goal = math.nan
         self._rest = min(max(0.0, low), high)
         self._voltage = self._from = self._to = self._rest
-        self._count = self._lost_now = self._there = self._attempts = 0
+        self._count = self._lost_now = self._attempts = 0
         self._direction, self._amplitude, self._before, self._first = 1, walk.amplitude, 0.0, True
         self.steps_wanted, self.centre_wanted, self._close = 0, False, _CLOSE
         self._jogs: int | None = None  # steps that are left of those that were wanted
@@ -167,7 +173,11 @@ class Mover:
             "rise": self._rise,
             "pause": self._pause,
             "scanning": self._scan,
-            "dwell": self._dwell,
+            "batch": self._batch,
+            "batches": BATCHES,
+            "student": STUDENT,
+            "spread": SPREAD,
+            "noisy": NOISY,
             "patience": _PATIENCE,
             "attempts": _ATTEMPTS,
             "points": len(self.steps_of.table.voltages) + 1,
@@ -206,12 +216,12 @@ class Mover:
         elif self._jogs is not None:
             pass  # the steps first
         elif self.centre_wanted and self.phase == "hold":
-            self.centre_wanted, self.settled_at, self._there = False, None, 0
+            self.centre_wanted, self.settled_at = False, None
             self._centre(tick)
         elif target != self._goal and self.phase == "hold" and self._follows(target):
             self._goal = target
         elif target != self._goal:
-            self._goal, self._attempts, self.settled_at, self._there = target, 0, None, 0
+            self._goal, self._attempts, self.settled_at = target, 0, None
             self._begin(measured, tick)
         phase = self.phase
         if phase == "hold" or phase == "scan":
@@ -242,7 +252,7 @@ class Mover:
     def _jog(self, tick: int) -> None:
         """Begin with so many full steps."""
         self._jogs, self._direction = abs(self.steps_wanted), 1 if self.steps_wanted > 0 else -1
-        self.steps_wanted, self.settled_at, self._there = 0, None, 0
+        self.steps_wanted, self.settled_at = 0, None
         self._return(tick)
 
     def _follows(self, target: float) -> bool:
@@ -356,12 +366,13 @@ class Mover:
 
     def _start_scan(self, measured: float, tick: int) -> None:
         self._before = measured
+        self.arrival.begin()
         self.regulator.begin(self._voltage, measured)
         self._enter("scan", tick)
 
     def _regulated(self, measured: float, tick: int) -> None:
         """By the regulator; looks whether it is there, and whether the range is used up."""
-        wanted = self._goal
+        wanted, given = self._goal, self._voltage
         if self.phase == "scan":
             self._count += 1
             wanted = self._before + _smooth(self._count / self._scan) * (self._goal - self._before)
@@ -369,11 +380,13 @@ class Mover:
                 self._enter("hold", tick)
         self._voltage = self.regulator.step(measured, wanted, tick)
         if self.phase == "hold":
-            near = abs(measured - self._goal) <= self.walk.tolerance
-            self._there = self._there + 1 if near else 0
             rate = self.regulator.rate
-            if self.settled_at is None and self._there > self._dwell:
-                self.settled_at, self._attempts = (tick - self._dwell) / rate, 0
+            there = self.arrival.sees(measured, self._goal, given)
+            if there and self.settled_at is None:
+                self.settled_at, self._attempts = (tick - BATCHES * self._batch + 1) / rate, 0
+            if self.arrival.noisy and not self.remark:
+                self.remark = self.arrival.remark(rate, self._unit)
+                warnings.warn(self.remark, ControlWarning, stacklevel=3)
             if self.settled_at is not None and tick / rate - self.settled_at >= self._hold:
                 self.done = True
             if not self.regulator.low < self._voltage < self.regulator.high:

@@ -167,8 +167,10 @@ def mover_source(mover: Mover) -> str:
         constants=constants,
         **{name: ", ".join(_number(one) for one in row) for name, row in rows.items()},
     )
-    body = (Path(__file__).parent / "c" / "mover.h").read_text(encoding="ascii")
-    return regulator_source(mover.regulator) + head + body
+    parts = [
+        (Path(__file__).parent / "c" / name).read_text(encoding="ascii") for name in ("arrival.h", "mover.h")
+    ]
+    return "".join([regulator_source(mover.regulator), head, *parts])
 
 
 def export_mover(mover: Mover, path: str | os.PathLike[str]) -> Path:

@@ -28,8 +28,10 @@ typedef struct {
     bool centre_wanted;            /* set to have the piezo in mid-range when it holds, at the same target */
     double learnt[2][3];           /* forward, backward: factor on the table, and the sums that it is from */
     double from, to, amplitude, before, close;
-    long count, lost_now, there, attempts, jogs;
+    long count, lost_now, attempts, jogs;
     bool jogging, first;
+    arrival there;                 /* what the readings at the target say */
+    bool noisy;                    /* the noise is large against the tolerance */
     int direction;                 /* 1 or -1 */
 } mover;
 
@@ -46,7 +48,10 @@ static inline void mover_begin(mover *m)
     m->settled_at = m->before = 0.0;
     m->amplitude = MOVER_AMPLITUDE;
     m->close = MOVER_CLOSE;
-    m->count = m->lost_now = m->there = m->attempts = 0;
+    m->count = m->lost_now = m->attempts = 0;
+    m->there.offset = m->there.doubt2 = m->there.noise2 = NAN;
+    m->noisy = false;
+    arrival_begin(&m->there);
     m->first = true;
     m->direction = 1;
     for (way = 0; way < 2; ++way)
@@ -152,6 +157,7 @@ static inline bool mover_within(double volts)
 static inline void mover_scan(mover *m, double measured)
 {
     m->before = measured;
+    arrival_begin(&m->there);
     regulator_begin(&m->loop, m->voltage, measured);
     mover_enter(m, MOVER_SCAN);
 }
@@ -259,7 +265,9 @@ static inline void mover_choose(mover *m, double measured)
 /* By the regulator; looks whether it is there, and whether the range is used up. */
 static inline void mover_regulated(mover *m, double measured, long tick)
 {
+    const double given = m->voltage;
     double wanted = m->goal;
+    bool there;
     if (m->phase == MOVER_SCAN) {
         m->count += 1;
         wanted = m->before + mover_smooth((double)m->count / (double)MOVER_SCANNING) * (m->goal - m->before);
@@ -269,12 +277,14 @@ static inline void mover_regulated(mover *m, double measured, long tick)
     m->voltage = regulator_step(&m->loop, measured, wanted);
     if (m->phase != MOVER_HOLD)
         return;
-    m->there = fabs(measured - m->goal) <= MOVER_TOLERANCE ? m->there + 1 : 0;
-    if (!m->settled && m->there > MOVER_DWELL) {
+    there = arrival_sees(&m->there, measured, m->goal, given);
+    if (there && !m->settled) {
         m->settled = true;
-        m->settled_at = (double)(tick - MOVER_DWELL) / MOVER_RATE;
+        m->settled_at = (double)(tick - MOVER_BATCHES * MOVER_BATCH + 1) / MOVER_RATE;
         m->attempts = 0;
     }
+    if (m->there.noise2 > MOVER_NOISY * MOVER_NOISY * MOVER_TOLERANCE * MOVER_TOLERANCE)
+        m->noisy = true;
     if (m->settled && (double)tick / MOVER_RATE - m->settled_at >= MOVER_HOLDING)
         m->done = true;
     if (!(MOVER_LOW < m->voltage && m->voltage < MOVER_HIGH))
@@ -298,20 +308,19 @@ static inline double mover_step(mover *m, double measured, double target, long t
         m->jogging = true;
         m->jogs = m->steps_wanted > 0 ? m->steps_wanted : -m->steps_wanted;
         m->direction = m->steps_wanted > 0 ? 1 : -1;
-        m->steps_wanted = m->there = 0;
+        m->steps_wanted = 0;
         m->settled = false;
         mover_return(m);
     } else if (m->jogging) {
         ; /* the steps first */
     } else if (m->centre_wanted && m->phase == MOVER_HOLD) {
         m->centre_wanted = m->settled = false;
-        m->there = 0;
         mover_centre(m);
     } else if (target != m->goal && m->phase == MOVER_HOLD && mover_follows(m, target)) {
         m->goal = target;
     } else if (target != m->goal) {
         m->goal = target;
-        m->attempts = m->there = 0;
+        m->attempts = 0;
         m->settled = false;
         mover_go(m, measured);
     }
