@@ -26,9 +26,9 @@ def test_jumps_take_their_time_and_the_rest_stays() -> None:
     for jump in (0.2, 0.4, 0.6, 0.7, 0.9, 1.1):
         after_jump |= (t >= jump - 1e-9) & (t < jump + 0.65e-3)
     np.testing.assert_allclose(u[~after_jump], wanted[~after_jump], atol=1e-9)
-    landed = 65.0 * 5.0 * 65.0 / rate  # where the next ramp is by then
-    half = slewed.value(0.2 + 0.5 * 65.0 / rate)
-    assert half == pytest.approx(0.5 * (65.0 + landed), rel=1e-6)
+    taken = 65.0 / (rate + 65.0 * 5.0)  # the output falls at the rate while the next ramp rises
+    assert slewed.value(0.2 + 0.5 * taken) == pytest.approx(65.0 - 0.5 * rate * taken, rel=1e-12)
+    assert slewed.value(0.2 + taken) == pytest.approx(65.0 * 5.0 * taken, rel=1e-9)
     assert slewed.range() == WALK.range()
 
 

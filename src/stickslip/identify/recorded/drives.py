@@ -73,7 +73,7 @@ class Slewed:
         starts, polynomials, rows, harmonics, last = [], [], [0], [], table.before
         for i, (start, end) in enumerate(zip(table.start, ends, strict=True)):
             harmonic = table.harmonic[table.first[i] : table.first[i + 1]]
-            taken = abs(_at(table, i, 0.0) - last) / self.rate
+            taken = _meeting(table, i, last, self.rate, end - start)
             if taken >= end - start:
                 raise QuantityError(
                     f"at {self.rate:g} V/s the jump at {start:g} s takes {taken:g} s, more than there is"
@@ -99,6 +99,16 @@ class Slewed:
             np.array(rows, dtype=np.int64),
             np.array(harmonics).reshape(-1, 4),
         )
+
+
+def _meeting(table: Drive, i: int, last: float, rate: float, longest: float) -> float:
+    """Return when an output that moves from `last` at `rate` [V/s] meets segment i, in s from its start."""
+    taken = abs(_at(table, i, 0.0) - last) / rate
+    for _ in range(100):  # a contraction by the segment's slope over the rate
+        before, taken = taken, abs(_at(table, i, taken) - last) / rate
+        if taken >= longest or abs(taken - before) <= 1e-14:
+            break
+    return taken
 
 
 def _at(table: Drive, i: int, tau: float) -> float:
