@@ -20,7 +20,7 @@ from stickslip.identify.step import fit as step_fit
 from stickslip.identify.step.fit import identify_step, step_formula_errors
 from stickslip.identify.step.formulas import Timing, classical, step_features
 from stickslip.identify.step.linear import filter_zeros_poles, second_order_poles, step_response
-from stickslip.identify.step.recorded_step import StepTest
+from stickslip.identify.step.recorded_step import StepTest, step_tests
 from stickslip.recording import RecordingError, make_recording
 
 VOLTS = (60.0, 70.0, 80.0)
@@ -185,6 +185,22 @@ def test_refusals(recording, message: str) -> None:
         identify_step(recording())
     with pytest.raises(RecordingError, match="no recording"):
         identify_step([])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_output_of_an_amplifier_that_rises_over_several_samples_is_a_step(seed: int) -> None:
+    random = np.random.default_rng([seed, 7])
+    height, interval = float(random.choice([-1.0, 1.0]) * random.uniform(5.0, 90.0)), 50e-6
+    rise, at = float(random.uniform(0.5, 30.0)) * interval, 0.02 + float(random.uniform(0.0, interval))
+    t = np.arange(1600) * interval
+    volts = 20.0 + height * np.clip((t - at) / rise, 0.0, 1.0)
+    volts += 5e-5 * abs(height) * random.standard_normal(t.size)
+    (test,) = step_tests(_driven(volts))
+    assert -1.01 * interval < t[0] - test.time[0] - at < 1.01 * interval
+    if rise > 3.0 * interval:
+        assert t[0] - test.time[0] == pytest.approx(at, abs=0.05 * interval)
+    assert test.voltage == pytest.approx(height, rel=2e-4)
+    assert test.rest == pytest.approx(20.0, abs=0.01)
 
 
 def test_steps_without_drive_channel_and_downwards() -> None:

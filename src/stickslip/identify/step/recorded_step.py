@@ -15,6 +15,11 @@ from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped
 
 POSITION = "end_effector_position"
 
+# Share of a step's height by which the drive has left one level, or not yet reached the other.
+LEFT = 0.05
+# Longest rise of a step, as a share of the recording.
+LONGEST_RISE = 0.1
+
 Array = NDArray[np.float64]
 
 
@@ -67,11 +72,24 @@ def step_tests(
 
 
 def _step_of(u: Array, time: Array, where: str) -> tuple[float, float]:
-    """Instant (the sample after it: a converter holds its value) [s] and height [V] of the one step."""
+    """Return instant [s] and height [V] of the one step.
+
+    A jump within one interval is at the sample after it, for a converter holds its value. A rise over several
+    samples, as of an amplifier with a slew rate, begins where the line through them leaves the first level.
+    """
     at = int(np.argmax(np.abs(np.diff(u)))) + 1
-    before, after = u[:at], u[at:]
-    height = float(np.median(after) - np.median(before))
-    rest = max(float(np.ptp(before)), float(np.percentile(np.abs(after - np.median(after)), 95)))
-    if rest > 0.2 * abs(height):
+    first, last = float(np.median(u[:at])), float(np.median(u[at:]))
+    height = last - first
+    begin = at - 1 - int(np.argmax((np.abs(u[:at] - first) <= LEFT * abs(height))[::-1]))
+    end = at + int(np.argmax(np.abs(u[at:] - last) <= LEFT * abs(height)))
+    rest = max(float(np.ptp(u[: begin + 1])), float(np.percentile(np.abs(u[end:] - last), 95)))
+    if rest > 0.2 * abs(height) or end - begin > LONGEST_RISE * u.size:
         raise RecordingError(f"drive_voltage [V] of {where} is not one step from one level to another")
-    return float(time[at]), height
+    if end - begin == 1:
+        return float(time[at]), height
+    if end - begin == 2:
+        return float(time[begin]), height
+    slope, level = np.polyfit(time[begin + 1 : end] - time[begin], u[begin + 1 : end], 1)
+    left = (first - level) / slope if slope else 0.0
+    earliest = time[begin] - 2.0 * LEFT * (time[end] - time[begin])
+    return float(np.clip(time[begin] + left, earliest, time[begin + 1])), height
