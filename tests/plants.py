@@ -105,7 +105,8 @@ def motion(
             d = z * n ** (1.0 - power)
             change = dz - power * max(grows, 0.0) * d
             rates += list(n ** (power - 1.0) * change + (power - 1.0) * grows * z)
-        f.append(n * force)
+        uneven = 0.0 if element.along is None else element.along.asymmetry
+        f.append(n * (force + uneven * abs(force)))
     push = np.array([entries(e.push, len(plant.modes)) for e in plant.elements])
     push = push.reshape(len(plant.elements), len(plant.modes))
     free = np.array(

@@ -107,6 +107,11 @@ def _check_friction(system: Any) -> None:
             f"{owner}.normal_force.stiffness_exponent = {along.stiffness_exponent:g} is of a bristle's "
             f"stiffness; {type(system.friction).__name__} has none"
         )
+    if along is not None and elements(system.friction) == 0 and along.asymmetry != 0.0:
+        raise QuantityError(
+            f"{owner}.normal_force.asymmetry = {along.asymmetry:g} is for a law with bristles; of "
+            f"{type(system.friction).__name__} the same is an external_force [N], asymmetry * coulomb_force"
+        )
 
 
 @record

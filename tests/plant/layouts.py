@@ -226,7 +226,15 @@ CASES = {
     ),
     "no element": Case(Plant((STAGE,), (), RATE), (1.0, 3.0), ()),
 }
-ALONG = NormalForce(slope=3e5, power=-2.0, ripple=0.1, wavelength=2e-6, phase=0.4, stiffness_exponent=0.4)
+ALONG = NormalForce(
+    slope=3e5,
+    power=-2.0,
+    ripple=0.1,
+    wavelength=2e-6,
+    phase=0.4,
+    stiffness_exponent=0.4,
+    asymmetry=0.1,
+)
 CASES["a load along the stroke"] = Case(
     Plant(
         (STAGE, FREE, SLIDER),
@@ -251,7 +259,7 @@ CASES["slides along the stroke"] = Case(
                 (1.0, -1.0, None),
                 (-10.0, 7.7, None),
                 0.9,
-                along=ALONG._replace(stiffness_exponent=1.0),
+                along=ALONG._replace(stiffness_exponent=1.0, asymmetry=0.0),
             ),
             Element(LUGRE, (1.0, None, -1.0), (-10.0, None, 12.0), 0.8),
         ),

@@ -17,6 +17,7 @@ from stickslip.friction import NormalForce
 from stickslip.identify.results import model_numbers, model_of
 from stickslip.parameters.writing import parameter_text
 from stickslip.simulation import SimulationWarning
+from stickslip.simulation.varied import with_values
 from stickslip.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
@@ -27,6 +28,7 @@ STEEP = NormalForce(slope=3e4)
 ALL = NormalForce(
     slope=-1.5e4, power=-2.0, ripple=0.3, wavelength=2e-5, phase=0.5, origin=2e-6, stiffness_exponent=1 / 3
 )
+UNEVEN = NormalForce(asymmetry=0.1)
 
 
 def test_constant_is_as_without_to_the_last_bit() -> None:
@@ -46,6 +48,7 @@ def followed_by_scipy(model: ss.Actuator, times: Any, volts: Any) -> Any:
         slides = w - v
         change = slides - abs(slides) * LAW.sigma_0 * n**q * z / (n * LAW.coulomb_force)
         force = LAW.sigma_0 * n**q * z + n * LAW.sigma_1 * change + n * LAW.sigma_2 * slides
+        force += along.asymmetry * abs(force)
         stage = omega**2 * (model.gain * volts(t) - y) - 2 * model.damping_ratio * omega * w
         renewed = q * max(steepness * v, 0.0) / n * z
         of_stage = stage - force / model.stage_mass
@@ -59,7 +62,7 @@ def followed_by_scipy(model: ss.Actuator, times: Any, volts: Any) -> Any:
     return found.y[2]
 
 
-@pytest.mark.parametrize("along", [STEEP, ALL], ids=["linear", "everything"])
+@pytest.mark.parametrize("along", [STEEP, ALL, UNEVEN], ids=["linear", "everything", "uneven"])
 def test_against_an_independent_solver(along: NormalForce) -> None:
     model, times = KANG.replace(normal_force=along), np.linspace(0.0, 0.06, 31)
     drive = ss.waveform.Multisine((40.0, 25.0), (50.0, 100.0), (0.0, 0.0), offset=60.0)
@@ -139,6 +142,21 @@ def test_members_and_derivatives() -> None:
     assert by["derivative"].values[0, -1] * LAW.sigma_0 == pytest.approx(difference, rel=1e-4)
 
 
+def test_its_numbers_vary_by_name() -> None:
+    """In members, derivatives and records, from a model that has a normal force or none."""
+    uneven = np.array([0.05, 0.05 + 1e-5, 0.05 - 1e-5])
+    vary = {"normal_force_asymmetry": uneven, "normal_force_slope": np.full(3, 2e3)}
+    members = ss.simulate_ensemble(KANG, WALK, parameters=vary, tolerance=1e-12)["net_displacement"].values
+    model = KANG.replace(normal_force=NormalForce(slope=2e3, asymmetry=0.05))
+    one = ss.simulate(model, WALK, tolerance=1e-12)["end_effector_position"].values[-1]
+    assert members[0] == pytest.approx(one, abs=1e-12)
+    by = ss.simulation.sensitivities(model, WALK, parameters=[*vary], tolerance=1e-11)["derivative"].values
+    assert by[0, -1] == pytest.approx((members[1] - members[2]) / 2e-5, rel=1e-3)
+    assert with_values(KANG, {name: float(column[0]) for name, column in vary.items()}) == model
+    plain = ss.simulation.sensitivities(KANG, WALK, parameters=["normal_force_asymmetry"], tolerance=1e-11)
+    assert abs(plain["derivative"].values[0, -1]) > 1e-6  # m, of a model that has none itself
+
+
 def test_contact_that_lifts_off_is_named() -> None:
     with pytest.warns(SimulationWarning, match="the contact lifts off at 20"):
         found = ss.simulate(
@@ -164,6 +182,8 @@ def test_what_has_no_place_is_refused() -> None:
         KANG.replace(normal_force=1.5)
     with pytest.raises(QuantityError, match="Coulomb has none"):
         KANG.replace(friction=ss.Coulomb(0.5), normal_force=NormalForce(stiffness_exponent=0.5))
+    with pytest.raises(QuantityError, match="the same is an external_force"):
+        KANG.replace(friction=ss.Coulomb(0.5), normal_force=UNEVEN)
 
 
 def test_files_keep_it(tmp_path: Path) -> None:

@@ -9,6 +9,11 @@ the normal force P_0 at which the law's parameters hold, and the load ℓ(t) of 
 `contact.PreloadMagnet`); the sine is the ripple of a guide or of a worn track. Valid where p > 0: where it is
 not, the contact has lifted off and the motion is not followed.
 
+A contact that presses harder in one direction of its force than in the other (a tilted guide, a preload that
+the friction itself lifts or presses on) has n (1 + a) where its force is positive and n (1 - a) where it is
+negative, with the asymmetry a: F + a |F| instead of F, as friction loops show it. The force stays continuous.
+For a law without bristles the same is a constant external force of a F_C.
+
 A contact of stiffness :math:`\sigma_0 n^q` and friction F_C n: q = 1 of many asperities [persson2007], q =
 1/3 of smooth balls [mindlin1949]. What is newly loaded carries no tangential force; what is unloaded loses
 its share of the stiffness, at the same deflection [mindlin1953; jager1998]. In the deflection ζ that carries
@@ -38,8 +43,8 @@ from ..units import QuantityError, array_si
 
 @record
 class NormalForce(NamedTuple):
-    """The normal force over its reference along the stroke, and the power with which bristle stiffness
-    follows the normal force."""
+    """The normal force over its reference along the stroke and by the direction of the force, and the power
+    with which bristle stiffness follows the normal force."""
 
     slope: Annotated[float, Quantity("1/m", "s", "relative change of the normal force at X = 0")] = 0.0
     power: Annotated[float, Quantity("", "k", "1 of a spring, -2 of a magnet", minimum=-4, maximum=4)] = 1.0
@@ -50,6 +55,9 @@ class NormalForce(NamedTuple):
     stiffness_exponent: Annotated[
         float, Quantity("", "q", "power of the normal force in bristle stiffness", minimum=0, maximum=1)
     ] = 1.0
+    asymmetry: Annotated[
+        float, Quantity("", "a", "share of the force that differs forward and backward", above=-1, below=1)
+    ] = 0.0
 
     @property
     def uniform(self) -> NormalForce:
@@ -109,6 +117,10 @@ def _kept(force: Any, ratio: float) -> float:
     return ratio if ratio < 1.0 else ratio ** (1.0 - force.stiffness_exponent)
 
 
+def _leaning(force: Any, f: float) -> float:
+    return 1.0 + force.asymmetry if f > 0.0 else 1.0 - force.asymmetry
+
+
 def _uniform(force: Any) -> bool:
     return force.slope * force.power == 0.0 and force.ripple == 0.0
 
@@ -120,3 +132,5 @@ softening = inlined(_softening)
 # The factor on ζ at a jump of the load, which was `ratio` times the new one.
 kept = inlined(_kept)
 uniform = inlined(_uniform)
+# The factor on a force f by its direction.
+leaning = inlined(_leaning)

@@ -10,7 +10,8 @@ from ..estimate.parameter import Parameter
 from ..estimate.tied import names_in
 from ..friction import MaxwellSlip
 from ..records import Quantity, did_you_mean, quantities
-from ..simulation.varied import element_of, free_names, law_of, ratios_of
+from ..simulation import varied
+from ..simulation.varied import NORMAL_FIELDS, element_of, free_names, law_of, ratios_of
 from ..units import QuantityError, to_si, turned, with_unit
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
@@ -99,6 +100,8 @@ def value_of(model: Any, name: str) -> tuple[float, Quantity | None]:
     element, ratio = element_of(law, name), ratios_of(law).get(name)
     if ratio is not None and name not in law._fields:
         return getattr(law, ratio.field) / ratio.scale(law._asdict()), None
+    if name in NORMAL_FIELDS:
+        return varied.value_of(model, name), varied.quantity_of(model, None, name)
     owner = law if element or name in law._fields else model
     quantity = quantities(type(owner))[element[0] if element else name]
     return (getattr(law, element[0])[element[1]] if element else getattr(owner, name)), quantity

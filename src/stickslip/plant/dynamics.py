@@ -11,6 +11,8 @@ from .writing import (
     drive_terms,
     fed_terms,
     holding,
+    leaning_of,
+    leans,
     loaded_share,
     normal_of,
     own_push,
@@ -53,6 +55,7 @@ def slope(layout: Layout) -> Text:
                 lines.append(f"d{e}_{i} -= fresh * {z}")
             rates.append(f"d{e}_{i}")
         lines.append(f"f{e} *= n{e}" if shape.along else f"f{e} *= {normal_of(e, shape)}")
+        lines += [f"f{e} *= {leaning_of(e)}"] if leans(shape) else []
     for m in range(layout.modes):
         mode = f"plant.modes[{m}]"
         lines.append(
@@ -115,6 +118,10 @@ def _linearised(layout: Layout, e: int, shape: Shape) -> list[str]:
         ]
         if shape.along and shape.loaded:
             lines.append(f"zt{e}_{i} += stiffens{e}_{i} * grown{e}")
+    if leans(shape):
+        lines.append(f"lean = {leaning_of(e)}")
+        lines += [f"{name}{e} *= lean" for name in ("f", "phi", "ft")]
+        lines += [f"{name}{e}_{i} *= lean" for name in ("fz", "fp") for i in range(shape.states)]
     if shape.loaded:
         share = f" * share{e}" if shape.along else ""
         lines.append(f"ft{e} = n{e} * ft{e} + {own}.normal * normal[1]{share} * f{e}")

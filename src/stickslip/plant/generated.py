@@ -31,7 +31,7 @@ from ..friction.law import (
     ticked_state,
     with_branch,
 )
-from ..friction.normal_force import along, kept, softening, uniform
+from ..friction.normal_force import along, kept, leaning, softening, uniform
 from ..friction.static import static_slope
 from . import dynamics, kinematics, lanes
 from .system import Layout, layout_of
@@ -49,6 +49,7 @@ _NAMES = {
     "along": along,
     "softening": softening,
     "kept": kept,
+    "leaning": leaning,
     "uniform": uniform,
     "element": element,
     "smooth_rate": smooth_rate,

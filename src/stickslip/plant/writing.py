@@ -121,6 +121,16 @@ def loaded_share(e: int, shape: Shape) -> list[str]:
     ]
 
 
+def leans(shape: Shape) -> bool:
+    """Whether the force of an element may differ by its direction; a static law is refused an asymmetry."""
+    return shape.along and not shape.static
+
+
+def leaning_of(e: int) -> str:
+    """The factor on the output of an element by its direction, see `friction.normal_force`."""
+    return f"leaning(plant.elements[{e}].along, f{e})"
+
+
 def static_elements(layout: Layout) -> list[int]:
     return [e for e, shape in enumerate(layout.elements) if shape.static]
 

@@ -36,6 +36,7 @@ from .varied import (
     quantity_of,
     record_field,
     record_names,
+    with_normal_force,
     with_values,
 )
 
@@ -203,6 +204,7 @@ def prepared(
         end: s; None: of each member the duration of its waveform, or with `periodic` its period.
     """
     count = next(iter(columns.values())).size
+    model = with_normal_force(model, columns)
     of_model = model_names(model)
     values = {name: c for name, c in columns.items() if name in of_model}
     reasons, scale = _refused(model, columns, values, count), columns.get("drive_scale", np.ones(count))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..actuator import Actuator, PulledSlider
 from ..friction import breakaway, elements, rate
 from ..friction import element as element_of
+from ..friction.normal_force import leaning
 from ..mechanism import Mechanism
 from ..piezo.model import Piezo
 from ..plant.at_piezo import at_piezo
@@ -249,7 +250,7 @@ def _held(of: System, q: NDArray[np.float64], load: float, place: float) -> floa
     held = -of.plant.modes[slider].acceleration / pushed if pushed else 0.0
     normal = contact.normal * load
     if contact.along is not None:
-        normal *= float(contact.along.factor(place))
+        normal *= float(contact.along.factor(place)) * leaning(contact.along, held)
     if held == 0.0 or normal <= 0.0:
         return 0.0
     if elements(contact.law) == 0:

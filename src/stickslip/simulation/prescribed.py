@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from ..friction import NormalForce, elements, is_law
+from ..friction.normal_force import leaning
 from ..recording import make_recording
 from ..solve.prescribed import follow_position
 from ..units import QuantityError, array_si, to_si, with_prefix
@@ -67,19 +68,20 @@ def friction_response(
     t, x = array_si(time, "s", "time"), array_si(position, "m", "position")
     if t.ndim != 1 or t.shape != x.shape or t.size < 2 or not np.all(np.diff(t) > 0.0):
         raise QuantityError("time [s] and position [m] must be of one length, at least 2, and time ascending")
-    ratio = np.ones(t.size)
+    ratio, along = np.ones(t.size), NormalForce()
     if isinstance(normal_force, NormalForce):
         if normal_force.stiffness_exponent != 1.0:
             q = normal_force.stiffness_exponent
             raise QuantityError(f"NormalForce.stiffness_exponent = {q:g}: a prescribed motion knows 1 only")
-        ratio = normal_force.factor(x)
+        ratio, along = normal_force.factor(x), normal_force
     elif normal_force is not None:
         ratio = array_si(normal_force, "N", "normal_force") / reference
         if ratio.shape != t.shape:
             raise QuantityError("normal_force [N] must have one value per time")
     z = np.zeros(max(elements(law), 1))
     if initial_force != 0.0 and elements(law) > 0 and ratio[0] > 0.0:
-        z[:] = strained(law, initial_force / ratio[0], initial_velocity)
+        first = initial_force / (ratio[0] * leaning(along, initial_force))
+        z[:] = strained(law, first, initial_velocity)
     samples = np.full((t.size, 1 + z.size), np.nan)
     reached = follow_position(law, t, x, ratio, z, tolerance, proportional, samples)
     if reached < t.size:
@@ -87,6 +89,7 @@ def friction_response(
             f"the friction law could not be followed from t = {t[reached - 1]:.6g} s on within the tolerance "
             f"of {with_prefix(tolerance, 'm', 3)}: a greater one may do"
         )
+    samples[:, 0] *= 1.0 + along.asymmetry * np.sign(samples[:, 0])
     variables: dict[str, Any] = {"position": x, "friction_force": samples[:, 0]}
     for e in range(elements(law)):
         variables[f"bristle_deflection_{e + 1}"] = (samples[:, 1 + e], "m")

@@ -37,6 +37,7 @@ from .varied import (
     quantity_of,
     record_names,
     value_of,
+    with_normal_force,
 )
 
 # At the normal force for which the parameters hold.
@@ -122,6 +123,7 @@ def moved(
     Raises:
         QuantityError: a name that is not known, a static law, or one whose force jumps.
     """
+    model = with_normal_force(model, names)
     of = contact.system(model)
     refuse_law(model)
     known = [*model_names(model), *(name for name in INITIAL if initial_row(of, name) is not None)]

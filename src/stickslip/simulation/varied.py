@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
-from ..friction import is_law
+from ..friction import NormalForce, is_law
 from ..records import Quantity, quantities, quantities_of
 
 
@@ -33,8 +33,10 @@ RATIOS = {
 }
 
 
-# Before the name of a number of the piezo.
+# Before the name of a number of the piezo, and of a number of the normal force along the stroke.
 PIEZO = "piezo_"
+NORMAL = "normal_force_"
+NORMAL_FIELDS = {NORMAL + field: field for field in NormalForce._fields}
 
 
 def law_of(model: Any) -> Any:
@@ -56,7 +58,8 @@ def element_of(law: Any, name: str) -> tuple[str, int] | None:
 
 
 def free_names(model: Any) -> list[str]:
-    """What may be free in a model: the scalar fields of its law and its own, elements, and `RATIOS`."""
+    """What may be free in a model: the scalar fields of its law and its own, elements, `RATIOS`, and the
+    numbers of its normal force ("normal_force_slope")."""
     law, names = law_of(model), []
     for field, value in law._asdict().items():
         if isinstance(value, tuple):
@@ -66,7 +69,16 @@ def free_names(model: Any) -> list[str]:
     names += ratios_of(law)
     if not is_law(model):
         names += [field for field in quantities(type(model)) if isinstance(getattr(model, field), float)]
+        names += NORMAL_FIELDS
     return names
+
+
+def with_normal_force(model: Any, names: Iterable[str]) -> Any:
+    """The model with a normal force that is the same everywhere, if one of the names is of one and it has
+    none: models that differ in a number of it are then of one kind."""
+    if any(name in NORMAL_FIELDS for name in names) and model.normal_force is None:
+        return model.replace(normal_force=NormalForce())
+    return model
 
 
 def piezo_names(model: Any) -> list[str]:
@@ -118,6 +130,11 @@ def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any
             items = list(changed[element[0]])
             items[element[1]] = value
             changed[element[0]] = tuple(items)
+        elif name in NORMAL_FIELDS:
+            along = own.get("normal_force", model.normal_force or NormalForce())
+            own["normal_force"] = tuple.__new__(
+                NormalForce, (along._asdict() | {NORMAL_FIELDS[name]: value}).values()
+            )
         elif name not in of_piezo:
             own[name] = value
     for ratio in ratios.values():
@@ -155,6 +172,8 @@ def with_values(model: Any, values: Mapping[str, float]) -> Any:
     changed, own = changed_fields(model, values)
     if "piezo" in own:
         own["piezo"] = checked_piezo(own["piezo"])
+    if "normal_force" in own:
+        own["normal_force"] = NormalForce(*own["normal_force"])
     changed_law = type(law)(**changed)
     return changed_law if is_law(model) else model.replace(friction=changed_law, **own)
 
@@ -213,6 +232,8 @@ def value_of(model: Any, name: str, waveform: Any = None) -> float:
         return float(of_law[element[0]][element[1]])
     if (part := _part_of(model, name)) is not None:
         return record_value(part, name.removeprefix(PIEZO))
+    if name in NORMAL_FIELDS:
+        return float(getattr(model.normal_force or NormalForce(), NORMAL_FIELDS[name]))
     return float(getattr(model, name))
 
 
@@ -220,6 +241,8 @@ def quantity_of(model: Any, waveform: Any, name: str) -> Quantity | None:
     """What a number of the model, else of the waveform, of that name means; None for a ratio or a factor."""
     if (part := _part_of(model, name)) is not None:
         return quantities(type(part))[record_field(part, name.removeprefix(PIEZO))[0]]
+    if name in NORMAL_FIELDS:
+        return quantities(NormalForce)[NORMAL_FIELDS[name]]
     if name in record_names(waveform) and name not in free_names(model):
         quantity = quantities(type(waveform))[record_field(waveform, name)[0]]
         return quantity._replace(unit=quantity.unit.replace("V", waveform.unit))
