@@ -10,12 +10,13 @@ from typing import NamedTuple
 import xarray as xr
 
 from ..actuator import Actuator
-from ..analysis.alignment import Aligned, on_level, without_drift
+from ..analysis.alignment import POSITION, Aligned, on_level, without_drift
 from ..chain import Chain
 from ..electronics import Filter
 from ..estimate.influence import PriorInfluence, prior_influence
 from ..estimate.lack import said
 from ..estimate.result import Fit
+from ..identify.recorded.screen import Moved, driven, refuse_inverted, refuse_walk
 from ..identify.step.fit import identify_step, step_formula_errors
 from ..identify.walk.displacement import has_slopes
 from ..identify.walk.explained import Explained, explained
@@ -32,7 +33,6 @@ from .features import features_of
 from .file import CampaignFile
 from .gathering import Scale, scale_of, scaled
 from .hysteresis import Hysteresis, hysteresis_of
-from .plausible import check_walk, refuse_inverted
 
 WALKS = ("fit", "verify")
 # Of the steps' formulas with other noise.
@@ -102,12 +102,12 @@ def evaluate(
         scale = scale_of(steps, file.reference, file.settling)
         recordings = [scaled(one, scale.value) for one in recordings]
     recordings = [without_drift(one) if one.use in WALKS else one for one in recordings]
-    refuse_inverted(recordings, model)
+    _refuse_inverted(recordings, model)
     hysteresis, stage, formulas, model = _stage(file, recordings, model, progress)
     progress("identifying the friction", 0.2)
     walks = [on_level(one, model) for one in recordings if one.use in WALKS]
     for one in walks:
-        check_walk(one, model)
+        refuse_walk(moved(one), model)
     fitted = [one for one in walks if one.use == "fit"]
     alone = friction = _friction(file, fitted, model, stage)
     widened = stage
@@ -160,6 +160,19 @@ def evaluate(
         more._replace(failures=tuple(failed)),
         priors or (),
     )
+
+
+def moved(one: Aligned) -> Moved:
+    """The recording as the screen takes it."""
+    position, name = one.recording[POSITION], one.name
+    unit = str(position.attrs.get("units", "") or "m")
+    drive = driven(one.recording, one.wanted, name)
+    return Moved(name, POSITION, unit, one.recording["time"].values, position.values, drive)
+
+
+def _refuse_inverted(recordings: Sequence[Aligned], model: Actuator) -> None:
+    steps = [moved(one) for one in recordings if one.use == "step"]
+    refuse_inverted(steps, [moved(one) for one in recordings if one.use in WALKS], model)
 
 
 class _Stage(NamedTuple):

@@ -213,7 +213,9 @@ def test_what_cannot_be_identified_is_refused_by_name() -> None:
     with pytest.raises(RecordingError, match=r"stage_position .m. of recording 1 is not finite"):
         ss.identify_piezo(holed)
     mirrored = short.assign(stage_position=-short["stage_position"])
-    with pytest.raises(RecordingError, match=r"stage_position of recording 1 falls where drive_voltage"):
+    with pytest.raises(
+        RecordingError, match=r"stage_position .m. of recording 1 goes down where drive_voltage"
+    ):
         ss.identify_piezo(mirrored)
 
 

@@ -35,6 +35,7 @@ from ...units import with_prefix
 from ...waveform.shapes import Ramp
 from ..free import with_ties
 from ..recorded.recorded_drive import noise_level
+from ..recorded.screen import refuse_loading
 from .mean_covariance import covariance_of_mean, degrees_of_freedom
 
 # A drop counts as an event if it is larger than this part of the mean force, and than what noise makes.
@@ -244,12 +245,14 @@ def identify_pulled_slider(
 
     Raises:
         QuantityError: an expression that ties is wrong.
+        RecordingError: the force has the wrong size for this spring.
         FitError: see `slip_events`; or there are fewer than ten events.
     """
     events = slip_events(recording, rig, channel)
     if events.period.size < _LEAST:
         raise FitError(f"only {events.period.size} stick-slip events: at least {_LEAST} are needed")
     means, covariance = events.summary()
+    refuse_loading(means[0] - means[1], rig.loading_rate * means[2], f"{channel} of the recording")
     covariance *= (reach(0.95, degrees_of_freedom(events.period.size)) / reach(0.95)) ** 2
     interval = float(np.median(np.diff(recording["time"].values)))
     noise = noise_level(recording[channel].values)

@@ -48,6 +48,7 @@ from ..free import (
 )
 from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
+from ..recorded.screen import refuse_loop, said_far
 from .first import with_first
 from .missing import Slope, left_over, missing, viscous_slope
 from .profiled import profile_points, with_profile
@@ -117,7 +118,8 @@ def identify_loops(
         that the channel shows, free-running from the first sample.
 
     Raises:
-        RecordingError: a channel is missing, too short or constant; the force is clipped.
+        RecordingError: a channel is missing, too short or constant; the force is clipped; a channel is noise,
+            or the force does negative work.
         QuantityError: a name that cannot be free, or bounds that do not fit.
         FitError: see `fit_least_squares`.
     """
@@ -136,6 +138,8 @@ def identify_loops(
     measured = [channel(r, OBSERVED, name, varies=True) for r, name in zip(found, names, strict=True)]
     for name, force in zip(names, measured, strict=True):
         refuse_clipped(force, OBSERVED, name, rests=True)
+    for r, name, force in zip(found, names, measured, strict=True):
+        refuse_loop(channel(r, "position", name, varies=True), force, name, ("position", OBSERVED))
     origin = float(found[0]["time"].values[0])
     settings = (reference, origin, tolerance)
     responses = [response_of(r, name, *settings) for r, name in zip(found, names, strict=True)]
@@ -148,7 +152,7 @@ def identify_loops(
         for name in free
     ]
     parameters = [with_prior(p, priors) for p in parameters]
-    parameters, begins = loop_starts(parameters, found, measured, bounds)
+    parameters, begins = loop_starts(given := parameters, found, measured, bounds)
     others = beside(free, tied, known_of(model, neutral, turns))
 
     parts = [
@@ -175,13 +179,14 @@ def identify_loops(
     if noise is None:
         said, beyond = left_over(fit, measured, left_by)
         noticed, doubts = [*noticed, *said], [*doubts, *beyond]
+    sizes = {p.name: p.start for p in given if p.name not in CHANNEL and p.log}
     return replace(
         fit,
         model=with_values(model, own_of(fit.values)),
         observed=OBSERVED,
         predict=LoopPrediction(model, fit.values, *settings).predict,
         doubts=(*fit.doubts, *doubts),
-        remarks=(*fit.remarks, *noticed),
+        remarks=(*fit.remarks, *noticed, *said_far(sizes, fit.values)),
     )
 
 

@@ -36,6 +36,7 @@ from ..free import with_ties
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
 from ..recorded.known_noise import NOTHING, more_than_white, white_noise
 from ..recorded.recorded_drive import noise_level
+from ..recorded.screen import refuse_loop
 
 # Windows begin twice in the length of one: so they share hardly any noise, and leave hardly any unused.
 OVERLAP = 2
@@ -76,7 +77,7 @@ def identify_inertia(
         `failures` name a mass or a viscous friction below zero, which a wrong sign or a late position makes.
 
     Raises:
-        RecordingError: a channel is missing, too short or constant.
+        RecordingError: a channel is missing, too short, constant or noise, or the force does negative work.
         QuantityError: an expression that ties is wrong.
         FitError: the window has fewer than 16 samples, or is longer than a recording.
     """
@@ -85,7 +86,8 @@ def identify_inertia(
     parts, moved, forces = [], [], []
     for recording, name in zip(found, names_of(found), strict=True):
         x = channel(recording, position, name, varies=True)
-        f = channel(recording, force, name)
+        f = channel(recording, force, name, varies=True)
+        refuse_loop(x, f, name, (position, force), moves=True)
         averages = _Averages(recording["time"].values, window, name)
         parts.append((averages.design(x), averages.of(f), name))
         moved.append((averages, x))

@@ -151,16 +151,6 @@ def refuse_one_way(observed: Sequence[Observed]) -> None:
         )
 
 
-def refuse_mirrored(observed: Sequence[Observed], timing: Timing, channel_name: str) -> None:
-    """Raise RecordingError if a position falls where the voltage rises: no share of a play is negative."""
-    for one in observed:
-        u = at_piezo(one, timing)
-        if float((u - u.mean()) @ one.position) < 0.0:
-            raise RecordingError(
-                f"{channel_name} of {one.name} falls where drive_voltage [V] rises: mirror the channel"
-            )
-
-
 def repeated(drive: Array) -> tuple[float, float, float]:
     """First sample, length and end of what a drive repeats from some sample to its own end, as `KnownNoise`
     has it; a length of 0 if it does not."""

@@ -23,15 +23,16 @@ from ...units import QuantityError, optional_si, to_si
 from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import first_change, more_than_white, resolution, white_noise
 from ..recorded.levels import converter_step
+from ..recorded.screen import Moved, refuse_against, refuse_noise, refuse_swapped, said_gain
 from .choice import ENOUGH, Choice, Shape, chosen, left_of_all, range_of
 from .columns import (
     Columns,
     Grid,
     Observed,
     Timing,
+    at_piezo,
     columns,
     observe,
-    refuse_mirrored,
     refuse_one_way,
     repeated,
 )
@@ -122,10 +123,14 @@ def identify_piezo(
     unit = unit_of(found, observed) or "m"
     seen = [observe(r, name, observed, rest) for r, name in zip(found, names_of(found), strict=True)]
     for one in seen:
+        refuse_noise(one.position, observed, one.name, one.drive)
+        refuse_swapped(Moved(one.name, observed, unit, one.time, one.position, one.drive))
         refuse_clipped(one.position, observed, one.name, one.drive, converter_step(one.position))
     refuse_one_way(seen)
     late = _lateness(seen, *given)
-    refuse_mirrored(seen, late.timing, observed)
+    for one in seen:
+        drive = at_piezo(one, late.timing)
+        refuse_against(Moved(one.name, observed, unit, one.time, one.position, drive))
     for assumed in (0.0, None) if rest is None else ():
         begun = _begun(seen, late.timing, assumed)
         if all(one.begins_as(other) for one, other in zip(seen, begun, strict=True)):
@@ -161,7 +166,12 @@ def identify_piezo(
         observed=observed,
         predict=prediction.predict,
         doubts=tuple(_unexplained(fit, seen)),
-        remarks=(*choice.remarks, *remarks, *_left(fit, seen)),
+        remarks=(
+            *choice.remarks,
+            *remarks,
+            *_left(fit, seen),
+            *said_gain(gain, unit, model and model.gain),
+        ),
     )
 
 

@@ -24,11 +24,12 @@ from ...estimate.result import Fit
 from ...estimate.several import lowest
 from ...piezo import Piezo
 from ...recording import RecordingError
-from ...units import optional_si, to_si, with_prefix
+from ...units import optional_si, to_si
 from ..free import check_motion, with_ties
 from ..quantised import Inexact, moved_by, said_steps, with_moved
-from ..recorded.channels import recordings_of, unit_of
+from ..recorded.channels import channel, names_of, recordings_of, unit_of
 from ..recorded.known_noise import resolution
+from ..recorded.screen import Moved, refuse_noise, refuse_swapped, said_gain
 from .at_piezo import check_known
 from .at_piezo import response as piezo_response
 from .first_look import Look, Response, common_look, first_look
@@ -47,8 +48,6 @@ DAMPING_RATIOS = (1e-4, 30.0)
 LEAST_LAG = 1e-6
 # Standard errors: a greater drift is said, and taken off before a first look.
 SEEN = 3.0
-# m/V (rad/V): ten times what amplified stages have.
-LARGEST_GAIN = 1e-4
 STAGE_PARAMETERS = ("damping_ratio", "natural_frequency", "gain")
 
 Array = NDArray[np.float64]
@@ -101,12 +100,14 @@ def identify_step(
         tells them; without a lag (``lag=False``) there is one.
 
     Raises:
-        RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled.
+        RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled;
+            or the position is noise, or swapped with the drive.
         QuantityError: an expression that ties is wrong, or a piezo model whose steps have no closed form.
         FitError: as `fit_least_squares`.
     """
     piezo = None if model is None else model.piezo
     check_known(piezo)
+    _screen(recordings_of(recordings), observed)
     slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
     window, start = optional_si(window, "s", "window"), optional_si(start, "s", "start")
     tests = step_tests(recordings, voltages, start, observed)
@@ -142,10 +143,21 @@ def identify_step(
             *fit.remarks,
             *_said_drifts(fit, unit),
             *said_outliers(fit),
-            *_said_gain(fit.values["gain"], unit),
+            *said_gain(fit.values["gain"], unit, model and model.gain),
         ),
         predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed, piezo).predict,
     )
+
+
+def _screen(recordings: Sequence[xr.Dataset], observed: str) -> None:
+    """Raise RecordingError where a recording is noise, or its columns are swapped."""
+    for one, name in zip(recordings, names_of(recordings), strict=True):
+        position = channel(one, observed, name, varies=True)
+        drive = channel(one, "drive_voltage", name) if "drive_voltage" in one else None
+        refuse_noise(position, observed, name, drive)
+        if drive is not None:
+            unit = unit_of([one], observed) or "m"
+            refuse_swapped(Moved(name, observed, unit, one["time"].values, position, drive))
 
 
 def _with_exchanged(problem: Problem, fit: Fit) -> Fit:
@@ -191,16 +203,6 @@ def _said_drifts(fit: Fit, unit: str) -> list[str]:
         if abs(slope) > SEEN * error:
             said.append(f"{one.name} {said_drift(slope, error, unit)}: it is part of the fit")
     return said
-
-
-def _said_gain(gain: float, unit: str) -> tuple[str, ...]:
-    """A sentence on a gain that no stage has."""
-    if gain < 0.0:
-        return ("the position falls where the voltage rises: mirror the channel, or the drive",)
-    if gain > LARGEST_GAIN:
-        shown = with_prefix(gain, f"{unit}/V")
-        return (f"gain = {shown}: no piezo stage moves so far; are the units right?",)
-    return ()
 
 
 class StepPrediction(NamedTuple):

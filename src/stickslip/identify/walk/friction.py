@@ -42,6 +42,7 @@ from ..recorded.at_rest import drift_at_rest
 from ..recorded.channels import drives_of, names_of, recordings_of, unit_of
 from ..recorded.drives import warn_of_other_drive
 from ..recorded.known_noise import known_noise, said_unjudged
+from ..recorded.screen import Moved, driven, refuse_walk
 from .displacement import Displacement, has_slopes
 from .first_guess import early_samples, first_guess
 from .needed import freed, freed_near, said_free, said_kept
@@ -155,8 +156,9 @@ def identify_friction(
         drive=None)`` simulates a recording.
 
     Raises:
-        RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled, or
-            numbers do not match.
+        RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled;
+            the position is noise, of the wrong sign or size, or swapped with the drive; or numbers do not
+            match.
         QuantityError: a name that cannot be free, bounds that do not fit, a drive out of range.
         FitError: see `fit_least_squares`.
 
@@ -179,7 +181,8 @@ def identify_friction(
     first |= {name: starting.pop(name) for name in CHANNEL if name in starting}
     model = with_values(model, starting) if starting else model
     measured = [walked(r, w, name) for r, w, name in zip(found, drives, names, strict=True)]
-    for r, w, name in zip(found, drives, names, strict=True):
+    for r, x, w, name in zip(found, measured, drives, names, strict=True):
+        refuse_walk(Moved(name, OBSERVED, unit, r["time"].values, x, driven(r, w, name)), model)
         warn_of_unseen_slips(r, model, name)
         warn_of_other_drive(r, w, name)
     tolerance = tolerance or (1e-10 if has_slopes(model) else 1e-12)

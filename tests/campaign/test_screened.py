@@ -5,15 +5,17 @@ from __future__ import annotations
 import contextlib
 import re
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
 from stickslip.analysis.alignment import Aligned, aligned, on_level, said_to_drift, without_drift
-from stickslip.campaign.plausible import check_walk, refuse_inverted
+from stickslip.campaign.evaluation import moved
+from stickslip.identify.recorded.screen import refuse_inverted, refuse_walk
 from stickslip.identify.walk.prediction import Predictor
-from stickslip.recording import RecordingError, RecordingWarning, make_recording
+from stickslip.recording import RecordingError, make_recording
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence as Parts
@@ -24,7 +26,7 @@ MODEL = load_actuator("kang2007")
 DRIVE = Sawtooth(60.0, 10.0, periods=5)
 
 
-def walk(scale: float = 1.0, interval: float = 0.5e-3, drive=DRIVE, known: bool = True) -> Aligned:
+def walk(scale: float = 1.0, interval: float = 0.5e-3, drive: Any = DRIVE, known: bool = True) -> Aligned:
     """2 of 6 um per period are kept, as a contact would that slips at each jump."""
     time = np.arange(0.0, 0.5, interval)
     u = value_at(drive, time)
@@ -38,9 +40,9 @@ def walk(scale: float = 1.0, interval: float = 0.5e-3, drive=DRIVE, known: bool 
 def test_a_walk_as_it_should_be(known: bool) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_walk(walk(known=known), MODEL)
-        check_walk(walk(drive=ReverseSawtooth(60.0, 10.0, periods=5), known=known), MODEL)
-        check_walk(walk(-1.0, known=known), MODEL.replace(gain=-MODEL.gain))
+        refuse_walk(moved(walk(known=known)), MODEL)
+        refuse_walk(moved(walk(drive=ReverseSawtooth(60.0, 10.0, periods=5), known=known)), MODEL)
+        refuse_walk(moved(walk(-1.0, known=known)), MODEL.replace(gain=-MODEL.gain))
 
 
 def step(sign: float, seed: int) -> Aligned:
@@ -56,11 +58,11 @@ def step(sign: float, seed: int) -> Aligned:
 
 def test_steps_against_their_drive_are_refused_with_all_that_are_inverted() -> None:
     """It ended in "gain starts at -1.2e-07 m/V: a parameter ... needs bounds of its own", without a file."""
-    back, forth = walk(-1.0)._replace(name="back", use="fit"), walk()._replace(name="forth", use="verify")
+    back, forth = moved(walk(-1.0)._replace(name="back")), moved(walk()._replace(name="forth"))
     for seed in range(20):
-        refuse_inverted([step(1.0, seed), back, forth], MODEL)
+        refuse_inverted([moved(step(1.0, seed))], [back, forth], MODEL)
         with pytest.raises(RecordingError) as refused:
-            refuse_inverted([step(1.0, 100), step(-1.0, seed), forth, back], MODEL)
+            refuse_inverted([moved(step(1.0, 100)), moved(step(-1.0, seed))], [forth, back], MODEL)
         assert f"[m] of step{seed}, back goes down where drive_voltage [V] goes up" in str(refused.value)
         assert 'units: {end_effector_position: "-1 um"}' in str(refused.value)
 
@@ -70,9 +72,9 @@ def test_a_walk_that_the_stage_cannot_make(known: bool) -> None:
     with pytest.raises(
         RecordingError, match=r"end_effector_position \[m\] of walk spans .* mm.*gain = 105.7 nm/V"
     ):
-        check_walk(walk(1e3, known=known), MODEL)
+        refuse_walk(moved(walk(1e3, known=known)), MODEL)
     pushed = MODEL.replace(external_force=0.1)  # that carries it anywhere
-    check_walk(walk(1e3, known=known), pushed)
+    refuse_walk(moved(walk(1e3, known=known)), pushed)
 
 
 @pytest.mark.parametrize("interval", [0.1e-3, 1e-3])
@@ -88,15 +90,15 @@ def test_long_steps_go_against_the_drive_within_a_period(interval: float, sign: 
     one = make_recording(time, {"end_effector_position": x, "drive_voltage": value_at(drive, time)})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_walk(Aligned("walk", one, 0.0, 1e-9, drive, drive), MODEL)
+        refuse_walk(moved(Aligned("walk", one, 0.0, 1e-9, drive, drive)), MODEL)
     one["end_effector_position"] = -one["end_effector_position"]
-    with pytest.warns(RecordingWarning, match="walk goes down where drive_voltage .* inverted"):
-        check_walk(Aligned("walk", one, 0.0, 1e-9, drive, drive), MODEL)
+    with pytest.raises(RecordingError, match=r"walk goes down where drive_voltage .* inverted"):
+        refuse_walk(moved(Aligned("walk", one, 0.0, 1e-9, drive, drive)), MODEL)
 
 
 def test_a_walk_against_its_drive() -> None:
-    with pytest.warns(RecordingWarning, match="walk goes down where drive_voltage .* inverted"):
-        check_walk(walk(-1.0), MODEL)
+    with pytest.raises(RecordingError, match=r"walk goes down where drive_voltage .* inverted"):
+        refuse_walk(moved(walk(-1.0)), MODEL)
 
 
 @pytest.mark.parametrize("factor", [1.0 / 15.0, 15.0])

@@ -1,0 +1,361 @@
+"""Screen of recordings before any search: nothing but noise, swapped columns, a wrong sign, a wrong size.
+
+A search cannot explain such a recording, or explains it by values that are wrong by the same factor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from ...recording import STANDARD_NAMES, RecordingError
+from ...units import unit_for, with_prefix
+from ...waveform.signal import Waveform, value_at
+from .channels import EDGE, channel
+from .levels import converter_step
+from .recorded_drive import noise_level
+
+# Chance of white noise to pass for a signal, for one recording.
+FALSE_ALARM = 1e-3
+FEWEST = 64  # samples, below which noise is not judged
+# Fewest blocks whose scatter tells noise from a signal.
+FEWEST_BLOCKS = 8
+# m/V (rad/V); units are a factor 1000 apart. Ten times what amplified stages have; a third of what the
+# weakest piezo ceramics have (d31 of hard PZT, one layer).
+LARGEST_GAIN, SMALLEST_GAIN = 1e-4, 3e-11
+# m/V: a gain above it is a column of volts taken for positions, and of positions taken for volts.
+SWAPPED_GAIN = 1.0
+# Factor between two sizes from which on a unit is wrong: the root of 1000.
+FACTOR = 30.0
+UNSURE = 5.0  # factor by which a gain may be off before it is identified
+# Share of the gain by which the position must go against the drive to be inverted.
+AGAINST = 0.2
+# Correlation of the position with the opposite of its drive from which on the sensor is inverted: of a step,
+# end-effector fixed, or where the drive of a walk is slow. A contact that slides may lag by a quarter period.
+INVERTED = 0.5
+# Standard errors from which on a slope is not noise.
+SURE = 5.0
+CORRELATED = 3.5  # standard errors of a correlation with the drive, from which on it is no noise
+# Changes of the drive between samples above 3 medians belong to an edge, where the contact slips.
+SLOW = 3.0
+# Natural frequency over that of a slow part of the drive, at least: a faster one the stage does not follow.
+SLOWER = 10.0
+# Share of a slow part, at its end, that counts: a contact settles before that.
+SETTLED = 0.75
+FEWEST_IN_PART = 8  # samples of a slow part
+# Share of the force times the way that a loop's work must be below zero to be of the wrong sign.
+LOST = 0.05
+
+Array = NDArray[np.float64]
+
+
+class Moved(NamedTuple):
+    """Position under a drive: name of the recording and of the position channel; `unit` of the position;
+    time [n], s; position [n]; drive [n], V."""
+
+    name: str
+    channel: str
+    unit: str
+    time: Array
+    position: Array
+    drive: Array
+
+    @property
+    def label(self) -> str:
+        """Channel, unit and recording, for messages."""
+        return f"{self.channel} [{self.unit}] of {self.name}"
+
+
+def driven(recording: xr.Dataset, drive: Waveform | None, where: str) -> Array:
+    """The drive at the samples of a recording, V: of the waveform, or of the channel drive_voltage."""
+    if drive is None:
+        return channel(recording, "drive_voltage", where)
+    return value_at(drive, recording["time"].values)
+
+
+def refuse_noise(values: Array, name: str, where: str, drive: Array | None = None) -> None:
+    """Raise RecordingError if a channel [n] is nothing but white noise, and does not follow its drive [n]."""
+    if values.size < FEWEST or _stands_out(values) or (drive is not None and _correlated(values, drive)):
+        return
+    meaning = STANDARD_NAMES.get(name)
+    unit = meaning.unit if meaning else ""
+    raise RecordingError(
+        f"{name} [{unit}] of {where} is nothing but noise, {with_prefix(float(np.std(values)), unit, 3)} "
+        "rms: it shows no motion. Check the sensor, its range, and which column is read"
+    )
+
+
+def _stands_out(values: Array) -> bool:
+    """Return whether more than white noise is in values [n]: a pulse, a line of the spectrum, slow motion.
+
+    Means over blocks of 2, 4, 8, ... samples of white noise scatter by the root of their size less.
+    """
+    x = values - values.mean()
+    variance = float(np.mean(x**2))
+    share = FALSE_ALARM / 3.0
+    noise = max(noise_level(x), converter_step(values) / math.sqrt(12.0))
+    if float(np.max(np.abs(x))) > math.sqrt(2.0 * math.log(2.0 * x.size / share)) * noise:
+        return True
+    power = np.abs(np.fft.rfft(x)[1 : (x.size + 1) // 2]) ** 2
+    if float(power.max()) > math.log(power.size / share) * float(power.mean()):
+        return True
+    scales = int(math.log2(x.size / FEWEST_BLOCKS))
+    for size in 2 ** np.arange(1, scales + 1):
+        count = x.size // int(size)
+        means = x[: count * size].reshape(count, size).mean(axis=1)
+        if chdtrc(count - 1, count * size * float(np.var(means)) / variance) < share / scales:
+            return True
+    return False
+
+
+def _correlated(values: Array, drive: Array) -> bool:
+    """Return whether values [n] follow a drive [n] by more than white noise does."""
+    u, x = drive - drive.mean(), values - values.mean()
+    power = float(u @ u)
+    return power > 0.0 and abs(float(u @ x)) > CORRELATED * float(np.std(x)) * math.sqrt(power)
+
+
+def refuse_swapped(one: Moved) -> None:
+    """Raise RecordingError if positions and volts are swapped: the position moves by more than 1 m a volt."""
+    moved, driven = float(np.ptp(one.position)), float(np.ptp(one.drive))
+    if moved > SWAPPED_GAIN * driven > 0.0:
+        raise RecordingError(
+            f"{one.label} spans {with_prefix(moved, one.unit, 3)} while drive_voltage [V] spans "
+            f"{with_prefix(driven, 'V', 3)}: the columns are swapped, or a unit is wrong. Say which column "
+            "is which (`columns`)"
+        )
+
+
+def said_gain(gain: float, unit: str, known: float | None = None) -> tuple[str, ...]:
+    """A sentence on a gain [unit/V] that no stage has, or that is far from the one that is `known`."""
+    shown = with_prefix(gain, f"{unit}/V")
+    if gain < 0.0:
+        return ("the position falls where the voltage rises: mirror the channel, or the drive",)
+    if gain > LARGEST_GAIN:
+        return (f"gain = {shown}: no piezo stage moves so far; are the units right?",)
+    if 0.0 < gain < SMALLEST_GAIN:
+        return (f"gain = {shown}: every piezo moves further; are the units right?",)
+    if known and not 1.0 / FACTOR <= gain / abs(known) <= FACTOR:
+        before = with_prefix(abs(known), f"{unit}/V")
+        return (f"gain = {shown}, and the model that was given has {before}: are the units right?",)
+    return ()
+
+
+def refuse_walk(one: Moved, model: Any) -> None:
+    """Raise RecordingError if a walk and its model (an actuator) cannot belong together.
+
+    Raises:
+        RecordingError: the position is noise, swapped with the drive, beyond what the stage can carry it to,
+            a small part of what the stage moves by, or against the drive.
+    """
+    refuse_noise(one.position, one.channel, one.name, one.drive)
+    refuse_swapped(one)
+    if model.external_force != 0.0 or model.incline != 0.0:  # a load carries it anywhere
+        return
+    _refuse_beyond_reach(one, model)
+    found = following(one, _slowest(model))
+    if found is None:
+        return
+    slope, error = found.slope / model.gain, found.error / abs(model.gain)
+    against = -found.correlation if model.gain > 0.0 else found.correlation
+    if slope < -AGAINST and slope < -SURE * error and against > INVERTED:
+        raise RecordingError(
+            f"{said_inverted(one.label, one)}; or gain = {_gain(model)} of the model has the wrong sign"
+        )
+    stroke = abs(model.gain) * float(np.ptp(one.drive))
+    spans = _span(one.position)
+    if abs(slope) + SURE * error < 1.0 / FACTOR and spans < stroke / FACTOR:
+        raise RecordingError(
+            f"{one.label} spans {with_prefix(spans, one.unit, 3)}, but with gain = {_gain(model)} its drive "
+            f"moves the stage by {with_prefix(stroke, one.unit, 3)}, and slowly: a unit, of position or "
+            "drive, or the gain is wrong"
+        )
+
+
+def refuse_inverted(steps: Sequence[Moved], walks: Sequence[Moved], model: Any) -> None:
+    """Raise RecordingError where steps go against their drive, and name all recordings that do.
+
+    Args:
+        steps: with the end-effector fixed to the stage.
+        walks: of the same sensor.
+        model: actuator, whose gain is above 0.
+    """
+    inverted = [one for one in steps if _correlation(one) < -INVERTED]
+    if not inverted:
+        return
+    for one in walks:
+        found = following(one, _slowest(model))
+        if found is not None and found.slope < -AGAINST * abs(model.gain):
+            inverted.append(one)
+    first = inverted[0]
+    names = ", ".join(one.name for one in inverted)
+    raise RecordingError(said_inverted(f"{first.channel} [{first.unit}] of {names}", first))
+
+
+def refuse_against(one: Moved) -> None:
+    """Raise RecordingError if the position of a piezo falls where its voltage rises."""
+    if _correlation(one) < 0.0:
+        raise RecordingError(said_inverted(one.label, one))
+
+
+def said_inverted(label: str, one: Moved) -> str:
+    """A sentence on positions that go against their drive, with the line that turns the sensor."""
+    return (
+        f"{label} goes down where drive_voltage [V] goes up: the sensor is inverted. Say so, in the unit of "
+        f'the file: units: {{{one.channel}: "-1 u{one.unit}"}}'
+    )
+
+
+def _correlation(one: Moved) -> float:
+    position, drive = one.position, one.drive
+    return float(np.corrcoef(position, drive)[0, 1]) if np.ptp(position) * np.ptp(drive) > 0.0 else 0.0
+
+
+class Following(NamedTuple):
+    """Slope of a position by its drive [unit/V], the standard error, and their correlation, without
+    white noise."""
+
+    slope: float
+    error: float
+    correlation: float
+
+
+def following(one: Moved, natural_frequency: float) -> Following | None:
+    """Return how the position follows the drive where that is slow; None where it is so nowhere.
+
+    There a contact sticks. Over whole periods a walk in long steps may go against its drive: it gains while
+    the drive falls back.
+
+    Args:
+        one: the walk.
+        natural_frequency: rad/s, of what carries the end-effector along.
+    """
+    change = np.abs(np.diff(one.drive))
+    moving = change[change > 0.0]
+    if not moving.size:
+        return None
+    edge = max(SLOW * float(np.median(moving)), EDGE * float(np.ptp(one.drive)))
+    ends = np.flatnonzero(change > edge) + 1
+    interval, noise = float(np.median(np.diff(one.time))), noise_level(one.drive)
+    power, common, moved, count = 0.0, 0.0, 0.0, 0
+    for u, x in zip(np.split(one.drive, ends), np.split(one.position, ends), strict=True):
+        if u.size < FEWEST_IN_PART:
+            continue
+        late = slice(u.size - int(SETTLED * u.size), u.size)
+        v = u[late] - u[late].mean()
+        square = float(v @ v)
+        if square <= 4.0 * v.size * noise**2:
+            continue
+        # rad/s: that of a sine, 3.5 over the length of a ramp
+        rate = math.sqrt(max(float(np.sum(np.diff(v) ** 2)) - 2.0 * v.size * noise**2, 0.0) / square)
+        if rate / interval < natural_frequency / SLOWER:
+            power, common = power + square, common + float(v @ x[late])
+            moved, count = moved + float(x[late].var()) * v.size, count + v.size
+    if not power > 0.0:
+        return None
+    white = noise_level(one.position)
+    moved = max(moved - count * white**2, common**2 / power)
+    return Following(common / power, white / math.sqrt(power), common / math.sqrt(power * moved or 1.0))
+
+
+def _refuse_beyond_reach(one: Moved, model: Any) -> None:
+    """The stage carries the end-effector by no more than its own way, however the contact slips.
+
+    What resonance adds is granted, and a gain that is not yet identified.
+    """
+    resonance = max(1.0, 0.5 / model.damping_ratio) if model.damping_ratio > 0 else math.inf
+    reach = UNSURE * resonance * abs(model.gain) * float(np.sum(np.abs(np.diff(one.drive, prepend=0.0))))
+    if _span(one.position) > reach:
+        raise RecordingError(
+            f"{one.label} spans {with_prefix(_span(one.position), one.unit, 3)}, but with gain = "
+            f"{_gain(model)} its drive moves the stage by at most {with_prefix(reach, one.unit, 3)}, to and "
+            "fro: a unit, of position or drive, or the gain is wrong"
+        )
+
+
+def refuse_loop(
+    position: Array, force: Array, name: str, channels: tuple[str, str], moves: bool = False
+) -> None:
+    """Raise RecordingError if a friction loop has the wrong sign: friction takes work, and gives none.
+
+    Args:
+        position, force: [n], of a contact, or of what drives a body.
+        name: of the recording.
+        channels: names of both.
+        moves: the force moves a body too, whose kinetic energy changes meanwhile.
+    """
+    for values, what in zip((position, force), channels, strict=True):
+        refuse_noise(values, what, name)
+    above = position > np.median(position)
+    crossed = np.flatnonzero(above[1:] != above[:-1])
+    if crossed.size < 3:
+        return
+    x, f = (values[crossed[0] : crossed[-1] + 2] for values in (position, force))
+    f = f - f.mean()  # over a closed way, what is constant takes no work
+    work = float(np.trapezoid(f, x))
+    by_force = noise_level(force) * float(np.linalg.norm(np.diff(x)))
+    by_position = noise_level(position) * float(np.linalg.norm(np.diff(f)))
+    half = 0.5 * _span(f)
+    least = SURE * (by_force + by_position) + LOST * half * float(np.sum(np.abs(np.diff(x))))
+    if work >= -least - (half * _span(x) if moves else 0.0):
+        return
+    if np.ptp(force) < np.ptp(position):  # less than 1 N/m
+        raise RecordingError(
+            f"{channels[1]} of {name} does negative work over its loops, and spans less newtons than "
+            f"{channels[0]} spans metres: the two columns are swapped. Say which column is which (`columns`)"
+        )
+    raise RecordingError(
+        f"{channels[1]} of {name} does negative work over its loops: the force acts the other way, or the "
+        f'position does. Flip the sign of one: units: {{{channels[1]}: "-1 N"}}'
+    )
+
+
+def refuse_loading(grown: float, loaded: float, label: str) -> None:
+    """Raise RecordingError if the force of a pulled slider has the wrong size.
+
+    Args:
+        grown: mean growth of the force over weight in a stick-slip event.
+        loaded: what the spring adds while it is pulled for as long; a slider that slips takes off the rest.
+        label: channel and recording.
+    """
+    if 1.0 / FACTOR < grown / loaded < FACTOR:
+        return
+    raise RecordingError(
+        f"{label} grows by {grown:.3g} in an event, in which the spring adds {loaded:.3g} to the force over "
+        "the weight: the unit of the force, the mass, the stiffness or the speed is wrong"
+    )
+
+
+def said_far(starts: Mapping[str, float], values: Mapping[str, float]) -> tuple[str, ...]:
+    """A sentence on forces and stiffnesses that end far from their starts: a unit may be wrong."""
+    far = [
+        f"{name} is {abs(values[name] / start):.3g} times its start"
+        for name, start in starts.items()
+        if start and not 1.0 / FACTOR**2 <= abs(values[name] / start) <= FACTOR**2
+    ]
+    return (f"{', '.join(far)}: are the units of force and position right?",) if far else ()
+
+
+def _span(values: Array) -> float:
+    """Range without a hundredth of the samples at each end, which may be spikes."""
+    low, high = np.percentile(values, [1.0, 99.0])
+    return float(high - low)
+
+
+def _slowest(model: Any) -> float:
+    """Natural frequency of the stage with what it carries, or of the contact: the lower one, rad/s."""
+    carried = model.end_effector_mass / model.stage_mass if model.stage_reaction else 0.0
+    stage = model.natural_frequency / math.sqrt(1.0 + carried)
+    law = model.friction
+    stiffness = getattr(law, "sigma_0", None) or sum(getattr(law, "stiffness", (math.inf,)))
+    return min(stage, math.sqrt(stiffness / model.end_effector_mass))
+
+
+def _gain(model: Any) -> str:
+    return with_prefix(model.gain, f"{unit_for(model, 'm')}/V", 4)
