@@ -22,6 +22,9 @@ from .units import QuantityError, to_si, turned, with_prefix
 
 T = TypeVar("T")
 
+# Numbers that one call keeps, at most: 1.6 GB in double precision, a fifth of the memory of a small computer.
+MOST_NUMBERS = 200_000_000
+
 # In words, what values of these kinds are.
 _PLAIN: dict[Any, str] = {bool: "True or False", str: "a text", NoneType: "None"}
 
@@ -80,6 +83,10 @@ class Quantity(NamedTuple):
             wrong = "out of range" if endless or math.isfinite(number) else "not finite"
             raise QuantityError(f"{field} = {shown} is {wrong}: {self.meaning} must be {self.range_text()}")
         return number
+
+
+DURATION = Quantity("s", "T", "duration", above=0)
+SAMPLE_RATE = Quantity("Hz", "f_s", "samples per second", above=0)
 
 
 class _Field(NamedTuple):
@@ -273,6 +280,22 @@ def whole(value: Any, field: str, least: int, most: int) -> int:
             f"{field} = {value!r:.60} is out of range: it must be a whole number, {least} to {most:,}"
         )
     return int(number)
+
+
+def refuse_too_many(samples: float, what: str, numbers: int = 10) -> None:
+    """Raise QuantityError if a call would keep more numbers than fit into memory.
+
+    Args:
+        samples: number of samples; inf or NaN counts as too many.
+        what: the arguments that ask for them, with their values, for the message.
+        numbers: how many are kept for each sample.
+    """
+    most = MOST_NUMBERS // max(numbers, 1)
+    if not samples <= most:
+        raise QuantityError(
+            f"{what}: that makes {samples:,.0f} samples, and one call keeps at most {most:,}. "
+            "Ask for fewer: a lower rate, or a shorter time"
+        )
 
 
 def same(one: Any, other: Any) -> bool:

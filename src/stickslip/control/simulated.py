@@ -11,6 +11,7 @@ import xarray as xr
 from ..actuator import Actuator
 from ..progress import Progress, unheard
 from ..recording import make_recording
+from ..records import DURATION, SAMPLE_RATE, refuse_too_many
 from ..rig.closed_loop import targets
 from ..rig.protocols import Controller, check_rate
 from ..simulation.ticks import Motion
@@ -19,7 +20,6 @@ from ..waveform.signal import Waveform
 from .blocks import whole_number
 
 _TOLD = 2000  # ticks between two calls of progress
-_MOST_TICKS = 100_000_000  # of a trajectory that fits into memory
 
 
 def simulate_control(
@@ -65,13 +65,11 @@ def simulate_control(
         SimulationError: the motion could not be followed.
     """
     unit = unit_for(model, "m")
-    hertz, seconds = to_si(rate, "Hz", "rate"), to_si(duration, "s", "duration")
+    hertz, seconds = SAMPLE_RATE.check(rate, "rate"), DURATION.check(duration, "duration")
     sigma, ticks = to_si(noise, unit, "noise"), seconds * hertz
-    if not 1.0 < ticks <= _MOST_TICKS or not hertz > 0.0:
-        raise QuantityError(
-            f"duration = {seconds:g} s and rate = {hertz:g} Hz are out of range: both > 0, finite, "
-            f"and at least two ticks, at most {_MOST_TICKS}"
-        )
+    refuse_too_many(ticks, f"duration = {seconds:g} s at rate = {hertz:g} Hz")
+    if not ticks > 1.0:
+        raise QuantityError(f"duration = {seconds:g} s at rate = {hertz:g} Hz holds fewer than two ticks")
     if not 0.0 <= sigma < math.inf:
         raise QuantityError(f"noise = {sigma:g} {unit} is out of range: it must be >= 0 {unit} and finite")
     delay, seed = whole_number(delay, "delay"), whole_number(seed, "seed")

@@ -14,7 +14,7 @@ from ..estimate import Fit
 from ..estimate.posterior import Posterior
 from ..identify.walk.experiments import PlannedWalk
 from ..progress import Progress, unheard
-from ..records import Quantity, did_you_mean, whole
+from ..records import DURATION, SAMPLE_RATE, did_you_mean, whole
 from ..rig import Limits
 from ..simulation.steady import steady_step
 from ..simulation.steady_derivatives import steady_step_derivatives
@@ -37,8 +37,6 @@ LEAST_STEP = 1e-9
 LOST = 5.0
 # Candidates that are followed at the draws too, where there are more.
 MOST_FOLLOWED = 24
-_DURATION = Quantity("s", "", "the time of a recording", above=0)
-_SAMPLE_RATE = Quantity("Hz", "", "the samples of a recording in a second", above=0)
 # Draws, beside the values of the model, that a free drive is searched for at.
 MOST_SEARCHED = 3
 
@@ -112,8 +110,8 @@ def plan_experiment(
             so), or draws of another model.
     """
     limits = limits or _limits_of(model)
-    duration = _DURATION.check(duration, "duration")
-    sample_rate = None if sample_rate is None else _SAMPLE_RATE.check(sample_rate, "sample_rate")
+    duration = DURATION.check(duration, "duration")
+    sample_rate = None if sample_rate is None else SAMPLE_RATE.check(sample_rate, "sample_rate")
     recordings = whole(recordings, "recordings", 1, 1000)
     if over not in ("worst", "mean"):
         raise QuantityError(f"over = {over!r} is out of range: it must be 'worst' or 'mean'")

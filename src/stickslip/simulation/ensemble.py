@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
@@ -16,7 +15,7 @@ from ..electronics.stack import Stack
 from ..progress import Progress, unheard
 from ..solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..solve.periods import integrate_members
-from ..units import QuantityError, labelled_for, optional_si
+from ..units import labelled_for, optional_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .demand import labelled_demand
@@ -33,7 +32,7 @@ from .members import (
 )
 from .models import checked_drive, contact_load, refuse_no_waveform
 from .refinement import FINER, LOOSE, MOST_STEPS, PER_DIFFERENCE, PER_NUMBER, ROUNDS
-from .trajectory import checked_tolerance, sample_times
+from .trajectory import checked_tolerance, run_time, sample_times
 
 REFUSED = 4
 OUTCOMES = {
@@ -117,11 +116,10 @@ def simulate_ensemble(
     count = next(iter(varied.values())).size
     wanted = np.zeros(0)
     if times is not None or sample_rate is not None:
-        wanted = sample_times(waveform, duration, sample_rate or 1e3, times)
+        rate = 1e3 if sample_rate is None else sample_rate
+        wanted = sample_times(waveform, duration, rate, times, numbers=max(count, 10))
         duration = float(wanted[-1])
-    end = waveform.duration if duration is None else duration
-    if not (math.isfinite(end) and end > 0.0):
-        raise QuantityError(f"duration = {end} s must be finite and > 0 s")
+    end = run_time(waveform, duration)
     task = _Task(
         model,
         waveform,

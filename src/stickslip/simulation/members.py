@@ -36,6 +36,7 @@ from .varied import (
     quantity_of,
     record_field,
     record_names,
+    refused_table,
     with_normal_force,
     with_values,
 )
@@ -264,9 +265,9 @@ def _tables(
 ) -> tuple[Drives, NDArray[np.int64], NDArray[np.float64]]:
     """The drives of the members, whose waveforms are `rows`, after their piezos, which of them each has, and
     where each ends; adds what is refused to the reasons. The fields of the model may be arrays."""
-    for m, row in enumerate(rows if periodic else ()):
-        if not reasons[m] and row.period is None:
-            reasons[m] = f"this {type(waveform).__name__} has no period"
+    for m, row in enumerate(rows):
+        if not reasons[m]:
+            reasons[m] = refused_table(row, waveform, end, periodic)
     fine = np.array([m for m, reason in enumerate(reasons) if not reason], dtype=np.int64)
     which, ends = np.zeros(len(rows), np.int64), np.full(len(rows), np.nan)
     which[fine] = np.arange(fine.size)

@@ -14,7 +14,7 @@ from ..actuator import Actuator, PulledSlider
 from ..electronics.stack import Stack
 from ..recording import make_recording
 from ..recording.drive import drive_text
-from ..records import Quantity
+from ..records import DURATION, SAMPLE_RATE, Quantity, refuse_too_many
 from ..solve.log import TERMS
 from ..solve.outcome import DONE, STEP_TOO_SMALL
 from ..solve.periods import integrate
@@ -306,8 +306,9 @@ def sample_times(
     sample_rate: float,
     times: ArrayLike | None,
     start: float = 0.0,
+    numbers: int = 10,
 ) -> NDArray[np.float64]:
-    """The times given, or those of a rate and a duration from `start` on.
+    """The times given, or those of a rate and a duration from `start` on; `numbers` are kept at each.
 
     Raises:
         QuantityError: see `simulate`.
@@ -318,13 +319,9 @@ def sample_times(
             raise QuantityError("times [s] must be at least two numbers, ascending, from 0 s or later")
         return made
     refuse_no_waveform(waveform)
-    duration = waveform.duration - start if duration is None else duration
-    if not (math.isfinite(duration) and duration > 0.0):
-        raise QuantityError(
-            f"duration = {duration} s must be finite and > 0 s (this drive has no end of its own)"
-        )
-    if not (math.isfinite(sample_rate) and sample_rate > 0.0):
-        raise QuantityError(f"sample_rate = {sample_rate} Hz must be > 0 Hz")
+    duration, sample_rate = run_time(waveform, duration, start), SAMPLE_RATE.check(sample_rate, "sample_rate")
+    asked = f"duration = {duration:g} s at sample_rate = {sample_rate:g} Hz"
+    refuse_too_many(duration * sample_rate, asked, numbers)
     count = math.floor(duration * sample_rate * (1.0 + 1e-12) + 1e-9)
     if count < 1:
         raise QuantityError(
@@ -336,6 +333,26 @@ def sample_times(
     made = (round(first) + np.arange(count + 1)) / sample_rate  # as a run from 0 has them, to the last bit
     made[0] = start
     return made
+
+
+def run_time(waveform: Waveform, duration: float | None, start: float = 0.0) -> float:
+    """How long a run lasts, s: the duration that is asked for, or from `start` to the end of the waveform.
+
+    Raises:
+        QuantityError: a duration that is not finite and above 0, or none for a waveform without an end.
+    """
+    if duration is not None:
+        return DURATION.check(duration, "duration")
+    refuse_no_waveform(waveform)
+    name, left = type(waveform).__name__, waveform.duration - start
+    if not math.isfinite(left):
+        raise QuantityError(f"duration is missing: this {name} has no end. Give the duration in seconds")
+    if not left > 0.0:
+        raise QuantityError(
+            f"duration is missing: this {name} ends at {waveform.duration:g} s, "
+            f"and the run starts at {start:g} s"
+        )
+    return left
 
 
 def not_within(error: float, tolerance: float, model: Any = None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 
 from ..friction import NormalForce, is_law
 from ..records import Quantity, quantities, quantities_of
+from ..waveform.pieces import MOST_PERIODS
 
 
 class Ratio(NamedTuple):
@@ -254,3 +256,14 @@ def quantity_of(model: Any, waveform: Any, name: str) -> Quantity | None:
 @cache  # of each member's fields, again and again
 def _singular(field: str) -> str:
     return re.sub("sses$", "sss", re.sub("ies$", "ys", field)).removesuffix("s")
+
+
+def refused_table(row: Any, waveform: Any, end: float | None, periodic: bool) -> str:
+    """Why there is no table of a member's waveform `row` up to `end` [s]; empty if there is one."""
+    period = getattr(row, "period", None)
+    if periodic:
+        return "" if period is not None else f"this {type(waveform).__name__} has no period"
+    count = min(end or math.inf, row.duration) / period if period else 0.0
+    if count > MOST_PERIODS:
+        return f"{count:,.0f} periods of {period:g} s: a drive is tabulated over up to {MOST_PERIODS:,}"
+    return ""

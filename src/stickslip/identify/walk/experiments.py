@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...actuator import Actuator
 from ...recording import make_recording
-from ...records import Quantity, record
+from ...records import Quantity, record, refuse_too_many
 from ...waveform.signal import Waveform
 from ..free import parameter
 from .displacement import Displacement
@@ -34,6 +34,8 @@ class PlannedWalk(NamedTuple):
     @property
     def times(self) -> NDArray[np.float64]:
         """s, of its samples."""
+        asked = f"PlannedWalk of {self.duration:g} s at {self.sample_rate:g} Hz"
+        refuse_too_many(self.duration * self.sample_rate, asked)
         return np.arange(round(self.duration * self.sample_rate) + 1) / self.sample_rate
 
     def motion(self, model: Actuator, name: str) -> Displacement:
