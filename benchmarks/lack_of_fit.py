@@ -26,7 +26,6 @@ import numpy as np
 from stickslip.actuator import Actuator
 from stickslip.estimate.result import Fit
 from stickslip.friction import Elastoplastic, MaxwellSlip
-from stickslip.identify.recorded.drives import Slewed
 from stickslip.identify.step.fit import identify_step
 from stickslip.identify.walk.explained import Explained, explained
 from stickslip.identify.walk.friction import identify_friction
@@ -35,6 +34,7 @@ from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sequence import Sequence
 from stickslip.waveform.shapes import Rest
+from stickslip.waveform.slewed import Slewed
 
 from .coverage import (
     BOUNDS,

@@ -11,9 +11,9 @@ import pytest
 import stickslip as ss
 from stickslip.chain import Chain
 from stickslip.export import export_c
-from stickslip.identify.recorded.drives import Slewed
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
 from stickslip.units import QuantityError
+from stickslip.waveform.slewed import Slewed
 
 from tests.export.building import compiled, output  # isort: skip
 

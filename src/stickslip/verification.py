@@ -18,8 +18,8 @@ from .estimate.lack import Lack, lack_of_fit
 from .estimate.result import Fit
 from .estimate.shown import preformatted
 from .identify.loops.missing import MEASURED
-from .identify.recorded.channels import channel, drives_of, names_of, recordings_of, same_number
-from .identify.recorded.drives import periodic_part
+from .identify.recorded.channels import channel, drives_of, names_of, recordings_of
+from .identify.recorded.drives import SeenDrive, periodic_part
 from .identify.recorded.known_noise import known_noise, more_than_white, white_noise
 from .identify.walk.prediction import Predictor
 from .recording import RecordingError, make_recording
@@ -115,6 +115,7 @@ class Verification:
         remarks: sentences on recordings that show no noise besides, and on those that differ by a constant.
         unexplained: sentences on recordings that show no noise besides, of which more is left than their
             white noise where the fit has doubts, or more than measured loops leave (`loops.missing`).
+        taken: sentences on what the drive of each walk was taken for, where none was given.
     """
 
     observed: str
@@ -125,6 +126,7 @@ class Verification:
     lacks: tuple[Lack, ...] = ()
     remarks: tuple[str, ...] = ()
     unexplained: tuple[str, ...] = ()
+    taken: tuple[str, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
@@ -211,6 +213,7 @@ class Verification:
                 *(f"{n:{width}}  {r:9.6f}  {e:<10.4g}  {s:14}  {k}" for n, r, e, s, k in rows),
                 *self.statements,
                 *self.remarks,
+                *self.taken,
             ]
         )
 
@@ -233,6 +236,8 @@ class Verification:
                 }
                 for g, pair in zip(self.recordings, self.steps, strict=True)
             },
+            "statements": list(self.statements),
+            "drives": list(self.taken),
         }
 
 
@@ -315,15 +320,14 @@ def verify(
     recordings: xr.Dataset | Sequence[xr.Dataset],
     *,
     drive: Any | Sequence[Any] | None = None,
-    steps_of: Sequence[Any] | None = None,
 ) -> Verification:
     """Predict recordings with a fitted model, nothing fitted again.
 
     Args:
         fit: of an identification that builds a model, or a `Predictor`.
         recordings: with the channels that the identification needed.
-        drive: waveform of each recording (one: of all) where the fit took waveforms.
-        steps_of: waveform of each recording whose periods the net step is of; left out, `drive`.
+        drive: waveform of each recording (one: of all), in its time. Left out, a walk's own is taken: see
+            `taken_drive`.
 
     Raises:
         RecordingError: a channel is missing, too short, not finite or in another unit than the fit's; numbers
@@ -339,10 +343,9 @@ def verify(
     found = recordings_of(recordings)
     names = names_of(found)
     drives = drives_of(drive, found)
-    repeating = drives if steps_of is None else same_number(steps_of, found, "waveforms")
-    goods, predictions, steps, lacks = [], [], [], []
+    goods, predictions, steps, lacks, taken = [], [], [], [], []
     fitted = fit.recordings[0].unit if isinstance(fit, Fit) else ""
-    for recording, waveform, repeated, name in zip(found, drives, repeating, names, strict=True):
+    for recording, waveform, name in zip(found, drives, names, strict=True):
         measured = channel(recording, fit.observed, name)
         unit = str(recording[fit.observed].attrs.get("units", ""))
         if unit and fitted and unit != fitted:
@@ -352,10 +355,13 @@ def verify(
             raise RecordingError(f"the model cannot predict {fit.observed} [{unit}] of {name}")
         variables = {"measured": measured, "predicted": predicted, "residual": predicted - measured}
         goods.append(goodness(predicted - measured, measured, name, unit))
-        known = known_noise(recording, measured, waveform if hasattr(waveform, "drive") else None)
-        lacks.append(lack_of_fit(predicted - measured, known, name))
         time = recording["time"].values
-        steps.append((net_step(time, measured, repeated), net_step(time, predicted, repeated)))
+        seen = SeenDrive.of(recording, waveform, own=fit.observed == "end_effector_position")
+        known = known_noise(seen.recording, measured, seen.whole)
+        lacks.append(lack_of_fit(predicted - measured, known, name))
+        since = seen.recording["time"].values
+        steps.append((net_step(since, measured, seen.repeats), net_step(since, predicted, seen.repeats)))
+        taken += [f"drive of {name}: {seen.said}"] if seen.said else []
         predictions.append(make_recording(time, {k: (v, unit) for k, v in variables.items()}, title=name))
     left, seen = ([p[key].values for p in predictions] for key in ("residual", "measured"))
     doubts = fit.doubts if isinstance(fit, Fit) else ()
@@ -369,4 +375,5 @@ def verify(
         tuple(lacks),
         (*remarks, *_said_offsets(goods, left)),
         tuple(unexplained),
+        tuple(taken),
     )

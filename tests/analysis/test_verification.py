@@ -19,10 +19,10 @@ from stickslip.identify.results import model_numbers, model_of
 from stickslip.identify.saved import save_fit
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.readers import inspect_file, read_recording
-from stickslip.recording import open_recording, save_recording
+from stickslip.recording import RecordingWarning, open_recording, save_recording
 from stickslip.report import Document, Number, write_report
 from stickslip.simulation import simulate
-from stickslip.units import QuantityError
+from stickslip.units import QuantityError, to_si
 from stickslip.verification import net_step, verify
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sampled import Sampled
@@ -87,7 +87,7 @@ def test_results_of_an_identification_are_verified(folder: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         done = run(results, str(folder / "walk.nc"), "--require", "rmse < 2 um", "--out", str(folder / "o2"))
-    assert "Warning: drive_voltage [V] of walk changes too fast" in done.stderr
+    assert "Drive of walk: Sawtooth 65 V, 100 Hz, 2 periods, named by the recording" in done.stdout
     assert done.exit_code == 0, done.stderr
     assert run(results, "--out", str(folder / "o4")).exit_code == 2
     assert run(str(folder / "o2" / "report.html"), "--out", str(folder / "o5")).exit_code == 2
@@ -262,11 +262,11 @@ def test_the_net_step_of_a_drive_that_is_only_sampled(folder: Path, seed: int) -
             )
         assert done.exit_code == 0, done.stderr
         assert "All of the 2 requirements met" in done.stdout
-        said = f"amplitude: {drive.amplitude:g} V, frequency: {drive.frequency:g} Hz, periods: 5"
+        said = f"Sawtooth {drive.amplitude:g} V, {drive.frequency:g} Hz, 5 periods, recognised in"
         page = (folder / "s" / "report.html").read_text("utf-8")
-        assert f"per period of what its drive_voltage shows: {{shape: Sawtooth, fields: {{{said}}}}}" in page
+        assert said in page
         numbers = json.loads((folder / "s" / "results.json").read_bytes())["numbers"]
-        (told,), (one,) = numbers["periods"], numbers["verification"].values()
+        (told,), (one,) = numbers["drives"], numbers["verification"].values()
         assert said in told
         steps.append(one["net_step"]["value"])
     expected = net_step(time, 1e-6 * table["position [um]"], whole)
@@ -285,3 +285,40 @@ def test_a_sampled_drive_without_a_waveform_says_what_to_do(folder: Path) -> Non
         done = run(results, wild, "--require", "net_step_error < 2 %", "--out", str(folder / "w"))
     assert done.exit_code == 1
     assert "name it, as drive of the recording in a verification file" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize(("force", "code"), [("0.5401 N", 0), ("0.45 N", 1)])
+def test_a_noisy_monitor_is_no_other_drive_and_what_is_not_explained_fails(
+    folder: Path, force: str, code: int
+) -> None:
+    """A campaign takes the sawtooth that the monitor shows; its samples would have been a wrong drive."""
+    random = np.random.default_rng(46)
+    drive = Sequence(Rest(0.1), (Sawtooth(65.0, 5.0, periods=4), 0.85))
+    time = np.arange(0.0, 0.95, 2.5e-4)
+    walk = simulate(MODEL, drive, times=time).end_effector_position.values
+    table = {
+        "t [ms]": 1e3 * time,
+        "x [um]": 1e6 * (walk + 20e-9 * random.standard_normal(time.size)),
+        "u [V]": drive.value(time) + 0.02 * random.standard_normal(time.size),
+    }
+    np.savetxt(
+        folder / "noisy.csv",
+        np.column_stack([*table.values()]),
+        "%.6f",
+        ",",
+        header=",".join(table),
+        comments="",
+    )
+    law = MODEL.friction._replace(coulomb_force=to_si(force, "N"), stiction_force=to_si(force, "N"))
+    numbers = {"model": model_numbers(MODEL.replace(friction=law))}
+    write_report(Document("A fit", "Made.", [], numbers=numbers), folder / "noisy-fit")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RecordingWarning)
+        done = run(
+            str(folder / "noisy-fit" / "results.json"), str(folder / "noisy.csv"), "--out", str(folder / "n")
+        )
+    assert done.exit_code == code, done.output
+    assert "Drive of noisy: Sawtooth 65 V, 5 Hz, 4 periods, recognised in drive_voltage" in done.stdout
+    assert "residual 20 mV rms" in done.stdout
+    assert ("does not explain noisy" in done.stdout) == bool(code)
+    assert ("does not explain noisy" in done.stderr) == bool(code)

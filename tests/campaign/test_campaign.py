@@ -321,21 +321,36 @@ def test_wrong_files_are_refused_by_field(tmp_path: Path, changes, words: str) -
         ({"published": {"wakl": 0.9}}, r"published: there is no recording 'wakl' \(did you mean 'walk'\?\)"),
         ({"model": "kang2008"}, "there is no parameter set 'kang2008'"),
         ({"require": ["rsquared > 0.9"]}, "'rsquared' cannot be required"),
+        ({"free": ["sigma_0", "sigma_O"]}, "free: 'sigma_O' cannot be free"),
+        ({"bounds": {"sigma_2": [0, 1]}}, "free: there are bounds for 'sigma_2', which is not free"),
+        (
+            {"bounds": {"sigma_0": ["2 N/um", "1 N/um"]}},
+            "free: bounds of sigma_0 = .*the lower one comes first",
+        ),
+        ({"priors": {"sigma_0": ["1 N/um", "0.1 N/um"]}}, "free: priors weigh against the noise"),
+        (
+            {"tied": {"sigma_1": "sigma_9"}, "free": ["sigma_0"]},
+            "free: sigma_1 is tied to .*there is no 'sigma_9'",
+        ),
+        ({"model_choice": ["LuGer"]}, "model_choice: there is no 'LuGer'"),
         (
             {"waveform": {"amplitude": "65 A", "frequency": "20 Hz"}},
             r"recordings: walk: waveform\[0\]: .*'65 A'",
         ),
     ],
 )
-def test_what_no_field_alone_shows_is_refused_by_file(tmp_path: Path, changes, words: str) -> None:
+def test_what_no_field_alone_shows_is_refused_before_anything_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changes, words: str
+) -> None:
     time = np.arange(800) * 0.25e-3
     drive = Sawtooth(65.0, 20.0, periods=3)
     channels = {"end_effector_position": 1e-9 * np.sin(1e5 * time), "drive_voltage": value_at(drive, time)}
     save_recording(make_recording(time, channels), tmp_path / "walk.nc")
     fields = changes.pop("waveform", {"amplitude": "65 V", "frequency": "20 Hz", "periods": 3})
     own = {"file": "walk.nc", "waveform": [{"shape": "Sawtooth", "fields": fields}]}
-    plain = {"experiment": None, "reference": None, "recordings": [own]}
-    file = written(tmp_path, "own.yaml", **plain, **changes)
+    plain = {"experiment": None, "reference": None, "recordings": [own], "published": {}}
+    file = written(tmp_path, "own.yaml", **{**plain, **changes})
+    monkeypatch.setattr("stickslip.campaign.running.evaluate", lambda *_: pytest.fail("computed before"))
     with pytest.raises(InputFileError, match=rf"own\.yaml: {words}"):
         run_campaign(file, tmp_path)
 

@@ -405,11 +405,24 @@ def recorded(folder: Path, *more: dict[str, Any]) -> Path:
             "steps.1.identify.recordings.1: no cell that is left fits 'walk_5*'; left are walk_65V_50Hz",
         ),
         ({"export": {"model": "kang207"}}, "steps.1.export.model: there is no parameter set 'kang207'"),
+        (
+            {"identify": {"recordings": [{"cells": "walk*", "use": "fit"}], "free": ["sigma_O"]}},
+            "steps.1.identify.free: 'sigma_O' cannot be free",
+        ),
+        (
+            {"identify": {"recordings": [{"cells": "walk*", "use": "fit"}], "bounds": {"sigma_2": [0, 1]}}},
+            "steps.1.identify.free: there are bounds for 'sigma_2', which is not free",
+        ),
+        (
+            {"verify": {"model": "kang2007", "recordings": [{"file": "mine.csv", "columns": {"x": "pos"}}]}},
+            "steps.1.verify.recordings.0: ",
+        ),
     ],
 )  # fmt: skip
 def test_what_a_later_step_lacks_is_said_before_the_first(
     tmp_path: Path, step: dict[str, Any], words: str
 ) -> None:
+    (tmp_path / "mine.csv").write_text("t [s],x [um]\n0,1\n1,2\n2,3\n", "utf-8")
     path = recorded(tmp_path, step)
     done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
     assert done.exit_code == 2
@@ -418,18 +431,18 @@ def test_what_a_later_step_lacks_is_said_before_the_first(
 
 
 def test_the_steps_before_one_that_fails_have_their_report(tmp_path: Path) -> None:
-    (tmp_path / "damaged.nc").write_bytes(b"no recording")
-    check = {"model": "kang2007", "recordings": [{"file": "damaged.nc"}]}
+    late = {"file": "recordings/walk_55V_50Hz.nc", "start": "50 s"}
+    check = {"model": "kang2007", "recordings": [late]}
     path = recorded(tmp_path, {"verify": check}, {"export": {"model": "kang2007"}})
     done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
     assert done.exit_code != 0
     last = done.stderr.splitlines()[-1]
     assert last.startswith("Error: ")
-    assert "damaged.nc" in last
+    assert "walk_55V_50Hz.nc: from 50.0 s" in last
     assert "that was in step 2 of 3, verify; the report is of those before it" in last
     results = json.loads((tmp_path / "out" / "results.json").read_bytes())
     assert [one.startswith("step 2 of 3, verify, failed: ") for one in results["failures"]] == [True]
-    assert "damaged.nc" in results["failures"][0]
+    assert "walk_55V_50Hz.nc: from 50.0 s" in results["failures"][0]
     (kept,) = results["numbers"].values()
     assert set(kept) >= {"walk_55V_50Hz", "walk_65V_50Hz"}
     assert "Step 2 of 3, verify, failed" in (tmp_path / "out" / "report.html").read_text("utf-8")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 import shlex
 from pathlib import Path
@@ -18,7 +17,6 @@ import stickslip as ss
 from stickslip.analysis.walk import changed
 from stickslip.campaign.file import read_campaign
 from stickslip.cli import app
-from stickslip.readers.shown_drive import shown_drive
 from stickslip.skeletons import KINDS, new_file
 from stickslip.skeletons.writing import _FILLED
 from stickslip.units import to_si
@@ -346,46 +344,3 @@ def test_what_cannot_be_written_is_said(
     assert done.exit_code == 2
     assert said in done.stderr
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    "drive",
-    [
-        ss.Step(60.0),
-        ss.Step(-20.0, offset=10.0),
-        ss.Sawtooth(65.0, 20.0, periods=8),
-        ss.Sawtooth(65.0, 20.0, offset=5.0, periods=3),
-        ss.ReverseSawtooth(35.5, 5.0, periods=2),
-        ss.waveform.Triangle(10.0, 10.0, periods=4),
-        ss.Sine(30.0, 12.5, offset=40.0, periods=5),
-    ],
-    ids=repr,
-)
-@pytest.mark.parametrize("late", [0.0, 0.3, 0.7])
-def test_the_drive_that_a_channel_shows(drive: Any, late: float) -> None:
-    time = np.arange(4000) * 0.5e-3
-    volts = ss.waveform.Sequence(
-        ss.waveform.Rest(0.1 + late * 0.5e-3, level=drive.offset), (drive, 1.8)
-    ).value(time)
-    volts += 0.01 * np.random.default_rng(7).standard_normal(time.size)
-    found = shown_drive(ss.make_recording(time, {"drive_voltage": (volts, "V")}))
-    assert found is not None
-    begins, waveform = found
-    assert waveform == drive
-    assert begins == pytest.approx(0.1 + late * 0.5e-3, abs=1.5e-3)
-
-
-@pytest.mark.parametrize("drive", [ss.Sawtooth(65.0, 20.0, periods=8), ss.Sine(30.0, 12.5, offset=40.0)])
-def test_a_drive_that_begins_with_the_first_sample(drive: Any) -> None:
-    time = 0.3 + np.arange(2000) * 0.5e-3
-    recording = ss.make_recording(time, {"drive_voltage": (drive.value(time - 0.3), "V")})
-    begins, waveform = shown_drive(recording) or (math.nan, None)
-    assert begins == 0.3
-    assert type(waveform) is type(drive)
-    assert waveform == drive._replace(periods=waveform.periods)
-
-
-def test_a_drive_that_is_none_of_the_usual_ones_is_not_named() -> None:
-    time = np.arange(2000) * 1e-3
-    rounded = np.minimum(65.0 * np.abs(np.sin(2 * np.pi * 2 * np.maximum(time - 0.1, 0.0))), 40.0)
-    assert shown_drive(ss.make_recording(time, {"drive_voltage": (rounded, "V")})) is None

@@ -12,14 +12,15 @@ import xarray as xr
 from ..actuator import Actuator
 from ..estimate.drift import Drift, drift_seen, said_drift
 from ..identify.recorded.channels import channel, refuse_clipped
-from ..identify.recorded.drives import Slewed, begin_of, refuse_sampling
-from ..readers.shown_drive import Drive, flow, shown_drive
+from ..identify.recorded.drives import begin_of, refuse_sampling
 from ..recording import RecordingError
+from ..recording.taken_drive import taken_drive
 from ..simulation.models import Contact, checked_drive
 from ..units import with_prefix
 from ..waveform.sequence import Sequence
 from ..waveform.shapes import Rest
 from ..waveform.signal import Waveform
+from ..waveform.slewed import Slewed
 
 POSITION = "end_effector_position"
 # Of the drive's duration: what is kept behind it, for the residual vibration.
@@ -39,7 +40,7 @@ class Aligned(NamedTuple):
     where nothing is before. `wanted` is the drive as asked for, `drive` as it is at the piezo, both in the
     time of the recording; None where the channel drive_voltage is all that is known. The first part of the
     drive ends at `forward` [s], None where it is the whole. `drift` has been taken off the position, None:
-    none.
+    none. `taken` says what the drive was taken for, where none was given.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Aligned(NamedTuple):
     forward: float | None = None
     use: str = ""
     drift: Drift | None = None
+    taken: str = ""
 
 
 def aligned(
@@ -115,29 +117,20 @@ def aligned(
     return Aligned(name, moved, begin, noise, wanted, given, forward)
 
 
-class Shown(NamedTuple):
-    """A recording, in time from 0 s on where it began before, and the waveform with periods that its channel
-    drive_voltage shows: from its own begin on, and in the time of the recording."""
+def aligned_by_itself(
+    whole: xr.Dataset, name: str, slew_rate: float = math.inf, scale: float = 1.0
+) -> Aligned:
+    """As `aligned`, with the drive that the recording names or shows: see `taken_drive`."""
+    taken = taken_drive(whole, None if math.isinf(slew_rate) else slew_rate)
+    if taken is None:
+        return aligned(whole, None, name, slew_rate, scale)
+    drive, begin = (taken.waveform, taken.begin) if taken.whole else (None, None)
+    return aligned(whole, drive, name, slew_rate, scale, begin)._replace(taken=taken.said())
 
-    recording: xr.Dataset
-    waveform: Drive
-    drive: Waveform
 
-    @classmethod
-    def of(cls, recording: xr.Dataset) -> Shown | None:
-        """None where the channel is not beyond doubt one of the usual waveforms (see `shown_drive`)."""
-        time = recording["time"]
-        if time.values[0] < 0.0:
-            recording = recording.assign_coords(time=("time", time.values - time.values[0], time.attrs))
-        shown = shown_drive(recording)
-        if shown is None or shown[1].period is None:
-            return None
-        begin, waveform = shown
-        return cls(recording, waveform, Sequence(Rest(begin), waveform) if begin > 0.0 else waveform)
-
-    def said(self, name: str) -> str:
-        """A sentence."""
-        return f"the net step of {name} is per period of what its drive_voltage shows: {flow(self.waveform)}"
+def said_drives(walks: Iterable[Aligned]) -> list[str]:
+    """Say what the drive of each walk was taken for, where none was given."""
+    return [f"drive of {one.name}: {one.taken}" for one in walks if one.taken]
 
 
 def with_position(recording: xr.Dataset, position: np.ndarray) -> xr.Dataset:

@@ -14,7 +14,9 @@ from ..actuator import Actuator
 from ..figures.identification import law_ranking
 from ..figures.style import svg
 from ..identify.candidates import Candidate, Comparison
+from ..identify.walk.asked import check_asked
 from ..identify.walk.compare import compare_walks, walk_candidates
+from ..identify.walk.position_channel import walked
 from ..input_file import InputFileError
 from ..progress import Progress
 from ..records import did_you_mean
@@ -44,20 +46,28 @@ class ComparisonAnalysis(WalkFile):
         named(walk_candidates(1.0, 1.0, 1.0), [one for one in laws if isinstance(one, str)], "")
         return laws
 
+    def check(self, folder: Path) -> list[Candidate]:
+        """Check what is asked for before a recording is read; returns the laws."""
+        if {one.use for one in self.recordings} != {"fit", "verify"}:
+            raise InputFileError("recordings: at least one with 'use: fit' and one with 'use: verify'")
+        model = self.actuator(folder)
+        return checked_laws(candidates_of(model), self.laws or True, model, folder, "laws")
+
     def run(self, folder: Path, progress: Progress) -> Document:
         """Fit and judge."""
-        model = self.actuator(folder)
+        laws, model = self.check(folder), self.actuator(folder)
         parts = read_parts(self.recordings, folder)
         data: dict[str, list[Any]] = {"fit": [], "verify": []}
         for r in self.recordings:
             data[r.use].append((parts[r.label], r.waveform(folder)))
-        if not all(data.values()):
-            raise InputFileError("recordings: at least one with 'use: fit' and one with 'use: verify'")
+        for use, walks in data.items():
+            for i, (recording, drive) in enumerate(walks, start=1):
+                walked(recording, drive, str(recording.attrs.get("title") or f"{use} {i}"))
         found = compare_walks(
             [d for d, _ in data["fit"]],
             [d for d, _ in data["verify"]],
             model,
-            named(candidates_of(model), self.laws or True, "laws", folder),
+            laws,
             drive=[w for _, w in data["fit"]],
             unseen_drive=[w for _, w in data["verify"]],
             progress=progress,
@@ -117,6 +127,30 @@ def named(
             said = f"there is no {name!r}{hint}: there are {', '.join(by_label)}"
             raise QuantityError(f"{field}: {said}" if field else said)
     return found
+
+
+def checked_laws(
+    candidates: Sequence[Candidate],
+    names: bool | Sequence[LawChoice],
+    model: Actuator,
+    folder: Path,
+    field: str,
+) -> list[Candidate]:
+    """As `named`, with what each law has free checked for a model.
+
+    Raises:
+        QuantityError: a name is unknown, or a parameter of a law cannot be free as it is asked for.
+        AnalysisError: a law is unknown.
+    """
+    laws = named(candidates, names, field, folder)
+    for law in laws:
+        if law.model is not None:
+            of = model.replace(friction=law.model)
+            try:
+                check_asked(of, law.free, bounds=law.bounds, tied=law.tied)
+            except QuantityError as error:
+                raise QuantityError(f"{field}: {law.label}: {error}") from error
+    return laws
 
 
 def choice_numbers(choice: Comparison) -> dict[str, Any]:

@@ -16,6 +16,8 @@ from ..readers import read_recording
 from ..registry import own_path
 
 AnalysisError = InputFileError
+# Of parameters, by name: bounds, or value and standard deviation of priors; in SI, or texts with units.
+Pairs = Annotated[dict[str, tuple[float | str, float | str]], Field(default_factory=dict)]
 # Parts of one file that agree in these are of one reading.
 _FORMAT = ("columns", "units", "sample_rate", "reader", "rows", "missing")
 OF_SOURCE = {"dataset", "file", "calibration", "rename", *_FORMAT}

@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -22,14 +23,13 @@ from ..identify.walk.prediction import Predictor
 from ..input_file import Seconds, explain, load_yaml
 from ..progress import Progress
 from ..readers import inspect_file
-from ..recording.drive import named_drive
 from ..records import did_you_mean
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.origin import origin_of
 from ..units import QuantityError, near_one, with_prefix
 from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
-from .alignment import POSITION, Shown, aligned, on_level
+from .alignment import POSITION, aligned, aligned_by_itself, on_level, said_drives
 from .file import Analysis, AnalysisError, read_parts
 from .walk import WalkRecording, changed, with_changes
 
@@ -65,22 +65,12 @@ class VerificationAnalysis(Analysis):
                     f"it has {', '.join(map(str, part.data_vars))}"
                 )
         drives = [r.waveform(folder) for r in self.recordings]
-        if chain.zeroed:
-            drives = [named_drive(p) if d is None else d for p, d in zip(parts.values(), drives, strict=True)]
         progress("predicting", 0.2)
-        shown = {
-            name: one
-            for (name, part), drive in zip(parts.items(), drives, strict=True)
-            if drive is None and (one := Shown.of(part))
-        }
-        parts |= {name: one.recording for name, one in shown.items()}
-        repeating = [shown[name].drive if name in shown else d for name, d in zip(parts, drives, strict=True)]
         if chain.zeroed:
-            found = _verified(predictor, chain, parts, drives, repeating)
+            found = _verified(predictor, chain, parts, drives)
         else:
-            found = verify(predictor, list(parts.values()), drive=drives, steps_of=repeating)
-        periods = [one.said(name) for name, one in shown.items()]
-        failures = found.unmet(requirements)
+            found = verify(predictor, list(parts.values()), drive=drives)
+        failures = [*found.unmet(requirements), *found.statements]
         least = min(found.table["r_squared"].values)
         said = (
             f"{len(parts)} recording{'s' * (len(parts) > 1)} predicted, nothing fitted: r² {near_one(least)} "
@@ -89,8 +79,9 @@ class VerificationAnalysis(Analysis):
         if requirements:
             count = len(requirements)
             all_of_them = f"ll of the {count} requirements" if count > 1 else "ll that is required is"
-            said += f" {'NOT a' if failures else 'A'}{all_of_them} met."
-        said += "".join(f" {text[0].upper()}{text[1:]}." for text in (*found.statements, *found.remarks))
+            said += f" {'NOT a' if found.unmet(requirements) else 'A'}{all_of_them} met."
+        sentences = (*found.statements, *found.remarks, *found.taken)
+        said += "".join(f" {text[0].upper()}{text[1:]}." for text in sentences)
         progress("drawing", 0.6)
         origin = origin_of(predictor.model, parts.values())
         return Document(
@@ -100,7 +91,7 @@ class VerificationAnalysis(Analysis):
                 Section(
                     "Recordings",
                     paragraphs=(self.notes,) if self.notes else (),
-                    points=[*(f"required: {text}" for text in self.require), *periods],
+                    points=[*(f"required: {text}" for text in self.require), *found.taken],
                     tables=(verification_table(found),),
                     figures=prediction_pictures(found),
                 )
@@ -113,7 +104,7 @@ class VerificationAnalysis(Analysis):
                 "verification": verification_numbers(found),
                 "model": model_numbers(predictor.model),
                 "required": list(self.require),
-                "periods": periods,
+                "drives": list(found.taken),
             },
             assumptions=origin.assumptions,
             citations=origin.citations,
@@ -181,29 +172,19 @@ def _results(path: Path) -> tuple[Actuator, Chain]:
 
 
 def _verified(
-    predictor: Predictor,
-    chain: Chain,
-    parts: Mapping[str, xr.Dataset],
-    drives: Sequence[Waveform | None],
-    steps_of: Sequence[Waveform | None],
+    predictor: Predictor, chain: Chain, parts: Mapping[str, xr.Dataset], drives: Sequence[Waveform | None]
 ) -> Verification:
-    """As the campaign that found the chain predicts: the same cut, bias, scale and drive at the piezo.
-
-    A drive that is not given is the channel; its net step is of the periods of `steps_of`.
-    """
+    """As the campaign that found the chain predicts: the same cut, bias, scale and drive at the piezo."""
     found = []
     for (name, part), drive in zip(parts.items(), drives, strict=True):
-        known = None if drive is None or DRIVE in part else float(part["time"][0])
-        one = aligned(part, drive, name, chain.slew_rate, chain.scale, known)
+        if drive is None:
+            one = aligned_by_itself(part, name, chain.slew_rate, chain.scale)
+        else:
+            known = None if DRIVE in part else float(part["time"][0])
+            one = aligned(part, drive, name, chain.slew_rate, chain.scale, known)
         found.append(on_level(one, predictor.model))
-    return verify(
-        predictor,
-        [one.recording for one in found],
-        drive=[one.drive for one in found],
-        steps_of=[
-            other if one.wanted is None else one.wanted for one, other in zip(found, steps_of, strict=True)
-        ],
-    )
+    verified = verify(predictor, [one.recording for one in found], drive=[one.drive for one in found])
+    return replace(verified, taken=tuple(said_drives(found)))
 
 
 def verification_analysis(

@@ -12,7 +12,6 @@ import xarray as xr
 from pydantic import Discriminator, Field, Tag
 
 from ..actuator import Actuator, load_actuator
-from ..estimate.goodness import goodness
 from ..estimate.influence import prior_influence
 from ..estimate.result import Fit
 from ..experiment.cells import drive_of
@@ -20,6 +19,7 @@ from ..experiment.file import PartSpec
 from ..figures.identification import Estimates, fit_with_residuals, parameter_intervals
 from ..figures.style import svg
 from ..identify.results import model_numbers
+from ..identify.walk.asked import check_asked
 from ..identify.walk.conditions import Conditions, identify_conditions
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.position_channel import walked
@@ -29,8 +29,9 @@ from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, parameter_table
 from ..report.origin import origin_of
 from ..units import QuantityError, near_one, to_si
+from ..verification import verify
 from ..waveform.signal import Waveform
-from .file import Analysis, AnalysisError, RecordingFile, read_parts
+from .file import Analysis, AnalysisError, Pairs, RecordingFile, read_parts
 from .priors import with_priors
 
 _ROLE = {"fit": "fitted", "verify": "predicted"}
@@ -105,8 +106,8 @@ class WalkAnalysis(WalkFile):
 
     kind: Literal["walk"]
     free: list[str]
-    bounds: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
-    priors: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
+    bounds: Pairs
+    priors: Pairs
     noise: float | str | None = None
     tied: dict[str, str] = Field(default_factory=dict)
     starts: int = 1
@@ -114,16 +115,23 @@ class WalkAnalysis(WalkFile):
     tolerance: float | str | None = None
     by: str | None = None
 
+    def check(self, folder: Path) -> Actuator:
+        """Check what is asked for before a recording is read; returns the model."""
+        model = self.actuator(folder)
+        asked: dict[str, Any] = {"bounds": self.bounds, "priors": self.priors, "tied": self.tied}
+        check_asked(model, self.free, noise=self.noise, **asked)
+        if not any(one.use == "fit" for one in self.recordings):
+            raise AnalysisError("no recording has 'use: fit'")
+        return model
+
     def run(self, folder: Path, progress: Progress) -> Document:
         """Fit and verify."""
-        model = self.actuator(folder)
+        model = self.check(folder)
         parts = read_parts(self.recordings, folder)
         data = {r.label: (r, parts[r.label], r.waveform(folder)) for r in self.recordings}
         for label, (_, recording, waveform) in data.items():
             walked(recording, waveform, label)
         fitted = [(d, w) for r, d, w in data.values() if r.use == "fit"]
-        if not fitted:
-            raise AnalysisError("no recording has 'use: fit'")
         progress("fitting", 0.0)
         options: dict[str, Any] = {
             "drive": [w for _, w in fitted],
@@ -226,18 +234,22 @@ def walk_document(
     """
     rows, pictures, numbers = [], [], {}
     unit = fit.recordings[0].unit
+    taken, failures = [], list(fit.failures)
     for i, (label, walk) in enumerate(walks.items()):
         progress(f"predicting {label}", i / len(walks))
-        found = _compared(fit, walk.recording, walk.drive)
-        rows.append((label, walk.use, found["r_squared"], found["rmse"]))
+        seen = verify(fit, walk.recording.assign_attrs(title=label), drive=walk.drive)
+        good, shown = seen.recordings[0], seen.predictions[0]
+        taken += seen.taken
+        failures += seen.statements if walk.use == "verify" else ()
+        rows.append((label, walk.use, good.r_squared, good.rmse))
         numbers[f"recording_{i + 1}"] = {
-            "r_squared": Number(found["r_squared"], "", note=label),
-            "rmse": Number(found["rmse"], unit),
+            "r_squared": Number(good.r_squared, "", note=label),
+            "rmse": Number(good.rmse, unit),
         }
         drawn = fit_with_residuals(
-            walk.recording["time"].values,
-            walk.recording["end_effector_position"].values,
-            found["model"],
+            shown["time"].values,
+            shown["measured"].values,
+            shown["predicted"].values,
             name="end-effector position",
             unit=unit,
         )
@@ -263,7 +275,7 @@ def walk_document(
         summary=f"{len(fit.parameters)} parameters fitted to {fitted} recording{'s' if fitted > 1 else ''}: "
         f"r² {near_one(fit.r_squared)}."
         + verified
-        + "".join(f" {text[0].upper()}{text[1:]}." for text in (*fit.failures, *fit.remarks)),
+        + "".join(f" {text[0].upper()}{text[1:]}." for text in (*failures, *fit.remarks)),
         sections=(
             Section(
                 "Parameters",
@@ -272,20 +284,19 @@ def walk_document(
             ),
             Section(
                 "Recordings",
+                points=taken,
                 tables=(Table("Coefficient of determination, rms error.", columns, rows),),
                 figures=pictures,
             ),
         ),
         highlights=list(estimates(fit).items()),
-        numbers={**fit_numbers(fit, unit), "recordings": numbers, "model": model_numbers(fit.model)},
+        numbers={
+            **fit_numbers(fit, unit),
+            "recordings": numbers,
+            "drives": taken,
+            "model": model_numbers(fit.model),
+        },
         assumptions=origin.assumptions,
         citations=origin.citations,
-        failures=fit.failures,
+        failures=failures,
     )
-
-
-def _compared(fit: Any, recording: xr.Dataset, waveform: Waveform | None) -> dict[str, Any]:
-    model = fit.predict(recording, waveform)
-    measured = recording["end_effector_position"].values
-    good = goodness(model - measured, measured, "", "m")
-    return {"model": model, "r_squared": good.r_squared, "rmse": good.rmse}

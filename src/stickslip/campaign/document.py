@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.alignment import POSITION, Aligned, said_to_drift
+from ..analysis.alignment import POSITION, Aligned, said_drives, said_to_drift
 from ..analysis.priors import with_priors
 from ..analysis.verification import verification_numbers
 from ..estimate.lack import said
@@ -149,7 +149,8 @@ def _set_up(file: CampaignFile, found: Found, recorded: Sequence[Recorded]) -> S
         "Each begins where its drive_voltage matches the drive that was wanted; what lies more than "
         "5 % of the drive's duration behind its end is left out. The mean before the begin is taken off."
     )
-    said += [f"{text[0].upper()}{text[1:]}." for text in said_to_drift(found.walks)]
+    of_walks = (*said_drives(found.walks), *said_to_drift(found.walks))
+    said += [f"{text[0].upper()}{text[1:]}." for text in of_walks]
     return Section(
         "Set-up and recordings",
         paragraphs=said,

@@ -23,9 +23,7 @@ from ..identify.walk.explained import Explained, explained
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.joint import jointly
 from ..identify.walk.prediction import Predictor
-from ..input_file import InputFileError
 from ..progress import Progress
-from ..records import did_you_mean
 from ..verification import Requirement, Verification, verify
 from .additional import Additional, additional, attempted
 from .budget import Budget, Inherited, budget, inherited
@@ -90,12 +88,10 @@ def evaluate(
 
     Raises:
         RecordingError: a recording is not what it must be.
-        InputFileError: there is no recording of a name.
         FitError, QuantityError: a fit has nothing to begin with, or the file names what does not exist.
     """
     requirements = [Requirement.parse(text) for text in file.require]
     recordings = list(gathered)
-    _check_published(file, [one.name for one in recordings])
     scale, rate = None, file.known_slew_rate
     if file.reference is not None:
         steps = [one for one in recordings if one.use == "step"]
@@ -124,7 +120,6 @@ def evaluate(
         predictor,
         [one.recording for one in walks],
         drive=[one.drive for one in walks],
-        steps_of=[one.wanted for one in walks],
     )
     stages = () if hysteresis is None else hysteresis.stages
     everything = Explained(friction, friction, friction.lack)
@@ -223,6 +218,7 @@ def _friction(file: CampaignFile, fitted: Sequence[Aligned], model: Actuator, st
         [*file.free, "delay", "offset"],
         drive=[one.drive for one in fitted],
         begin=None if stage is None else {"delay": stage.values["delay"]},
+        bounds=file.bounds,
         tied=file.tied,
         priors=file.priors,
         noise=file.noise,
@@ -242,14 +238,5 @@ def _explained(
         stage=stage,
         stages=stages,
         slew_rate=file.known_slew_rate,
+        bounds=file.bounds,
     )
-
-
-def _check_published(file: CampaignFile, names: Sequence[str]) -> None:
-    known = ["step", *names]
-    for name in file.published:
-        if name not in known:
-            raise InputFileError(
-                f"published: there is no recording {name!r}{did_you_mean(name, known)}; "
-                f"there are {', '.join(known)}"
-            )

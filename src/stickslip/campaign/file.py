@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
 
-from ..analysis.file import RecordingFile
+from ..analysis.file import Pairs, RecordingFile
 from ..analysis.loops import LawChoice
 from ..experiment.file import FilterSpec, PartSpec
 from ..input_file import InputFileError, Seconds, Strict, explain, load_yaml, quantity
@@ -29,7 +29,8 @@ class CellsSpec(Strict):
 class OwnSpec(RecordingFile):
     """A recording in a file of one's own, and the drive as in an experiment file.
 
-    Its channel drive_voltage shows when the drive begins; without a `waveform` the channel is the drive.
+    Its channel drive_voltage shows when the drive begins; without a `waveform` the drive is the one that the
+    recording names or that channel shows, see `taken_drive`.
     """
 
     use: Use = "fit"  # type: ignore[assignment]
@@ -56,8 +57,8 @@ class CampaignFile(Strict):
     """A whole campaign file.
 
     `experiment` is an experiment file that is recorded first. `model` is a parameter set or a file, whose
-    fields `change` and `friction` change; the fit of the parameters `free` starts there, with `hops` and
-    `tied` as for `identify_friction`, and `priors` (value and standard deviation, of a contact for example),
+    fields `change` and `friction` change; the fit of the parameters `free` starts there, with `bounds`,
+    `hops` and `tied` as for `identify_friction`, and `priors` (value and standard deviation, of a contact),
     which weigh against `noise`, that of the position; what they did is told beside a fit without. `reference`
     is a channel that shows the clamped position too, and better: on the steps the position is scaled to it,
     the time `settling` after them left out; hysteresis and creep are taken from it, where there are
@@ -77,7 +78,8 @@ class CampaignFile(Strict):
     friction: dict[str, float | str] = Field(default_factory=dict)
     free: list[str] = Field(default_factory=lambda: ["sigma_0", "sigma_1", "coulomb_force"], min_length=1)
     tied: dict[str, str] = Field(default_factory=dict)
-    priors: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
+    bounds: Pairs
+    priors: Pairs
     noise: float | str | None = None
     hops: int = 6
     reference: str | None = None

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..analysis.alignment import POSITION, Aligned, aligned, with_position
+from ..analysis.alignment import POSITION, Aligned, aligned, aligned_by_itself, with_position
 from ..experiment import Recorded
 from ..experiment.cells import drive_of
 from ..experiment.file import ExperimentFile
-from ..experiment.running import read_experiment, record_experiment
+from ..experiment.running import record_experiment
 from ..identify.recorded.channels import channel
 from ..input_file import InputFileError
 from ..progress import Progress
@@ -43,50 +43,61 @@ def gather(
     progress: Progress,
     experiment: tuple[ExperimentFile, Path] | None = None,
 ) -> tuple[list[Aligned], list[Recorded]]:
-    """All recordings, those of the experiment recorded first into ``out/recordings`` unless they are there.
+    """All recordings; what is wrong with a user's own is told before those of the experiment are recorded.
+
+    Those go into ``out/recordings`` unless they are there.
+
+    Args:
+        file, folder: of a campaign that `check_campaign` has passed.
+        out: the folder.
+        progress: called with what is recorded.
+        experiment: whose cells are meant, and the folder of its paths.
 
     Raises:
-        InputFileError: a pattern fits no recording, or two recordings have one name.
+        InputFileError: a recording's drive is wrong.
         RecordingError: a file cannot be read, or is not what it must be.
     """
+    found = {
+        i: _own(spec, file, folder) for i, spec in enumerate(file.recordings) if isinstance(spec, OwnSpec)
+    }
     recorded: list[Recorded] = []
     left: dict[str, tuple[Waveform, xr.Dataset]] = {}
-    label = folder / (file.experiment or "experiment")
-    if file.experiment is not None:
-        experiment = read_experiment(label), label.parent
     if experiment is not None:
         recorded = record_experiment(
             *experiment,
             out / "recordings",
             progress,
             lambda cell, recording: left.update({cell.name: (cell.drive, recording)}),
-            label=label,
+            label=folder / (file.experiment or "experiment"),
         )
-    found: list[Aligned] = []
-    for spec in file.recordings:
+    gathered: list[Aligned] = []
+    for i, spec in enumerate(file.recordings):
         if isinstance(spec, OwnSpec):
-            whole = spec.cut(spec.read(folder))
-            try:
-                drive = drive_of(spec.waveform, {}, folder) if spec.waveform else None
-            except QuantityError as error:
-                raise InputFileError(f"recordings: {spec.label}: {error}") from error
-            try:
-                one = aligned(whole, drive, spec.label, file.slew_rate)
-            except RecordingError as error:
-                raise RecordingError(f"{spec.file}: {error}") from None
-            found.append(one._replace(use=spec.use))
+            gathered.append(found[i])
             continue
-        names = [name for name in left if fnmatchcase(name, spec.cells)]
-        if not names:
-            raise InputFileError(f"recordings: no cell of {label.name} that is left fits {spec.cells!r}")
-        for name in names:
+        for name in [name for name in left if fnmatchcase(name, spec.cells)]:
             drive, whole = left.pop(name)
-            found.append(aligned(whole, drive, name, file.slew_rate)._replace(use=spec.use))
-    names = [one.name for one in found]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputFileError(f"recordings: two are called {name!r}; give each a 'name'")
-    return found, recorded
+            gathered.append(aligned(whole, drive, name, file.slew_rate)._replace(use=spec.use))
+    return gathered, recorded
+
+
+def _own(spec: OwnSpec, file: CampaignFile, folder: Path) -> Aligned:
+    """A recording of the user's own."""
+    whole = spec.cut(spec.read(folder))
+    try:
+        drive = drive_of(spec.waveform, {}, folder) if spec.waveform else None
+    except QuantityError as error:
+        raise InputFileError(f"recordings: {spec.label}: {error}") from error
+    try:
+        if drive is None and spec.use != "piezo":  # of those every sample of the drive counts
+            one = aligned_by_itself(whole, spec.label, file.slew_rate)
+        else:
+            one = aligned(whole, drive, spec.label, file.slew_rate)
+        if file.reference is not None and spec.use in ("piezo", "step"):
+            channel(whole, file.reference, spec.label, varies=True)
+    except RecordingError as error:
+        raise RecordingError(f"{spec.file}: {error}") from None
+    return one._replace(use=spec.use)
 
 
 def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> Scale:

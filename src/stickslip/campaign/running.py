@@ -6,15 +6,15 @@ import os
 from functools import partial
 from pathlib import Path
 
-from ..analysis.comparison import candidates_of, named
-from ..analysis.walk import changed
+from ..experiment.cells import cell_names
 from ..experiment.file import ExperimentFile
+from ..experiment.running import read_experiment
 from ..input_file import InputFileError
 from ..parameters import ParameterSetError
 from ..progress import Progress, unheard, within
 from ..report import Document
 from ..units import QuantityError
-from ..verification import Requirement
+from .checking import check_campaign
 from .document import campaign_document
 from .evaluation import evaluate
 from .file import CampaignFile, read_campaign
@@ -62,11 +62,10 @@ def campaign_of(
         file, folder, out, progress, figures: see `run_campaign`.
         experiment: whose cells are meant where the file names none, and the folder of its paths.
     """
-    # What is wrong is said before anything is recorded.
-    model = changed(folder, file.model, file.change, file.friction)
-    for text in file.require:
-        Requirement.parse(text)
-    named(candidates_of(model), file.model_choice, folder=folder)
+    if file.experiment is not None:
+        path = folder / file.experiment
+        experiment = read_experiment(path), path.parent
+    model = check_campaign(file, folder, [] if experiment is None else cell_names(experiment[0]))
     gathered, recorded = gather(file, folder, out, partial(within, progress, 0.0, 0.4), experiment)
     found = evaluate(file, model, gathered, partial(within, progress, 0.4, 0.4), folder)
     progress("drawing" if figures else "writing", 0.8)

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..readers.inspection import drive_begins
 from ..recording import RecordingError
+from ..recording.shown_drive import drive_begins
 
 TRIGGER, DRIVE = "trigger", "begin of the drive"  # what a clock may begin at, the better first
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from ..estimate.coloured import with_inherited
 from ..estimate.result import Fit
+from ..recording.noise import noise_level
 from ..units import with_prefix
 from .recorded.known_noise import LEAST_STEP, SIMULATED
 from .recorded.levels import converter_step
-from .recorded.recorded_drive import noise_level
 
 # Draws of all levels, and the share of a variance from which on it is said.
 DRAWS, WORTH_SAYING = 24, 0.1

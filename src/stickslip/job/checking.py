@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-import fnmatch
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from ..campaign.file import CampaignFile, CellsSpec
+from ..analysis.alignment import POSITION
+from ..analysis.comparison import ComparisonAnalysis
+from ..analysis.file import RecordingFile
+from ..analysis.verification import VerificationAnalysis
+from ..analysis.walk import WalkAnalysis, WalkFile
+from ..calibration import CalibrationError
+from ..campaign.checking import check_campaign
+from ..campaign.file import CampaignFile
 from ..experiment.cells import cell_names
 from ..experiment.file import ExperimentFile
 from ..experiment.running import EXPORTS, read_experiment
+from ..identify.recorded.channels import channel
 from ..input_file import InputFileError
 from ..parameters import ParameterSetError, load_set
+from ..recording import RecordingError
 from ..records import did_you_mean
 from ..units import QuantityError
 from ..verification import Requirement
@@ -65,20 +73,25 @@ def _check_words(spec: Any, folder: Path, cells: list[str]) -> None:
         _told("model", load_set, model)
     for i, text in enumerate(getattr(spec, "require", ())):
         _told(f"require.{i}", Requirement.parse, text)
-    if isinstance(spec, CampaignFile):
-        _check_cells(spec, cells)
+    try:
+        if isinstance(spec, CampaignFile):
+            check_campaign(spec, folder, cells)
+        elif isinstance(spec, WalkAnalysis | ComparisonAnalysis):
+            spec.check(folder)
+    except (QuantityError, ParameterSetError) as error:
+        raise InputFileError(str(error)) from error
+    if isinstance(spec, CampaignFile | WalkFile | VerificationAnalysis):
+        _check_recordings(spec.recordings, folder)
 
 
-def _check_cells(spec: CampaignFile, cells: list[str]) -> None:
-    left = list(cells)
-    for i, one in enumerate(spec.recordings):
-        if isinstance(one, CellsSpec):
-            if not any(fnmatch.fnmatchcase(name, one.cells) for name in left):
-                there = ", ".join(left[:10]) or "none"
-                raise InputFileError(
-                    f"recordings.{i}: no cell that is left fits {one.cells!r}; left are {there}"
-                )
-            left = [name for name in left if not fnmatch.fnmatchcase(name, one.cells)]
+def _check_recordings(recordings: Iterable[Any], folder: Path) -> None:
+    """Read those that are there, which the steps do again: a wrong column is told before hours of work."""
+    for i, one in enumerate(recordings):
+        if isinstance(one, RecordingFile) and not one.dataset and (folder / one.file).is_file():
+            try:
+                channel(one.cut(one.read(folder)), POSITION, one.label, varies=True)
+            except (RecordingError, CalibrationError) as error:
+                raise InputFileError(f"recordings.{i}: {error}") from error
 
 
 def _files(content: Any, place: str = "") -> Iterator[tuple[str, str]]:

@@ -143,7 +143,7 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
             first = hysteresis_section(bent, loops, figures=True)
             document = replace(document, sections=[first, *document.sections])
         write_report(document, folder.path(out), command="stickslip panel")
-    said = dict.fromkeys(" ".join(str(w.message).split()) for w in caught)
+    said = dict.fromkeys((*numbers["drives"], *(" ".join(str(w.message).split()) for w in caught)))
     say("report", {"report": f"{out}/report.html", "notes": list(said)}, [])
 
 

@@ -11,6 +11,8 @@ import numpy as np
 import xarray as xr
 
 from ..recording import RecordingError
+from ..recording.shown_drive import drive_begins
+from ..recording.taken_drive import taken_drive
 from ..units import with_prefix
 from .formats import find_format
 from .preview import LOOKED_AT, look
@@ -18,27 +20,7 @@ from .reading import read_recording
 
 # A pause is a step of the clock longer than this many usual ones.
 PAUSE = 1.5
-# The drive has moved where it has left its first value by this part of its range; it began where it had left
-# it by more than its noise, or this part.
-MOVED, STILL = 0.02, 1e-4
 ROUNDED = 1e-6  # of an interval: what a time may be off by rounding
-
-
-def drive_begins(recording: xr.Dataset) -> float | None:
-    """Time of the last sample before the drive of a recording changes, s; None without a drive, or where it
-    never does."""
-    if "drive_voltage" not in recording:
-        return None
-    drive = recording["drive_voltage"].values
-    moved = np.flatnonzero(np.abs(drive - drive[0]) > MOVED * np.ptp(drive))
-    if not moved.size or moved[0] < 2:
-        return None
-    rest = drive[: moved[0] // 2 + 1]
-    if np.ptp(rest) > MOVED / 4 * np.ptp(drive):  # it moved from the start
-        return None
-    noise = max(6.0 * float(np.std(rest)), STILL * float(np.ptp(drive)))
-    still = np.flatnonzero(np.abs(drive[: moved[0]] - np.mean(rest)) <= noise)
-    return float(recording["time"].values[still[-1]]) if still.size else None
 
 
 class Inspection(NamedTuple):
@@ -133,6 +115,10 @@ class Inspection(NamedTuple):
         if begins is not None:
             begins = 0.0 if abs(begins) < ROUNDED * interval else begins  # -0.05 + 100 * 0.0005 is not 0
             lines.append(f"the drive begins after {with_prefix(begins, 's')}")
+        taken = taken_drive(self.recording)
+        if taken is not None:
+            lines.append(f"drive: {taken.said()}")
+        if begins is not None:
             for name, channel in self.recording.data_vars.items():
                 noise = self.noise(str(name))
                 if name != "drive_voltage" and math.isfinite(noise):

@@ -10,26 +10,41 @@ from typing import Any, NamedTuple
 
 from ..readers import inspect_file
 from ..readers.inspection import Inspection
-from ..readers.shown_drive import Drive, shown_drive
 from ..recording import RecordingError
+from ..recording.shown_drive import Drive, flow
+from ..recording.taken_drive import TakenDrive, taken_drive
 from ..units import with_prefix
 
 MOVED, DRIVE = "end_effector_position", "drive_voltage"
 
 
 class Inspected(NamedTuple):
-    """A recording, what is in it, and the waveform that its drive shows."""
+    """A recording, what is in it, and what its drive is taken for."""
 
     found: Inspection
-    drive: Drive | None
+    taken: TakenDrive | None
+
+    @property
+    def drive(self) -> Drive | None:
+        """The waveform, where files can name it in one line."""
+        waveform: Any = None if self.taken is None else self.taken.waveform
+        return waveform if isinstance(waveform, Drive) else None
+
+    @property
+    def waveform(self) -> str:
+        """What a campaign's entry says of the drive."""
+        if self.taken is None:
+            return ""
+        if self.drive is None or not self.taken.whole:
+            return f"# drive: {self.taken.said()}"
+        return f"waveform: [{flow(self.drive)}] # {self.taken.how}"
 
 
 def looked_at(file: Path) -> Inspected:
     found = inspect_file(file)
     if found.recording is None:
         raise RecordingError(f"{file}: {found.problem}")
-    shown = shown_drive(found.recording)
-    return Inspected(found, shown[1] if shown else None)
+    return Inspected(found, taken_drive(found.recording))
 
 
 def angles(seen: list[Inspected]) -> bool:

@@ -10,8 +10,8 @@ from pathlib import Path
 from string import Template
 from typing import Any, NamedTuple
 
-from ..readers.shown_drive import flow
 from ..recording.replacing import replaced_whole
+from ..recording.shown_drive import flow
 from ..records import did_you_mean
 from ..units import QuantityError
 from ..waveform.shapes import Step
@@ -123,8 +123,7 @@ def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[
         use = "step" if step else "verify" if fitted else "fit"
         fitted = fitted or not step
         entry, lacking = entry_of(one, folder, use)
-        if steps and one.drive is not None:
-            entry.append(f"waveform: [{flow(one.drive)}]")
+        entry += [one.waveform] if steps and one.waveform else []
         lines.append(listed(entry))
         missing += lacking
     if not fitted:  # steps alone: one of them is a walk, or there is nothing to fit

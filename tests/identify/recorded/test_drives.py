@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.identify.recorded.drives import Slewed, begin_of
+from stickslip.identify.recorded.drives import begin_of
 from stickslip.recording import RecordingError, make_recording
 from stickslip.units import QuantityError
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.periodic import Cycloid, ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence
 from stickslip.waveform.shapes import Chirp, Rest, Step
+from stickslip.waveform.slewed import Slewed
 
 WALK = Sequence(Sawtooth(65.0, 5.0, periods=3), Rest(0.1), ReverseSawtooth(65.0, 5.0, periods=3))
 

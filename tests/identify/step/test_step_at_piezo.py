@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.identify.recorded.drives import Slewed
 from stickslip.identify.step.at_piezo import ramps, response
 from stickslip.identify.step.linear import one_of_pairs, residues, second_order_poles, step_response
 from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
 from stickslip.units import QuantityError
+from stickslip.waveform.slewed import Slewed
 
 STAGE = ss.load_actuator("kang2007-hysteresis").replace(clamped=True, min_voltage=-200.0)
 

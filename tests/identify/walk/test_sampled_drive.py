@@ -43,7 +43,9 @@ def test_a_wrong_gain_is_said_and_a_right_one_not(rest: float) -> None:
 
 def test_what_is_taken_of_a_recorded_drive_is_said_once() -> None:
     """Nothing was new the second time: the search for a start read the channel again."""
-    walk = ss.simulate(TRUTH, ss.Sawtooth(65.0, 5.0, periods=3), times=np.arange(0.0, 0.6, 1e-3))
+    forth, back = (kind(65.0, 5.0, periods=2) for kind in (ss.Sawtooth, ss.waveform.ReverseSawtooth))
+    drive = ss.waveform.Sequence(forth, back)  # none of those that are recognised
+    walk = ss.simulate(TRUTH, drive, times=np.arange(0.0, 0.8, 1e-3)).drop_attrs(deep=False)
     with pytest.warns(RecordingWarning, match="changes too fast for its samples") as said:
         ss.identify_friction(walk, TRUTH, ["coulomb_force"])
     assert len(said) == 1

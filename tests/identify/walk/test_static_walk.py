@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
-from stickslip.identify.recorded.drives import Slewed
 from stickslip.identify.walk.static import identify_static_walk, slow_part
 from stickslip.recording import make_recording
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence
 from stickslip.waveform.shapes import Rest
+from stickslip.waveform.slewed import Slewed
 
 FORTH = Sawtooth(60.0, 5.0, periods=3)
 BACK = ReverseSawtooth(60.0, 5.0, periods=3)

@@ -29,12 +29,12 @@ from ...estimate.problem import FitError, Residuals
 from ...estimate.quantiles import reach
 from ...estimate.result import Fit
 from ...friction import StictionCoulombViscous
+from ...recording.noise import noise_level
 from ...records import Quantity, record
 from ...simulation import simulate
 from ...units import with_prefix
 from ...waveform.shapes import Ramp
 from ..free import with_ties
-from ..recorded.recorded_drive import noise_level
 from ..recorded.screen import refuse_loading
 from .mean_covariance import covariance_of_mean, degrees_of_freedom
 

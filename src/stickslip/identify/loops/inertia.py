@@ -31,11 +31,11 @@ from ...estimate.lack import FALSE_ALARM
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError, Residuals
 from ...estimate.result import Fit
+from ...recording.noise import noise_level
 from ...units import to_si, turned
 from ..free import with_ties
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
 from ..recorded.known_noise import NOTHING, more_than_white, white_noise
-from ..recorded.recorded_drive import noise_level
 from ..recorded.screen import refuse_loop
 
 # Windows begin twice in the length of one: so they share hardly any noise, and leave hardly any unused.

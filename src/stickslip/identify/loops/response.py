@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from ...estimate.parameter import Values
 from ...friction import elements
+from ...recording.noise import noise_level
 from ...simulation import SimulationError, friction_response
 from ...simulation.varied import with_values
 from ...solve.prescribed import forces_at
 from ..recorded.channels import channel, names_of
-from ..recorded.recorded_drive import noise_level
 from .sampled import between
 
 OBSERVED = "friction_force"

@@ -2,132 +2,73 @@
 
 from __future__ import annotations
 
-import math
 import warnings
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence as Several
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
-from scipy.signal import correlate
 
 from ...recording import RecordingError, RecordingWarning
-from ...units import QuantityError
-from ...waveform.drive import Drive, evaluate
+from ...recording.shown_drive import best_begin
+from ...recording.taken_drive import from_zero, taken_drive
+from ...waveform.drive import evaluate
 from ...waveform.sequence import Sequence
-from ...waveform.signal import Waveform, breaks_within, slope_at, value_at
-from .channels import channel
+from ...waveform.signal import Waveform, value_at
+from ...waveform.slewed import Slewed
+from .channels import channel, drives_of
 
 # Of the range of the drive; the channel differs from the waveform by no more, on average, if it is of it.
 ALIKE = 0.1
 # The same over the worst of its periods: late, slewed and noisy as the channel may be.
 STRETCH = 0.25
-# Samples that it is compared at, one in so many of them all.
-MOST_SAMPLES = 2000
 # Of a period. A walk is told by the slope of its slow part and the levels before and behind its slip: lines
 # through a third and means over a tenth of a period (see `sawtooth`), three samples and one by then.
 FEWEST_PER_PERIOD = 10
 
 
-@dataclass(frozen=True)
-class Slewed:
-    """A drive whose jumps take the time that the amplifier's `rate` [V/s] needs, as of a current limit.
+def taken_drives(
+    recordings: Several[xr.Dataset], drive: Any = None, slew_rate: float | None = None
+) -> tuple[list[xr.Dataset], list[Waveform | None]]:
+    """Return recordings with the waveform of each, in its time.
 
-    What lies between the jumps is slower, and stays.
+    Where none is given, the recording's own is taken (see `taken_drive`), in time since the first sample;
+    None stands for the samples of drive_voltage.
+
+    Args:
+        recordings: of walks.
+        drive: the waveform of each, or one of all, where they are known.
+        slew_rate: V/s at which the amplifier follows the jumps of what is taken.
     """
-
-    source: Waveform
-    rate: float
-
-    value, slope, breaks = value_at, slope_at, breaks_within
-
-    def __post_init__(self) -> None:
-        if not self.rate > 0:
-            raise QuantityError(f"the slew rate {self.rate:g} V/s is out of range: it must be > 0 V/s")
-
-    @property
-    def unit(self) -> str:
-        """That of the source."""
-        return self.source.unit
-
-    @property
-    def duration(self) -> float:
-        """s, that of the source and of a last jump."""
-        low, high = self.source.range()
-        return self.source.duration + (high - low) / self.rate
-
-    def range(self) -> tuple[float, float]:
-        """That of the source."""
-        return self.source.range()
-
-    def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s].
-
-        Raises:
-            QuantityError: a jump takes longer than what follows it before the next.
-        """
-        table = self.source.drive(duration)
-        ends = np.append(table.start[1:], np.inf)
-        starts, polynomials, rows, harmonics, last = [], [], [0], [], table.before
-        for i, (start, end) in enumerate(zip(table.start, ends, strict=True)):
-            harmonic = table.harmonic[table.first[i] : table.first[i + 1]]
-            taken = _meeting(table, i, last, self.rate, end - start)
-            if taken >= end - start:
-                raise QuantityError(
-                    f"at {self.rate:g} V/s the jump at {start:g} s takes {taken:g} s, more than there is"
-                )
-            if taken > 1e-9:
-                rise = (_at(table, i, taken) - last) / taken
-                starts.append(start)
-                polynomials.append([last, rise, 0.0, 0.0])
-                rows.append(rows[-1])
-            else:
-                taken = 0.0
-            starts.append(start + taken)
-            polynomials.append(_shifted(table.polynomial[i], taken))
-            rows.append(rows[-1] + len(harmonic))
-            for amplitude, omega, phase, chirp in harmonic:
-                phase += taken * (omega + chirp * taken)
-                harmonics.append([amplitude, omega + 2.0 * chirp * taken, phase, chirp])
-            last = _at(table, i, end - start) if np.isfinite(end) else last
-        return Drive(
-            table.before,
-            np.array(starts),
-            np.array(polynomials),
-            np.array(rows, dtype=np.int64),
-            np.array(harmonics).reshape(-1, 4),
-        )
+    found, drives = list(recordings), drives_of(drive, recordings)
+    for i, (recording, given) in enumerate(zip(found, drives, strict=True)):
+        taken = None if given is not None else taken_drive(recording, slew_rate)
+        own = None if taken is None else taken.since(recording)
+        if taken is not None and taken.whole and own is not None:
+            found[i], drives[i] = from_zero(recording), own if slew_rate is None else Slewed(own, slew_rate)
+    return found, drives
 
 
-def _meeting(table: Drive, i: int, last: float, rate: float, longest: float) -> float:
-    """Return when an output that moves from `last` at `rate` [V/s] meets segment i, in s from its start."""
-    taken = abs(_at(table, i, 0.0) - last) / rate
-    for _ in range(100):  # a contraction by the segment's slope over the rate
-        before, taken = taken, abs(_at(table, i, taken) - last) / rate
-        if taken >= longest or abs(taken - before) <= 1e-14:
-            break
-    return taken
+class SeenDrive(NamedTuple):
+    """What is known of the drive beside a prediction: `recording` in the time of the waveforms `whole` (the
+    drive) and `repeats` (whose periods are seen), and what was taken, if none was given."""
 
+    recording: xr.Dataset
+    whole: Any
+    repeats: Any
+    said: str
 
-def _at(table: Drive, i: int, tau: float) -> float:
-    """The value of segment i, also at its very end."""
-    c0, c1, c2, c3 = table.polynomial[i].tolist()
-    waves = table.harmonic[table.first[i] : table.first[i + 1]].tolist()
-    swing = sum(a * math.sin(phase + tau * (omega + chirp * tau)) for a, omega, phase, chirp in waves)
-    return c0 + tau * (c1 + tau * (c2 + tau * c3)) + swing
-
-
-def _shifted(polynomial: np.ndarray, by: float) -> list[float]:
-    """Coefficients of the same polynomial from a later time on."""
-    c0, c1, c2, c3 = polynomial
-    return [
-        c0 + by * (c1 + by * (c2 + by * c3)),
-        c1 + by * (2.0 * c2 + 3.0 * by * c3),
-        c2 + 3.0 * by * c3,
-        c3,
-    ]
+    @classmethod
+    def of(cls, recording: xr.Dataset, waveform: Any, *, own: bool) -> SeenDrive:
+        """With the waveform that is given, else the recording's own, if that is wanted."""
+        if waveform is not None:
+            return cls(recording, waveform if hasattr(waveform, "drive") else None, waveform, "")
+        taken = taken_drive(recording) if own else None
+        if taken is None:
+            return cls(recording, None, None, "")
+        placed = taken.since(recording)
+        return cls(from_zero(recording), placed if taken.whole else None, placed, taken.said())
 
 
 def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
@@ -139,29 +80,14 @@ def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
         RecordingError: the channel is missing, too short or constant, or it shows another drive.
     """
     u, t = channel(recording, "drive_voltage", where, varies=True), recording["time"].values
-    since, interval = t - t[0], float(t[-1] - t[0]) / (t.size - 1)
-    table = drive.drive(float(since[-1]))
-    even = np.linspace(0.0, float(since[-1]), t.size)
-    shape = evaluate(table, even)[0] - table.before
-    common = correlate(np.interp(even, since, u) - table.before, shape)[t.size - 1 :]
-    energy = np.cumsum(shape**2)[::-1]
-    lag = int(np.argmax(2.0 * common - energy))
-    some = np.arange(0, t.size, max(1, t.size // MOST_SAMPLES))
-
-    def difference(begin: float) -> float:
-        return float(np.mean(np.abs(evaluate(table, since[some] - begin)[0] - u[some])))
-
-    trials = np.clip(interval * (lag + np.linspace(-1.5, 1.5, 31)), 0.0, None)
-    coarse = float(min(trials, key=difference))
-    near = (max(coarse - 0.2 * interval, 0.0), coarse + 0.2 * interval)
-    fine: Any = minimize_scalar(difference, bounds=near, method="bounded", options={"maxiter": 15})
-    begin = min(coarse, float(fine.x), key=difference)
+    since, table = t - t[0], drive.drive(float(t[-1] - t[0]))
+    begin, differ = best_begin(since, u, drive)
     low, high = drive.range()
-    silence = float(np.mean(np.abs(u[some] - table.before)))  # as if it began after the recording's end
-    if difference(begin) > min(ALIKE * (high - low), 0.5 * silence):
+    silence = float(np.mean(np.abs(u - table.before)))  # as if it began after the recording's end
+    if differ > min(ALIKE * (high - low), 0.5 * silence):
         raise RecordingError(
             f"drive_voltage [V] of {where} is not the drive that the file names: they differ by "
-            f"{difference(begin):.3g} V on average, wherever it begins"
+            f"{differ:.3g} V on average, wherever it begins"
         )
     asked = since <= begin + drive.duration  # what comes later may be anything
     _refuse_stretch(

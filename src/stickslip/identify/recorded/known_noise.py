@@ -10,11 +10,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.lack import KnownNoise, Lack
+from ...recording.noise import noise_level
 from ...units import with_prefix
 from ...waveform.signal import Waveform, value_at
 from .drives import periodic_part
 from .levels import converter_step
-from .recorded_drive import noise_level
 
 # Of the samples after the drive's end, those that are not taken as at rest.
 RINGS = 0.25

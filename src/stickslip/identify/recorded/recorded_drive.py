@@ -6,7 +6,6 @@ A fit depends on it. Over a simulated walk at 1 kHz with a bristle stiffness of 
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections import Counter
 from dataclasses import dataclass
@@ -20,10 +19,12 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
 from ...recording import RecordingWarning
+from ...recording.noise import noise_level
 from ...waveform.drive import Drive
 from ...waveform.pieces import cut
 from ...waveform.signal import Waveform, breaks_within, slope_at, value_at
 from .channels import channel
+from .drives import taken_drives
 
 # A change from one sample to the next is a jump, and a change of slope a kink, where it is so many times what
 # is usual on either side (the median over half of AROUND), and no less than a share of the range.
@@ -159,7 +160,9 @@ def recorded_drive(recording: xr.Dataset, where: str, slew_rate: float | None = 
 def drive_over(
     recording: xr.Dataset, drive: Waveform | None, where: str, slew_rate: float | None = None
 ) -> tuple[Waveform, Array]:
-    """The drive of a recording, from its own channel if none is given, and the times of its samples in it."""
+    """Return the drive of a recording, by itself if none is given (see `taken_drives`), and the times of its
+    samples in that."""
+    (recording,), (drive,) = taken_drives([recording], drive, slew_rate)
     time = recording["time"].values
     if drive is not None:
         return drive, time
@@ -309,12 +312,3 @@ def _splines(t: Array, u: Array, knots: list[Knot], slew_rate: float | None) -> 
         min(least, middle),
         max(greatest, middle),
     )
-
-
-def noise_level(u: Array, order: int = 4) -> float:
-    """Standard deviation of the samples' noise, in their unit: by differences of an order, which leave
-    nothing of what is smooth; their median is not moved by jumps and kinks.
-    """
-    change = np.abs(np.diff(u, order))
-    of_white = 0.6745 * math.sqrt(math.comb(2 * order, order))
-    return float(np.median(change)) / of_white if change.size else 0.0

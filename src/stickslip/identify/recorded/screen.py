@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from ...recording import STANDARD_NAMES, RecordingError
+from ...recording.noise import noise_level
 from ...units import unit_for, with_prefix
 from ...waveform.signal import Waveform, value_at
 from .channels import EDGE, channel
 from .levels import converter_step
-from .recorded_drive import noise_level
 
 # Chance of white noise to pass for a signal, for one recording.
 FALSE_ALARM = 1e-3

@@ -39,8 +39,8 @@ from ..free import (
 )
 from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.at_rest import drift_at_rest
-from ..recorded.channels import drives_of, names_of, recordings_of, unit_of
-from ..recorded.drives import warn_of_other_drive
+from ..recorded.channels import names_of, recordings_of, unit_of
+from ..recorded.drives import taken_drives, warn_of_other_drive
 from ..recorded.known_noise import known_noise, said_unjudged
 from ..recorded.screen import Moved, driven, refuse_walk
 from .displacement import Displacement, has_slopes
@@ -111,8 +111,8 @@ def identify_friction(
             name, or a `Parameter` with its start, bounds and prior in SI, or fixed, or tied: those of
             another fit (``fit.parameters``), say.
         drive: waveform of each recording (one: of all), in the time of the recording. Left out, or None: the
-            channel drive_voltage from the recording's first sample on, with its jumps as far as the samples
-            show them (see `recorded_drive`).
+            one that the recording names or its channel drive_voltage shows (see `taken_drive`), else that
+            channel, with its jumps as far as the samples show them (see `recorded_drive`).
         slew_rate: V/s at which the amplifier follows the jumps of drive_voltage: the current limit into the
             piezo. Left out, at once; a fit then takes the slower jump for more friction.
         stage: the fit of `identify_step` that the model's stage is from: its uncertainty is passed on to what
@@ -171,7 +171,7 @@ def identify_friction(
     unit, level, drift = _noise(noise, found)
     tolerance = optional_si(tolerance, unit or "m", "tolerance")
     check_motion(model, unit)
-    names, drives = names_of(found), drives_of(drive, found)
+    names, (found, drives) = names_of(found), taken_drives(found, drive, slew_rate)
     first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
     turns = unit == "rad"
     of_chain = {"delay": (first.get("delay", 0.0), "s"), "offset": (first.get("offset", 0.0), unit)}

@@ -153,6 +153,7 @@ export async function mount(element, app) {
     const names = new RegExp(`\\b(${Object.keys(fit.parameters).join("|")})\\b`);
     const said = sentences.map((text) => make("li", { className: fit.undetermined.length ? "weak" : "" }, ...text.split(names).flatMap((part, i) => (i % 2 ? form.labelOf(part) : [part]))));
     for (const one of fit.lack_of_fit ?? []) if (one.seen) said.push(make("li", { className: "weak", textContent: `${one.sentence}.` }));
+    for (const text of state.verification?.statements ?? []) said.push(make("li", { className: "weak", textContent: `${text}.` }));
     if (!fit.converged) said.push(make("li", { className: "weak", textContent: `The fit did not converge: ${fit.message}.` }));
     const notes = (state.notes ?? []).map((text) => make("li", { textContent: text }));
     const remarks = notes.length ? [make("details", { className: "soft" }, make("summary", { textContent: "Notes on the recordings" }), make("ul", { className: "identify-said" }, ...notes))] : [];

@@ -1,0 +1,54 @@
+"""Check of what a fit of a walk is asked for, before any recording is read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ...actuator import Actuator
+from ...simulation.varied import free_names
+from ...units import QuantityError, unit_for
+from ..free import Bounds, beside, check_names, check_priors, known_of, parameter
+from .position_channel import CHANNEL
+
+
+def check_asked(
+    model: Actuator,
+    free: Sequence[str],
+    *,
+    bounds: Bounds | None = None,
+    priors: Bounds | None = None,
+    tied: Mapping[str, str] | None = None,
+    noise: float | str | None = None,
+) -> None:
+    """Check names, starts, bounds, priors and ties of `identify_friction`, which are then not refused there.
+
+    Args:
+        model: at which the fit starts.
+        free, bounds, priors, tied, noise: as for `identify_friction`.
+
+    Raises:
+        QuantityError: a name cannot be free, a parameter needs bounds of its own, or an expression or a prior
+            is wrong.
+    """
+    try:
+        _check(model, free, bounds or {}, priors or {}, tied or {}, noise)
+    except QuantityError as error:
+        raise QuantityError(f"free: {error}") from error
+
+
+def _check(
+    model: Actuator,
+    free: Sequence[str],
+    bounds: Bounds,
+    priors: Bounds,
+    tied: Mapping[str, str],
+    noise: float | str | None,
+) -> None:
+    own = {name: limits for name, limits in bounds.items() if name not in CHANNEL}
+    check_names(free, [*free_names(model), *CHANNEL], own)
+    check_priors(priors, free, None if noise is None else 1.0, "[m], the position's deviation")
+    for name in free:
+        if name not in CHANNEL:
+            parameter(model, name, own, model.rotary)
+    channel = {"delay": (0.0, "s"), "offset": (0.0, unit_for(model, "m"))}
+    beside(free, tied, known_of(model, channel, model.rotary))

@@ -1,0 +1,17 @@
+"""White noise of a channel, from its samples alone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def noise_level(u: NDArray[np.float64], order: int = 4) -> float:
+    """Standard deviation of the samples' noise, in their unit: by differences of an order, which leave
+    nothing of what is smooth; their median is not moved by jumps and kinks.
+    """
+    change = np.abs(np.diff(u, order))
+    of_white = 0.6745 * math.sqrt(math.comb(2 * order, order))
+    return float(np.median(change)) / of_white if change.size else 0.0

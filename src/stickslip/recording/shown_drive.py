@@ -1,0 +1,266 @@
+"""Recognition of the usual waveforms in a drive channel: step, sawtooth, triangle, sine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..waveform.drive import evaluate
+from ..waveform.periodic import ReverseSawtooth, Sawtooth, Sine, Triangle
+from ..waveform.shapes import Step
+from ..waveform.signal import Waveform
+from .noise import noise_level
+
+Array = NDArray[np.float64]
+Drive = Step | Sawtooth | ReverseSawtooth | Triangle | Sine
+
+# The drive has moved where it has left its first value by this part of its range; it began where it had left
+# it by more than its noise, or this part.
+MOVED, STILL = 0.02, 1e-4
+SURELY = 6.0  # standard deviations of the noise that no sample reaches by chance
+# Of the drive's range: in half of the samples it is nearer than `_NEAR`, in 95 % nearer than `_OFTEN`; the
+# others are beside jumps.
+_NEAR, _OFTEN = 0.01, 0.05
+# People set round numbers: the roundest within this share, and what it may add to the residual, or as much as
+# chance does (three standard errors).
+_ROUND, _AS_GOOD, _CHANCE = 0.003, 0.005, 4.5
+_EXPLAINED = 1.3  # times its white noise: what is left of a channel by the right waveform
+_STEPS = 8  # of a search by Gauss and Newton, which takes two or three
+_EXACT = 1e-6  # of the range: residuals that differ by less are equal
+MOST_SAMPLES = 2000  # at which a begin is looked for, one in so many of them all
+
+
+class Shown(NamedTuple):
+    """A recognised waveform: when [s] it begins in the recording, the waveform from there on, and what the
+    channel differs from it by beside its jumps, V rms."""
+
+    begin: float
+    waveform: Drive
+    residual: float
+
+
+def drive_begins(recording: xr.Dataset) -> float | None:
+    """Return the time [s] of the last sample before the drive of a recording changes; None without a drive,
+    or where it never does."""
+    if "drive_voltage" not in recording:
+        return None
+    drive = recording["drive_voltage"].values
+    span = float(np.ptp(drive))
+    far = max(MOVED * span, SURELY * noise_level(drive))
+    moved = np.flatnonzero(np.abs(drive - drive[0]) > far)
+    if not moved.size or moved[0] < 2:
+        return None
+    rest = drive[: moved[0] // 2 + 1]
+    early, late = np.array_split(rest, 2)
+    if abs(float(np.mean(late) - np.mean(early))) > far / 8.0:  # it moved from the start
+        return None
+    noise = max(SURELY * float(np.std(rest)), STILL * span)
+    still = np.flatnonzero(np.abs(drive[: moved[0]] - np.mean(rest)) <= noise)
+    return float(recording["time"].values[still[-1]]) if still.size else None
+
+
+def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
+    """Find when a drive begins in a channel, where they differ least: in the sum of squares by whole samples,
+    then in the mean between them.
+
+    Args:
+        since: times from 0 on, s.
+        u: the channel, V.
+        drive: the waveform.
+
+    Returns:
+        The begin [s], and how far they then differ on average [V].
+    """
+    from scipy.optimize import minimize_scalar
+    from scipy.signal import correlate
+
+    table, interval = drive.drive(float(since[-1])), float(since[-1]) / (since.size - 1)
+    even = np.linspace(0.0, float(since[-1]), since.size)
+    shape = evaluate(table, even)[0] - table.before
+    common = correlate(np.interp(even, since, u) - table.before, shape)[since.size - 1 :]
+    energy = np.cumsum(shape**2)[::-1]
+    lag = int(np.argmax(2.0 * common - energy))
+    some = np.arange(0, since.size, max(1, since.size // MOST_SAMPLES))
+
+    def difference(begin: float) -> float:
+        return float(np.mean(np.abs(evaluate(table, since[some] - begin)[0] - u[some])))
+
+    trials = np.clip(interval * (lag + np.linspace(-1.5, 1.5, 31)), 0.0, None)
+    coarse = float(min(trials, key=difference))
+    near = (max(coarse - 0.2 * interval, 0.0), coarse + 0.2 * interval)
+    fine = minimize_scalar(difference, bounds=near, method="bounded", options={"maxiter": 15})
+    begin = min(coarse, float(fine.x), key=difference)
+    return begin, difference(begin)
+
+
+def shown_drive(recording: xr.Dataset) -> Shown | None:
+    """Recognise the waveform in a recording's channel drive_voltage; None where it is not a usual one."""
+    if "drive_voltage" not in recording or recording.sizes["time"] < 3:
+        return None
+    start = float(recording["time"].values[0])
+    begins = drive_begins(recording)
+    since, volts = recording["time"].values - start, recording["drive_voltage"].values
+    begins = 0.0 if begins is None else begins - start
+    rest = float(np.mean(volts[since <= begins]))
+    if np.ptp(volts) == 0.0:
+        return None
+    fitted = [_Fitted.of(one, since, volts, rest) for one in _candidates(since - begins, volts - rest)]
+    best = min(fitted, key=_residual, default=None)
+    if best is None:
+        return None
+    if best.residual > _EXPLAINED * noise_level(volts) and not isinstance(best.shape, Step):
+        unsure = (
+            1.5 * float(np.median(np.diff(since))) * best.shape.frequency / float(best.shape.periods or 1.0)
+        )
+        rates = best.shape.frequency * (1.0 + unsure * np.linspace(-1.0, 1.0, 5))
+        shapes = [best.shape._replace(frequency=float(rate)) for rate in rates]
+        best = min([best, *(_Fitted.of(shape, since, volts, rest) for shape in shapes)], key=_residual)
+    if not best.is_shown(since, volts):
+        return None
+    return best.rounded(since, volts).shown(start)
+
+
+def flow(drive: Drive) -> str:
+    """Return the waveform as files name it."""
+    units = {"amplitude": " V", "offset": " V", "frequency": " Hz", "periods": ""}
+    fields = {name: getattr(drive, name) for name in units if name in drive._fields}
+    said = {name: f"{value:g}{units[name]}" for name, value in fields.items() if value}
+    return f"{{shape: {type(drive).__name__}, fields: {{{', '.join(f'{k}: {v}' for k, v in said.items())}}}}}"
+
+
+def off_jumps(shape: Array) -> NDArray[np.bool_]:
+    """Return which samples of a waveform [n] are not beside its jumps, whose side is a matter of a sample."""
+    return np.abs(np.gradient(shape)) < 0.2 * np.ptp(shape)
+
+
+def _candidates(time: Array, moved: Array) -> list[Drive]:
+    """Return the usual waveforms of the right length, frequency and range."""
+    low, high = float(moved.min()), float(moved.max())
+    level = np.where(moved > low + 0.7 * (high - low), 1, np.where(moved < low + 0.3 * (high - low), 0, -1))
+    known = np.flatnonzero(level >= 0)
+    turns = np.diff(level[known])
+    ups, downs = (time[known[1:]][turns == one] for one in (1, -1))
+    size = high if abs(high) >= abs(low) else low
+    if len(ups) + len(downs) == 1:
+        return [Step(size)]
+    edges = max(ups, downs, key=len)
+    if len(edges) < 2:
+        return []
+    apart = float(edges[-1] - edges[0])
+    rate = (len(edges) - 1) / apart
+    left = time[np.abs(moved) > max(0.02 * (high - low), SURELY * noise_level(moved))]
+    count = float(max(1, round(float(left[-1]) * rate + 0.02)))
+    shapes: list[Drive] = [one(size, rate, periods=count) for one in (Sawtooth, ReverseSawtooth, Triangle)]
+    return [*shapes, Sine(size, rate, periods=count), Sine(-size, rate, periods=count)]
+
+
+class _Fitted(NamedTuple):
+    """A waveform with the amplitude, offset, frequency and begin that fit a channel best."""
+
+    shape: Drive
+    begin: float
+    residual: float
+
+    @classmethod
+    def of(cls, shape: Drive, since: Array, volts: Array, rest: float) -> _Fitted:
+        shape = shape._replace(offset=rest)
+        begin, _ = best_begin(since, volts, shape)
+        return cls(shape, begin, np.inf).refined(since, volts)
+
+    def refined(self, since: Array, volts: Array, fixed: tuple[str, ...] = ()) -> _Fitted:
+        """Return the least-squares fit beside the jumps, by Gauss and Newton, with some fields fixed."""
+        best = self.judged(since, volts)
+        for _ in range(_STEPS):
+            near, columns = best.slopes(since)
+            columns = {name: column for name, column in columns.items() if name not in fixed}
+            matrix = np.column_stack([*columns.values()])[near]
+            left = (volts - best.at(since))[near]
+            moves = np.linalg.lstsq(matrix, left, rcond=None)[0]
+            tried = best.moved(dict(zip(columns, moves.tolist(), strict=True))).judged(since, volts)
+            if not tried.residual < best.residual * (1.0 - 1e-6):
+                break
+            best = tried
+        return best
+
+    def slopes(self, since: Array) -> tuple[NDArray[np.bool_], dict[str, Array]]:
+        """Return the samples beside no jump, and the derivatives of the waveform by what is fitted."""
+        own, after = self.at(since), np.maximum(since - self.begin, 0.0)
+        slope = np.where(since >= self.begin, self.shape.slope(after), 0.0)
+        columns = {
+            "amplitude": (own - self.shape.offset) / self.shape.amplitude,
+            "offset": np.ones(since.size),
+            "begin": -slope,
+        }
+        if not isinstance(self.shape, Step):
+            columns["frequency"] = slope * after / self.shape.frequency
+        return off_jumps(own), columns
+
+    def moved(self, by: dict[str, float]) -> _Fitted:
+        begin = max(self.begin + by.pop("begin"), 0.0)
+        values = {name: getattr(self.shape, name) + change for name, change in by.items()}
+        if values.get("frequency", 1.0) <= 0.0:
+            return self
+        return self._replace(begin=begin, shape=self.shape._replace(**values))
+
+    def at(self, since: Array) -> Array:
+        """Return the waveform at the samples, V."""
+        value = self.shape.value(np.maximum(since - self.begin, 0.0))
+        return np.where(since >= self.begin, value, self.shape.offset)
+
+    def judged(self, since: Array, volts: Array) -> _Fitted:
+        off = self.off(since, volts)
+        return self._replace(residual=float(np.sqrt(np.mean(off**2))) if off.size else np.inf)
+
+    def off(self, since: Array, volts: Array) -> Array:
+        """Return what the channel differs by beside the jumps, V."""
+        own = self.at(since)
+        return np.abs(volts - own)[off_jumps(own)]
+
+    def is_shown(self, since: Array, volts: Array) -> bool:
+        """Return whether the channel is this waveform beyond doubt."""
+        span, off = float(np.ptp(volts)), self.off(since, volts)
+        if off.size <= 0.8 * volts.size:
+            return False
+        often = float(np.quantile(off, 0.95))
+        left = float(np.sqrt(np.mean(off[off <= often] ** 2)))
+        near = np.median(off) < _NEAR * span and often < _OFTEN * span
+        return bool(near and left < max(_NEAR * span, 2.0 * noise_level(volts)))
+
+    def rounded(self, since: Array, volts: Array) -> _Fitted:
+        """Return the waveform with the roundest frequency, amplitude and offset that fit as well."""
+        most = (1.0 + max(_AS_GOOD, _CHANCE / since.size)) * self.residual + _EXACT * float(np.ptp(volts))
+        best, fixed = self, ()
+        for name in ("frequency", "offset", "amplitude"):
+            if name in best.shape._fields:
+                fixed = (*fixed, name)
+                best = best._with_round(name, fixed, since, volts, most)
+        return best
+
+    def _with_round(
+        self, name: str, fixed: tuple[str, ...], since: Array, volts: Array, most: float
+    ) -> _Fitted:
+        def of(value: float) -> _Fitted:
+            return self._replace(shape=self.shape._replace(**{name: value})).refined(since, volts, fixed)
+
+        value = float(getattr(self.shape, name))
+        within = 0.005 * float(np.ptp(volts)) if name == "offset" else _ROUND * abs(value)
+        return of(_roundest(value, within, lambda one: of(one).residual <= most))
+
+    def shown(self, start: float) -> Shown:
+        """Return the same in the time of a recording that begins at `start`."""
+        return Shown(start + self.begin, self.shape, self.residual)
+
+
+def _residual(one: _Fitted) -> float:
+    return one.residual
+
+
+def _roundest(value: float, within: float, fits: Callable[[float], bool]) -> float:
+    """Return the roundest number that is so near to a value and fits; the value itself where none does."""
+    roundings = (0.0, *(float(f"{value:.{digits}g}") for digits in (1, 2, 3, 4, 5)))
+    near = (one for one in roundings if abs(one - value) <= within)
+    return next((one for one in near if fits(one)), value)

@@ -1,0 +1,111 @@
+"""Waveform behind an amplifier that follows jumps at a limited rate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..units import QuantityError
+from .drive import Drive
+from .signal import Waveform, breaks_within, slope_at, value_at
+
+
+@dataclass(frozen=True)
+class Slewed:
+    """A drive whose jumps take the time that the amplifier's `rate` [V/s] needs, as of a current limit.
+
+    What lies between the jumps is slower, and stays.
+    """
+
+    source: Waveform
+    rate: float
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+
+    def __post_init__(self) -> None:
+        if not self.rate > 0:
+            raise QuantityError(f"the slew rate {self.rate:g} V/s is out of range: it must be > 0 V/s")
+
+    @property
+    def unit(self) -> str:
+        """That of the source."""
+        return self.source.unit
+
+    @property
+    def duration(self) -> float:
+        """s, that of the source and of a last jump."""
+        low, high = self.source.range()
+        return self.source.duration + (high - low) / self.rate
+
+    def range(self) -> tuple[float, float]:
+        """That of the source."""
+        return self.source.range()
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s].
+
+        Raises:
+            QuantityError: a jump takes longer than what follows it before the next.
+        """
+        table = self.source.drive(duration)
+        ends = np.append(table.start[1:], np.inf)
+        starts, polynomials, rows, harmonics, last = [], [], [0], [], table.before
+        for i, (start, end) in enumerate(zip(table.start, ends, strict=True)):
+            harmonic = table.harmonic[table.first[i] : table.first[i + 1]]
+            taken = _meeting(table, i, last, self.rate, end - start)
+            if taken >= end - start:
+                raise QuantityError(
+                    f"at {self.rate:g} V/s the jump at {start:g} s takes {taken:g} s, more than there is"
+                )
+            if taken > 1e-9:
+                rise = (_at(table, i, taken) - last) / taken
+                starts.append(start)
+                polynomials.append([last, rise, 0.0, 0.0])
+                rows.append(rows[-1])
+            else:
+                taken = 0.0
+            starts.append(start + taken)
+            polynomials.append(_shifted(table.polynomial[i], taken))
+            rows.append(rows[-1] + len(harmonic))
+            for amplitude, omega, phase, chirp in harmonic:
+                phase += taken * (omega + chirp * taken)
+                harmonics.append([amplitude, omega + 2.0 * chirp * taken, phase, chirp])
+            last = _at(table, i, end - start) if np.isfinite(end) else last
+        return Drive(
+            table.before,
+            np.array(starts),
+            np.array(polynomials),
+            np.array(rows, dtype=np.int64),
+            np.array(harmonics).reshape(-1, 4),
+        )
+
+
+def _meeting(table: Drive, i: int, last: float, rate: float, longest: float) -> float:
+    """Return when an output that moves from `last` at `rate` [V/s] meets segment i, in s from its start."""
+    taken = abs(_at(table, i, 0.0) - last) / rate
+    for _ in range(100):  # a contraction by the segment's slope over the rate
+        before, taken = taken, abs(_at(table, i, taken) - last) / rate
+        if taken >= longest or abs(taken - before) <= 1e-14:
+            break
+    return taken
+
+
+def _at(table: Drive, i: int, tau: float) -> float:
+    """The value of segment i, also at its very end."""
+    c0, c1, c2, c3 = table.polynomial[i].tolist()
+    waves = table.harmonic[table.first[i] : table.first[i + 1]].tolist()
+    swing = sum(a * math.sin(phase + tau * (omega + chirp * tau)) for a, omega, phase, chirp in waves)
+    return c0 + tau * (c1 + tau * (c2 + tau * c3)) + swing
+
+
+def _shifted(polynomial: np.ndarray, by: float) -> list[float]:
+    """Coefficients of the same polynomial from a later time on."""
+    c0, c1, c2, c3 = polynomial
+    return [
+        c0 + by * (c1 + by * (c2 + by * c3)),
+        c1 + by * (2.0 * c2 + 3.0 * by * c3),
+        c2 + 3.0 * by * c3,
+        c3,
+    ]
