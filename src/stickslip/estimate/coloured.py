@@ -81,17 +81,7 @@ def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
         pieces: residuals, each shape (n,), evenly sampled.
         walks: look for a random walk too. Model error that changes slowly is counted as one.
     """
-    mean_free = [r - r.mean() for r in pieces]
-    found = autoregression(mean_free)
-    walk, steps = _walk(pieces) if walks else 0.0, 0.0
-    if walk:
-        left = [_without_walk(r, walk) for r in pieces]
-        beside = autoregression(left)
-        level = walk * float(np.mean(np.concatenate(left) ** 2))
-        # Memory that ends looks like a walk, and a walk like memory that ends late.
-        if _criterion(pieces, *beside, level) < _criterion(pieces, *found):
-            found, steps = beside, level
-    filter, variance = found
+    filter, variance, steps = filter_and_walk(pieces, walks)
     if filter.size == 1:
         return Coloured(np.array([variance]), steps)
     impulse = np.zeros(min(max(r.size for r in pieces), 2000))
@@ -100,14 +90,38 @@ def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
     return Coloured(fftconvolve(response, response[::-1])[response.size - 1 :], steps)
 
 
+def filter_and_walk(pieces: Sequence[Array], walks: bool = True) -> tuple[Array, float, float]:
+    """Return the filter that whitens the stationary part of residuals, the variance of what is then left, and
+    the variance that a random walk beside it gains from sample to sample.
+
+    Args:
+        pieces, walks: see `coloured`.
+    """
+    found = autoregression([r - r.mean() for r in pieces])
+    walk, steps = _walk(pieces) if walks else 0.0, 0.0
+    if walk:
+        left = [_without_walk(r, walk) for r in pieces]
+        beside = autoregression(left)
+        level = walk * float(np.mean(np.concatenate(left) ** 2))
+        # Memory that ends looks like a walk, and a walk like memory that ends late.
+        if _criterion(pieces, *beside, level) < _criterion(pieces, *found):
+            found, steps = beside, level
+    return *found, steps
+
+
+def spectrum_of_differences(angles: Array, filter: Array, variance: float, walk: float) -> Array:
+    """Return the power of the differences of such noise at angular frequencies [rad per sample]."""
+    passed = np.abs(np.polyval(filter[::-1], np.exp(-1j * angles))) ** 2
+    return np.asarray(walk + (2.0 - 2.0 * np.cos(angles)) * variance / passed)
+
+
 def _criterion(pieces: Sequence[Array], filter: Array, variance: float, walk: float = 0.0) -> float:
     """Schwarz's, of an autoregression and the variance of a walk's steps, by Whittle's likelihood of the
     differences [whittle1953]."""
     size, total = 0, 0.0
     for r in pieces:
         angles, powers = sine_powers(r)
-        passed = np.abs(np.polyval(filter[::-1], np.exp(-1j * angles))) ** 2
-        variances = walk + (2.0 - 2.0 * np.cos(angles)) * variance / passed
+        variances = spectrum_of_differences(angles, filter, variance, walk)
         total += float(np.sum(powers / variances + np.log(variances)))
         size += powers.size
     return total + (filter.size - 1 + (walk > 0.0)) * math.log(size)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -26,6 +26,9 @@ from .parameter import Parameter, Values
 from .quantiles import reach
 from .shown import as_dict, as_text, preformatted
 from .tied import Ties
+
+if TYPE_CHECKING:
+    from .disturbances import Disturbance
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,6 +56,7 @@ class Fit:
         jacobian: derivatives of all residuals, joined, by the searched coordinates q, shape (n, k).
         known: what each recording shows of its noise besides the residuals.
         remarks: sentences on what was decided for the user, such as what is free besides what was asked for.
+        disturbances: faults of instruments that the residuals show; see `with_disturbances`.
         doubts: sentences on what other checks have against the values; `failures` tells them.
         predict: from any recording, seen or not, to the values of that channel by the model, shape (n,).
         beside: parameters that are fixed or tied to others.
@@ -84,6 +88,7 @@ class Fit:
     jacobian: np.ndarray | None = None
     known: tuple[KnownNoise, ...] = ()
     remarks: tuple[str, ...] = ()
+    disturbances: tuple[Disturbance, ...] = ()
     doubts: tuple[str, ...] = ()
     predict: Callable[..., np.ndarray] | None = None
     beside: tuple[Parameter, ...] = ()

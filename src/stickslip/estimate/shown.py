@@ -38,7 +38,7 @@ def as_text(fit: Fit, level: float) -> str:
         lines.append(f"{fit.starts_agreeing} of {fit.starts} searches ended at this minimum")
     if fit.minima:
         lines.append(fit.other_minima)
-    lines += [one.sentence for one in fit.lack if one.seen]
+    lines += [*(one.sentence for one in fit.lack if one.seen), *fit.doubts]
     if not fit.correlated and any(abs(g.lag_one_correlation) > CORRELATED for g in fit.recordings):
         lines.append(
             "the residuals are correlated, which these intervals do not allow for: they are too narrow"

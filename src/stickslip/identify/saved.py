@@ -12,6 +12,7 @@ from ..actuator import Actuator
 from ..chain import Chain
 from ..electronics import Filter
 from ..estimate.covariance import Uncertainty
+from ..estimate.disturbances import Disturbance
 from ..estimate.goodness import Goodness
 from ..estimate.lack import KnownNoise
 from ..estimate.minima import Minimum
@@ -32,8 +33,8 @@ from .walk.static import StaticPrediction
 
 FORMAT = "stickslip fit"
 _TYPES: tuple[type, ...] = (
-    Actuator, AmplitudeModel, Chain, Filter, Uncertainty, KnownNoise, Minimum, Parameter, Fit, Goodness,
-    LoopPrediction, ModalModel, Piezo, PiezoPrediction, Predictor, StaticPrediction, StepPrediction,
+    Actuator, AmplitudeModel, Chain, Disturbance, Filter, Uncertainty, KnownNoise, Minimum, Parameter, Fit,
+    Goodness, LoopPrediction, ModalModel, Piezo, PiezoPrediction, Predictor, StaticPrediction, StepPrediction,
 )  # fmt: skip
 
 

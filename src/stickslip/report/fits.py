@@ -47,7 +47,7 @@ def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
 
 def doubts(fit: Fit) -> tuple[str, ...]:
     """Why the fit is not to be trusted, and what was decided for the user, in sentences."""
-    return (*(one.sentence for one in fit.lack if one.seen), *fit.remarks)
+    return (*(one.sentence for one in fit.lack if one.seen), *fit.doubts, *fit.remarks)
 
 
 def _sentence(text: str) -> str:

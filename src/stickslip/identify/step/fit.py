@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from ...actuator import Actuator
 from ...electronics import Filter
 from ...estimate.coloured import with_own_noise
+from ...estimate.disturbed import with_disturbances
 from ...estimate.drift import drift_seen, said_drift
 from ...estimate.fit import fit_least_squares
 from ...estimate.lack import KnownNoise
-from ...estimate.outliers import said_outliers
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
@@ -135,18 +135,18 @@ def identify_step(
 
     stage = {name: fit.values[name] for name in STAGE_PARAMETERS}
     voltage = None if voltages is None else to_si(voltages[0], "V", "voltages")
-    return replace(
+    fit = replace(
         fit,
         model=model and model.replace(**stage, rotary=unit == "rad"),
         observed=observed,
         remarks=(
             *fit.remarks,
             *_said_drifts(fit, unit),
-            *said_outliers(fit),
             *said_gain(fit.values["gain"], unit, model and model.gain),
         ),
         predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed, piezo).predict,
     )
+    return with_disturbances(fit)
 
 
 def _screen(recordings: Sequence[xr.Dataset], observed: str) -> None:

@@ -12,9 +12,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...actuator import Actuator
+from ...estimate.disturbed import with_disturbances
 from ...estimate.identifiability import loosest
 from ...estimate.marginal import integrated
-from ...estimate.outliers import said_outliers
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Residuals
 from ...estimate.result import Fit
@@ -282,9 +282,10 @@ def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float
     fit = with_moved(fit, moved, said_steps(OBSERVED, known, walks.unit))
     model = with_values(walks.model, own_values(fit.values))._replace(rotary=walks.unit == "rad")
     unjudged = said_unjudged(fit.lack, fit.residuals, measured, walks.unit)
-    remarks = (*fit.remarks, *said_kept(fit, walks.model), *said_outliers(fit), *unjudged)
+    remarks = (*fit.remarks, *said_kept(fit, walks.model), *unjudged)
     predict = Predictor.of(model, fit.values, slew_rate, tolerance).predict
-    return replace(fit, model=model, observed=OBSERVED, predict=predict, remarks=remarks)
+    fit = replace(fit, model=model, observed=OBSERVED, predict=predict, remarks=remarks)
+    return with_disturbances(fit)
 
 
 def _searched(

@@ -31,6 +31,7 @@ from scipy.linalg import cholesky_banded, solve_banded
 
 from ...actuator import Actuator
 from ...estimate.coloured import Coloured, coloured
+from ...estimate.disturbed import with_disturbances
 from ...estimate.fit import fit_least_squares
 from ...estimate.goodness import goodness
 from ...estimate.identifiability import loosest
@@ -135,7 +136,7 @@ def jointly(
         if not isinstance(settled, Fit):
             settled = weighted.with_whole(lowest([found, weighted.search(settled)]))
         found = settled
-    return weighted.told(found, fit, slew_rate)
+    return with_disturbances(weighted.told(found, fit, slew_rate))
 
 
 def _spread(near: Values) -> list[Values]:

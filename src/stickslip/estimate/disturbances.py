@@ -1,0 +1,226 @@
+"""Faults of instruments that residuals show: jumps, bursts, spikes, freezes, hum, clock jitter and drift."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..units import with_prefix
+from .hum import Line, lines
+from .jitter import scatter
+from .jumps import events
+from .lack import KnownNoise
+from .outliers import TO_DEVIATION, spikes
+
+# Samples in a row that are the same, from which on a channel may have been frozen; and how far the model
+# moves meanwhile, in steps of the converter or standard deviations of the noise.
+FEWEST_FROZEN, MOVED = 5, 4.0
+# Parts of a recording whose means show drift, fewest samples in one, and the share of the root mean square
+# of all from which on they do: white noise has a fifth and less.
+PARTS, LEAST_PART, WANDERS = 16, 16, 0.5
+# Standard errors: a fault that moves a value of a fit by more is a reason not to trust its interval.
+MOVES = 1.0
+ADVICE = {
+    "jump": "end the recording before it, or record again",
+    "burst": "leave these samples out, or record again",
+    "spikes": "leave these samples out, or record again",
+    "freeze": "end the recording before it, or record again",
+    "hum": "find its source, or record with a drive whose frequency does not divide it",
+}
+# Of the range of a channel: events below are errors of simulations.
+NEGLIGIBLE = 1e-4
+
+Array = NDArray[np.float64]
+
+
+class Disturbance(NamedTuple):
+    """Fault of an instrument, as the residuals of a recording show it.
+
+    Attributes:
+        kind: "jump", "burst", "spikes", "freeze", "hum", "jitter" or "drift".
+        name: of the recording.
+        when: instant at which it begins [s], in the time of the recording; that of the first sample where it
+            lasts throughout.
+        lasts: how long [s].
+        size: how far the channel is off, in `unit`: the change of its level (measured less model), the
+            largest spike, the motion that a freeze hides, amplitude of a hum, root mean square of a drift; of
+            jitter, the standard deviation of the sampling instants [s].
+        unit: of the size.
+        frequency: of a hum [Hz]; 0 otherwise.
+        samples: number of them that are off; of jitter, hum and drift all.
+        spikes: instants of spikes [s].
+        moved, moves: value of a fit that the fault moves most, and by how many standard errors; "" and NaN
+            where that is not known.
+    """
+
+    kind: str
+    name: str
+    when: float
+    lasts: float
+    size: float
+    unit: str
+    frequency: float = 0.0
+    samples: int = 0
+    spikes: tuple[float, ...] = ()
+    moved: str = ""
+    moves: float = math.nan
+
+    @property
+    def statement(self) -> str:
+        """What is wrong, where, and by how much."""
+        size, when = with_prefix(abs(self.size), self.unit, 3), f"{self.when:.4g} s"
+        lasts = with_prefix(self.lasts, "s", 3)
+        match self.kind:
+            case "jump":
+                return f"{self.name} jumps by {size} at {when}"
+            case "burst":
+                return f"{self.name} is off by {size} from {when} on, for {lasts} ({self.samples} samples)"
+            case "spikes" if len(self.spikes) == 1:
+                return f"{self.name} has a spike of {size} at {when}"
+            case "spikes":
+                return f"{self.name} has {len(self.spikes)} spikes of up to {size}, the largest at {when}"
+            case "freeze":
+                return f"{self.name} freezes at {when} for {lasts}, while the model moves by {size}"
+            case "hum":
+                hertz = f"{self.frequency:.4g} Hz"
+                return f"{self.name} has a hum of {hertz} with an amplitude of {size}"
+            case "jitter":
+                share = 100.0 * self.size * self.samples / self.lasts
+                return (
+                    f"the clock of {self.name} jitters: its samples are early or late by {size} rms, "
+                    f"{share:.2g} % of a sampling interval"
+                )
+        return f"the noise of {self.name} wanders by {size} rms (drift or 1/f noise)"
+
+    @property
+    def sentence(self) -> str:
+        """The same, with what it does to a fit, and what to do."""
+        if self.kind in ("jitter", "drift"):
+            return f"{self.statement}; the intervals allow for it"
+        if not self.moved:
+            return self.statement
+        by = f"{self.statement}, which moves {self.moved} by {self.moves:.2g} standard errors"
+        if not self.moves > MOVES:
+            return by
+        return f"{by}; the intervals are not to be trusted: {ADVICE[self.kind]}"
+
+    def shapes(self, times: Array) -> Array:
+        """Return columns that describe the disturbance at the times, [n, k]; none for jitter and drift."""
+        if self.kind == "jump":
+            return (times >= self.when).astype(float)[:, None]
+        if self.kind == "hum":
+            return Line(self.frequency, 0.0).shape_at(times)
+        if self.kind == "spikes":
+            return np.eye(times.size)[:, np.isin(times, self.spikes)]
+        if self.kind in ("burst", "freeze"):
+            within = np.flatnonzero((times >= self.when) & (times < self.when + self.lasts))
+            return np.eye(times.size)[:, within]
+        return np.zeros((times.size, 0))
+
+
+def disturbances(
+    residuals: Array,
+    times: Array,
+    *,
+    slope: Array | None = None,
+    measured: Array | None = None,
+    jacobian: Array | None = None,
+    known: KnownNoise | None = None,
+    name: str = "the recording",
+    unit: str = "m",
+) -> tuple[Disturbance, ...]:
+    """Return disturbances of one recording, at most one in 200 where there is only noise, of any colour.
+
+    Args:
+        residuals: model minus measured, at equal intervals, in the unit of the data, [n].
+        times: s, [n].
+        slope: speed of the model, in the unit of the data per s, [n]; without it jitter is not looked for.
+        measured: in the unit of the data, [n]; without it freezes are not looked for.
+        jacobian: derivatives of the residuals by what was fitted, [n, k]: what other values could describe is
+            no disturbance.
+        known: steps, rest and periods of the recording.
+        name: of the recording.
+        unit: of the data.
+    """
+    known = known or KnownNoise()
+    r = np.array(residuals, dtype=float)
+    columns = np.zeros((r.size, 0)) if jacobian is None else np.asarray(jacobian, dtype=float)
+    columns = columns[:, np.all(np.isfinite(columns), axis=0)]
+    interval = float(times[-1] - times[0]) / (r.size - 1)
+    period, found = known.period[1], list[Disturbance]()
+
+    def seen(kind: str, first: int, count: int, size: float, of: str = unit, **more: Any) -> None:
+        found.append(
+            Disturbance(kind, name, float(times[first]), count * interval, size, of, samples=count, **more)
+        )
+
+    wrong = np.zeros(r.size, dtype=bool)
+    if measured is not None:
+        for first, last, moved in frozen(np.asarray(measured, dtype=float), r, known.step):
+            seen("freeze", first, last - first, moved)
+            wrong[first:last] = True
+    r = _bridged(r, wrong)
+    speed = scatter(r, np.zeros(r.size) if slope is None else slope * interval, period)
+    if speed.independent:
+        seen("jitter", 0, r.size, speed.delay * interval, "s")
+        r = speed.narrowed(r)
+    single = spikes(r, known.step)
+    if single.size:
+        wrong[single] = True
+        off = r - _bridged(r, wrong)
+        largest = int(single[np.argmax(np.abs(off[single]))])
+        seen("spikes", largest, 1, -float(off[largest]), spikes=tuple(map(float, times[single])))
+        r = _bridged(r, wrong)
+    for line in lines(r, period, known.at_rest):
+        seen("hum", 0, r.size, line.amplitude, frequency=line.frequency / interval)
+        columns = np.column_stack([columns, line.shape(r.size)])
+    least = NEGLIGIBLE * float(np.ptp(measured)) if measured is not None else 0.0
+    for event in events(r, columns, known.step / math.sqrt(12.0), least):
+        kind = "jump" if event.last == r.size else "burst"
+        seen(kind, event.first, event.last - event.first, -event.size)
+        columns = np.column_stack([columns, event.shape(r.size)])
+    wander = _wander(r, columns)
+    if wander > 0.0:
+        seen("drift", 0, r.size, wander)
+    return tuple(found)
+
+
+def frozen(measured: Array, residuals: Array, step: float) -> list[tuple[int, int, float]]:
+    """Return first sample, sample after the last, and motion of the model of each part that stands still.
+
+    Args:
+        measured, residuals: measured, and model minus measured, [n].
+        step: of the converter, in their unit; 0: none.
+    """
+    model, same = residuals + measured, np.diff(measured) == 0.0
+    noise = TO_DEVIATION * float(np.median(np.abs(np.diff(measured, 2)))) / math.sqrt(6.0)
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
+    found = []
+    for first, last in zip(ends[::2], ends[1::2] + 1, strict=True):
+        moved = float(np.ptp(model[first:last]))
+        if last - first >= FEWEST_FROZEN and moved > MOVED * max(step, noise):
+            found.append((int(first), int(last), moved))
+    return found
+
+
+def _bridged(r: Array, wrong: NDArray[np.bool_]) -> Array:
+    """Residuals with a straight line in place of those that are wrong."""
+    right = np.flatnonzero(~wrong)
+    return np.asarray(np.interp(np.arange(r.size), right, r[right])) if right.size else r
+
+
+def _wander(r: Array, columns: Array) -> float:
+    """Root mean square of the means of parts of the residuals, in their unit; 0 where it is little of all."""
+    ones = np.column_stack([columns, np.ones(r.size)])
+    norms = np.linalg.norm(ones, axis=0)
+    ones = ones[:, norms > 0.0] / norms[norms > 0.0]
+    left = r - ones @ np.linalg.lstsq(ones, r, rcond=1e-9)[0]
+    size = left.size // PARTS
+    if size < LEAST_PART:
+        return 0.0
+    means = left[: PARTS * size].reshape(PARTS, size).mean(axis=1)
+    wander = float(np.std(means))
+    return wander if wander > WANDERS * float(np.std(left)) else 0.0

@@ -1,0 +1,88 @@
+"""Fits whose recordings hold faults of instruments: what these are, and what they do to the values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .disturbances import MOVES, Disturbance, disturbances
+from .moves import moves
+from .result import Fit
+
+Array = NDArray[np.float64]
+
+
+def with_disturbances(fit: Fit) -> Fit:
+    """Return the fit with the faults of instruments that its residuals show, in `disturbances`.
+
+    Those that move a value are among its `failures`, the others among its `remarks`.
+    """
+    fit = _without(fit)
+    if fit.jacobian is None or not all(t.size == r.size == x.size for t, r, x in _parts(fit)):
+        return fit
+    ends = np.cumsum([r.size for r in fit.residuals])
+    found: list[Disturbance] = []
+    for i, (t, r, x) in enumerate(_parts(fit)):
+        rows = slice(ends[i] - r.size, ends[i])
+        seen = disturbances(
+            r,
+            t,
+            slope=np.gradient(r + x, t),
+            measured=x,
+            jacobian=fit.jacobian[rows],
+            known=fit.known[i] if fit.known else None,
+            name=fit.recordings[i].name,
+            unit=fit.recordings[i].unit or "m",
+        )
+        found += _with_moves(fit, seen, rows, t)
+    doubts = [one.sentence for one in found if one.moves > MOVES]
+    remarks = [one.sentence for one in found if not one.moves > MOVES]
+    return replace(
+        fit,
+        disturbances=tuple(found),
+        doubts=(*fit.doubts, *doubts),
+        remarks=(*fit.remarks, *remarks),
+    )
+
+
+def _without(fit: Fit) -> Fit:
+    """The fit without what was said of disturbances before."""
+    old = {one.sentence for one in fit.disturbances}
+    doubts, remarks = (tuple(s for s in said if s not in old) for said in (fit.doubts, fit.remarks))
+    return replace(fit, disturbances=(), doubts=doubts, remarks=remarks)
+
+
+def _parts(fit: Fit) -> list[tuple[Array, Array, Array]]:
+    return list(zip(fit.times, fit.residuals, fit.measured, strict=True))
+
+
+def _with_moves(fit: Fit, found: Sequence[Disturbance], rows: slice, times: Array) -> list[Disturbance]:
+    """The disturbances of one recording with the value that each moves most, in standard errors."""
+    assert fit.jacobian is not None
+    shapes = [one.shapes(times) for one in found]
+    if fit.loss != "linear" or not sum(s.shape[1] for s in shapes):
+        return list(found)
+    r = np.concatenate(fit.residuals)[rows]
+    every = np.concatenate([fit.jacobian[rows], np.ones((r.size, 1)), *shapes], axis=1)
+    every = np.where(np.isfinite(every), every, 0.0)
+    norms = np.linalg.norm(every, axis=0)
+    norms[norms == 0.0] = 1.0
+    sizes = np.linalg.lstsq(every / norms, r, rcond=1e-9)[0] / norms
+    errors = np.sqrt(np.diag(fit.uncertainty.covariance))
+    start, made = fit.jacobian.shape[1] + 1, []
+    for one, shape in zip(found, shapes, strict=True):
+        own = sizes[start : start + shape.shape[1]]
+        start += shape.shape[1]
+        if not own.size:
+            made.append(one)
+            continue
+        column = np.zeros((len(fit.jacobian), 1))
+        column[rows, 0] = shape @ own
+        with np.errstate(invalid="ignore", divide="ignore"):
+            by = np.nan_to_num(np.abs(moves(fit, column)[:, 0]) / errors, posinf=0.0)
+        most = int(np.argmax(by))
+        made.append(one._replace(moved=fit.parameters[most].name, moves=float(by[most])))
+    return made

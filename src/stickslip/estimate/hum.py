@@ -1,0 +1,114 @@
+"""Hum in residuals: single lines of their spectrum, such as those of the mains."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.optimize import minimize_scalar
+from scipy.special import fdtrc
+
+# Chance of noise without a line to show one, for one recording.
+FALSE_ALARM = 1e-3
+# Lines on each side that a line is compared with (odd), those next to it that its window widens it to, and
+# the most lines that are looked for.
+BESIDE, WIDE, MOST = 9, 3, 4
+# Lines this near to a harmonic of the drive, in lines, may be what the model lacks.
+NEAR = 2.0
+# The median of squares of Gaussian noise, over their mean.
+OF_MEDIAN = math.log(2.0)
+
+Array = NDArray[np.float64]
+
+
+class Line(NamedTuple):
+    """Cycles per sample, and amplitude in the unit of the residuals."""
+
+    frequency: float
+    amplitude: float
+
+    def shape(self, count: int) -> Array:
+        """Return cosine and sine of the line, [count, 2]."""
+        return self.shape_at(np.arange(count, dtype=float))
+
+    def shape_at(self, times: Array) -> Array:
+        """Return the same at times in the inverse unit of the frequency, [n, 2]."""
+        angle = 2.0 * np.pi * self.frequency * times
+        return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def lines(residuals: Array, period: float = 0.0, at_rest: int = 0) -> list[Line]:
+    """Return the lines that stand out of the noise beside them.
+
+    Args:
+        residuals: of one recording, at equal intervals, [n].
+        period: samples in a period of the drive; 0: not periodic. What the model lacks repeats with it, so a
+            line at one of its harmonics counts only where the samples at rest show it too.
+        at_rest: samples before any motion.
+    """
+    r, found = np.asarray(residuals, dtype=float), []
+    r = r - r.mean()
+    while len(found) < MOST:
+        one = _strongest(r, period, at_rest)
+        if one is None:
+            break
+        found.append(one)
+        basis = one.shape(r.size)
+        r = r - basis @ np.linalg.lstsq(basis, r, rcond=None)[0]
+    return found
+
+
+def _strongest(r: Array, period: float, at_rest: int) -> Line | None:
+    power = np.abs(np.fft.rfft(r * np.hanning(r.size))) ** 2
+    number = np.arange(WIDE + BESIDE + 1, power.size - WIDE - BESIDE - 1)
+    if number.size < 4 * BESIDE or not np.any(power > 0.0):
+        return None
+    usual = _usual(power)[number]
+    ratio = power[number] / np.where(usual > 0.0, usual, np.inf)
+    # The window makes neighbours alike, and medians scatter like means of half as many: a quarter counts.
+    chance = np.asarray(fdtrc(2, BESIDE, ratio)) * number.size
+    synchronous = np.zeros(number.size, dtype=bool)
+    if period > 0.0:
+        spacing = r.size / period
+        away = np.abs(number / spacing - np.round(number / spacing)) * spacing
+        synchronous = away < NEAR
+    for i in np.argsort(chance)[: 2 * MOST]:
+        if chance[i] > FALSE_ALARM:
+            return None
+        line = _refined(r, int(number[i]))
+        if not synchronous[i] or _shown(r[:at_rest], line):
+            return line
+    return None
+
+
+def _usual(power: Array) -> Array:
+    """Mean of the power beside each line, by medians on either side: their geometric mean follows a slope."""
+    medians = median_filter(np.log(np.maximum(power, 1e-300)), BESIDE, mode="nearest")
+    shift = WIDE + BESIDE // 2
+    return np.asarray(np.exp(0.5 * (np.roll(medians, shift) + np.roll(medians, -shift))) / OF_MEDIAN)
+
+
+def _refined(r: Array, number: int) -> Line:
+    """The line near this number of cycles in the residuals that describes most of them."""
+
+    def left(cycles: float) -> tuple[float, Array]:
+        basis = Line(cycles / r.size, 0.0).shape(r.size)
+        sizes = np.linalg.lstsq(basis, r, rcond=None)[0]
+        return float(np.sum((r - basis @ sizes) ** 2)), np.asarray(sizes, dtype=float)
+
+    limits = (number - 1.0, number + 1.0)
+    found = minimize_scalar(lambda c: left(c)[0], bounds=limits, method="bounded", options={"xatol": 1e-3})
+    return Line(float(found.x) / r.size, float(np.hypot(*left(float(found.x))[1])))
+
+
+def _shown(rest: Array, line: Line) -> bool:
+    """Whether samples at rest hold at least half of a line."""
+    if rest.size * line.frequency < 2.0:
+        return False
+    basis = np.column_stack([line.shape(rest.size), np.ones(rest.size)])
+    sizes = np.linalg.lstsq(basis, rest, rcond=None)[0]
+    scatter = float(np.std(rest - basis @ sizes)) * math.sqrt(2.0 / rest.size)
+    return float(np.hypot(*sizes[:2])) > max(0.5 * line.amplitude, 5.0 * scatter)

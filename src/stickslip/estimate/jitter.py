@@ -1,0 +1,119 @@
+r"""Clock jitter in residuals: samples that are taken early or late are off in proportion to the speed.
+
+The residuals r of a right model have the variance :math:`s^2 + \tau^2 v^2` with the noise s, the speed v of
+the model and the jitter :math:`\tau`. A model that is wrong is off where it is fast, too, but by as much in
+the next sample and in the next period: jitter is not.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.optimize import minimize_scalar
+
+# Samples whose scatter is below this times the noise show the level, the median of so many; standard
+# deviations of noise that no sample is off by.
+QUIET, BESIDE, FAR = 1.4, 5, 30.0
+# Twice the logarithm of the likelihood that scatter in proportion to the speed gains at least: 5 standard
+# errors of one number, times two as neighbours share samples.
+GAINED = 50.0
+# The share of the squares that neighbours, and periods, have in common, from which on it is no jitter; and
+# standard errors of that share.
+COMMON, ERRORS = 0.3, 3.0
+# Fewest samples in which the jitter is as large as the noise.
+FEWEST = 12
+# Sampling intervals: the range of jitter that is looked for.
+LEAST, MOST = 1e-4, 3.0
+
+Array = NDArray[np.float64]
+
+
+class Scatter(NamedTuple):
+    """Residuals that scatter with the speed.
+
+    Attributes:
+        delay: standard deviation of the delay of single samples, in sampling intervals; 0: none.
+        widening: standard deviation of the residuals over that at rest, [n].
+        independent: whether the delays of neighbours and of the same samples in other periods differ: then
+            it is jitter of the clock.
+    """
+
+    delay: float
+    widening: Array
+    independent: bool
+
+    def narrowed(self, residuals: Array) -> Array:
+        """Return the residuals [n] with the same scatter everywhere, about the level of those beside."""
+        if self.delay == 0.0:
+            return residuals
+        level = _level(residuals, self.widening < QUIET)
+        return np.asarray(level + (residuals - level) / self.widening)
+
+
+def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
+    """Return how the residuals scatter with the speed.
+
+    Args:
+        residuals: of one recording, at equal intervals, [n].
+        change: of the model within a sampling interval, in their unit, [n].
+        period: samples in a period of the drive; 0: not periodic.
+    """
+    speed, none = np.abs(change), Scatter(0.0, np.ones(residuals.size), False)
+    if residuals.size < 4 * FEWEST or not speed.max() > 0.0:
+        return none
+    # About the mean of both neighbours, noise of any colour scatters alike everywhere.
+    off = residuals[1:-1] - 0.5 * (residuals[:-2] + residuals[2:])
+    square = speed**2
+    square = square[1:-1] + 0.25 * (square[:-2] + square[2:])
+    noise = 1.4826 * float(np.median(np.abs(off)))
+    if noise <= 0.0:
+        return none
+    # Spikes and jumps are no scatter.
+    off = np.minimum(np.abs(off), FAR * noise + MOST * np.sqrt(square))
+
+    def likely(log: float) -> float:
+        over = 1.0 + math.exp(2.0 * log) * square
+        return off.size * math.log(float(np.mean(off**2 / over))) + float(np.sum(np.log(over)))
+
+    limits = (math.log(LEAST / noise), math.log(MOST / noise))
+    best = minimize_scalar(likely, bounds=limits, method="bounded", options={"xatol": 1e-3})
+    ratio = math.exp(float(best.x))
+    over = 1.0 + ratio**2 * square
+    alike, here = float(np.mean(off**2)), float(np.mean(off**2 / over))
+    gained = np.sort(off**2 / alike - off**2 / (here * over) + np.log(alike / (here * over)))
+    if float(np.sum(gained[: -FEWEST // 2])) < GAINED:  # a jump is in two samples, and scatter in many
+        return none
+    level = math.sqrt(here / 1.5)
+    delay = ratio * level * math.sqrt(1.5)
+    widening = np.sqrt(1.0 + (delay * speed / level) ** 2)
+    apart = (residuals - _level(residuals, widening < QUIET)) / (level * widening)
+    return Scatter(delay, widening, _independent(apart, change, widening >= QUIET, period))
+
+
+def _level(r: Array, slow: NDArray[np.bool_]) -> Array:
+    """Level of the residuals, by those where the model is slow."""
+    if np.count_nonzero(slow) < BESIDE:
+        return np.zeros(r.size)
+    at = np.flatnonzero(slow)
+    return np.asarray(np.interp(np.arange(r.size), at, median_filter(r[at], BESIDE, mode="nearest")))
+
+
+def _independent(off: Array, change: Array, fast: NDArray[np.bool_], period: float) -> bool:
+    """Whether the delays of fast samples have nothing in common with the next ones and with other periods."""
+    if np.count_nonzero(fast) < FEWEST:
+        return False
+    late = np.where(fast, off * np.sign(change), 0.0)
+    lags = [1, round(period)] if period >= 2.0 else [1]
+    for lag in lags:
+        both = fast[lag:] & fast[:-lag]
+        count = int(np.count_nonzero(both))
+        if count < FEWEST // 2:
+            continue
+        square = 0.5 * (np.mean(late[lag:][both] ** 2) + np.mean(late[:-lag][both] ** 2))
+        if float(np.mean((late[lag:] * late[:-lag])[both])) > max(COMMON, ERRORS / math.sqrt(count)) * square:
+            return False
+    return abs(float(np.mean(late[fast]))) < max(COMMON, ERRORS / math.sqrt(np.count_nonzero(fast)))

@@ -1,0 +1,207 @@
+r"""Jumps and bursts in residuals, under noise of any colour and beside what a fit can still describe.
+
+A jump is one impulse in the differences of the residuals, a burst two opposite ones. Sines make the
+differences of noise independent (see `drift`), each with the power S of the noise's spectrum. So with
+residuals r, the columns J that parameters move them by, and a jump h, both as sines over :math:`\sqrt{S}`,
+
+.. math:: z = \frac{h^T P r}{\sqrt{h^T P h}}, \qquad P = 1 - J (J^T J)^{-1} J^T
+
+is the size of the jump over its standard error, for all instants at once by two transforms. P removes the
+misfit that the jump itself left by pulling the parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dst
+
+from .coloured import filter_and_walk, spectrum_of_differences
+from .drift import sine_powers
+from .outliers import TO_DEVIATION
+
+# Size over its standard error, above which a jump or a burst is one. White noise reaches 5 in 1e5 samples,
+# noise of power 1/f 7.5 in 1800.
+SURE = 8.0
+# Events in one recording, above which they are the noise or the model.
+MOST = 6
+# Samples in a burst: the longest is a part of the recording, and a longer one is two jumps.
+WIDTHS = (1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 90)
+LONGEST_PART = 10
+# Share of the information on a jump that the parameters leave: with less it is not told from them.
+LEAST_LEFT = 1e-3
+FEWEST = 32  # samples in which to search
+FIRST_BAND = 8  # lines of the lowest octave of the spectrum
+
+Array = NDArray[np.float64]
+Places = NDArray[np.intp]
+
+
+class Event(NamedTuple):
+    """Part of the residuals that is off by `size`, in their unit: samples `first` to before `last`, all that
+    follow if that is their number. `score` is the size over its standard error."""
+
+    first: int
+    last: int
+    size: float
+    score: float
+
+    def shape(self, count: int) -> Array:
+        """Return 1 where it is off and 0 elsewhere, [count]."""
+        at = np.arange(count)
+        return ((at >= self.first) & (at < self.last)).astype(float)
+
+    @property
+    def certainty(self) -> float:
+        """Score over the least that counts."""
+        return abs(self.score) / SURE
+
+
+def events(residuals: Array, columns: Array, floor: float = 0.0, least: float = 0.0) -> list[Event]:
+    """Return jumps and bursts of residuals; none where there are too many for single events.
+
+    Args:
+        residuals: of one recording, at equal intervals, [n].
+        columns: by which parameters move them, and what else is known to be in them, [n, k].
+        floor: standard deviation of white noise that there is at least, in their unit.
+        least: size below which an event does not matter, in their unit.
+    """
+    r = np.asarray(residuals, dtype=float)
+    if r.size < FEWEST or not np.ptp(r) > 0.0:
+        return []
+    widths = [w for w in WIDTHS if w * LONGEST_PART <= r.size]
+    white = max(TO_DEVIATION * float(np.median(np.abs(np.diff(r)))) / math.sqrt(2.0), floor)
+    if white <= 0.0:
+        return []
+    angles = np.pi * np.arange(1, r.size) / r.size
+    # White noise as far as neighbours differ: the first look must not take a jump for noise.
+    look = (2.0 - 2.0 * np.cos(angles)) * white**2
+    found: list[Event] = []
+    while len(found) < MOST:
+        one = _Whitened(r, columns, found, look).strongest(widths)
+        if one.certainty < 1.0:
+            break
+        found.append(one)
+    if not found:
+        return []
+    found, noise = _confirmed(r, columns, found, look, floor)
+    while len(found) < MOST:
+        one = _Whitened(r, columns, found, noise).strongest(widths)
+        if one.certainty < 1.0:
+            return sorted(e for e in found if abs(e.size) >= least)
+        more, noise = _confirmed(r, columns, [*found, one], noise, floor)
+        if one[:2] not in [e[:2] for e in more]:
+            return sorted(e for e in more if abs(e.size) >= least)
+        found = more
+    return []
+
+
+def _confirmed(
+    r: Array, columns: Array, found: list[Event], noise: Array, floor: float
+) -> tuple[list[Event], Array]:
+    """Return the events that make noise more likely than any noise is without them, and the noise's spectrum.
+
+    What is left without an event has a noise of its own: a small jump is a random walk as well.
+    """
+    while True:
+        noise, likely = _spectrum(_Whitened(r, columns, found, noise).left(), floor)
+        if not found:
+            return [], noise
+        judged = []
+        for one in found:
+            others = _Whitened(r, columns, [e for e in found if e is not one], noise)
+            event = others.at(one)
+            _, less = _spectrum(others.left(), floor)
+            gained = math.sqrt(max(less - likely, 0.0))
+            judged.append(event._replace(score=math.copysign(min(abs(event.score), gained), event.size)))
+        weakest = min(judged, key=lambda e: e.certainty)
+        if weakest.certainty >= 1.0:
+            return judged, noise
+        found = [e for e in judged if e is not weakest]
+
+
+def _spectrum(left: Array, floor: float) -> tuple[Array, float]:
+    """The spectrum of the noise in residuals, and minus twice the logarithm of its likelihood, with what the
+    numbers that describe it cost [schwarz1978]."""
+    angles, powers = sine_powers(left)
+    filter, variance, walk = filter_and_walk([left])
+    white = (2.0 - 2.0 * np.cos(angles)) * floor**2
+    found = np.maximum(spectrum_of_differences(angles, filter, variance, walk), white)
+    # Noise of power 1/f is neither: its octaves have powers of their own.
+    ends = [FIRST_BAND * 2**i for i in range(64) if FIRST_BAND * 2 ** (i + 1) < powers.size]
+    for band in np.split(np.arange(powers.size), ends):
+        found[band] *= max(float(np.mean(powers[band] / found[band])), 1.0)
+    numbers = filter.size - 1 + (walk > 0.0)
+    criterion = float(np.sum(powers / found + np.log(found))) + numbers * math.log(left.size)
+    return found, criterion
+
+
+class _Whitened:
+    """Differences of residuals as sines over the root of their spectrum, without what columns and the events
+    that were found describe."""
+
+    def __init__(self, r: Array, columns: Array, found: Sequence[Event], spectrum: Array) -> None:
+        shapes = [e.shape(r.size)[:, None] for e in found]
+        self.r, self.columns = r, np.concatenate([columns, *shapes], axis=1)
+        self.root = 1.0 / np.sqrt(spectrum)
+        norms = np.linalg.norm(self.columns, axis=0)
+        self.columns = self.columns[:, norms > 0.0] / norms[norms > 0.0]
+        self.sines = self.root[:, None] * _sines(np.diff(self.columns, axis=0))
+        self.data = self.root * _sines(np.diff(r))
+        u, s, _ = np.linalg.svd(self.sines, full_matrices=False)
+        q = u[:, s > 1e-9 * s.max(initial=0.0)]
+        self.numerator = _sines(self.root * (self.data - q @ (q.T @ self.data)))
+        self.of_columns = _sines(self.root[:, None] * q)
+        half = np.concatenate([[0.0], 1.0 / spectrum, [0.0]])
+        self.lags = np.fft.irfft(half, 2 * r.size)
+
+    def left(self) -> Array:
+        """Residuals without the columns and the events, [n]."""
+        coefficients = np.linalg.lstsq(self.sines, self.data, rcond=1e-9)[0]
+        return np.asarray(self.r - self.columns @ coefficients)
+
+    def _information(self, k: Places, m: Places) -> Array:
+        """Of impulses between samples k - 1 and k, and m - 1 and m: their product in the noise's metric."""
+        by = self.of_columns
+        own = self.lags[np.abs(k - m)] - self.lags[k + m]
+        return own - np.einsum("kc,kc->k", by[k - 1], by[m - 1])
+
+    def _made(self, k: Places, width: int | None) -> tuple[Array, Array]:
+        """Sizes and scores of jumps before the samples k, or of bursts from these on."""
+        numerator, information = self.numerator[k - 1], self._information(k, k)
+        whole = self.lags[0] - self.lags[2 * k]
+        if width is not None:
+            end = k + width
+            numerator = numerator - self.numerator[end - 1]
+            both = self.lags[width] - self.lags[k + end]
+            whole = whole + self.lags[0] - self.lags[2 * end] - 2.0 * both
+            information = information + self._information(end, end) - 2.0 * self._information(k, end)
+        seen = information > LEAST_LEFT * whole
+        information = np.where(seen, information, np.inf)
+        return numerator / information, numerator / np.sqrt(information)
+
+    def at(self, one: Event) -> Event:
+        """The event judged by this noise."""
+        n = self.r.size
+        size, score = self._made(np.array([one.first]), None if one.last == n else one.last - one.first)
+        return Event(one.first, one.last, float(size[0]), float(score[0]))
+
+    def strongest(self, widths: Sequence[int]) -> Event:
+        """The event that stands out most."""
+        n, best = self.r.size, Event(1, self.r.size, 0.0, 0.0)
+        for width in (None, *widths):
+            k = np.arange(1, n - (width or 0))
+            sizes, scores = self._made(k, width)
+            i = int(np.argmax(np.abs(scores)))
+            last = n if width is None else int(k[i]) + width
+            one = Event(int(k[i]), last, float(sizes[i]), float(scores[i]))
+            best = max(best, one, key=lambda e: e.certainty)
+        return best
+
+
+def _sines(x: Array) -> Array:
+    return np.asarray(dst(x, type=1, norm="ortho", axis=0))
