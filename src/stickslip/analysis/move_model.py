@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..actuator import Actuator
 from ..control import PiezoInverse
 from ..piezo import Creep, PrandtlIshlinskii
-from ..simulation.varied import free_names
+from ..simulation.varied import free_names, quantity_of
 from ..units import QuantityError, with_prefix
 
 MOST_DRAWS = 40  # on which the loop must keep its margins
@@ -57,13 +57,22 @@ def at_ends(model: Actuator, spread: Mapping[str, float]) -> list[Actuator]:
 def at_intervals(model: Actuator, results: Path) -> list[Actuator]:
     """The model with each parameter at both ends of the interval that a results.json gives for it."""
     numbers = json.loads(results.read_text(encoding="utf-8"))["numbers"]
-    known = free_names(model)
-    return [
-        changed_in(model, {name: float(end)})
-        for name, interval in _intervals(numbers)
-        if name in known
-        for end in interval
-    ]
+    known, found = free_names(model), []
+    for name, interval in _intervals(numbers):
+        for end in interval if name in known else ():
+            if end is None or not _allowed(model, name, end):
+                raise QuantityError(
+                    f"{results}: the recordings do not determine {name}, whose interval is open: there is no "
+                    "model at its end. Give its spread instead, or identify it from more recordings"
+                )
+            found.append(changed_in(model, {name: float(end)}))
+    return found
+
+
+def _allowed(model: Actuator, name: str, value: float) -> bool:
+    """Whether the model, or its law, can have the value."""
+    quantity = quantity_of(model, None, name)
+    return quantity is None or bool(quantity.allows(float(value)))
 
 
 def at_draws(model: Actuator, draws: Mapping[str, ArrayLike]) -> list[Actuator]:

@@ -24,6 +24,12 @@ from .problem import FitError, Problem, Residuals
 from .result import Fit
 from .search import End, Options, Searches, SearchState
 
+# How often an end of a search that is no limit is moved outwards, by a factor `REACH` each: 30^4 in all.
+WIDENED = 3
+# Of the chi-squared: what falls by less beyond such an end does not determine the parameter there.
+NOTHING_GAINED = 0.1
+NEAR_END = 1e-3  # of the range that is searched: nearer, a search has ended at its end
+
 
 @single_threaded
 def fit_least_squares(
@@ -69,16 +75,65 @@ def fit_least_squares(
     options = Options(begin, starts, hops, seed, central, tolerance, settled, max_evaluations, progress, each)
     searches = Searches(problem, options)
     searches.run()
+    _search_beyond(searches)
     return problem.completed(_described(searches))
+
+
+def _search_beyond(searches: Searches) -> None:
+    """Search on beyond those ends of the search that are no limits, while one holds the best fit back."""
+    problem = searches.problem
+    for _ in range(WIDENED):
+        best = searches.best
+        sides = _held_back(problem, best) if best.converged else {}
+        before = problem.lower.copy(), problem.upper.copy()
+        if not [place for place, side in sides.items() if problem.widen(place, side)]:
+            return
+        # What ended there too is no minimum.
+        searches.ends = [
+            end
+            for end in searches.ends
+            if not any(abs(end.q[i] - before[side > 0][i]) < 1e-3 for i, side in sides.items())
+        ]
+        searches.go_on(best)
+        gained = (best.cost - searches.best.cost) / _variance(problem, searches.best)
+        if not gained > NOTHING_GAINED:
+            return
+
+
+def _held_back(problem: Problem, end: End) -> dict[int, int]:
+    """Which end of its search holds a parameter back, -1 or 1, by its place; limits are no such ends."""
+    span = problem.upper - problem.lower
+    ends = {-1: end.q - problem.lower < NEAR_END * span, 1: problem.upper - end.q < NEAR_END * span}
+    found = {
+        i: side
+        for side, near in ends.items()
+        for i in np.flatnonzero(near)
+        if problem.parameters[i].widened(side) != problem.parameters[i]
+    }
+    if not found:
+        return {}
+    tangent = problem.slope(end.q) * problem.scale
+    r = problem.residuals(end.q) * problem.scale
+    bounded = uncertainty(tangent, r, end.q, (problem.lower, problem.upper), _assumed(problem)).bounded
+    return {i: side for i, side in found.items() if bounded[i] == side}
+
+
+def _assumed(problem: Problem) -> Noise:
+    sizes = problem.sizes if problem.correlated else ()
+    return Noise(
+        problem.degrees_of_freedom, problem.noise_known, LOSSES[problem.loss], problem.loss_scale, sizes
+    )
+
+
+def _variance(problem: Problem, best: End) -> float:
+    """Of the weighted residuals, by the best fit unless it is known."""
+    return (1.0 if problem.noise_known else best.cost / problem.degrees_of_freedom) or 1.0
 
 
 def _described(searches: Searches) -> Fit:
     """The lowest end of the searches as a fit, with the others that the data do not reject."""
     problem, best = searches.problem, searches.best
-    sizes = problem.sizes if problem.correlated else ()
-    assumed = Noise(
-        problem.degrees_of_freedom, problem.noise_known, LOSSES[problem.loss], problem.loss_scale, sizes
-    )
+    assumed = _assumed(problem)
     tangent = problem.slope(best.q) * problem.scale
     uncertain = uncertainty(
         tangent, problem.residuals(best.q) * problem.scale, best.q, (problem.lower, problem.upper), assumed

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from ..units import with_prefix
 
 if TYPE_CHECKING:
+    from .parameter import Parameter
     from .result import Fit
 
 # An interval over more than a decade, or over more than half of the allowed range, says almost nothing.
@@ -39,10 +40,21 @@ def _wider(fit: Fit, ratio: float, share: float) -> list[str]:
     for p in fit.parameters:
         low, high = intervals[p.name]
         wide = high >= ratio * low if p.log else high - low > share * (p.upper - p.lower)
-        from_zero = p.lower == 0 and low == 0
+        from_zero = p.least == 0 and low == 0
         if wide or from_zero or not np.isfinite(high - low):
             found.append(p.name)
     return found
+
+
+def _between(p: Parameter, low: float, high: float) -> str:
+    """The range in words: above or below where its other end is no bound that was given."""
+    if p.limits is not None and low <= p.least and high >= p.most:
+        return "that it may have"
+    if p.limits is not None and high == np.inf:
+        return f"above {with_prefix(low, p.unit, 3)}"
+    if p.limits is not None and low == 0.0:
+        return f"below {with_prefix(high, p.unit, 3)}"
+    return f"from {with_prefix(low, p.unit, 3) if low else 0} to {with_prefix(high, p.unit, 3)}"
 
 
 def undetermined(fit: Fit) -> tuple[str, ...]:
@@ -54,8 +66,7 @@ def undetermined(fit: Fit) -> tuple[str, ...]:
     intervals = fit.confidence_intervals()
     for p, side in zip(fit.parameters, fit.uncertainty.bounded, strict=True):
         low, high = intervals[p.name]
-        ends = f"{with_prefix(low, p.unit, 3) if low else 0} to {with_prefix(high, p.unit, 3)}"
-        as_well = f"any value from {ends} fits as well"
+        as_well = f"any value {_between(p, low, high)} fits as well"
         if p.name in named:
             sentences.append(f"{p.name} is not determined by these recordings: {as_well}")
         elif side:

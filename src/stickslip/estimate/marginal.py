@@ -118,7 +118,13 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
         parameters=fit.parameters,
         beside=fit.beside,
         values={n: alone.values.get(n, value) for n in fit.values},
-        uncertainty=Uncertainty(found.covariance[np.ix_(order, order)], none.astype(int), none, none),
+        uncertainty=Uncertainty(
+            found.covariance[np.ix_(order, order)],
+            none.astype(int),
+            none,
+            none,
+            np.array([q.coordinate(alone.values.get(q.name, value)) for q in fit.parameters]),
+        ),
         degrees_of_freedom=fit.degrees_of_freedom,
         log_likelihood=path.log_likelihood,  # criteria compare models where each is at its best
         n_evaluations=fit.n_evaluations + path.evaluations + alone.n_evaluations,

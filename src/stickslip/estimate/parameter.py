@@ -13,6 +13,11 @@ from ..units import QuantityError
 
 Values = dict[str, float]
 
+# How far from its start a parameter is searched for first, as a factor either way.
+REACH = 30.0
+# Relative, of the logarithm of value plus shift: what is left of it where the value is 0.
+ROUNDING = 1e-12
+
 
 @record
 class Parameter(NamedTuple):
@@ -26,6 +31,10 @@ class Parameter(NamedTuple):
 
     `prior` is what is known of it otherwise: its value and standard deviation, in its unit. In the coordinate
     that is fitted it is a normal distribution of that width.
+
+    Where `limits` are given, those of the law, `lower` and `upper` only say where to search first. A search
+    that ends at one of them continues beyond it, and no interval ends there. With `log` and a `shift`, the
+    logarithm of value plus shift is fitted: the logarithm over decades, and linear towards 0, which it has.
 
     A `fixed` one keeps its start; a `tied` one is an expression of others (see `tied`), and has neither start
     nor bounds: ``Parameter("coulomb_force", unit="N", tied="0.8 * stiction_force")``.
@@ -42,6 +51,8 @@ class Parameter(NamedTuple):
     prior: tuple[float, float] | None = None
     fixed: bool = False
     tied: str = ""
+    shift: float = 0.0
+    limits: tuple[float, float] | None = None
 
     def _check(self) -> None:
         if self.fixed or self.tied:
@@ -53,13 +64,17 @@ class Parameter(NamedTuple):
             raise QuantityError(f"{shown} is out of range: the start must be finite and within the bounds")
         if not self.lower < self.upper:
             raise QuantityError(f"{shown} is out of range: lower must be below upper")
-        if self.log and (self.start <= 0 or -math.inf < self.lower < 0):
+        if self.log and (self.start + self.shift <= 0 or -math.inf < self.lower < 0):
             raise QuantityError(f"{shown} is out of range: must be positive to be fitted on a log scale")
         if self.square and (self.log or self.lower < 0):
             raise QuantityError(f"{shown} is out of range: must not be negative to be fitted by its square")
+        if self.shift < 0 or (self.shift and not self.log):
+            raise QuantityError(f"{shown} has a shift, which only a log scale has, and which is not negative")
+        if self.limits is not None and not self.limits[0] <= self.lower < self.upper <= self.limits[1]:
+            raise QuantityError(f"{shown} is out of range: it must be within the limits {self.limits}")
         if self.power and not self.log:
             raise QuantityError(f"{shown} has a power to search along, but no log scale")
-        if self.prior is not None and not (self.prior[1] > 0 and self.lower <= self.prior[0] <= self.upper):
+        if self.prior is not None and not (self.prior[1] > 0 and self.least <= self.prior[0] <= self.most):
             raise QuantityError(
                 f"the prior of {self.name} is out of range: {self.shown(self.prior[0])} must be {limits}, "
                 f"its deviation {self.shown(self.prior[1])} above 0"
@@ -78,6 +93,36 @@ class Parameter(NamedTuple):
             raise QuantityError(
                 f"{self.name} is tied to {self.tied!r} and has bounds: those of a free one count"
             )
+
+    @property
+    def least(self) -> float:
+        """The least value that an interval may hold."""
+        return self.lower if self.limits is None else self.limits[0]
+
+    @property
+    def most(self) -> float:
+        """The greatest value that an interval may hold."""
+        return self.upper if self.limits is None else self.limits[1]
+
+    def starting_at(self, value: float) -> Parameter:
+        """Return the parameter with another start, cut at its bounds.
+
+        Where the bounds only say where to search, they are moved to hold it.
+        """
+        start = min(max(value, self.least), self.most)
+        return self._replace(start=start, lower=min(self.lower, start), upper=max(self.upper, start))
+
+    def widened(self, side: int) -> Parameter:
+        """Return the parameter with its lower (-1) or upper (+1) end of the search moved, by a factor `REACH`
+        or over as much again where the scale is linear; itself where that end is a limit."""
+        if self.limits is None:
+            return self
+        span = self.upper - self.lower
+        if side < 0:
+            further = self.lower / REACH if self.log else self.lower - span
+            return self._replace(lower=max(further, self.limits[0]))
+        further = self.upper * REACH if self.log else self.upper + span
+        return self._replace(upper=min(further, self.limits[1]))
 
     @property
     def expected(self) -> tuple[float, float]:
@@ -107,7 +152,7 @@ class Parameter(NamedTuple):
             return float(value) ** 2
         if not self.log:
             return float(value)
-        return math.log(value) if value > 0 else -math.inf
+        return math.log(value + self.shift) if value + self.shift > 0 else -math.inf
 
     def value(self, coordinate: float) -> float:
         """The physical value at the coordinate q."""
@@ -115,29 +160,32 @@ class Parameter(NamedTuple):
             return math.sqrt(max(coordinate, 0.0))
         if not self.log:
             return float(coordinate)
-        return math.exp(coordinate) if coordinate < 709 else math.inf
+        value = math.exp(coordinate) - self.shift if coordinate < 709 else math.inf
+        return value if not self.shift or value > ROUNDING * self.shift else 0.0
 
     def values(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
         """Those at many coordinates."""
         if self.log:
-            return np.exp(coordinates)
+            return np.maximum(np.exp(coordinates) - self.shift, 0.0)
         return np.sqrt(np.maximum(coordinates, 0.0)) if self.square else coordinates
 
     def slope(self, value: float) -> float:
         """Derivative of the physical value by the coordinate q."""
         if self.square:
             return 0.5 / value if value > 0 else math.inf
-        return value if self.log else 1.0
+        return value + self.shift if self.log else 1.0
 
     def to_search(self, coordinate: float) -> float:
         """What a search goes along, at the coordinate q: of a power, relative to the start."""
-        return math.exp(self.power * (coordinate - math.log(self.start))) if self.power else coordinate
+        begin = self.start + self.shift
+        return math.exp(self.power * (coordinate - math.log(begin))) if self.power else coordinate
 
     def from_search(self, at: float) -> float:
         """The coordinate q at `to_search`."""
         if not self.power:
             return at
-        return math.log(self.start) + math.log(at) / self.power if at > 0 else -self.power * math.inf
+        begin = math.log(self.start + self.shift)
+        return begin + math.log(at) / self.power if at > 0 else -self.power * math.inf
 
     def search_slope(self, at: float) -> float:
         """Derivative of the coordinate q by `to_search`."""

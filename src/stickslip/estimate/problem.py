@@ -94,7 +94,7 @@ class Problem:
     ):
         if callable(recordings):
             recordings = [Residuals(recordings)]
-        self.ties = Ties(parameters)
+        self.all, self.ties = list(parameters), Ties(parameters)
         self.recordings, self.parameters, self.step = recordings, self.ties.searched, difference_step
         self.jacobian, self.noise_known, self.correlated = jacobian, noise_known, correlated
         self.loss, self.loss_scale, self.completed = loss, loss_scale, completed
@@ -153,6 +153,16 @@ class Problem:
             raise FitError("give the noise of every recording, or of none")
         if self.loss not in LOSSES:
             raise FitError(f"there is no loss {self.loss!r}; there are {', '.join(LOSSES)}")
+
+    def widen(self, place: int, side: int) -> bool:
+        """Move one end of the search outwards, for all later searches; whether there was anywhere to go."""
+        p = self.parameters[place]
+        wider = p.widened(side)
+        self.all = [wider if one.name == p.name else one for one in self.all]
+        self.ties = Ties(self.all)
+        self.parameters = self.ties.searched
+        self.lower[place], self.upper[place] = wider.coordinate(wider.lower), wider.coordinate(wider.upper)
+        return wider != p
 
     def values(self, q: np.ndarray) -> Values:
         """Of all parameters, those that are searched for first."""

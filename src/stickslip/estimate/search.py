@@ -111,6 +111,10 @@ class Searches:
             ):
                 break
 
+    def go_on(self, end: End) -> None:
+        """Search from where a search has ended, within the present bounds."""
+        self.ends.append(self.search(self.options.starts, end.q, self.options.max_evaluations))
+
     def _closing(self, at: Array, two_sided: bool) -> Array:
         """The slope along the search, unless it is at its end."""
         problem, options = self.problem, self.options

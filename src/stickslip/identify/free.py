@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..estimate.parameter import Parameter
+from ..estimate.parameter import REACH, Parameter
 from ..estimate.tied import names_in
 from ..friction import MaxwellSlip
 from ..records import Quantity, did_you_mean, quantities
@@ -16,9 +16,6 @@ from ..units import QuantityError, to_si, turned, with_unit
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
 
-# How far from its start a parameter may end, as a factor either way.
-REACH = 30.0
-
 
 class Linear(NamedTuple):
     """Bounds of a parameter that is searched for on a linear scale, positive ones too; without both, it has
@@ -26,6 +23,14 @@ class Linear(NamedTuple):
 
     lower: float = -math.inf
     upper: float = math.inf
+
+
+class Searched(NamedTuple):
+    """Ends of a search that are no limits, with the shift of its logarithm; see `Parameter`."""
+
+    lower: float
+    upper: float
+    shift: float = 0.0
 
 
 class Squared(NamedTuple):
@@ -54,11 +59,12 @@ def exchangeable(
 
 
 def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Parameter:
-    """The parameter of that name (one of `free_names`), starting at the model's value; of a body that turns,
-    in the units of that.
+    """Return the parameter of that name (one of `free_names`), starting at the model's value; of a body that
+    turns, in the units of that.
 
-    Within a factor `REACH` of the start, unless bounds are given; on a logarithmic scale, unless these reach
-    down to zero or below, or are `Linear`.
+    Without bounds it is searched for within a factor `REACH` of the start first, and then as far as the law
+    allows: down to zero, where it may be zero. The scale is logarithmic, unless bounds reach down to zero or
+    below, or are `Linear`.
 
     Raises:
         QuantityError: it starts at zero without bounds, or the bounds are wrong.
@@ -66,23 +72,28 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
     start, quantity = value_of(model, name)
     if quantity is None:
         ratio = ratios_of(law_of(model))[name]
-        low, high = given_bounds(bounds, name, "") or (ratio.lower, ratio.upper)
-        return Parameter(name, start, low, high, "", log=False, square=Squared.are(bounds, name))
+        ends = (ratio.lower, ratio.upper)
+        return linear(name, "", start, ends, bounds, (ratio.lower, ratio.most))
     unit = turned(quantity.unit) if turns else quantity.unit
-    given, linear = given_bounds(bounds, name, unit), isinstance(bounds.get(name), Linear)
+    given, straight = given_bounds(bounds, name, unit), isinstance(bounds.get(name), Linear)
+    least = max(quantity.minimum or 0.0, quantity.above or 0.0)
+    most = math.inf if quantity.maximum is None else quantity.maximum
+    if isinstance(ends := bounds.get(name), Searched):
+        return Parameter(name, start, *ends[:2], unit, shift=ends.shift, limits=(least, most))
     if given is not None:
         square = Squared.are(bounds, name)
         return Parameter(
-            name, start, *given, unit, log=given[0] > 0 and not (linear or square), square=square
+            name, start, *given, unit, log=given[0] > 0 and not (straight or square), square=square
         )
     if not (start > 0 and math.isfinite(start)):
         raise QuantityError(
             f"{name} starts at {start:g} {unit}".rstrip()
             + ": a parameter that does not start above zero needs bounds of its own"
         )
-    least = max(quantity.minimum or 0.0, quantity.above or 0.0)
-    most = math.inf if quantity.maximum is None else quantity.maximum
-    return Parameter(name, start, max(start / REACH, least), min(start * REACH, most), unit, log=not linear)
+    may_vanish = quantity.minimum == 0.0
+    low, high = 0.0 if may_vanish else max(start / REACH, least), min(start * REACH, most)
+    shift = start / REACH if may_vanish and not straight else 0.0
+    return Parameter(name, start, low, high, unit, log=not straight, shift=shift, limits=(least, most))
 
 
 def check_motion(model: Any, unit: str) -> None:
@@ -146,7 +157,7 @@ def _say(said: Said, p: Parameter, known: Known) -> None:
         raise QuantityError(f"{p.name} is given in {p.unit}, but is in {known.of(p.name)[1] or '1'}")
     if any(p.name in others for others in (said.bounds, said.priors, said.tied)):
         raise QuantityError(f"{p.name} is said of twice: its Parameter has bounds, prior and tie")
-    low = -math.inf if p.log and p.lower == 0.0 else p.lower
+    low = -math.inf if p.log and p.lower == 0.0 and p.limits is None else p.lower
     if math.isfinite(low) != math.isfinite(p.upper):
         raise QuantityError(f"{p.name} has one bound: both are needed, or none")
     if p.tied:
@@ -156,7 +167,9 @@ def _say(said: Said, p: Parameter, known: Known) -> None:
     else:
         said.free.append(p.name)
         said.values[p.name] = p.start
-        if not p.log:
+        if p.limits is not None:
+            said.bounds[p.name] = Searched(p.lower, p.upper, p.shift)
+        elif not p.log:
             said.bounds[p.name] = (Squared if p.square else Linear)(p.lower, p.upper)
         elif math.isfinite(low):
             said.bounds[p.name] = (p.lower, p.upper)
@@ -245,11 +258,23 @@ def check_priors(priors: Bounds, free: Sequence[str], noise: float | None, what:
         raise QuantityError(f"priors weigh against the noise: give noise {what}, too")
 
 
-def linear(name: str, unit: str, start: float, limits: tuple[float, float], bounds: Bounds) -> Parameter:
-    """A parameter of either sign, within its bounds, or else within the limits."""
-    low, high = given_bounds(bounds, name, unit) or limits
-    start, square = min(max(start, low), high), Squared.are(bounds, name)
-    return Parameter(name, start, low, high, unit, log=False, square=square)
+def linear(
+    name: str,
+    unit: str,
+    start: float,
+    ends: tuple[float, float],
+    bounds: Bounds,
+    limits: tuple[float, float] = (-math.inf, math.inf),
+) -> Parameter:
+    """Return a parameter on a linear scale, within its bounds; without any, searched for between the ends
+    first, and then within the limits."""
+    found = bounds.get(name)
+    given = None if isinstance(found, Searched) else given_bounds(bounds, name, unit)
+    if given is not None:
+        start, square = min(max(start, given[0]), given[1]), Squared.are(bounds, name)
+        return Parameter(name, start, *given, unit, log=False, square=square)
+    low, high = found[:2] if isinstance(found, Searched) else ends
+    return Parameter(name, min(max(start, low), high), low, high, unit, log=False, limits=limits)
 
 
 def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
@@ -258,7 +283,7 @@ def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | 
     if given is None or (isinstance(given, Linear) and given == Linear()):
         return None
     low, high = (
-        to_si(x, unit, f"{end} bound of {name}") for x, end in zip(given, ("lower", "upper"), strict=True)
+        to_si(x, unit, f"{end} bound of {name}") for x, end in zip(given[:2], ("lower", "upper"), strict=True)
     )
     if not low < high:
         raise QuantityError(f"bounds of {name} = {tuple(given)}: the lower one comes first, and is less")

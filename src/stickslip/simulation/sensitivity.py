@@ -20,7 +20,7 @@ from ..records import did_you_mean
 from ..solve.neighbours import neighbours
 from ..solve.outcome import DONE
 from ..solve.periods import LOG_ROWS, integrate_near
-from ..units import QuantityError, labelled_for, optional_si, to_si, unit_for
+from ..units import QuantityError, labelled_for, optional_si, to_si, turned, unit_for
 from ..waveform.drive import Drive, constant
 from ..waveform.members import Drives, stacked
 from ..waveform.pieces import with_breaks
@@ -54,6 +54,9 @@ BY_ROW = "initial row "
 # Derivatives are right if a tenth of the tolerance changes them by less than this share of the largest; how
 # often that is tried.
 SETTLED, REFINED = 0.01, 4
+# Of mass times natural frequency: a smaller damping, which may be 0, is changed as one of this size.
+LEAST_DAMPING = 1e-3
+DAMPING = ("N s/m", turned("N s/m"))
 
 
 class Moved(NamedTuple):
@@ -151,7 +154,7 @@ def moved(
             own[row] += step
         else:
             value = value_of(model, name)
-            step = DIFFERENCE * (abs(value) or 1.0)
+            step = _step(model, name, value)
             # Unchecked, for it may step over a bound of its field by a millionth.
             fields, changed = changed_fields(model, {name: value + step})
             law = tuple.__new__(type(model.friction), fields.values())
@@ -184,6 +187,16 @@ def moved(
         breaks,
         itself,
     )
+
+
+def _step(model: Actuator, name: str, value: float) -> float:
+    """Return by how much to change a value: by a millionth, and a small damping by more than its rounding."""
+    least = LEAST_DAMPING * model.end_effector_mass * model.natural_frequency
+    if abs(value) < least < math.inf:
+        quantity = quantity_of(model, None, name)
+        if quantity is not None and quantity.unit in DAMPING:
+            return DIFFERENCE * least
+    return DIFFERENCE * (abs(value) or 1.0)
 
 
 def _with_law(of: System, law: Any) -> System:

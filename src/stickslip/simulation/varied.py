@@ -20,16 +20,20 @@ class Ratio(NamedTuple):
     scale: Callable[[Mapping[str, float]], float]
     needs: tuple[str, ...]
     lower: float
-    upper: float
+    upper: float  # of a search that nobody has limited
+    most: float
 
 
 RATIOS = {
-    "stiction_ratio": Ratio("stiction_force", lambda f: f["coulomb_force"], ("coulomb_force",), 1.0, 3.0),
+    "stiction_ratio": Ratio(
+        "stiction_force", lambda f: f["coulomb_force"], ("coulomb_force",), 1.0, 3.0, math.inf
+    ),
     "breakaway_share": Ratio(
         "breakaway_deflection",
         lambda f: f["coulomb_force"] / f["sigma_0"],
         ("coulomb_force", "sigma_0"),
         0.0,
+        0.99,
         0.99,
     ),
 }

@@ -259,8 +259,8 @@ def identify_pulled_slider(
     middle, half = 0.5 * (means[0] + means[1]), 0.5 * (means[0] - means[1])
     parameters = with_ties(
         (
-            Parameter("dynamic_coefficient", middle, 0.2 * middle, 3.0 * middle),
-            Parameter("stiction_excess", half, 0.05 * half, 10.0 * half),
+            Parameter("dynamic_coefficient", middle, 0.2 * middle, 3.0 * middle, limits=(0.0, np.inf)),
+            Parameter("stiction_excess", half, 0.05 * half, 10.0 * half, limits=(0.0, np.inf)),
         ),
         tied,
     )

@@ -15,6 +15,7 @@ are the same; samples without load tell which it is.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -59,6 +60,8 @@ from .starts import loop_starts, stribeck_starts
 # What is noticed where it is not free.
 NOTICED = ("drift", "asymmetry", "contact_offset")
 LOAD_EXPONENTS = (0.2, 2.0)
+# A contact whose force grows with its load, and that holds in both directions.
+LIMITS = {"load_exponent": (0.0, math.inf), "asymmetry": (-1.0, 1.0)}
 # Relative; the response to it is far above the error of a simulation at 1e-9 m.
 DIFFERENCE_STEP = 1e-3
 
@@ -329,5 +332,5 @@ def _slope(
 
 
 def _of_channel(name: str, unit: str, start: float, reach: float, bounds: Bounds) -> Parameter:
-    limits = LOAD_EXPONENTS if name == "load_exponent" else (-reach, reach)
-    return linear(name, unit, start, limits, bounds)
+    ends = LOAD_EXPONENTS if name == "load_exponent" else (-reach, reach)
+    return linear(name, unit, start, ends, bounds, LIMITS.get(name, (-math.inf, math.inf)))

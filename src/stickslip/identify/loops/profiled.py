@@ -7,6 +7,7 @@ others. So the rest is fitted again with the velocity fixed elsewhere.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -37,6 +38,7 @@ def profile_points(
     if p is None or len(fit.parameters) < 2:
         return ()
     low, high = (p.lower, p.upper) if np.any(fit.uncertainty.bounded) else fit.confidence_intervals()[NAME]
+    low, high = max(low, p.lower), min(high, p.upper)
     if high < LOOSE_RATIO * low:
         return ()
     found = []
@@ -45,7 +47,9 @@ def profile_points(
         fixed = [
             q
             if q.fixed or q.tied
-            else q._replace(start=begin[q.name], fixed=q.name == NAME, prior=None if q is p else q.prior)
+            else q.starting_at(begin[q.name])._replace(
+                fixed=q.name == NAME, prior=None if q.name == NAME else q.prior
+            )
             for q in parameters
         ]
         try:
@@ -70,7 +74,10 @@ def with_profile(fit: Fit, points: Sequence[Fit]) -> Fit:
         if one.converged and still_fits(excess, len(fit.parameters)):
             known = one.uncertainty
             covariance = np.insert(np.insert(known.covariance, place, 0.0, axis=0), place, 0.0, axis=1)
-            columns = [np.insert(x, place, 0) for x in (known.bounded, known.push, known.released)]
+            columns = [
+                np.insert(x, place, value)
+                for x, value in zip(known[1:4], _beyond(p, one.values[NAME]), strict=True)
+            ]
             others.append(
                 Minimum(
                     one.values,
@@ -81,3 +88,10 @@ def with_profile(fit: Fit, points: Sequence[Fit]) -> Fit:
                 )
             )
     return fit.with_minima([*fit.minima, *others]) if others else fit
+
+
+def _beyond(p: Parameter, value: float) -> tuple[int, float, float]:
+    """Side, push and variance of a value at the end of the search: what fits there may fit beyond it too."""
+    if p.limits is None or p.lower < value < p.upper:
+        return 0, 0.0, 0.0
+    return (-1 if value == p.lower else 1), math.inf, 1.0

@@ -8,8 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...estimate.parameter import Parameter, Values
-from ..free import REACH
+from ...estimate.parameter import REACH, Parameter, Values
 
 # Of the stroke, over which a contact may yield: from what the sampling hardly shows to all of it.
 YIELDS = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)

@@ -273,10 +273,12 @@ def _parameters(first: Sequence[dict[str, float]], look: Look, lag: bool, unit: 
     length, gain = (float(np.mean([row[name] for row in first])) for name in ("peak_time", "gain"))
     least, most = DAMPING_RATIOS
     found = [
-        Parameter("damping_ratio", max(zeta, 2.0 * least), least, max(most, 2.0 * zeta), ""),
-        Parameter("natural_frequency", omega, omega / 30, omega * 30, "rad/s"),
+        Parameter(
+            "damping_ratio", max(zeta, 2.0 * least), least, max(most, 2.0 * zeta), "", limits=(0.0, np.inf)
+        ),
+        Parameter("natural_frequency", omega, omega / 30, omega * 30, "rad/s", limits=(0.0, np.inf)),
         Parameter("gain", gain, -np.inf, np.inf, f"{unit}/V", log=False),
-        Parameter("delay", delay, delay - length, delay + length, "s", log=False),
+        Parameter("delay", delay, delay - length, delay + length, "s", log=False, limits=(-np.inf, np.inf)),
     ]
     if lag:
         found.append(Parameter("lag", 0.05 / omega, 0.0, 2.0 / omega, "s", log=False, square=True))

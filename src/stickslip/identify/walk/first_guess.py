@@ -26,10 +26,9 @@ from scipy.stats import qmc
 
 from ...actuator import Actuator
 from ...estimate.fit import fit_least_squares
-from ...estimate.parameter import Parameter, Values
+from ...estimate.parameter import REACH, Parameter, Values
 from ...estimate.problem import FitError, Residuals
 from ...waveform.signal import Waveform
-from ..free import REACH
 from ..recorded.drives import periodic_part
 from .position_channel import CHANNEL
 
@@ -151,7 +150,7 @@ def first_guess(
         return residuals.function(values)
 
     def look(point: Values) -> tuple[float, Values]:
-        begun = [p._replace(start=point[p.name], prior=None) for p in wide]
+        begun = [p.starting_at(point[p.name])._replace(prior=None) for p in wide]
         searched = residuals._replace(function=with_slopes)
         try:
             both = [*begun, *beside]
@@ -192,9 +191,9 @@ def beside(parameters: Sequence[Parameter], values: Values, given: Container[str
     def at(p: Parameter) -> Parameter:
         value = values[p.name]
         if p.name in NAMES and p.name not in given and p.log:
-            low = p.lower if value > p.lower * NEAR else value / REACH
+            low = p.lower if value > p.lower * NEAR or p.shift else value / REACH
             high = p.upper if value < p.upper / NEAR else value * REACH
             return p._replace(start=value, lower=low, upper=high)
-        return p._replace(start=min(max(value, p.lower), p.upper))
+        return p.starting_at(value)
 
     return [at(p) for p in parameters]

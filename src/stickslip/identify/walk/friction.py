@@ -19,7 +19,7 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Residuals
 from ...estimate.result import Fit
 from ...estimate.search import SearchState
-from ...estimate.several import lowest
+from ...estimate.several import followed, lowest
 from ...estimate.tied import Ties
 from ...estimate.whiteness import white
 from ...progress import Progress, unheard
@@ -327,7 +327,7 @@ def _near(
 ) -> Fit:
     """From a fit of more parameters within its bounds, from its other minima, and from the user's start."""
     given = {p.name: p.start for p in parameters}
-    own = [p._replace(start=given[p.name], power=0) for p in fit.parameters if p.name in given]
+    own = [p.starting_at(given[p.name])._replace(power=0) for p in fit.parameters if p.name in given]
     there = [fit.values, *(m.values for m in fit.minima)]
     begins = [given, *({name: one[name] for name in given} for one in there)]
     return from_points(walks, own, begins, bounds, max_evaluations)
@@ -349,13 +349,18 @@ def _averaged(walks: Walks, fit: Fit, given: Values, max_evaluations: int) -> Fi
         return fit
     settled = integrated(fit, name, partial(walks.hold, name, parameters, max_evaluations))
     if not isinstance(settled, Fit):
-        return lowest([fit, walks.fit(straightened(parameters, settled), max_evaluations=max_evaluations)])
+        on = walks.fit(straightened(parameters, settled), max_evaluations=max_evaluations)
+        return lowest([_at_end(walks, fit, max_evaluations), on])
     if settled.cost > walks.cost(given):
-        if not fit.converged:  # it was left on its way along the valley
-            on = walks.fit(straightened(parameters, fit.values), max_evaluations=max_evaluations)
-            fit = lowest([fit, on]) if on.cost < fit.cost else fit
+        fit = _at_end(walks, fit, max_evaluations)
         return replace(fit, uncertainty=settled.uncertainty._replace(centre=settled.coordinates))
     return replace(settled, jacobian=walks.problem(parameters).by_coordinates(settled.values))
+
+
+def _at_end(walks: Walks, fit: Fit, max_evaluations: int) -> Fit:
+    """The fit, from where its search was left on its way along a valley, if it was."""
+    there = straightened(fit.parameters, fit.values)
+    return followed(fit, lambda: walks.fit(there, max_evaluations=max_evaluations))
 
 
 def _guessed(

@@ -51,7 +51,8 @@ def profile_interval(
         options: others of `identify_friction` that the fit was made with: drive, and a recording of noise.
 
     Returns:
-        Both ends, in the unit of the value, cut at the bounds of the fit. They take the stage as exact.
+        Both ends, in the unit of the value, cut at the bounds of the fit; at the limits of the law where the
+        bounds only say where to search (see `Parameter`). They take the stage as exact.
 
     Raises:
         FitError: the fit is not one of an actuator by `identify_friction`, has a robust loss or no other
@@ -90,8 +91,9 @@ def profile_interval(
         return math.sqrt(max(cost - best.cost, 0.0) / unit), moved
 
     ends = []
-    for side, bound in ((-1.0, p.coordinate(p.lower)), (1.0, p.coordinate(p.upper))):
-        ends.append(p.value(_end(q, side, reach, bound, t, distance, best)))
+    for side, bound, limit in ((-1.0, p.lower, p.least), (1.0, p.upper, p.most)):
+        at = _end(q, side, reach, p.coordinate(bound), t, distance, best)
+        ends.append(limit if at == p.coordinate(bound) else p.value(at))
     return ends[0], ends[1]
 
 
@@ -133,7 +135,7 @@ def _again(
     """The model of a fit to recordings with these parameters, from these values."""
     if not isinstance(fit.model, Actuator):
         raise FitError("profile and bootstrap need the fit of an actuator by identify_friction")
-    free = [p if p.fixed or p.tied else p._replace(start=begin[p.name]) for p in parameters]
+    free = [p if p.fixed or p.tied else p.starting_at(begin[p.name]) for p in parameters]
     return identify_friction(recordings, fit.model, free, **settings)
 
 
@@ -202,7 +204,7 @@ def _drawn(p: Parameter, value: float, random: np.random.Generator) -> Parameter
     if p.prior is None:
         return p
     spread = p.expected[1]
-    centre = min(max(p.value(random.normal(p.coordinate(value), spread)), p.lower), p.upper)
+    centre = min(max(p.value(random.normal(p.coordinate(value), spread)), p.least), p.most)
     return p._replace(prior=(centre, spread * p.slope(centre)))
 
 

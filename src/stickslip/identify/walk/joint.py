@@ -168,7 +168,12 @@ class _Known(NamedTuple):
             q = p.coordinate(self.fit.values[p.name])
             reach = WIDE * float(np.sqrt(self.fit.uncertainty.covariance[place, place]))
             made.append(
-                p._replace(start=self.fit.values[p.name], lower=p.value(q - reach), upper=p.value(q + reach))
+                p._replace(
+                    start=self.fit.values[p.name],
+                    lower=p.value(q - reach),
+                    upper=p.value(q + reach),
+                    limits=None,
+                )
             )
         return made
 
@@ -238,7 +243,7 @@ class _Weighted:
         )
 
     def search(self, begin: Values, hops: int = 0, most: int = MOST_EVALUATIONS) -> Fit:
-        parameters = [p._replace(start=min(max(begin[p.name], p.lower), p.upper)) for p in self.parameters]
+        parameters = [p.starting_at(begin[p.name]) for p in self.parameters]
         return fit_least_squares(self.problem(parameters), hops=hops, settled=SETTLED, max_evaluations=most)
 
     def lowest(self, begins: Sequence[Values], hops: int) -> Fit:
@@ -266,7 +271,7 @@ class _Weighted:
     def hold(self, name: str, value: float, begin: Values) -> tuple[Fit, Fit]:
         """The fit of the others with one value fixed."""
         held = [
-            p._replace(start=value, fixed=True) if p.name == name else p._replace(start=begin[p.name])
+            p._replace(start=value, fixed=True) if p.name == name else p.starting_at(begin[p.name])
             for p in self.parameters
         ]
         alone = fit_least_squares(self.problem(held), settled=NEAR, max_evaluations=MOST_EVALUATIONS)

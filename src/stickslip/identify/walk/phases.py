@@ -89,10 +89,7 @@ def _looks(fit: Fit, walks: Walks, stiffnesses: Sequence[str], n: float) -> list
     rungs = range(1, min(RUNGS, math.ceil(REACH * n)) + 1)
     found = []
     for factor in (math.exp(sign * k / n) for k in rungs for sign in (1, -1)):
-        there = [
-            p._replace(start=min(max(p.start * factor, p.lower), p.upper)) if p.name in stiffnesses else p
-            for p in begun
-        ]
+        there = [p.starting_at(p.start * factor) if p.name in stiffnesses else p for p in begun]
         found.append(walks.searched(there, max_evaluations=LOOK))
     return found
 

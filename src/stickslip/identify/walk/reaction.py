@@ -31,7 +31,7 @@ def with_reaction_asked(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
         return fit
     # From afar, in logarithms: along straight valleys 5 of 60 such searches did not end, so 2.
     # To the end: what is far worse after a few evaluations may be the better one there.
-    start = [p._replace(start=fit.values[p.name], power=0) for p in fit.parameters]
+    start = [p.starting_at(fit.values[p.name])._replace(power=0) for p in fit.parameters]
     try:
         reacting = replace(walks, model=model.replace(stage_reaction=True))
         tolerance = SLOW / fit.degrees_of_freedom

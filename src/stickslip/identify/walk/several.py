@@ -40,7 +40,7 @@ def from_points(
     """
 
     def look(begin: Values) -> Fit:
-        there = [p._replace(start=begin[p.name]) for p in parameters]
+        there = [p.starting_at(begin[p.name]) for p in parameters]
         return walks.searched(there, max_evaluations=min(ENOUGH, max_evaluations))
 
     def ends(looks: Sequence[Fit]) -> list[Fit]:
@@ -83,4 +83,7 @@ def _reaching(parameters: Sequence[Parameter], fit: Fit) -> list[Parameter]:
 
 def straightened(parameters: Sequence[Parameter], values: Values) -> list[Parameter]:
     """The parameters, starting at the values, for a search along straight valleys."""
-    return [p._replace(start=values[p.name], power=POWERS.get(p.unit, 0) if p.log else 0) for p in parameters]
+    return [
+        p.starting_at(values[p.name])._replace(power=POWERS.get(p.unit, 0) if p.log else 0)
+        for p in parameters
+    ]

@@ -104,7 +104,7 @@ class Walks:
     ) -> tuple[Fit, Fit]:
         """The fit of the others with one value fixed, without the uncertainty of the stage and with it."""
         fixed = [
-            p._replace(start=value, fixed=True) if p.name == name else p._replace(start=begin[p.name])
+            p._replace(start=value, fixed=True) if p.name == name else p.starting_at(begin[p.name])
             for p in parameters
         ]
         alone = self._with_noise(self.searched(fixed, max_evaluations=most, settled=NEAR))

@@ -61,6 +61,7 @@ export function formatQuantity(value, unit, digits = 4) {
 
 /** "130.9957 nm/V … 131.0053 nm/V": with so many digits that two tell the ends apart. */
 export function formatInterval(low, high, unit) {
+  if (high === null) return `above ${formatQuantity(low, unit)}`; // JSON knows no infinity
   const apart = Math.log10(Math.max(Math.abs(low), Math.abs(high)) / (high - low));
   const digits = Number.isFinite(apart) ? Math.min(Math.max(Math.floor(apart) + 3, 4), 12) : 4;
   return `${formatQuantity(low, unit, digits)} … ${formatQuantity(high, unit, digits)}`;
