@@ -63,8 +63,8 @@ def test_viscous_friction_that_is_zero_in_loops(start: float) -> None:
 @pytest.mark.parametrize("start", [1.0, 100.0])
 def test_viscous_friction_that_is_zero_in_walks(start: float) -> None:
     actuator = ss.load_actuator("kang2007").replace(stage_reaction=False)
-    drive = ss.Sawtooth("65 V", "20 Hz", periods=6)
-    walk = ss.simulate(actuator, drive, sample_rate="4 kHz", tolerance=1e-10)
+    drive = ss.Sawtooth(65.0, 20.0, periods=6)
+    walk = ss.simulate(actuator, drive, sample_rate=4e3, tolerance=1e-10)
     position = walk.end_effector_position.values
     position = position + 5e-9 * np.random.default_rng(2).standard_normal(position.size)
     recording = ss.make_recording(walk.time.values, {"end_effector_position": (position, "m")})

@@ -105,7 +105,7 @@ def _held_back(problem: Problem, end: End) -> dict[int, int]:
     span = problem.upper - problem.lower
     ends = {-1: end.q - problem.lower < NEAR_END * span, 1: problem.upper - end.q < NEAR_END * span}
     found = {
-        i: side
+        int(i): side
         for side, near in ends.items()
         for i in np.flatnonzero(near)
         if problem.parameters[i].widened(side) != problem.parameters[i]

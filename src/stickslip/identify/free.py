@@ -32,6 +32,12 @@ class Searched(NamedTuple):
     upper: float
     shift: float = 0.0
 
+    @classmethod
+    def of(cls, bounds: Bounds, name: str) -> Searched | None:
+        """Return those of a parameter, if it has such."""
+        found: Any = bounds.get(name)
+        return found if isinstance(found, cls) else None
+
 
 class Squared(NamedTuple):
     """Bounds of a parameter that is searched for by its square."""
@@ -78,8 +84,8 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
     given, straight = given_bounds(bounds, name, unit), isinstance(bounds.get(name), Linear)
     least = max(quantity.minimum or 0.0, quantity.above or 0.0)
     most = math.inf if quantity.maximum is None else quantity.maximum
-    if isinstance(ends := bounds.get(name), Searched):
-        return Parameter(name, start, *ends[:2], unit, shift=ends.shift, limits=(least, most))
+    if (ends := Searched.of(bounds, name)) is not None:
+        return Parameter(name, start, ends.lower, ends.upper, unit, shift=ends.shift, limits=(least, most))
     if given is not None:
         square = Squared.are(bounds, name)
         return Parameter(
@@ -123,7 +129,7 @@ class Said(NamedTuple):
     where those that are a `Parameter` start."""
 
     free: list[str]
-    bounds: dict[str, tuple[float | str, float | str]]
+    bounds: dict[str, Any]
     priors: dict[str, tuple[float | str, float | str]]
     tied: dict[str, str]
     values: dict[str, float]
@@ -268,12 +274,12 @@ def linear(
 ) -> Parameter:
     """Return a parameter on a linear scale, within its bounds; without any, searched for between the ends
     first, and then within the limits."""
-    found = bounds.get(name)
-    given = None if isinstance(found, Searched) else given_bounds(bounds, name, unit)
+    found = Searched.of(bounds, name)
+    given = given_bounds(bounds, name, unit) if found is None else None
     if given is not None:
         start, square = min(max(start, given[0]), given[1]), Squared.are(bounds, name)
         return Parameter(name, start, *given, unit, log=False, square=square)
-    low, high = found[:2] if isinstance(found, Searched) else ends
+    low, high = ends if found is None else (found.lower, found.upper)
     return Parameter(name, min(max(start, low), high), low, high, unit, log=False, limits=limits)
 
 
