@@ -42,7 +42,6 @@ def test_a_name_that_stood_at_the_top_says_where_it_is(name: str, room: str) -> 
     [
         ("control", "StepTable", "StepSizes"),
         ("control", "Walk", "Stepping"),
-        ("design", "Limits", "DriveLimits"),
         ("identify", "Walk", "PlannedWalk"),
         ("study", "Walk", "WalksFromRest"),
     ],

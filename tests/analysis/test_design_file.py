@@ -86,7 +86,7 @@ def test_the_drive_is_that_of_the_call(folder: Path, numbers: Any) -> None:
     force = design.Scenario("pulled", external_force="-0.1 N")
     found = ss.optimise_waveform(
         KANG, goal="speed", knots=4, max_voltage="90 V", frequency=(50.0, 1000.0), scenarios=[force],
-        limits=design.DriveLimits(**LIMITS), generator=design.Generator("20 kHz", 400, "0.1 V"),  # type: ignore[arg-type]
+        output=ss.electronics.OutputStage("20 kHz", 400, "0.1 V", **LIMITS),  # type: ignore[arg-type]
         uncertainty=draws_of_file(folder / "known.nc"), draws=2, budget=100,
     )  # fmt: skip
     told = numbers["optimise"]

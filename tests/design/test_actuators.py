@@ -10,8 +10,9 @@ import pytest
 
 import stickslip as ss
 from stickslip import design
-from stickslip.design import DriveLimits, Scenario
+from stickslip.design import Scenario
 from stickslip.design.space import built, space_of
+from stickslip.electronics import OutputStage
 
 KANG = ss.load_actuator("kang2007")
 HARD = KANG.replace(friction=KANG.friction._replace(coulomb_force=1.0, stiction_force=1.3))
@@ -98,7 +99,7 @@ def test_the_best_of_several():
         goal=design.Current("1.8 uF"),
         minimum_speed="1 mm/s",
         free={"end_effector_mass": ("50 g", "0.2 kg")},
-        limits={"as identified": DriveLimits(), "harder": DriveLimits(slew_rate=1e6)},
+        output={"as identified": OutputStage(), "harder": OutputStage(slew_rate=1e6)},
     )
     assert list(found.choices.index) == list(models)
     assert found.choices["value"].idxmin() == found.name  # current: less is better
@@ -117,7 +118,7 @@ REFUSED = [
     ({"free": {"stage_stiffness": (1e6, 2e6), "natural_frequency": (1e3, 4e3)}}, "stage_stiffness"),
     ({"free": {"load": (0.5, 2.0)}, "goal": None}, "a goal is needed"),
     ({"free": {"load": (0.5, 2.0)}, "goal": design.Current(1e-6)}, "minimum_speed"),
-    ({"free": {"load": (0.5, 2.0)}, "limits": {"a": DriveLimits()}}, "limits are of a"),
+    ({"free": {"load": (0.5, 2.0)}, "output": {"a": OutputStage()}}, "outputs are of a"),
     ({"free": {"external_force": (-0.1, 0.1)}, "scenarios": [{"external_force": 0.1}]}, "leave out one"),
     ({"free": {"load": (0.5, 2.0)}, "budget": 0}, "budget"),
     ({"free": {"load": (0.5, 2.0)}, "holding_force": math.nan}, "holding_force = nan N is not finite"),

@@ -11,7 +11,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip import design
-from stickslip.design import DriveLimits, Generator, Scenario
+from stickslip.design import Scenario
 from stickslip.design.front import selected, unbeaten
 from stickslip.design.moving import Moved
 from stickslip.design.scenarios import conditions_of
@@ -215,13 +215,11 @@ def test_a_step_of_a_given_size():
 def test_on_the_virtual_rig_with_its_electronics():
     """Converter, amplifier and the current into the piezo: within 2 %; measured: 0.002 %."""
     bench = load_bench("kang2007-bench")
-    limits = DriveLimits.of_amplifier(bench.amplifier, bench.piezo_capacitance)
     found = ss.optimise_waveform(
         KANG,
         goal="speed",
         max_voltage=100.0,
-        limits=limits,
-        generator=Generator.of_bench(bench, 1024),
+        output=bench.output(1024),
         budget=600,
     )
     assert found.value > 1.3 * found.sawtooth_value

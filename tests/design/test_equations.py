@@ -10,10 +10,11 @@ import pytest
 import stickslip as ss
 from stickslip import design
 from stickslip.design.goals import Current, Heat, Ripple, Speed, StepSize
-from stickslip.design.limits import Allowed, DriveLimits
+from stickslip.design.limits import Allowed
 from stickslip.design.moving import Moved
 from stickslip.design.polygons import STEEPEST, Polygons, as_knots, knots, sawtooths, starts
 from stickslip.design.search import SHORTFALL, Judge, worst_of
+from stickslip.electronics import OutputStage
 from stickslip.simulation.demand import electrical_demand
 
 NONE = np.zeros(0, np.int64)
@@ -23,7 +24,7 @@ TWO = Polygons(
     period=np.array([0.01, 0.002]),
 )
 MOVED = Moved(np.array([[1e-6, -3e-6], [2e-6, 5e-6]]), np.array([[1e-7, 2e-7], [3e-7, 4e-7]]))
-FREE = Allowed(0.0, 100.0, math.inf, 50.0, 800.0, None, DriveLimits())
+FREE = Allowed(0.0, 100.0, math.inf, 50.0, 800.0, OutputStage())
 
 
 def test_slopes_are_those_of_the_waveform() -> None:

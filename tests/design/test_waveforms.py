@@ -12,11 +12,12 @@ from benchmarks.design import KNOTS, TOP, member, outside
 
 import stickslip as ss
 from stickslip import design
-from stickslip.design import DriveLimits, Generator, Scenario, Speed, limits
+from stickslip.design import Scenario, Speed, limits
 from stickslip.design.polygons import knots
 from stickslip.design.scenarios import conditions_of
 from stickslip.design.search import Judge, Task, robust
 from stickslip.design.searched import Searched
+from stickslip.electronics import OutputStage
 from stickslip.progress import unheard
 
 KANG = ss.load_actuator("kang2007")
@@ -26,7 +27,7 @@ LOADS = (Scenario(external_force="-0.1 N"), Scenario(external_force="0.1 N"))
 
 def test_the_search_finds_the_best_of_a_grid():
     """Of three knots and the frequency there are few enough to go through all."""
-    allowed = limits.allowed(KANG, None, 100.0, None, (300.0, 800.0), None)
+    allowed = limits.allowed(KANG, None, 100.0, None, (300.0, 800.0))
     of = Searched(KANG, Speed(), allowed, conditions_of(KANG, (), None, 1, 0), 0.0, 0.0, None)
     merits, judge = of.merits_of(knots), Judge(0.0, None, 3e-3)
     begin = np.array([[0.5, 0.5, 0.5, 0.5], [0.2, 0.5, 0.8, 0.2]])
@@ -163,18 +164,14 @@ def test_no_condition_is_worse_than_with_the_sawtooth():
 
 
 def test_limits_hold_at_every_sample():
-    of_amplifier, generator = (
-        DriveLimits(current="0.2 A", capacitance="1.4 uF"),
-        Generator("20 kHz", 200, "0.5 V"),
-    )
+    output = OutputStage("20 kHz", 200, "0.5 V", current="0.2 A", capacitance="1.4 uF")
     found = ss.optimise_waveform(
         KANG,
         goal="speed",
         knots=6,
         min_voltage=10.2,
         max_voltage="90 V",
-        limits=of_amplifier,
-        generator=generator,
+        output=output,
         budget=300,
     )
     played = found.played
@@ -205,10 +202,10 @@ def test_limits_hold_at_every_sample():
         ({"knots": 1}, "whole number from 2"),
         ({"knots": 8.0}, "whole number"),
         ({"quantile": 1.0}, "quantile"),
-        ({"generator": Generator("1 kHz", 100), "frequency": (400.0, 900.0)}, "excluded by the generator"),
-        ({"generator": Generator("20 kHz", 100, "150 V")}, "less than two voltages"),
+        ({"output": OutputStage("1 kHz", 100), "frequency": (400.0, 900.0)}, "excluded by the output"),
+        ({"output": OutputStage("20 kHz", 100, "150 V")}, "less than two voltages"),
         (
-            {"generator": Generator("20 kHz", 100, "1 V"), "limits": DriveLimits(slew_rate="10 V/ms")},
+            {"output": OutputStage("20 kHz", 100, "1 V", slew_rate="10 V/ms")},
             "excludes every drive",
         ),
         ({"scenarios": [Scenario(mass=3.0)]}, "'mass' is unknown"),
@@ -256,6 +253,6 @@ def test_a_least_speed_is_one_in_the_direction_of_the_goal():
     assert step.value < 1e-8
     assert step.speeds[0] <= -0.1e-3 * (1.0 - 1e-3)
     with pytest.raises(ss.units.QuantityError, match="capacitance"):
-        DriveLimits(current="1 A")
+        OutputStage(current="1 A")
     with pytest.raises(ss.units.QuantityError, match="interpolation"):
-        Generator("1 kHz", interpolation="cubic")
+        OutputStage("1 kHz", interpolation="cubic")

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip import design
 from stickslip.panel import create_app
 from stickslip.panel.design import bench_run
 from stickslip.panel.designing import Drive, from_lowest
@@ -83,7 +82,7 @@ def test_a_search_within_generator_and_amplifier(client: httpx.Client) -> None:
     answer = client.post("/api/design/search", json=MODEL | asked | {"voltage": 100.0, "capacitance": "1 uF"})
     found = ss.optimise_waveform(
         ss.load_actuator("kang2007"), goal="speed", knots=4, max_voltage=100.0,
-        generator=design.Generator(1e4, 100, 1.0), limits=design.DriveLimits(current=0.2, capacitance=1e-6),
+        output=ss.electronics.OutputStage(1e4, 100, 1.0, current=0.2, capacitance=1e-6),
     )  # fmt: skip
     assert answer.json()["value"] == pytest.approx(found.value, rel=1e-9)
     assert len(answer.json()["drive"]["fields"]["values"]) == 4

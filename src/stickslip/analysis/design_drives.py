@@ -47,17 +47,19 @@ class OptimiseSpec(SearchSpec):
 
     def made(self, given: Given) -> Made:
         """Search, and say what was found; raises QuantityError."""
+        common = self.common(given)
+        if self.generator is not None:
+            common["output"] = self.generator.onto(common["output"], given.folder)
         found = optimise_waveform(
             given.model,
             goal=goal_of(self.goal, given.model),
             knots=self.knots,
-            generator=None if self.generator is None else self.generator.generator(given.folder),
             uncertainty=given.uncertainty,
             draws=self.draws,
             quantile=self.quantile,
             minimum_speed=self.minimum_speed,
             budget=self.budget,
-            **self.common(given),
+            **common,
         )
         value, saw = (Number(one, found.unit) for one in (found.value, found.sawtooth_value))
         section = Section(

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ..actuator import Actuator
-from ..design import Current, DriveLimits, Generator, Heat, Noise, Scenario, Speed, StepSize, TipLoad
-from ..electronics import Stack
+from ..design import Current, Heat, Noise, Scenario, Speed, StepSize, TipLoad
+from ..electronics import OutputStage, Stack
 from ..experiment.laboratory import own_file
 from ..input_file import Strict
 from ..progress import Progress
@@ -101,26 +101,26 @@ def goal_of(given: Goal | None, model: Actuator) -> Any:
 
 
 class LimitsSpec(Strict):
-    """As `design.DriveLimits`; or the amplifier of a `bench` into its piezo."""
+    """The limits of an `OutputStage`; or the amplifier of a `bench` into its piezo."""
 
     bench: str | None = None
     slew_rate: Quantity | None = None
     current: Quantity | None = None
     capacitance: Quantity | None = None
 
-    def limits(self, folder: Path) -> DriveLimits:
-        """Raises QuantityError."""
+    def output(self, folder: Path) -> OutputStage:
+        """Return the output stage with these limits; raises QuantityError."""
         own = self.model_dump(exclude_none=True, exclude={"bench"})
         if self.bench is None:
-            return DriveLimits(**own)
+            return OutputStage(**own)
         if own:
             raise QuantityError(f"limits.{next(iter(own))} is that of limits.bench: give one of them")
         bench = load_bench(own_file(self.bench, folder, ".toml"))
-        return DriveLimits.of_amplifier(bench.amplifier, bench.piezo_capacitance)
+        return OutputStage.of_amplifier(bench.amplifier, bench.piezo_capacitance)
 
 
 class GeneratorSpec(Strict):
-    """As `design.Generator`; or the converter of a `bench`, with its `points`."""
+    """The converter of an `OutputStage`; or that of a `bench`, with its `points`."""
 
     bench: str | None = None
     update_rate: Quantity | None = None
@@ -128,22 +128,23 @@ class GeneratorSpec(Strict):
     step: Quantity | None = None
     interpolation: Literal["hold", "linear"] | None = None
 
-    def generator(self, folder: Path) -> Generator:
-        """Raises QuantityError."""
+    def onto(self, output: OutputStage, folder: Path) -> OutputStage:
+        """Return an output stage with this converter; raises QuantityError."""
         own: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"bench", "points"})
         if self.bench is None:
             if self.update_rate is None:
                 raise QuantityError("generator.update_rate [Hz] is missing, or generator.bench")
             if self.points is not None:
                 own["points"] = self.points
-            return Generator(**own)
+            return output.with_converter(OutputStage(**own))
         if own or self.points is None:
             raise QuantityError(
                 f"generator.{next(iter(own))} is that of generator.bench: give one of them"
                 if own
                 else "generator.points is missing: how many points of a period the generator takes"
             )
-        return Generator.of_bench(load_bench(own_file(self.bench, folder, ".toml")), self.points)  # type: ignore[arg-type]
+        bench = load_bench(own_file(self.bench, folder, ".toml"))
+        return output.with_converter(bench.output(self.points))  # type: ignore[arg-type]
 
 
 class ScenarioSpec(Strict):
@@ -175,7 +176,7 @@ class SearchSpec(Strict):
             "max_voltage": self.max_voltage,
             "min_voltage": self.min_voltage,
             "frequency": self.frequency,
-            "limits": None if self.limits is None else self.limits.limits(given.folder),
+            "output": OutputStage() if self.limits is None else self.limits.output(given.folder),
             "scenarios": [one.scenario() for one in self.scenarios],
             "seed": self.seed,
             "progress": given.progress,

@@ -9,8 +9,6 @@ from .goals import Heat as Heat
 from .goals import Ripple as Ripple
 from .goals import Speed as Speed
 from .goals import StepSize as StepSize
-from .limits import Generator as Generator
-from .limits import DriveLimits as DriveLimits
 from .optimised import OptimisedWaveform as OptimisedWaveform
 from .scenarios import Scenario as Scenario
 from .vibration import Noise as Noise

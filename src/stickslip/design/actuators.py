@@ -9,12 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..actuator import Actuator
+from ..electronics import OutputStage
 from ..progress import Progress, unheard, within
 from ..simulation.varied import free_names
 from ..units import QuantityError, optional_si, unit_for, with_prefix
 from .built import Built, OptimisedActuator
 from .goals import extras_of, goal_of, swings_of
-from .limits import Allowed, DriveLimits, allowed, frequencies
+from .limits import Allowed, allowed, frequencies
 from .moving import exactly, moved
 from .polygons import Array, sawtooths
 from .sawtooth import best_sawtooth
@@ -36,7 +37,7 @@ def optimise_actuator(
     max_voltage: float | str | None = None,
     min_voltage: float | str | None = None,
     frequency: tuple[float | str, float | str] | None = None,
-    limits: DriveLimits | Mapping[str, DriveLimits] | None = None,
+    output: OutputStage | Mapping[str, OutputStage] | None = None,
     scenarios: Sequence[Scenario | Mapping[str, Any]] = (),
     uncertainty: Uncertainty | None = None,
     draws: int = 64,
@@ -58,7 +59,7 @@ def optimise_actuator(
             both, unless it is free itself; gain and damping ratio stay.
         max_voltage, min_voltage, frequency, scenarios, minimum_speed, threads, progress: as for
             `optimise_waveform`. Where a scenario, or a draw, changes what is free, it does so in proportion.
-        limits: slope and current; or those of each, by the names of the models.
+        output: limits of slope, current and frequency; or those of each, by the names of the models.
         uncertainty: `draws` of it are conditions too; for one model.
         holding_force: N: what the contact has to hold, its Coulomb force times "load", at least.
         budget: candidates of the search of each model.
@@ -95,7 +96,7 @@ def optimise_actuator(
         space = space_of(one, free)
         conditions = conditions_of(one, scenarios, uncertainty, draws, seed)
         check_conditions(space, conditions)
-        usable = _allowed(space, low, high, _of(limits, name, models), hertz)
+        usable = _allowed(space, low, high, _of(output, name, models), hertz)
         searches.append(_Search(name, space, aim, usable, conditions, speed, hold, threads))
     found = []
     for i, search in enumerate(searches):
@@ -109,25 +110,25 @@ def optimise_actuator(
     return OptimisedActuator.of(found, aim)
 
 
-def _of(limits: Any, name: str, models: Mapping[str, Actuator]) -> DriveLimits | None:
-    """Those of one model."""
-    if not isinstance(limits, Mapping):
-        return limits
-    if {*limits} != {*models}:
-        raise QuantityError(f"limits are of {', '.join(limits)}, and the models are {', '.join(models)}")
-    return limits[name]
+def _of(output: Any, name: str, models: Mapping[str, Actuator]) -> OutputStage | None:
+    """Return the output stage of one model."""
+    if not isinstance(output, Mapping):
+        return output
+    if {*output} != {*models}:
+        raise QuantityError(f"outputs are of {', '.join(output)}, and the models are {', '.join(models)}")
+    return output[name]
 
 
 def _allowed(
     space: Space,
     low: float | None,
     high: float | None,
-    limits: DriveLimits | None,
+    output: OutputStage | None,
     frequency: tuple[float, float] | None,
 ) -> Allowed:
     """Of all models that the ranges allow: frequencies, unless given, about those of any."""
     models = [space.model, built(space, space.low), built(space, space.high)]
-    each = [allowed(model, low, high, limits, frequency, None) for model in models]
+    each = [allowed(model, low, high, output, frequency) for model in models]
     return each[0]._replace(slowest=min(a.slowest for a in each), fastest=max(a.fastest for a in each))
 
 

@@ -14,6 +14,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..electronics import OutputStage
 from ..identify.walk.experiments import PlannedWalk
 from ..progress import Progress
 from ..records import Quantity, record
@@ -69,8 +70,7 @@ def searched(
         min(slew_rate, limits.max_slew),
         max(FREQUENCIES[0], (FEWEST + 0.1) / begin.duration),
         min(FREQUENCIES[-1], begin.sample_rate / SAMPLES),
-        None,
-        of_search.DriveLimits(),
+        OutputStage(),
     )
 
     def walk(x: Array) -> PlannedWalk:

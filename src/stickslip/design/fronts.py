@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..actuator import Actuator
+from ..electronics import OutputStage
 from ..progress import Progress, unheard
 from ..units import QuantityError, optional_si
 from .front import Front, front_of
 from .goals import goal_of
-from .limits import DriveLimits, allowed, frequencies
+from .limits import allowed, frequencies
 from .scenarios import Scenario, conditions_of
 from .searched import Searched
 from .waveforms import check_counts, check_model
@@ -24,7 +25,7 @@ def waveform_front(
     max_voltage: float | str | None = None,
     min_voltage: float | str | None = None,
     frequency: tuple[float | str, float | str] | None = None,
-    limits: DriveLimits | None = None,
+    output: OutputStage | None = None,
     scenarios: Sequence[Scenario | Mapping[str, Any]] = (),
     points: int = 50,
     generations: int = 80,
@@ -39,8 +40,8 @@ def waveform_front(
             in its worst condition.
         points: of the front, at most.
         generations: each of as many candidates.
-        model, knots, max_voltage, min_voltage, frequency, limits, scenarios, seed, threads, progress: as for
-            `optimise_waveform`.
+        model, knots, max_voltage, min_voltage, frequency, output, scenarios, seed, threads, progress: as for
+            `optimise_waveform`; of the output's updates only the range of frequencies and slopes counts.
 
     Raises:
         QuantityError: not two goals, or see `optimise_waveform`.
@@ -54,7 +55,7 @@ def waveform_front(
         raise QuantityError(f"the first goal must ask for motion, which {both[0].label} does not")
     check_model(model)
     check_counts(knots=knots, points=points, generations=generations)
-    within_limits = allowed(model, low, high, limits, hertz, None)
+    within_limits = allowed(model, low, high, output, hertz)
     conditions = conditions_of(model, scenarios, None, 1, seed)
     searched = [Searched(model, goal, within_limits, conditions, 0.0, 0.0, threads) for goal in both]
     return front_of(searched, knots, points, generations, seed, progress)

@@ -1,110 +1,28 @@
-"""Limits of amplifier and generator on a drive signal, and the signal as the generator plays it."""
+"""What an output stage and an actuator allow of a drive signal together."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from ..actuator import Actuator
-from ..electronics import Amplifier
-from ..records import Quantity, record
-from ..rig.bench import Bench
+from ..electronics import OutputStage
+from ..electronics.output import FEWEST, codes_within
 from ..units import QuantityError, to_si, with_prefix
-from ..waveform.sampled import Sampled
-from ..waveform.signal import Waveform
 
-Array = NDArray[np.float64]
-# Updates of a period: fewer make no waveform.
-FEWEST = 4
 # Frequencies that are searched unless bounds are given, over those of stage and contact.
 SLOWEST, FASTEST = 0.1, 3.0
 
 
-@record
-class DriveLimits(NamedTuple):
-    """Of the amplifier: slope of the voltage, and peak current into a capacitance [F] (`Stack.load`). With
-    the `amplifier` itself, a drive is judged by what that makes of it."""
-
-    slew_rate: Annotated[
-        float, Quantity("V/s", "R", "greatest slope of the voltage", above=0, maximum=math.inf)
-    ] = math.inf
-    current: Annotated[float, Quantity("A", "I", "greatest current", above=0, maximum=math.inf)] = math.inf
-    capacitance: Annotated[float | None, Quantity("F", "C", "capacitance of the piezo", above=0)] = None
-    amplifier: Amplifier | None = None
-
-    def _check(self) -> None:
-        if (math.isfinite(self.current) or self.amplifier) and self.capacitance is None:
-            raise QuantityError(
-                "DriveLimits.capacitance [F] is missing: a current limits the slope of the voltage by it"
-            )
-
-    @classmethod
-    def of_amplifier(cls, amplifier: Amplifier, capacitance: float | str) -> DriveLimits:
-        """Those of an amplifier into a capacitance [F]; of its currents the one that it gives for ever."""
-        current = min(amplifier.max_current, amplifier.rms_current)
-        return cls(amplifier.slew_rate, current, to_si(capacitance, "F", "capacitance"), amplifier)
-
-    @property
-    def slope(self) -> float:
-        """V/s, the greatest."""
-        return min(self.slew_rate, self.current / self.capacitance if self.capacitance else math.inf)
-
-
-@record
-class Generator(NamedTuple):
-    """What plays the waveform: so many updates per second, so many points at most, voltages that are
-    multiples of a step (V at the piezo; 0: any), each held until the next or joined by lines."""
-
-    update_rate: Annotated[float, Quantity("Hz", "f_DA", "updates per second", above=0)]
-    points: Annotated[
-        float, Quantity("", "N", "most points of a period", minimum=FEWEST, maximum=math.inf)
-    ] = math.inf
-    step: Annotated[float, Quantity("V", "q", "voltage step", minimum=0)] = 0.0
-    interpolation: Literal["hold", "linear"] = "hold"
-
-    def _check(self) -> None:
-        if math.isfinite(self.points) and self.points % 1:
-            raise QuantityError(f"Generator.points = {self.points:g} must be a whole number")
-        if self.interpolation not in ("hold", "linear"):
-            raise QuantityError(f"Generator.interpolation = {self.interpolation!r}: it is 'hold' or 'linear'")
-
-    @classmethod
-    def of_bench(cls, bench: Bench, points: int) -> Generator:
-        """The converter of a bench, behind its amplifier."""
-        return cls(bench.dac.update_rate, points, bench.dac.step * bench.amplifier.gain)
-
-    def played(self, waveform: Waveform, low: float, high: float) -> Sampled:
-        """One period as it is played, for ever: the values at the updates, at the nearest steps within the
-        voltages; the nearest whole number of updates long."""
-        period = float(waveform.period)  # type: ignore[attr-defined]
-        count = max(1, round(period * self.update_rate))
-        at = np.arange(count) * (period / count)
-        volts = np.clip(waveform.value(at), low, high)  # type: ignore[attr-defined]
-        if self.step:
-            codes = np.rint(volts / self.step)
-            volts = self.step * np.clip(codes, *_codes(self.step, low, high))
-        return Sampled(
-            np.arange(count) / self.update_rate, volts, self.interpolation, period=count / self.update_rate
-        )
-
-
-def _codes(step: float, low: float, high: float) -> tuple[float, float]:
-    return math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-
-
 class Allowed(NamedTuple):
-    """What all of it leaves: voltages, V; slope, V/s; frequencies, Hz; the generator, if there is one."""
+    """Ranges of a drive: voltages, V; slope, V/s; frequencies, Hz; and the output stage that sets them."""
 
     low: float
     high: float
     slope: float
     slowest: float
     fastest: float
-    generator: Generator | None
-    limits: DriveLimits
+    output: OutputStage
 
     @property
     def swing(self) -> float:
@@ -115,48 +33,45 @@ def allowed(
     model: Actuator,
     min_voltage: float | None,
     max_voltage: float | None,
-    limits: DriveLimits | None,
+    output: OutputStage | None,
     frequency: tuple[float, float] | None,
-    generator: Generator | None,
 ) -> Allowed:
-    """What model, limits and generator allow together.
+    """Return what a model and an output stage allow together.
 
     Raises:
         QuantityError: nothing, or a voltage that the model does not take; says which limit it is.
     """
     low, high = _voltages(model, min_voltage, max_voltage)
     slowest, fastest = frequency or _usual(model, high - low)
-    limits = limits or DriveLimits()
-    if not isinstance(limits, DriveLimits):
-        raise QuantityError(f"limits = {limits!r:.60} must be design.DriveLimits(slew_rate=..., current=...)")
-    if generator is not None and not isinstance(generator, Generator):
-        raise QuantityError(f"generator = {generator!r:.60} must be a design.Generator")
-    slope = limits.slope
-    if generator is not None:
-        least, most = _codes(generator.step, low, high) if generator.step else (0, 1)
+    output = output or OutputStage()
+    if not isinstance(output, OutputStage):
+        raise QuantityError(f"output = {output!r:.60} must be electronics.OutputStage(slew_rate=..., ...)")
+    slope = output.slope
+    if output.updates:
+        least, most = codes_within(output.step, low, high) if output.step else (0, 1)
         if most <= least:
             raise QuantityError(
-                f"Generator.step = {with_prefix(generator.step, 'V')} leaves less than two voltages from "
+                f"OutputStage.step = {with_prefix(output.step, 'V')} leaves less than two voltages from "
                 f"{low:g} V to {high:g} V"
             )
         # A sample may be off by half a step, and so may the one before.
-        steps = generator.step * generator.update_rate
+        steps = output.step * output.update_rate
         if slope <= steps:
             raise QuantityError(
                 f"a slope of at most {with_prefix(slope, 'V/s')} excludes every drive: one step of the "
-                f"generator, {with_prefix(generator.step, 'V')}, takes {with_prefix(steps, 'V/s')}"
+                f"output, {with_prefix(output.step, 'V')}, takes {with_prefix(steps, 'V/s')}"
             )
         slope -= steps
-        ends = generator.update_rate / generator.points, generator.update_rate / FEWEST
+        ends = output.update_rate / output.points, output.update_rate / FEWEST
         wanted = slowest, fastest
         slowest, fastest = max(slowest, ends[0]), min(fastest, ends[1])
         if slowest >= fastest:
             raise QuantityError(
-                f"frequency = {wanted[0]:g} Hz to {wanted[1]:g} Hz is excluded by the generator, which plays "
-                f"{FEWEST} to {generator.points:g} points at {generator.update_rate:g} Hz: "
+                f"frequency = {wanted[0]:g} Hz to {wanted[1]:g} Hz is excluded by the output, which plays "
+                f"{FEWEST} to {output.points:g} points at {output.update_rate:g} Hz: "
                 f"{ends[0]:g} Hz to {ends[1]:g} Hz"
             )
-    return Allowed(low, high, slope, slowest, fastest, generator, limits)
+    return Allowed(low, high, slope, slowest, fastest, output)
 
 
 def _voltages(model: Actuator, low: float | None, high: float | None) -> tuple[float, float]:

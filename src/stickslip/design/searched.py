@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..actuator import Actuator
-from ..electronics import driven_period
 from ..progress import Progress, within
 from ..units import QuantityError, unit_for, with_prefix
 from ..waveform.signal import Waveform
@@ -150,33 +149,32 @@ class Searched(NamedTuple):
         return self.described(shapes, drives, played, at_piezo, found, k, saw, spent)
 
     def at_updates(self, shape: Polygons) -> list[Polygons]:
-        """With the periods that a generator can play, the nearest two; as it is, where there is none."""
-        generator = self.allowed.generator
-        if generator is None:
+        """Return the shape with the nearest two periods of whole updates; itself for a continuous output."""
+        output = self.allowed.output
+        if not output.updates:
             return [shape]
-        updates = shape.period[0] * generator.update_rate
+        updates = shape.period[0] * output.update_rate
         counts = {
-            int(np.clip(n, np.ceil(1e-9 + 1.0), generator.points))
-            for n in (np.floor(updates), np.ceil(updates))
+            int(np.clip(n, np.ceil(1e-9 + 1.0), output.points)) for n in (np.floor(updates), np.ceil(updates))
         }
         return [
-            shape._replace(period=np.array([n / generator.update_rate])).within(self.allowed)
+            shape._replace(period=np.array([n / output.update_rate])).within(self.allowed)
             for n in sorted(counts)
         ]
 
     def played(self, drives: list[Waveform]) -> list[Waveform]:
-        """As the generator plays them."""
-        generator = self.allowed.generator
-        if generator is None:
+        """Return the drives as the converter plays them."""
+        output = self.allowed.output
+        if not output.updates:
             return drives
-        return [generator.played(drive, self.allowed.low, self.allowed.high) for drive in drives]
+        return [output.played(drive, self.allowed.low, self.allowed.high) for drive in drives]
 
     def at_piezo(self, drives: list[Waveform]) -> list[Waveform]:
         """Behind the amplifier."""
-        limits = self.allowed.limits
-        if limits.amplifier is None or limits.capacitance is None:
+        output = self.allowed.output
+        if output.amplifier is None:  # then the drives keep within the slope
             return drives
-        return [driven_period(limits.amplifier, drive, limits.capacitance) for drive in drives]
+        return [output.at_piezo(drive) for drive in drives]
 
     def described(
         self,
@@ -197,7 +195,7 @@ class Searched(NamedTuple):
         return OptimisedWaveform(
             waveform=drives[k],  # type: ignore[arg-type]
             value=worst[0],
-            played=None if self.allowed.generator is None else played[k],  # type: ignore[arg-type]
+            played=played[k] if self.allowed.output.updates else None,  # type: ignore[arg-type]
             at_piezo=at_piezo[k],
             sawtooth_at_piezo=at_piezo[saw],
             sawtooth=shapes[saw].sawtooth(0),

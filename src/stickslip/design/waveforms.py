@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..actuator import Actuator
+from ..electronics import OutputStage
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
 from ..progress import Progress, unheard
 from ..records import Quantity
 from ..units import QuantityError, optional_si, to_si, unit_for
 from .goals import goal_of
-from .limits import DriveLimits, Generator, allowed, frequencies
+from .limits import allowed, frequencies
 from .optimised import OptimisedWaveform
 from .scenarios import Scenario, Uncertainty, conditions_of
 from .searched import Searched
@@ -34,8 +35,7 @@ def optimise_waveform(
     max_voltage: float | str | None = None,
     min_voltage: float | str | None = None,
     frequency: tuple[float | str, float | str] | None = None,
-    limits: DriveLimits | None = None,
-    generator: Generator | None = None,
+    output: OutputStage | None = None,
     scenarios: Sequence[Scenario | Mapping[str, Any]] = (),
     uncertainty: Uncertainty | None = None,
     draws: int = 64,
@@ -58,9 +58,8 @@ def optimise_waveform(
         knots: values within a period.
         max_voltage, min_voltage: V; by default those of the model (from 0 V, where it has no least one).
         frequency: (low, high), Hz; by default about those of stage and contact.
-        limits: slope and current.
-        generator: what plays it. The period then is a whole number of its updates, and what is played is
-            what counts.
+        output: limits of slope and current, amplifier and updates. With an update rate the period is a whole
+            number of updates, and what is played is what counts.
         scenarios: loads, detunings; see `Scenario`.
         uncertainty: `draws` of the posterior, of the fit, or of arrays by name are conditions too.
         quantile: of the conditions, in place of the worst: 0.05, say.
@@ -89,7 +88,7 @@ def optimise_waveform(
     if not 0.0 <= share < 1.0:
         raise QuantityError(f"quantile = {share:g} is out of range: it must be >= 0 (the worst) and < 1")
     check_moves(model, aim, speed)
-    within_limits = allowed(model, low, high, limits, hertz, generator)
+    within_limits = allowed(model, low, high, output, hertz)
     conditions = conditions_of(model, scenarios, uncertainty, draws, seed)
     searched = Searched(model, aim, within_limits, conditions, speed, share, threads)
     return searched.result(knots, budget, seed, progress)

@@ -21,6 +21,7 @@ from .inductive import InductiveSensor as InductiveSensor
 from .interferometer import Encoder as Encoder
 from .interferometer import Interferometer as Interferometer
 from .interferometer import PositionSensor as PositionSensor
+from .output import OutputStage as OutputStage
 from .parts import Part as Part
 from .parts import available_parts as available_parts
 from .parts import load_amplifier as load_amplifier

@@ -12,6 +12,7 @@ from pydantic import Field
 from .. import design
 from ..actuator import Actuator
 from ..design.optimised import motion_by
+from ..electronics import OutputStage
 from ..input_file import Strict
 from ..progress import Progress
 from ..records import Quantity
@@ -137,24 +138,24 @@ class Search(Map):
         ]
         top = self.top(model)
         knots = int(_KNOTS.check(self.knots, "knots"))
-        common = {"knots": knots, "max_voltage": top, "scenarios": scenarios, "limits": self._limits()}
+        common = {"knots": knots, "max_voltage": top, "scenarios": scenarios, "output": self._limits()}
         return model, common
 
-    def _limits(self) -> design.DriveLimits:
+    def _limits(self) -> OutputStage:
         given = {name: getattr(self, name) for name in ("current", "slew_rate")}
         load = _CAPACITANCE.check(self.capacitance, "capacitance")
-        return design.DriveLimits(capacitance=load, **{n: v for n, v in given.items() if v is not None})
+        return OutputStage(capacitance=load, **{n: v for n, v in given.items() if v is not None})
 
-    def generator(self) -> design.Generator | None:
-        """QuantityError for a wrong value."""
+    def played(self, output: OutputStage) -> OutputStage:
+        """Return an output stage with the converter that is asked for; raises QuantityError."""
         if self.update_time is None:
             for name in ("points", "step"):
                 if getattr(self, name) is not None:
                     raise QuantityError(f"update_time [s] is missing: a generator has {name} of that")
-            return None
+            return output
         rate = 1.0 / _UPDATE.check(self.update_time, "update_time")
         points = math.inf if self.points is None else _POINTS.check(self.points, "points")
-        return design.Generator(rate, points, 0.0 if self.step is None else self.step)  # type: ignore[arg-type]
+        return output.with_converter(OutputStage(rate, points, 0.0 if self.step is None else self.step))  # type: ignore[arg-type]
 
 
 class Front(Search):
@@ -213,9 +214,8 @@ def step_map(asked: Map, sets: Sets) -> dict[str, Array]:
 def searched(asked: Search, sets: Sets, progress: Progress) -> dict[str, Any]:
     """The fastest drive and the best sawtooth, as the page takes them, and what they do in each condition."""
     model, common = asked.asked(sets)
-    found = design.optimise_waveform(
-        model, goal="speed", generator=asked.generator(), progress=progress, **common
-    )
+    common["output"] = asked.played(common["output"])
+    found = design.optimise_waveform(model, goal="speed", progress=progress, **common)
     rows = zip(found.conditions.names, found.values.tolist(), found.sawtooth_values.tolist(), strict=True)
     return {
         "drive": described(found.waveform),

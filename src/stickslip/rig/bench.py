@@ -28,6 +28,7 @@ from ..electronics import (
     Filter,
     InductiveSensor,
     Interferometer,
+    OutputStage,
     PositionSensor,
     StrainGauge,
 )
@@ -83,6 +84,12 @@ class Bench:
     def replace(self, **changes: Any) -> Bench:
         """The same bench with some fields changed."""
         return replace(self, **changes)
+
+    def output(self, points: float = math.inf) -> OutputStage:
+        """Return the output stage: converter, amplifier and piezo, with a greatest number of points."""
+        of = OutputStage.of_amplifier(self.amplifier, self.piezo_capacitance)
+        step = self.dac.step * self.amplifier.gain
+        return of._replace(update_rate=self.dac.update_rate, points=points, step=step)
 
     def with_chain(self, chain: Chain, name: str = "position") -> Bench:
         """The bench with an input of that name that shows the end-effector as a chain does, in m and without
