@@ -63,4 +63,4 @@ def loop() -> tuple[Actuator, Tuning, StepSizes]:
     """The set, the loop that is tuned on it and its corners, and its steps."""
     base = load_actuator(SET)
     tuning = tune(base, RATE, Requirement(), posterior=corners(base), delay=2)
-    return base, tuning, StepSizes.of_model(base.replace(piezo=None), WALK.frequency, TOP)
+    return base, tuning, StepSizes.of_model(base.replace(piezo=None), RATE, WALK.frequency, TOP)

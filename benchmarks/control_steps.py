@@ -173,7 +173,7 @@ def equalised(count: int, seed: int) -> tuple[float, float]:
     difference between them in the first series of ten, and in the third."""
     random = np.random.default_rng(seed)
     base = load_actuator(SET)
-    table = StepSizes.of_model(base.replace(piezo=None), WALK.frequency, 100.0)
+    table = StepSizes.of_model(base.replace(piezo=None), RATE, WALK.frequency, 100.0)
     found = []
     for k in range(count):
         model = drawn(random).replace(external_force=float(random.uniform(-0.03, 0.03)))

@@ -139,7 +139,7 @@ def maps(first: int, count: int) -> None:
 
 def outside(model: ss.Actuator, seed: int, generations: int = GENERATIONS) -> tuple[float, int]:
     """m/s, the fastest that SciPy's differential evolution finds, and how many motions it took."""
-    within = allowed(model, None, TOP, None, None, None)
+    within = allowed(model, None, TOP, None, None)
     span, count = math.log(within.fastest / within.slowest), 0
 
     def slowness(x: np.ndarray) -> Any:

@@ -61,7 +61,7 @@ def regulator() -> Regulator:
 
 @pytest.fixture(scope="module")
 def spec(regulator: Regulator):
-    table = StepSizes.of_model(KANG, "100 Hz", "100 V")
+    table = StepSizes.of_model(KANG, RATE, "100 Hz", "100 V")
     return commanded(Stepping(), table, regulator, KANG.gain, 1e-6)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.control_bench import SET, WALK, drawn
+from benchmarks.control_bench import RATE, SET, WALK, drawn
 from benchmarks.control_steps import Series, equal_steps, open_loop
 
 from stickslip.actuator import load_actuator
@@ -15,7 +15,7 @@ BASE = load_actuator(SET)
 
 @pytest.fixture(scope="module")
 def table() -> StepSizes:
-    return StepSizes.of_model(BASE.replace(piezo=None), WALK.frequency, "100 V")
+    return StepSizes.of_model(BASE.replace(piezo=None), RATE, WALK.frequency, "100 V")
 
 
 @pytest.mark.parametrize("load", [-0.03, 0.03])

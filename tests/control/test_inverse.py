@@ -68,7 +68,7 @@ def test_it_goes_along_with_other_voltages() -> None:
 
 def test_a_hold_after_steps_with_it_does_not_creep() -> None:
     """The same move with a feedforward by the gain: there the loop is always behind the creep."""
-    tuning, table = tune(BENT, RATE), StepSizes.of_model(BENT.replace(piezo=None), "100 Hz", "100 V")
+    tuning, table = tune(BENT, RATE), StepSizes.of_model(BENT.replace(piezo=None), RATE, "100 Hz", "100 V")
     left = {}
     for name, own in (("inverse", {"feedforward": PiezoInverse(BENT, RATE)}), ("gain", {})):
         regulator = tuning.regulator(RATE, max_voltage=100.0, lead=tuning.lag, **own)

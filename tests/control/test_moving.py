@@ -36,7 +36,7 @@ def tuning():
 
 @pytest.fixture(scope="module")
 def table() -> StepSizes:
-    return StepSizes.of_model(KANG, "100 Hz", "100 V")
+    return StepSizes.of_model(KANG, RATE, "100 Hz", "100 V")
 
 
 def mover(tuning, table: StepSizes, walk: Stepping | None = None, hold: float = 0.05) -> Mover:
@@ -44,8 +44,9 @@ def mover(tuning, table: StepSizes, walk: Stepping | None = None, hold: float = 
 
 
 def test_a_table_has_the_steps_of_the_model_and_reads_backwards(table: StepSizes) -> None:
-    """A step of the mover's: a ramp over 8 of 10 ms, then back within a microsecond, simulated."""
-    step = Sampled([0.0, 8e-3, 8.001e-3, 10e-3], [0.0, table.voltages[9], 0.0, 0.0])
+    """A step of the mover's: up over 160 ticks of 200, then back at once, simulated."""
+    count = np.arange(1, 201)
+    step = Sampled((count - 1) / RATE, np.where(count <= 160, table.voltages[9] * count / 160, 0.0), "hold")
     run = simulate(KANG, Sequence(*[(step, 10e-3)] * 6), 60e-3, sample_rate=1e3)
     x = run["end_effector_position"].sel(time=[0.05, 0.06], method="nearest").values
     expected = x[1] - x[0]
@@ -160,7 +161,7 @@ def test_what_a_walk_cannot_be(tuning, table: StepSizes) -> None:
     with pytest.raises(QuantityError, match="must ascend"):
         StepSizes((2.0, 1.0), (1e-6, 2e-6), (1e-6, 2e-6))
     with pytest.raises(QuantityError, match="does not walk forward"):
-        StepSizes.of_model(KANG.replace(external_force=-0.4), "100 Hz", "100 V")
+        StepSizes.of_model(KANG.replace(external_force=-0.4), RATE, "100 Hz", "100 V")
 
 
 def test_settling_is_for_good_and_told_over_a_ladder() -> None:

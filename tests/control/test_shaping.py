@@ -120,7 +120,7 @@ def test_a_mode_that_the_ticks_cannot_show_is_refused() -> None:
 def test_steps_with_such_an_edge_go_as_their_table_says(slip: Slip) -> None:
     """Twenty steps of a mover in a simulation, the mean of the last ten beside the table of the model."""
     model = load_actuator("kang2007").replace(damping_ratio=0.1)
-    table = StepSizes.of_model(model, "100 Hz", "100 V", slip)
+    table = StepSizes.of_model(model, RATE, "100 Hz", "100 V", slip)
     regulator = Regulator(Pid(1e8), 20e3)
     mover = Mover(Stepping("65 V", "100 Hz"), table, regulator, model.gain, learning=0.0, slip=slip)
     mover.steps_wanted = 20
@@ -128,7 +128,7 @@ def test_steps_with_such_an_edge_go_as_their_table_says(slip: Slip) -> None:
     after = found["end_effector_position"].values[[round((0.02 + k / 100) * 20e3) for k in (8, 18)]]
     step = float(np.interp(65.0, table.voltages, table.forward))
     assert float(np.diff(after)[0]) / 10.0 == pytest.approx(step, rel=0.02)
-    other = StepSizes.of_model(model, "100 Hz", "100 V")
+    other = StepSizes.of_model(model, RATE, "100 Hz", "100 V")
     assert abs(step / float(np.interp(65.0, other.voltages, other.forward)) - 1.0) > 0.02
 
 

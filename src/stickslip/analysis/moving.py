@@ -189,7 +189,8 @@ def run_move(
     can, rate = rig.capabilities, rig.capabilities.update_rate
     progress("tuning the loop", 0.0)
     wanted = Requirement(**_given(file.requirement))
-    tuning = tune(model, rate, wanted, posterior=others)
+    output = bench.output()
+    tuning = tune(model, output, wanted, posterior=others)
     walk = Stepping(tolerance=aim.within, **_given(file.walk))
     low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
     if math.isfinite(limits.max_slew):
@@ -200,7 +201,7 @@ def run_move(
     inverse = feedforward_of(model, rate)
     regulator = tuning.regulator(rate, **ends, **({} if inverse is None else {"feedforward": inverse}))
     slip = file.slip.slip(bench, walk)
-    table = StepSizes.of_model(model.replace(piezo=None), walk.frequency, high - low, slip)
+    table = StepSizes.of_model(model.replace(piezo=None), output, walk.frequency, high - low, slip)
     mover = Mover(walk, table, regulator, model.gain, hold=file.hold, slip=slip, unit=aim.unit)
     if only_hold and not mover.reaches(aim.target):
         raise AnalysisError(

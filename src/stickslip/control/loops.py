@@ -7,6 +7,10 @@ frequencies that are evenly spaced on a logarithmic scale, and about each pole a
           \omega_p = |\arg p| / T
 
 with which a resonance is passed in steps of h, however narrow it is [astrom2006].
+
+The response is exact for voltages that are held for a tick, aliasing included. A mode near the Nyquist
+frequency or beyond it that rings for longer than a tick appears at another frequency there, which moves by as
+much as the mode is off: what a margin says of such a loop is not to be believed.
 """
 
 from __future__ import annotations
@@ -20,7 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigvals, expm
 
 from ..actuator import Actuator
-from ..simulation.sticking import sticking
+from ..electronics.output import OutputStage, output_of
+from ..simulation.sticking import Sticking, sticking
 from ..units import array_si
 from .blocks import RATE, Regulator, whole_number
 
@@ -34,13 +39,18 @@ _WIDE = 0.2  # damping over frequency, above which the logarithmic scale is dens
 _NARROW = 1e-9  # and what an undamped mode counts as
 _STATES = 48  # of a closed loop whose poles are computed; of more, the turns of its response are counted
 _FINER, _ROUNDS = 13, 6  # frequencies between two, where the sensitivity is greatest, and how often
+# A mode above this share of the update rate is aliased: 5 % off, it appears as much as 10 % off beside the
+# Nyquist frequency, and notches are not placed there.
+NEAR_NYQUIST = 0.4
+RINGS = 0.25  # share r of a swing left after a tick; less makes no resonance: (1 + r) / (1 - r) is below 1.7
+SEEN = 1e-3  # share of the stroke that a mode has; less cannot be seen in a response
 _EVEN = 1e-4  # of the sensitivity: less is not looked for between two frequencies
 
 
 class Loop(NamedTuple):
     """An actuator that sticks, sampled: state transition (n, n), input (n,), output (n,), rate [Hz], ticks of
-    delay; its poles without the delay and their residues [m/V]; the zeros; and its response [m/V] at
-    `frequencies` [Hz], below half the rate."""
+    delay; its poles without the delay and their residues [m/V]; the zeros; its response [m/V] at
+    `frequencies` [Hz], below half the rate; and the frequency [Hz] of the lowest `aliased` mode, or 0."""
 
     a: Array
     b: Array
@@ -52,6 +62,7 @@ class Loop(NamedTuple):
     zeros: Complex
     frequencies: Array
     response: Complex
+    aliased: float = 0.0
 
     def at(self, frequencies: ArrayLike) -> Complex:
         """The response [m/V] at frequencies [Hz] (n,)."""
@@ -99,11 +110,22 @@ def _frequencies(rate: float, delay: int, roots: Iterable[complex]) -> Array:
     return np.unique(np.concatenate(parts))
 
 
-def sampled_loop(model: Actuator, rate: float | str, *, delay: int = 1) -> Loop:
-    """The sticking actuator under voltages held for a tick, with `delay` whole ticks between a measured
-    position and its voltage (0: put out at once). Raises QuantityError for a rate or a delay out of range,
-    and as `simulation.sticking`."""
-    hertz, delay, linear = RATE.check(rate, "rate"), whole_number(delay, "delay"), sticking(model)
+def sampled_loop(model: Actuator, output: OutputStage | float | str, *, delay: int = 1) -> Loop:
+    """Return the sticking actuator behind an output stage, sampled at its updates.
+
+    Args:
+        model: identified.
+        output: its update rate, and the lag of its amplifier; or the rate alone, Hz. Limits of slope and
+            current are not in a linear loop.
+        delay: whole ticks between a measured position and its voltage; 0: put out at once.
+
+    Raises:
+        QuantityError: a rate or a delay is out of range; see `simulation.sticking`.
+    """
+    stage = output_of(output)
+    hertz, delay = RATE.check(stage.update_rate, "output.update_rate"), whole_number(delay, "delay")
+    own = sticking(model)
+    linear = _behind(own, stage.lag)
     n = linear.b.size
     whole = np.zeros((n + 1, n + 1))
     whole[:n, :n], whole[:n, n] = linear.a / hertz, linear.b / hertz
@@ -126,7 +148,29 @@ def sampled_loop(model: Actuator, rate: float | str, *, delay: int = 1) -> Loop:
     zeros = _zeros(a, b, c)
     known = _frequencies(hertz, delay, [*poles, *zeros])
     response = _response(poles, residues, known, hertz, delay)
-    return Loop(late, into, out, hertz, delay, poles, residues, zeros, known, response)
+    aliased = _aliased(own, hertz)
+    return Loop(late, into, out, hertz, delay, poles, residues, zeros, known, response, aliased)
+
+
+def _behind(own: Sticking, lag: float) -> Sticking:
+    """Return a linear model behind an amplifier of that time constant [s]."""
+    if not lag > 0.0:
+        return own
+    n = own.b.size
+    a = np.zeros((n + 1, n + 1))
+    a[:n, :n], a[:n, n], a[n, n] = own.a, own.b, -1.0 / lag
+    return Sticking(a, np.append(np.zeros(n), 1.0 / lag), np.append(own.c, 0.0))
+
+
+def _aliased(own: Sticking, rate: float) -> float:
+    """Return the frequency [Hz] of the lowest mode that updates at a rate [Hz] do not resolve, or 0."""
+    roots: Any = np.linalg.eig(own.a)
+    poles, vectors = roots
+    shares = np.abs((own.c @ vectors) * np.linalg.solve(vectors, own.b) / poles)
+    hertz = np.abs(poles) / (2.0 * math.pi)
+    beyond = (poles.imag > 0.0) & (hertz > NEAR_NYQUIST * rate) & (np.exp(poles.real / rate) > RINGS)
+    found = hertz[beyond & (shares > SEEN * np.abs(own.c @ np.linalg.solve(own.a, own.b)))]
+    return float(found.min()) if found.size else 0.0
 
 
 def _zeros(a: Any, b: Any, c: Array) -> Complex:

@@ -25,7 +25,7 @@ from ..units import QuantityError, to_si, with_prefix
 from .arrival import BATCHES, NOISY, SPREAD, STUDENT, Arrival
 from .blocks import ControlWarning, Regulator
 from .shaping import Slip
-from .steps import RISING, Steps, StepSizes
+from .steps import Steps, StepSizes, StepTicks
 
 
 class MoveError(RuntimeError):
@@ -119,17 +119,14 @@ class Mover:
                 f"the piezo has {low:g} to {high:g} V"
             )
         rate = regulator.rate
-        self._period, self._pause = round(rate / walk.frequency), round(walk.pause * rate)
+        self._ticks, self._pause = (
+            StepTicks.of(rate, walk.frequency, slip or Slip()),
+            round(walk.pause * rate),
+        )
         self._scan, self._batch = max(round(walk.scan * rate), 1), max(round(walk.dwell * rate / BATCHES), 1)
         self.arrival, self.remark = Arrival(walk.tolerance, self.gain, self._batch), ""
-        self._rise = round(RISING * self._period)
-        if self._period < 8:
-            raise QuantityError(
-                f"Stepping.frequency = {walk.frequency:g} Hz leaves {self._period} ticks a step; 8 are needed"
-            )
-        # At least one tick, in which nothing is left any more.
-        self.slipping = (slip or Slip()).left(rate) or (0.0,)
-        rest = min(self._period - self._rise, self._pause)
+        self.slipping = self._ticks.slipping
+        rest = min(self._ticks.period - self._ticks.rise, self._pause)
         if len(self.slipping) > rest:
             raise QuantityError(
                 f"the slip edge takes {len(self.slipping)} ticks; "
@@ -169,8 +166,8 @@ class Mover:
             "centred": _CENTRED,
             "along": _ALONG,
             "share_lost": _LOST,
-            "period": self._period,
-            "rise": self._rise,
+            "period": self._ticks.period,
+            "rise": self._ticks.rise,
             "pause": self._pause,
             "scanning": self._scan,
             "batch": self._batch,
@@ -237,17 +234,13 @@ class Mover:
         else:  # recentre, wait
             self._count += 1
             if phase == "recentre":
-                self._voltage = self._to + (self._from - self._to) * self._left(self._count)
+                self._voltage = self._to + (self._from - self._to) * self._ticks.left(self._count)
             if self._count >= self._pause:
                 self._choose(measured, tick)
         inverse = self.regulator.inverse
         if inverse is not None and phase != "hold" and phase != "scan":
             inverse.follow(self._voltage)
         return self._voltage
-
-    def _left(self, count: int) -> float:
-        """Of a voltage that slips, after so many ticks."""
-        return self.slipping[count - 1] if count <= len(self.slipping) else 0.0
 
     def _jog(self, tick: int) -> None:
         """Begin with so many full steps."""
@@ -330,10 +323,8 @@ class Mover:
     def _stepping(self, measured: float, tick: int) -> None:
         """A step goes slowly by its amplitude and back at once; then it rests."""
         self._count += 1
-        rising = self._count <= self._rise
-        part = self._count / self._rise if rising else self._left(self._count - self._rise)
-        self._voltage = self._to + self._direction * self._amplitude * part
-        if self._count < self._period:
+        self._voltage = self._to + self._direction * self._amplitude * self._ticks.share(self._count)
+        if self._count < self._ticks.period:
             return
         self.steps += 1
         went = self._direction * (measured - self._before)

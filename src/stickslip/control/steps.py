@@ -1,5 +1,8 @@
 """Sizes of single steps over the voltage, from a model, corrected by what is measured while it walks.
 
+A table of a model is that of the voltages that reach the piezo: each step as a `Mover` asks for it at its
+ticks, behind converter and amplifier (`OutputStage`).
+
 Forward and backward are learnt apart: under a load, on an incline, or with a piezo that has hysteresis they
 differ. The equaliser is the table read backwards: `voltage_for` gives the amplitude with which a step goes as
 far as wanted in either direction.
@@ -12,13 +15,18 @@ from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..actuator import Actuator
+from ..electronics.output import OutputStage, output_of
 from ..records import Quantity, record
-from ..simulation.steady_members import steady_steps
+from ..simulation import SimulationError, steady_step, steady_steps
 from ..units import QuantityError, to_si, with_prefix
 from ..waveform.knots import PeriodicKnots
+from ..waveform.sampled import Sampled
 from .shaping import Slip
+
+Array = NDArray[np.float64]
 
 # Share of a step in which the voltage rises; in the rest, after the slip edge, the slip dies away.
 RISING = 0.8
@@ -26,6 +34,34 @@ _EDGE = 1e-5  # of a step that the slip edge takes in the model
 _VOLTAGES = 16  # of a table that is made of a model
 _PRIOR = 0.1  # of the greatest step: as which a table counts beside what is measured
 _LEAST = 0.05  # of the greatest voltage
+_FEWEST = 8  # ticks of a step
+
+
+class StepTicks(NamedTuple):
+    """Ticks of one step: its period, its rise, and what is left of its voltage at those after the rise."""
+
+    period: int
+    rise: int
+    slipping: tuple[float, ...]
+
+    @classmethod
+    def of(cls, rate: float, frequency: float, slip: Slip) -> StepTicks:
+        """Return the ticks at a rate [Hz] of steps of a frequency [Hz]; raises QuantityError for too few."""
+        period = round(rate / frequency)
+        if period < _FEWEST:
+            raise QuantityError(
+                f"Stepping.frequency = {frequency:g} Hz leaves {period} ticks a step; {_FEWEST} are needed"
+            )
+        # At least one tick, in which nothing is left any more.
+        return cls(period, round(RISING * period), slip.left(rate) or (0.0,))
+
+    def left(self, count: int) -> float:
+        """Return the share of a voltage that is left so many ticks after its rise."""
+        return self.slipping[count - 1] if count <= len(self.slipping) else 0.0
+
+    def share(self, count: int) -> float:
+        """Return the share of the amplitude at a tick of the step, counted from 1."""
+        return count / self.rise if count <= self.rise else self.left(count - self.rise)
 
 
 @record
@@ -53,39 +89,88 @@ class StepSizes(NamedTuple):
 
     @classmethod
     def of_model(
-        cls, model: Actuator, frequency: float | str, max_voltage: float | str, slip: Slip | None = None
+        cls,
+        model: Actuator,
+        output: OutputStage | float | str,
+        frequency: float | str,
+        max_voltage: float | str,
+        slip: Slip | None = None,
     ) -> StepSizes:
-        """Of the periodic walks of a model at a frequency [Hz], up to a voltage [V].
+        """Return the steps of the periodic walks of a model behind an output stage.
 
         Args:
-            model, frequency, max_voltage: whose walks, and which.
+            model: the actuator.
+            output: converter and amplifier, ``bench.output()``; or the rate of its updates, Hz, that of the
+                mover's ticks.
+            frequency: Hz, of the steps.
+            max_voltage: V, the largest amplitude.
             slip: the edge with which each step slips; at once, if left out.
 
         Raises:
             QuantityError: the model does not walk at the greatest voltage, or the edge takes too long.
         """
         hertz, most = to_si(frequency, "Hz", "frequency"), to_si(max_voltage, "V", "max_voltage")
-        volts = np.linspace(_LEAST * most, most, _VOLTAGES)
-        free = model.replace(min_voltage=-np.inf, max_voltage=np.inf)
+        volts, stage = np.linspace(_LEAST * most, most, _VOLTAGES), output_of(output)
+        free, edge = model.replace(min_voltage=-np.inf, max_voltage=np.inf), slip or Slip()
         steps = []
-        after, left = (slip or Slip()).corners(_EDGE / hertz)
-        if not after[-1] < (1.0 - RISING) / hertz:
-            took, there = (with_prefix(t, "s") for t in (float(after[-1]), (1.0 - RISING) / hertz))
-            raise QuantityError(f"slip: the edge takes {took}; after its rise a step has {there}")
-        times = (0.0, *(RISING / hertz + after).tolist())
         for sign in (1.0, -1.0):
-            drive = PeriodicKnots(times, (0.0, *(sign * most * left).tolist()), 1.0 / hertz)
-            varied = {f"value_{k + 2}": sign * volts * share for k, share in enumerate(left[:-1].tolist())}
-            found = steady_steps(free, drive, parameters=varied)
-            one = sign * found["net_step"].values
+            one, why = _walks(free, stage, hertz, sign * volts, edge)
+            one = sign * one
             if not one[-1] > 0.0:
-                way, why = "forward" if sign > 0 else "backward", found["reason"].values[-1]
+                way = "forward" if sign > 0 else "backward"
                 raise QuantityError(
                     f"{model.name or 'the actuator'} does not walk {way} at {most:g} V and {hertz:g} Hz: "
                     f"{why or f'its step is {one[-1]:.3g} m'}"
                 )
             steps.append(tuple(np.maximum.accumulate(np.where(one > 0.0, one, 0.0)).tolist()))
         return cls(tuple(volts.tolist()), *steps)
+
+
+def _walks(model: Actuator, output: OutputStage, hertz: float, volts: Array, slip: Slip) -> tuple[Array, str]:
+    """Return the net steps [m] of walks of these amplitudes [V], and why the last one has none."""
+    if not (output.updates or output.amplifier or np.isfinite(output.slope)):
+        drive, shares = _knots(hertz, float(volts[-1]), slip)
+        varied = {f"value_{k + 2}": volts * share for k, share in enumerate(shares[:-1].tolist())}
+        found = steady_steps(model, drive, parameters=varied)
+        return found["net_step"].values, str(found["reason"].values[-1])
+    steps, why = np.full(volts.size, np.nan), ""
+    base = max(-float(volts[-1]), 0.0)  # steps backward begin at the greatest voltage, as a mover's
+    for k, amplitude in enumerate(volts.tolist()):
+        if output.updates:
+            drive = _ticks(output, hertz, amplitude, base, slip)
+        else:
+            knots, _ = _knots(hertz, amplitude, slip)
+            drive = knots._replace(values=tuple(base + u for u in knots.values))
+        try:
+            steps[k], why = steady_step(model, output.at_piezo(drive)), ""
+        except SimulationError as error:
+            why = str(error)
+    return steps, why
+
+
+def _knots(hertz: float, amplitude: float, slip: Slip) -> tuple[PeriodicKnots, Array]:
+    """Return a walk of an output without updates, and what is left of its voltage along the edge."""
+    after, left = slip.corners(_EDGE / hertz)
+    if not after[-1] < (1.0 - RISING) / hertz:
+        took, there = (with_prefix(t, "s") for t in (float(after[-1]), (1.0 - RISING) / hertz))
+        raise QuantityError(f"slip: the edge takes {took}; after its rise a step has {there}")
+    times = (0.0, *(RISING / hertz + after).tolist())
+    return PeriodicKnots(times, (0.0, *(amplitude * left).tolist()), 1.0 / hertz), left
+
+
+def _ticks(output: OutputStage, hertz: float, amplitude: float, base: float, slip: Slip) -> Sampled:
+    """Return a walk from a voltage as a `Mover` asks for it, at the converter's updates and nearest steps."""
+    ticks = StepTicks.of(output.update_rate, hertz, slip)
+    if len(ticks.slipping) > ticks.period - ticks.rise:
+        raise QuantityError(
+            f"slip: the edge takes {len(ticks.slipping)} ticks; after its rise a step has "
+            f"{ticks.period - ticks.rise}"
+        )
+    volts = base + amplitude * np.array([ticks.share(k) for k in range(1, ticks.period + 1)])
+    if output.step:
+        volts = output.step * np.rint(volts / output.step)
+    times = np.arange(ticks.period) / output.update_rate
+    return Sampled(times, volts, output.interpolation, period=ticks.period / output.update_rate)
 
 
 class Steps:

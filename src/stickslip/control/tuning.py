@@ -15,18 +15,21 @@ are not in these models.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from ..actuator import Actuator
+from ..electronics.output import OutputStage, output_of
 from ..estimate.posterior import Posterior
 from ..records import Quantity, of_kind, record
+from ..rig.protocols import check_rate
 from ..simulation.sticking import sticking
 from ..units import unit_for, with_prefix
-from .blocks import RATE, LowPass, Notch, Pid, Regulator
-from .loops import Loop, OpenLoop, crossings, sampled_loop
+from .blocks import RATE, ControlWarning, LowPass, Notch, Pid, Regulator
+from .loops import NEAR_NYQUIST, Loop, OpenLoop, crossings, sampled_loop
 
 _MEMBERS = 40  # of a posterior
 
@@ -48,23 +51,28 @@ DEFAULT = Requirement()
 
 
 class Margins(NamedTuple):
-    """Of a loop, the worst of several models: whether all are stable, the greatest sensitivity, gain margin,
-    phase margin [rad], and the least crossover [Hz]."""
+    """Margins of a loop, the worst of several models: whether all are stable, the greatest sensitivity, gain
+    margin, phase margin [rad], and the least crossover [Hz]; and the frequency [Hz] of the lowest mode that
+    the updates do not resolve (`aliased`, 0 without one), with which they are not to be believed."""
 
     stable: bool
     sensitivity: float
     gain_margin: float
     phase_margin: float
     crossover: float
+    aliased: float = 0.0
 
     def report(self) -> str:
         """In one line."""
         if not self.stable:
             return "unstable"
-        return (
+        said = (
             f"sensitivity {self.sensitivity:.3g}, gain margin {self.gain_margin:.3g}, phase margin "
             f"{math.degrees(self.phase_margin):.3g} degrees, crossover {with_prefix(self.crossover, 'Hz')}"
         )
+        if self.aliased:
+            said += f"; not to be believed: a mode at {with_prefix(self.aliased, 'Hz')} is aliased"
+        return said
 
 
 class Tuning(NamedTuple):
@@ -116,13 +124,27 @@ def _worst(found: list[Margins]) -> Margins:
         min(one.gain_margin for one in found),
         min(one.phase_margin for one in found),
         min(one.crossover for one in found),
+        min((one.aliased for one in found if one.aliased), default=0.0),
     )
+
+
+def _warn_of_aliasing(found: Margins, rate: float) -> None:
+    if found.aliased:
+        mode, hertz = with_prefix(found.aliased, "Hz"), with_prefix(rate, "Hz")
+        warnings.warn(
+            f"a mode of the stage at {mode} is above {NEAR_NYQUIST:g} of the update rate of {hertz}, and "
+            "rings between updates: the loop sees it at another frequency, and the margins hold for exactly "
+            "this mode. A faster output helps, or a `posterior` with the uncertainty of its frequency",
+            ControlWarning,
+            stacklevel=3,
+        )
 
 
 def _margins(opened: OpenLoop, factor: float = 1.0) -> Margins:
     """With the gain of the regulator so many times as large."""
     found = _from_curve(opened, factor)
-    return found._replace(stable=opened.stable(factor), sensitivity=opened.sensitivity(factor))
+    stable, sensitivity = opened.stable(factor), opened.sensitivity(factor)
+    return found._replace(stable=stable, sensitivity=sensitivity, aliased=opened.loop.aliased)
 
 
 def _from_curve(opened: OpenLoop, factor: float) -> Margins:
@@ -145,18 +167,24 @@ def check_margins(
     requirement: Requirement = DEFAULT,
     *,
     posterior: Posterior | Sequence[Actuator] | None = None,
+    output: OutputStage | None = None,
     delay: int = 1,
 ) -> Margins:
-    """The margins of a regulator on a model and a posterior.
+    """Return the margins of a regulator on a model and a posterior, behind an output stage (left out: one of
+    the regulator's rate, without a lag). A `ControlWarning` says where a mode is aliased.
 
     Raises:
         MarginError: the loop is unstable on one of them, or keeps less than is required.
-        QuantityError: an argument is of another kind; see `simulation.sticking`.
+        QuantityError: an argument is of another kind, or the output of another rate than the regulator; see
+            `simulation.sticking`.
     """
     of_kind(regulator, Regulator, "regulator")
     of_kind(requirement, Requirement, "requirement")
-    loops = [sampled_loop(one, regulator.rate, delay=delay) for one in models_of(model, posterior)]
+    stage = OutputStage(regulator.rate) if output is None else of_kind(output, OutputStage, "output")
+    check_rate(regulator, stage.update_rate)
+    loops = [sampled_loop(one, stage, delay=delay) for one in models_of(model, posterior)]
     found = margins(regulator, loops)
+    _warn_of_aliasing(found, regulator.rate)
     wrong = _wrong(found, requirement)
     if wrong:
         raise MarginError(f"gains refused, over {len(loops)} models: {wrong}")
@@ -179,7 +207,7 @@ def _wrong(found: Margins, wanted: Requirement) -> str:
 
 def tune(
     model: Actuator,
-    rate: float | str,
+    output: OutputStage | float | str,
     requirement: Requirement = DEFAULT,
     *,
     posterior: Posterior | Sequence[Actuator] | None = None,
@@ -192,25 +220,27 @@ def tune(
 
     Args:
         model: identified.
-        rate: Hz, of the loop.
+        output: converter and amplifier, ``bench.output()``, whose updates are the loop's ticks; or their
+            rate alone, Hz. A `ControlWarning` says where a mode is near the Nyquist frequency.
         requirement: margins.
         posterior: of `ss.posterior`, or other actuators that the loop must suit too.
         delay: whole ticks between a measured position and its voltage, the sensor's delay among them.
 
     Raises:
         MarginError: no gain keeps them.
-        QuantityError: rate or delay is out of range, the actuator's gain is not above 0 (those of a `Pid` are
-            not below), or the requirement none; see `simulation.sticking`.
+        QuantityError: the rate or the delay is out of range, the actuator's gain is not above 0 (those of a
+            `Pid` are not below), or the requirement none; see `simulation.sticking`.
     """
     of_kind(requirement, Requirement, "requirement")
-    hertz, models = RATE.check(rate, "rate"), models_of(model, posterior)
-    loops = [sampled_loop(one, hertz, delay=delay) for one in models]
+    stage, models = output_of(output), models_of(model, posterior)
+    hertz = RATE.check(stage.update_rate, "output.update_rate")
+    loops = [sampled_loop(one, stage, delay=delay) for one in models]
     stroke = Quantity(unit_for(model, "m/V"), "C", "the stroke per volt of what is tuned", above=0)
     stroke.check(model.gain, "Actuator.gain")
     poles = np.linalg.eigvals(sticking(model).a)
     resonances = sorted({float(abs(p)) / (2.0 * math.pi) for p in poles if p.imag > 0.0})
     filters: list[tuple[Notch, ...]] = [()]
-    filters += [(Notch(f, width),) for f in resonances if f < 0.4 * hertz for width in (0.4, 0.8)]
+    filters += [(Notch(f, width),) for f in resonances if f < NEAR_NYQUIST * hertz for width in (0.4, 0.8)]
     least, most = 0.3 * min(resonances, default=1e3), 0.2 * hertz
     # A loop that is slow against the stage has no place for a low-pass, and needs none.
     corners = [None, *(np.geomspace(least, most, 5) if least < most else ())]
@@ -227,7 +257,9 @@ def tune(
     pid = Pid(gain)
     lag = -float(np.angle(loops[0].response[0])) / (2.0 * math.pi * float(loops[0].frequencies[0]))
     made = Regulator(pid, hertz, notches=notches, low_pass=low_pass)
-    return Tuning(pid, notches, low_pass, margins(made, loops), 1.0 / model.gain, lag, len(models))
+    reached = margins(made, loops)
+    _warn_of_aliasing(reached, hertz)
+    return Tuning(pid, notches, low_pass, reached, 1.0 / model.gain, lag, len(models))
 
 
 def _greatest(

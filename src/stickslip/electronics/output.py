@@ -19,6 +19,7 @@ from .driven import driven_period
 
 FEWEST = 4  # updates of a period; fewer make no waveform
 _INF = math.inf
+_RATE = Quantity("Hz", "f_DA", "updates per second", above=0)
 _FAR = 1e9  # V, ends of an amplifier that limits nothing but the slope
 
 
@@ -115,9 +116,9 @@ class OutputStage(NamedTuple):
         return driven_period(Amplifier(1.0, 0.0, _INF, self.slope, _INF, -_FAR, _FAR), waveform, farad)
 
 
-def output_of(given: OutputStage | float | str, field: str) -> OutputStage:
+def output_of(given: OutputStage | float | str) -> OutputStage:
     """Return an output stage, or one of this update rate [Hz] without further limits; else QuantityError."""
-    return given if isinstance(given, OutputStage) else OutputStage(to_si(given, "Hz", field))
+    return given if isinstance(given, OutputStage) else OutputStage(_RATE.check(given, "output.update_rate"))
 
 
 def codes_within(step: float, low: float, high: float) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Protocol
 
 from .. import registry
 from ..actuator import Actuator, load_actuator
+from ..electronics import OutputStage
 from ..rig import (
     Bench,
     Capabilities,
@@ -190,6 +191,12 @@ class PlanningLaboratory:
     def capabilities(self, actuator: Actuator) -> Capabilities:
         """Of the rig for a cell."""
         return self._can if self._bench is None else VirtualRig(actuator, self._bench).capabilities
+
+    def output(self) -> OutputStage:
+        """Return the output stage: that of the bench; of a real rig, what its updates and steps tell."""
+        if self._bench is not None:
+            return self._bench.output()
+        return OutputStage(self._can.update_rate, step=self._can.step)
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
         """None."""

@@ -17,6 +17,7 @@ from ..actuator import Actuator
 from ..control import LowPass, Pid, Regulator, Stepping, StepSizes, Tuning, check_margins, commanded, tune
 from ..control.loops import Loop, sampled_loop, step_response
 from ..control.tuning import margins, models_of
+from ..electronics import OutputStage
 from ..experiment.cells import Cell, cells
 from ..experiment.file import ExperimentFile
 from ..experiment.laboratory import PlanningLaboratory
@@ -72,6 +73,7 @@ class Prepared(NamedTuple):
     file: ExperimentFile
     cell: Cell
     can: Capabilities
+    output: OutputStage
     low: float
     high: float
     tuning: Tuning
@@ -165,11 +167,11 @@ class Moves:
             raise QuantityError("limits.max_slew: steps need a slip edge; leave it to the amplifier")
         ends = [model.natural_frequency * (1.0 + sign * _SPREAD) for sign in (-1, 1)]
         others = [model.replace(natural_frequency=one) for one in ends]
-        rate = can.update_rate
-        tuning = tune(model, rate, posterior=others)
-        loops = [sampled_loop(one, rate) for one in models_of(model, others)]
+        output = laboratory.output()
+        tuning = tune(model, output, posterior=others)
+        loops = [sampled_loop(one, output) for one in models_of(model, others)]
         low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
-        return Prepared(content, file, cell, can, low, high, tuning, loops, others)
+        return Prepared(content, file, cell, can, output, low, high, tuning, loops, others)
 
     def choices(self) -> dict[str, Any]:
         """What the page offers: sensors, ranges, what was tuned."""
@@ -198,7 +200,7 @@ class Moves:
         found = [np.clip(step_response(regulator, one, ticks), -3.0, 5.0) for one in made.loops]
         refused = ""
         try:
-            check_margins(regulator, made.cell.actuator, posterior=made.others)
+            check_margins(regulator, made.cell.actuator, posterior=made.others, output=made.output)
         except ValueError as error:
             refused = str(error)
         said = {"margins": margins(regulator, made.loops).report(), "refused": refused}
@@ -227,7 +229,7 @@ class Moves:
     def _begin(self, asked: Act) -> None:
         made, settings = self.prepared(), asked.settings
         regulator, cell = made.regulator(settings), made.cell
-        check_margins(regulator, cell.actuator, posterior=made.others)
+        check_margins(regulator, cell.actuator, posterior=made.others, output=made.output)
         volts = min(65.0, made.high - made.low) if settings.voltage is None else settings.voltage
         walk = Stepping(amplitude=volts, frequency=settings.frequency, tolerance=settings.tolerance)
         spec = commanded(
@@ -259,9 +261,9 @@ class Moves:
 
     def _table(self, made: Prepared, frequency: float) -> StepSizes:
         model = made.cell.actuator.replace(piezo=None)
-        key = repr((model, frequency, made.high, made.low))
+        key = repr((model, made.output, frequency, made.high, made.low))
         if key not in self._tables:
-            self._tables = {key: StepSizes.of_model(model, frequency, made.high - made.low)}
+            self._tables = {key: StepSizes.of_model(model, made.output, frequency, made.high - made.low)}
         return self._tables[key]
 
     def _position(self, made: Prepared, name: str) -> Channel:
