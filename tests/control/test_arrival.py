@@ -8,7 +8,6 @@ from scipy.signal import lfilter
 
 from stickslip.actuator import load_actuator
 from stickslip.control import (
-    Arrival,
     ControlWarning,
     Mover,
     Pid,
@@ -17,6 +16,7 @@ from stickslip.control import (
     StepSizes,
     simulate_control,
 )
+from stickslip.control.arrival import Arrival
 
 KANG = load_actuator("kang2007")
 RATE, TOLERANCE, GAIN = 20e3, 10e-9, 0.1e-6

@@ -10,7 +10,7 @@ from stickslip.control import Oscillation, Pid, Regulator, Relay, simulate_contr
 from stickslip.control.loops import grid, sampled_loop
 from stickslip.control.tuning import margins
 from stickslip.rig import Channel, Limits, VirtualRig, load_bench, regulate
-from stickslip.units import QuantityError
+from stickslip.units import QuantityError, to_si
 
 KANG = load_actuator("kang2007")
 RATE = 20e3
@@ -46,12 +46,27 @@ def test_on_a_linear_loop_it_is_where_the_describing_function_says() -> None:
         x = loop.a @ x + loop.b * relay.step(found[-1], 0.0, 0)
     told, swing = relay.found, np.array(found[-600:])
     assert told.ultimate == pytest.approx(ultimate(1), rel=0.03)
-    assert told.amplitude == pytest.approx(0.5 * np.ptp(swing), rel=1e-3)
+    turns = 2.0 * np.pi * told.frequency / RATE * np.arange(swing.size)
+    count = round(told.frequency * swing.size / RATE) * RATE / told.frequency  # whole periods
+    first = 2.0 * abs(np.mean(((swing - swing.mean()) * np.exp(-1j * turns))[: round(count)]))
+    assert told.amplitude == pytest.approx(first, rel=0.01)
+    assert told.amplitude == pytest.approx(0.5 * np.ptp(swing), rel=0.03), "higher harmonics are small"
     phase = np.unwrap(np.angle(loop.response)) + np.pi * grid(RATE) / RATE  # a sum is half a tick early
     at = np.interp(np.pi / 2.0, -phase, grid(RATE))
     assert told.frequency == pytest.approx(at, rel=0.03)
     assert swing.mean() == pytest.approx(40.0 * KANG.gain, rel=0.01)
     assert told.pid(2.0).integral == 0.5 * told.ultimate
+
+
+@pytest.mark.parametrize("noise", ["1 nm", "5 nm", "10 nm"])
+def test_noise_of_the_sensor_neither_turns_it_nor_enlarges_the_oscillation(noise: str) -> None:
+    """Three times the noise at rest is the least band; the amplitude is that of the first harmonic."""
+    relay = Relay("1 kV/s", RATE, "40 V")
+    simulate_control(KANG, relay, 0.0, 1.0, rate=RATE, noise=noise, seed=1)
+    quiet = Relay("1 kV/s", RATE, "40 V", band=3.0 * to_si(noise, "m", "noise"))
+    simulate_control(KANG, quiet, 0.0, 1.0, rate=RATE)
+    assert relay.found.frequency == pytest.approx(quiet.found.frequency, rel=0.03)
+    assert relay.found.ultimate == pytest.approx(quiet.found.ultimate, rel=0.05)
 
 
 def test_on_the_rig_it_finds_what_its_chain_adds() -> None:

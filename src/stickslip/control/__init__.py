@@ -1,7 +1,6 @@
 """Control: discrete blocks, the state machine of a move, the estimator in open loop, tuning by model."""
 
 from .._lazy import renamed as _renamed
-from .arrival import Arrival as Arrival
 from .blocks import ControlWarning as ControlWarning
 from .blocks import LowPass as LowPass
 from .blocks import Notch as Notch

@@ -17,12 +17,15 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from ..records import Quantity
 from ..units import QuantityError, to_si
 from .blocks import RATE, Pid, whole_number
 
 _FORGOTTEN = 4  # periods until the oscillation is steady
 _RAMP, _REST = 0.1, 0.05  # s of the way to the middle, and of rest there
+_CLEAR = 3.0  # standard deviations of the noise at rest; a smaller band lets noise turn the relay
 _SLOPE = Quantity("V/s", "s", "the slope of the voltage", above=0)
 _MIDDLE = Quantity("V", "", "the voltage where it oscillates")
 _BAND = Quantity("m", "", "how far the position must have passed", minimum=0)
@@ -53,8 +56,8 @@ class Relay:
         slope: V/s, of the voltage, up and down.
         rate: Hz, of the ticks.
         voltage: V, where it oscillates.
-        band: m, by which the position must have passed the middle before the relay turns; several times the
-            noise of the sensor, and small against the amplitude.
+        band: m, by which the position must have passed the middle before the relay turns; at least three
+            times the noise of the sensor at rest, which is measured. It must be small against the amplitude.
         reach: V, as far as it may go to each side.
         periods: that are measured, a whole number above 0.
 
@@ -82,7 +85,7 @@ class Relay:
         self._sums: list[float] = []  # positions while it rests
         self._at, self._sign, self._count = 0.0, 1.0, 0
         self._turns: list[int] = []  # ticks at which the voltage began to rise
-        self._ends = [math.inf, -math.inf]  # of the position in the periods that count
+        self._swing: list[float] = []  # positions from the first turn that counts
         self.done = False
 
     def step(self, measured: float, target: float, tick: int) -> float:
@@ -94,6 +97,8 @@ class Relay:
             if self._count > self._ramp + self._rest // 2:
                 self._sums.append(measured)
                 self._at = sum(self._sums) / len(self._sums)
+            if self._count == self._ramp + self._rest and len(self._sums) > 1:
+                self._band = max(self._band, _CLEAR * float(np.std(np.diff(self._sums))) / math.sqrt(2.0))
             return self._volts
         error = self._at - measured
         if self._sign * error < -self._band:
@@ -101,7 +106,7 @@ class Relay:
             if self._sign > 0.0:
                 self._turns.append(self._count)
         if _FORGOTTEN < len(self._turns) <= _FORGOTTEN + self._periods:
-            self._ends = [min(self._ends[0], measured), max(self._ends[1], measured)]
+            self._swing.append(measured)
         self._volts += self._sign * self._slope / self._rate
         if abs(self._volts - self._middle) > self._reach:
             raise QuantityError(
@@ -113,10 +118,14 @@ class Relay:
 
     @property
     def found(self) -> Oscillation:
-        """Of the periods that were measured; QuantityError before it is `done`."""
+        """The oscillation over the periods that were measured, with the amplitude of its first harmonic;
+        QuantityError before the relay is `done`."""
         if not self.done:
             raise QuantityError("the relay has not oscillated for long enough yet")
         counted = self._turns[_FORGOTTEN:]
         period = (counted[-1] - counted[0]) / (len(counted) - 1) / self._rate
-        amplitude = 0.5 * (self._ends[1] - self._ends[0])
+        swing = np.array(self._swing[: counted[-1] - counted[0]])
+        swing -= swing.mean()
+        turns = 2.0 * math.pi / (period * self._rate) * np.arange(swing.size)
+        amplitude = 2.0 * abs(float(np.hypot(*(np.mean(swing * f(turns)) for f in (np.cos, np.sin)))))
         return Oscillation(4.0 * self._slope / (math.pi * amplitude), 1.0 / period, amplitude)
