@@ -26,7 +26,7 @@ import yaml
 from stickslip import load_actuator
 from stickslip.campaign.running import run_campaign
 
-from .faults import PLANT, SIZES, Recorded, recorded
+from .faults import PLANT, SINGLE, SIZES, Recorded, recorded
 from .simulator import Motion, Truth, motion, sawtooth, step
 from .table import table
 
@@ -38,7 +38,7 @@ BEGIN = {
     "coulomb_force": "1.5 N",
     "stiction_force": "1.5 N",
 }
-NAMES = {"gain": "gain", "natural_frequency": "natural_frequency", "damping_ratio": "damping_ratio"}
+STAGE = ("gain", "natural_frequency", "damping_ratio")
 
 
 def drawn(random: np.random.Generator, kind: str, size: float) -> Truth:
@@ -81,18 +81,21 @@ def campaign(seed: int, kinds: list[str]) -> dict[str, Any]:
     made: dict[str, Any] = {"seed": seed, "kind": kind, "size": size, "rate": rate, "noise": noise}
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
-        fault = ("none", 1.0) if kind in PLANT else (kind, size)
+        # An instrument fails in all of the six recordings, or in one of them.
+        only = int(random.integers(6)) if kind in SINGLE and random.random() < 0.5 else None
+        made["recording"] = only
+        faults = [("none", 1.0) if kind in PLANT or only not in (None, i) else (kind, size) for i in range(6)]
         recordings = []
-        for volts in STEPS:
+        for i, volts in enumerate(STEPS):
             moved = motion(truth._replace(clamped=1.0), step(volts, 0.2), 0.26)
-            shown = recorded(moved, 0.25, 50e-6, noise, delay, fault, random)
+            shown = recorded(moved, 0.25, 50e-6, noise, delay, faults[i], random)
             wave = [{"shape": "Step", "fields": {"amplitude": volts}}]
             recordings.append(_file(place, f"step_{volts:.0f}V", "step", shown, wave))
         walks = [(65.0, 5.0, 6, "fit"), (45.0, 10.0, 8, "verify"), (75.0, 20.0, 12, "verify")]
-        for volts, frequency, periods, use in walks:
+        for i, (volts, frequency, periods, use) in enumerate(walks, start=3):
             length = REST + periods / frequency + AFTER
             moved: Motion = motion(truth, sawtooth(volts, frequency, periods, REST), length + 0.01)
-            shown = recorded(moved, length, 1.0 / rate, noise, delay, fault, random)
+            shown = recorded(moved, length, 1.0 / rate, noise, delay, faults[i], random)
             fields = {"amplitude": volts, "frequency": frequency, "periods": periods}
             wave = [{"shape": "Sawtooth", "fields": fields}]
             recordings.append(_file(place, f"walk_{volts:.0f}V_{frequency:.0f}Hz", use, shown, wave))
@@ -114,7 +117,7 @@ def campaign(seed: int, kinds: list[str]) -> dict[str, Any]:
             return made | {"error": f"{type(error).__name__}: {error}"[:400], "cpu": _since(began)}
     numbers = document.numbers
     shown = numbers["friction"]["parameters_with_all_errors"] | {
-        name: numbers["stage"]["parameters"][name] for name in NAMES
+        name: numbers["stage"]["parameters"][name] for name in STAGE
     }
     return made | {
         "cpu": _since(began),

@@ -31,6 +31,8 @@ SIZES: dict[str, tuple[float, float, str]] = {
 }
 PLANT = ("asymmetry", "unevenness", "reaction", "viscous", "stiction")  # of the actuator, not the instrument
 
+SINGLE = ("outliers", "jump", "freeze", "missing")  # may be in one recording alone
+
 
 class Recorded(NamedTuple):
     """Samples as an instrument gives them: time [s], position [m] and voltage [V], each shape (n,)."""
