@@ -6,7 +6,9 @@ package integrates deflections, say), and sharing no code with it. A law is used
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -278,19 +280,39 @@ def prandtl_ishlinskii(p: Any, drive: Array, rest: float) -> Array:
     return np.array(found)
 
 
-def bouc_wen(p: Any, drive: Array, rest: float) -> Array:
-    """The differential equation in steps of at most 10 mV of the drive, by Heun's method."""
+def duhem(slope: Callable[[float, float, float], float], drive: Array, rest: float) -> Array:
+    """u - h of dh/du = slope(u, h, direction), in steps of at most 10 mV of the drive, by Heun's method."""
     h, u, found = 0.0, 0.0, []
     for goal in (rest, *drive):
         count = max(1, int(np.ceil(abs(goal - u) / 1e-2)))
         du = (goal - u) / count
-        for _ in range(count):
-            first = p.alpha * du - p.beta * abs(du) * h - p.gamma * du * abs(h)
-            ahead = h + first
-            h += 0.5 * (first + p.alpha * du - p.beta * abs(du) * ahead - p.gamma * du * abs(ahead))
+        for k in range(count):
+            first = du * slope(u + k * du, h, np.sign(du))
+            h += 0.5 * (first + du * slope(u + (k + 1) * du, h + first, np.sign(du)))
         u = goal
         found.append(u - h)
     return np.array(found[1:])
+
+
+def bouc_wen(p: Any, drive: Array, rest: float) -> Array:
+    """As `duhem`, by the differential equation."""
+    return duhem(lambda u, h, up: p.alpha - p.beta * up * h - p.gamma * abs(h), drive, rest)
+
+
+def lagged(value: Callable[[Array], Array], tau: float, x: float, times: Array) -> Array:
+    """First-order lag of a function of time [s], from x on: the integral of exp((s - t)/tau) value(s)/tau, by
+    Gauss's formula of sixth order over steps of at most tau/10. The function is smooth between the times."""
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    found = [x]
+    for begin, end in itertools.pairwise(times):
+        ends = np.linspace(begin, end, 1 + max(1, math.ceil((end - begin) / (0.1 * tau))))
+        step = ends[1] - begin
+        late = 0.5 * step * (1.0 - nodes)
+        inputs = value(ends[1:, None] - late)
+        for u in inputs:
+            x = x * math.exp(-step / tau) + 0.5 * step / tau * float(weights * u @ np.exp(-late / tau))
+        found.append(x)
+    return np.array(found)
 
 
 def maxwell_capacitor_voltage(p: Any, charge: Array, stroke_voltage: Array) -> Array:

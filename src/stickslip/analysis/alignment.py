@@ -15,7 +15,8 @@ from ..identify.recorded.channels import channel, refuse_clipped
 from ..identify.recorded.drives import begin_of, refuse_sampling
 from ..recording import RecordingError
 from ..recording.taken_drive import taken_drive
-from ..simulation.models import Contact, checked_drive
+from ..simulation.drives import checked_drive
+from ..simulation.models import Contact
 from ..units import with_prefix
 from ..waveform.sequence import Sequence
 from ..waveform.shapes import Rest
@@ -149,9 +150,8 @@ def on_level(one: Aligned, model: Actuator) -> Aligned:
         level = model.gain * float(one.recording["drive_voltage"].values[0])
     else:
         of, end = Contact().system(model), float(one.recording["time"][-1])
-        level = float(
-            Contact().rest(of, checked_drive(model, one.drive, end, periodic=False).before)[of.slider]
-        )
+        before = checked_drive(model, one.drive, end, periodic=False, tolerance=math.inf).before
+        level = float(Contact().rest(of, before)[of.slider])
     return one._replace(recording=with_position(one.recording, one.recording[POSITION].values + level))
 
 

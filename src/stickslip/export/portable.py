@@ -16,7 +16,7 @@ from ..actuator import Actuator
 from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
 from ..records import of_kind
-from ..simulation.models import checked_drive
+from ..simulation.drives import checked_drive
 from ..units import QuantityError, optional_si, to_si, unit_for
 from ..waveform.periodic import Sawtooth, Sine
 from ..waveform.signal import Waveform
@@ -88,7 +88,7 @@ def export_c(
         raise QuantityError(f"waveform = {waveform!r:.60} is no waveform, such as Sawtooth('65 V', '5 Hz')")
     drive = default_waveform(found.model, amplifier) if waveform is None else waveform
     if amplifier is None:  # behind one, what is out of range is cut
-        checked_drive(found.model, drive, h, periodic=False)
+        checked_drive(found.model, drive, h, periodic=False, tolerance=math.inf)
     elif drive.unit != "V":
         raise QuantityError(f"the input of an amplifier is in V, not in {drive.unit}")
     files = core_files(found, parts, h, noise)

@@ -12,13 +12,23 @@ from ..piezo.duhem import is_duhem
 from ..piezo.maxwell_capacitor import MaxwellCapacitor
 from ..piezo.model import Piezo
 from ..waveform.drive import Drive
-from .creeping import creeping
+from .creeping import creeping, settled_terms
 from .duhem_drive import duhem_drive
 from .splitting import through
 
 
+def tabulated(piezo: Piezo | None) -> bool:
+    """Whether the drive after the piezo has a precision, instead of being exact."""
+    return piezo is not None and (piezo.creep is not None or is_duhem(piezo.hysteresis))
+
+
 def at_piezo(
-    piezo: Piezo, drive: Drive, end: float, period: float | None = None, settled: bool = False
+    piezo: Piezo,
+    drive: Drive,
+    end: float,
+    precision: float,
+    period: float | None = None,
+    settled: bool = False,
 ) -> Drive:
     """The drive [V] after hysteresis and creep, up to `end` [s].
 
@@ -26,6 +36,7 @@ def at_piezo(
         piezo: the model; before the drive it rested long at `drive.before`, reached from 0 V.
         drive: table.
         end: s.
+        precision: V, largest error: half of it is of the hysteresis, half of the creep of that.
         period: s, of a drive that repeats.
         settled: the table is that of one period, until `end`, after many.
     """
@@ -33,7 +44,7 @@ def at_piezo(
     if isinstance(piezo.hysteresis, MaxwellCapacitor):
         return made  # its elements feel the stage, and are part of the plant
     if is_duhem(piezo.hysteresis):
-        made = duhem_drive(piezo.hysteresis, drive, end, settled)
+        made = duhem_drive(piezo.hysteresis, drive, end, 0.5 * precision, settled)
     elif piezo.hysteresis is not None:
         plays, z = piezo.hysteresis.operators, piezo.hysteresis.rested(drive.before)
         rest = piezo.hysteresis.at_rest(drive.before)
@@ -41,7 +52,10 @@ def at_piezo(
             through(plays, drive, end, z, rest)
         made = through(plays, drive, end, z, rest, 0 if settled else cycle_of(drive, period))
     if piezo.creep is not None:
-        made = creeping(piezo.creep, made, end, made.before, period if settled else None)
+        rested = np.full(len(piezo.creep.shares), made.before)
+        before = made.before + float(np.array(piezo.creep.shares) @ rested)
+        terms = settled_terms(piezo.creep, made, end) if settled else rested
+        made = creeping(piezo.creep, made, end, terms, 0.5 * precision)._replace(before=before)
     return made
 
 

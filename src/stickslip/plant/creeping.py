@@ -1,72 +1,152 @@
-r"""A drive with creep: each Kelvin-Voigt term of each segment in closed form, its exponential drawn by
-cubics.
+r"""A drive with creep: each Kelvin-Voigt term of each segment in closed form, drawn by cubics.
 
-.. math:: \tau_k \dot x_k = h - x_k: \qquad x_k = p_k(t) + K e^{-t/\tau_k}
+.. math:: \tau_k \dot x_k = h - x_k, \qquad
+    x_k(L) = x_k(0)\,e^{-z} + z \sum_j c_j L^j I_j(z), \qquad
+    I_j(z) = \int_0^1 e^{-z (1 - s)} s^j \, ds, \quad z = L / \tau_k
 
-p_k answers a polynomial with one of the same order, a harmonic with one that is smaller and later. The
-exponential is replaced by cubics over at most a fifth of the shortest time constant, which are off by 4e-6 of
-it.
+The polynomial of a segment, :math:`\sum_j c_j t^j`, is followed by this sum, in which nothing cancels however
+short or long the segment is against the time constant: :math:`I_j = j!\,\varphi_{j+1}(-z)`, the functions of
+exponential integrators [hochbruck2010]. A harmonic is followed by a smaller and later one. A piece ends where
+the cubic through values and slopes of its ends could be off by more than the precision.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from .._jit import kernel
+from .._jit import compiled, kernel
 from ..piezo.creep import Creep, Lags
 from ..units import QuantityError
 from ..waveform.drive import Drive
+from .cubics import filled, put_cubic, with_cubics
 
 Array = NDArray[np.float64]
 
-# Of the shortest time constant: how long a cubic is.
-LENGTH = 0.2
+# Of the fourth derivative times the fourth power of the length: the largest error of a cubic through values
+# and slopes of both ends.
+HERMITE = 1.0 / 384.0
+# Terms of the series of I_3 for z <= 1; the next one is below rounding.
+TERMS = 18
+
+
+@compiled
+def weights(z):
+    """I_0, I_1, I_2 and I_3: of a constant, a line, a parabola and a cubic in the change of a lag over a step
+    of z time constants."""
+    if z > 1.0:
+        first = -math.expm1(-z) / z
+        second = (1.0 - first) / z
+        third = (1.0 - 2.0 * second) / z
+        return first, second, third, (1.0 - 3.0 * third) / z
+    last, term = 0.0, 0.25
+    for k in range(TERMS):
+        last += term
+        term *= -z / (k + 5.0)
+    third = (1.0 - z * last) / 3.0
+    second = (1.0 - z * third) / 2.0
+    return 1.0 - z * second, second, third, last
+
+
+@compiled
+def _at(drive, i, tau):
+    """The polynomial of segment i from `tau` [s] after its start on."""
+    c0, c1 = drive.polynomial[i, 0], drive.polynomial[i, 1]
+    c2, c3 = drive.polynomial[i, 2], drive.polynomial[i, 3]
+    return (
+        c0 + tau * (c1 + tau * (c2 + tau * c3)),
+        c1 + tau * (2.0 * c2 + 3.0 * tau * c3),
+        c2 + 3.0 * tau * c3,
+        c3,
+    )
+
+
+@compiled
+def _of_harmonics(drive, i, at, tau):
+    """What a lag makes of the harmonics of segment i, `at` [s] after its start, long after their begin."""
+    found = 0.0
+    for row in range(drive.first[i], drive.first[i + 1]):
+        turn = drive.harmonic[row, 1] * tau
+        late = drive.harmonic[row, 2] - math.atan(turn) + drive.harmonic[row, 1] * at
+        found += drive.harmonic[row, 0] / math.sqrt(1.0 + turn * turn) * math.sin(late)
+    return found
+
+
+@compiled
+def _length(lags, shares, c, x, left, most):
+    """How long a piece may be, s, at most `left`: a half of that, a quarter and so on."""
+    fourth = 0.0
+    for k in range(lags.tau.size):
+        tau = lags.tau[k]
+        slope = (c[0] - x[k]) / tau
+        curvature = (c[1] - slope) / tau
+        third = (2.0 * c[2] - curvature) / tau
+        fourth += abs(shares[k] * (6.0 * c[3] - third) / tau)
+    length = left
+    while HERMITE * fourth * length**4 > most:
+        length *= 0.5
+    return length
 
 
 @kernel
-def creep(lags, shares, drive, end, x, polynomial):
-    """Add what creeps to the polynomials of a drive's segments, up to `end` [s]; x are the terms at the
-    start, and then those at the end. The creep of harmonics is left to the caller."""
+def creep_pieces(lags, shares, drive, end, x, pieces, most):
+    """Fill the pieces of what creep adds to the polynomials of a drive up to `end` [s], off by `most` [V]; x
+    are the terms at the start, and at the end those then. The creep of harmonics is left to the caller.
+
+    Returns how many pieces there are; -1 if there is no room for them.
+    """
+    count = 0
     for i in range(drive.start.size):
-        length = (drive.start[i + 1] if i + 1 < drive.start.size else max(end, drive.start[i])) - drive.start[
-            i
-        ]
-        c0, c1 = drive.polynomial[i, 0], drive.polynomial[i, 1]
-        c2, c3 = drive.polynomial[i, 2], drive.polynomial[i, 3]
+        begin = drive.start[i]
+        if begin >= end and i > 0:
+            break
+        stop = drive.start[i + 1] if i + 1 < drive.start.size else max(end, begin)
+        stop = min(stop, max(end, begin))
         for k in range(lags.tau.size):
-            tau, share = lags.tau[k], shares[k]
-            p3 = c3
-            p2 = c2 - 3.0 * tau * p3
-            p1 = c1 - 2.0 * tau * p2
-            p0 = c0 - tau * p1
-            begins, ends = p0, p0 + length * (p1 + length * (p2 + length * p3))
-            for row in range(drive.first[i], drive.first[i + 1]):
-                turn = drive.harmonic[row, 1] * tau
-                size = drive.harmonic[row, 0] / np.sqrt(1.0 + turn * turn)
-                late = drive.harmonic[row, 2] - np.arctan(turn)
-                begins += size * np.sin(late)
-                ends += size * np.sin(late + drive.harmonic[row, 1] * length)
-            over = x[k] - begins
-            decay = np.exp(-length / tau)
-            x[k] = ends + over * decay
-            polynomial[i, 0] += share * p0
-            polynomial[i, 1] += share * p1
-            polynomial[i, 2] += share * p2
-            polynomial[i, 3] += share * p3
-            if length > 0.0:  # the cubic with values and slopes of the exponential at both ends
-                first, last = over, over * decay
-                rise, fall = -first / tau, -last / tau
-                mean = (last - first) / length
-                polynomial[i, 0] += share * first
-                polynomial[i, 1] += share * rise
-                polynomial[i, 2] += share * (3.0 * mean - 2.0 * rise - fall) / length
-                polynomial[i, 3] += share * (rise + fall - 2.0 * mean) / length**2
+            x[k] -= _of_harmonics(drive, i, 0.0, lags.tau[k])
+        a = begin
+        while True:
+            if count == pieces.start.size:
+                return -1
+            c = _at(drive, i, a - begin)
+            length = _length(lags, shares, c, x, stop - a, most)
+            b = stop if length == stop - a or not a < a + length < stop else a + length
+            length = b - a
+            value = c[0] + length * (c[1] + length * (c[2] + length * c[3]))
+            first, rise, change, fall = 0.0, 0.0, 0.0, 0.0
+            for k in range(lags.tau.size):
+                tau, share = lags.tau[k], shares[k]
+                z = length / tau
+                i0, i1, i2, i3 = weights(z)
+                by = z * (
+                    i0 * (c[0] - x[k]) + length * (i1 * c[1] + length * (i2 * c[2] + length * i3 * c[3]))
+                )
+                first += share * x[k]
+                rise += share * (c[0] - x[k]) / tau
+                x[k] += by
+                change += share * by
+                fall += share * (value - x[k]) / tau
+            put_cubic(pieces, count, a, i, length, first, rise, change, fall)
+            count += 1
+            a = b
+            if a >= stop:
+                break
+        for k in range(lags.tau.size):
+            x[k] += _of_harmonics(drive, i, stop - begin, lags.tau[k])
+    return count
 
 
-def creeping(of: Creep, drive: Drive, end: float, rest: float, period: float | None = None) -> Drive:
-    """A drive and its creep, up to `end` [s], after a long rest at the value `rest`; with a `period` [s], as
-    long as the drive, after many such periods.
+def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float) -> Drive:
+    """A drive and its creep, up to `end` [s], from the terms [V] on, which become those at the end.
+
+    Args:
+        of: the model.
+        drive: table; what it rested at before its start.
+        end: s.
+        terms: V, one for each time constant.
+        precision: V, largest error.
 
     Raises:
         QuantityError: the drive is a chirp, whose creep has no closed form.
@@ -74,44 +154,23 @@ def creeping(of: Creep, drive: Drive, end: float, rest: float, period: float | N
     if np.any(drive.harmonic[:, 3]):
         raise QuantityError("a piezo with creep cannot follow a Chirp: give its samples (Sampled) instead")
     lags, shares = Lags(np.array(of.time_constants)), np.array(of.shares)
-    cut = _cut(drive, end, LENGTH * float(lags.tau[0]))
-    x = np.full(lags.tau.size, rest)
-    if period is not None:
-        x[:] = 0.0
-        creep(lags, shares, cut, end, x, cut.polynomial.copy())
-        x /= -np.expm1(-period / lags.tau)
-    polynomial = cut.polynomial.copy()
-    before = rest * (1.0 + float(shares.sum()))
-    creep(lags, shares, cut, end, x, polynomial)
-    harmonic = cut.harmonic.copy()
+    before = drive.before + float(shares @ terms)
+    pieces = filled(
+        lambda x, room: creep_pieces(lags, shares, drive, end, x, room, precision),
+        terms,
+        64 + 4 * drive.start.size,
+    )
+    made = with_cubics(drive, pieces, before)
+    harmonic = made.harmonic.copy()
     if len(harmonic):
         answer = 1.0 + np.sum(shares / (1.0 + 1j * harmonic[:, 1:2] * lags.tau), axis=1)
         harmonic[:, 0] *= np.abs(answer)
         harmonic[:, 2] += np.angle(answer)
-    return Drive(before, cut.start, polynomial, cut.first, harmonic)
+    return made._replace(harmonic=harmonic)
 
 
-def _cut(drive: Drive, end: float, most: float) -> Drive:
-    """The drive in segments no longer than `most` [s]."""
-    ends = np.append(drive.start[1:], max(end, float(drive.start[-1])))
-    counts = np.maximum(1, np.ceil((ends - drive.start) / most)).astype(int)
-    if np.all(counts == 1):
-        return drive
-    source = np.repeat(np.arange(drive.start.size), counts)
-    place = np.arange(source.size) - np.repeat(np.cumsum(counts) - counts, counts)
-    return moved_on(drive, source, place * ((ends - drive.start) / counts)[source])
-
-
-def moved_on(drive: Drive, source: NDArray[np.int64], tau: Array) -> Drive:
-    """The formulas of the segments `source` [n], begun `tau` [n] s later than there."""
-    c0, c1, c2, c3 = drive.polynomial[source].T
-    polynomial = np.column_stack(
-        [c0 + tau * (c1 + tau * (c2 + tau * c3)), c1 + tau * (2 * c2 + 3 * tau * c3), c2 + 3 * tau * c3, c3]
-    )
-    rows = np.diff(drive.first)[source]
-    first = np.append(0, np.cumsum(rows)).astype(np.int64)
-    which = np.repeat(drive.first[:-1][source] - first[:-1], rows) + np.arange(first[-1])
-    amplitude, omega, phase, chirp = drive.harmonic[which].T
-    late = np.repeat(tau, rows)
-    columns = (amplitude, omega + 2.0 * chirp * late, phase + late * (omega + chirp * late), chirp)
-    return Drive(drive.before, drive.start[source] + tau, polynomial, first, np.column_stack(columns))
+def settled_terms(of: Creep, drive: Drive, period: float) -> Array:
+    """The terms [V] at the start of each period [s], after many of a drive of one."""
+    terms = np.zeros(len(of.shares))
+    creeping(of, drive, period, terms, math.inf)
+    return terms / -np.expm1(-period / np.array(of.time_constants))

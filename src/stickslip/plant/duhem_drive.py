@@ -2,14 +2,13 @@ r"""A drive through Duhem hysteresis (`piezo.duhem`: Bouc-Wen, a model of your o
 drawn by cubics between values on its ways.
 
 u stays as it is, with its harmonics; of h [V] values and slopes are known at any instant of a way, and a
-piece ends where the cubic through those of its ends would be off by 1e-5 of the largest h of such a drive in
-the middle.
+piece ends where the cubic through those of its ends would be off by more than the precision.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,23 +17,15 @@ from .._jit import compiled, kernel
 from ..piezo.duhem import EXACT, corner, output, rested, slope, way
 from ..units import QuantityError
 from ..waveform.drive import Drive, value_slope_curvature
-from .creeping import moved_on
-from .splitting import MOST_PIECES, reached, turning, value_at
+from .cubics import Cubics, filled, put_cubic, with_cubics
+from .splitting import reached, turning, value_at
 
 Array = NDArray[np.float64]
 
-# Of the largest h of a drive.
-PRECISION = 1e-5
+# V, finest precision of a table: ten times that to which h is integrated.
+FINEST = 10.0 * EXACT
 # Periods until a settled h repeats itself to rounding.
 SETTLES = 1_000
-
-
-class Cubics(NamedTuple):
-    """`start` [n], s; `source` [n], the segment of the drive; `cubic` [n, 4], of h from there on."""
-
-    start: Array
-    source: NDArray[np.int64]
-    cubic: Array
 
 
 @compiled
@@ -46,22 +37,32 @@ def _slope(of, drive, i, t, h, up):
 
 @compiled
 def _fitting(of, drive, i, a, b, h, up, most):
-    """The end of a piece from a, at most b, and h there."""
+    """The end of a piece from a, at most b, and h there: its cubic is off by at most `most` at a quarter, in
+    the middle and at three quarters. In the middle alone, what is odd about it would not be seen."""
     u = value_at(drive, i, a)
+    rise = _slope(of, drive, i, a, h, up)
     while True:
-        end = way(of, h, u, value_at(drive, i, b))
-        middle = 0.5 * (a + b)
-        turn = (b - a) / 8.0 * (_slope(of, drive, i, a, h, up) - _slope(of, drive, i, b, end, up))
-        off = 0.5 * (h + end) + turn - way(of, h, u, value_at(drive, i, middle))
-        if abs(off) <= most or not a < middle < b or not math.isfinite(off):
+        length = b - a
+        at = (a + 0.25 * length, a + 0.5 * length, a + 0.75 * length)
+        v = (value_at(drive, i, at[0]), value_at(drive, i, at[1]), value_at(drive, i, at[2]))
+        first = way(of, h, u, v[0])
+        second = way(of, first, v[0], v[1])
+        third = way(of, second, v[1], v[2])
+        end = way(of, third, v[2], value_at(drive, i, b))
+        change, begins, ends = end - h, length * rise, length * _slope(of, drive, i, b, end, up)
+        square, cube = 3.0 * change - 2.0 * begins - ends, begins + ends - 2.0 * change
+        off = 0.0
+        for s, exact in ((0.25, first), (0.5, second), (0.75, third)):
+            off = max(off, abs(h + s * (begins + s * (square + s * cube)) - exact))
+        if off <= most or not a < at[1] < b or not math.isfinite(off):
             return b, end
-        b = middle
+        b = at[1]
 
 
 @kernel
 def duhem_pieces(of, drive, end, state, pieces, most):
-    """Fill the pieces of a drive up to `end` [s], off by `most` [V]; state: (u, h) before, and those at the
-    end then.
+    """Fill the pieces of -h of a drive up to `end` [s], off by `most` [V]; state: (u, h) before, and those at
+    the end then.
 
     Returns how many pieces there are; -1 if there is no room for them.
     """
@@ -85,16 +86,9 @@ def duhem_pieces(of, drive, end, state, pieces, most):
                 piece, after = _fitting(of, drive, i, a, via, h, up, most)
                 if piece == via and via != to:
                     after = 0.0
-                length = piece - a
                 first = _slope(of, drive, i, a, h, up)
                 last = _slope(of, drive, i, piece, after, up)
-                mean = (after - h) / length if length > 0.0 else 0.0
-                pieces.start[count], pieces.source[count] = a, i
-                pieces.cubic[count, 0] = h
-                pieces.cubic[count, 1] = first
-                if length > 0.0:
-                    pieces.cubic[count, 2] = (3.0 * mean - 2.0 * first - last) / length
-                    pieces.cubic[count, 3] = (first + last - 2.0 * mean) / length**2
+                put_cubic(pieces, count, a, i, piece - a, -h, -first, h - after, -last)
                 count += 1
                 a, h = piece, after
                 if a >= to:
@@ -108,37 +102,38 @@ def duhem_pieces(of, drive, end, state, pieces, most):
     return count
 
 
-def duhem_drive(of: Any, drive: Drive, end: float, settled: bool = False) -> Drive:
+def duhem_drive(of: Any, drive: Drive, end: float, precision: float, settled: bool = False) -> Drive:
     """The drive [V] after the hysteresis, up to `end` [s]; before, it rested long at `drive.before`.
 
     Args:
         of: the model.
         drive: table.
         end: s.
+        precision: V, largest error.
         settled: the table is that of one period, until `end`, after many.
 
     Raises:
-        QuantityError: more pieces than fit into memory, or the slope is not finite.
+        QuantityError: more pieces than fit into memory, or h is not finite.
     """
-    most = max(PRECISION * _largest(of, drive, end), 10.0 * EXACT)
+    _refuse_infinite(of, drive, end)
+    most = max(precision, FINEST)
     state = np.array([drive.before, rested(of, drive.before)])
-    room, pieces = _filled(of, drive, end, state, 64 + 32 * drive.start.size, most)
+
+    def fill(state: Array, pieces: Cubics) -> int:
+        return duhem_pieces(of, drive, end, state, pieces, most)
+
+    pieces = filled(fill, state, 64 + 32 * drive.start.size)
     for _ in range(SETTLES if settled else 0):
         before = state[1]
-        room, pieces = _filled(of, drive, end, state, room, most)
-        if math.isclose(state[1], before, rel_tol=1e-14, abs_tol=1e-9 * most):
+        pieces = filled(fill, state, 64 + pieces.start.size)
+        if math.isclose(state[1], before, rel_tol=1e-14, abs_tol=1e-3 * FINEST):
             break
-    made = moved_on(drive, pieces.source, pieces.start - drive.start[pieces.source])
-    rest = drive.before - rested(of, drive.before)
-    return Drive(rest, pieces.start, made.polynomial - pieces.cubic, made.first, made.harmonic)
+    return with_cubics(drive, pieces, drive.before - rested(of, drive.before))
 
 
-def _largest(of: Any, drive: Drive, end: float) -> float:
-    """|h| [V] after ways between the least and the greatest of what segments begin, end and swing at.
-
-    Raises:
-        QuantityError: it is not finite.
-    """
+def _refuse_infinite(of: Any, drive: Drive, end: float) -> None:
+    """Raise QuantityError where h is not finite after ways between the least and the greatest value that
+    segments begin at, end at and swing to."""
     rows = np.diff(drive.first)
     swing = np.bincount(np.repeat(np.arange(rows.size), rows), np.abs(drive.harmonic[:, 0]), rows.size)
     lasts = np.maximum(np.append(drive.start[1:], max(end, drive.start[-1])) - drive.start, 0.0)
@@ -146,24 +141,8 @@ def _largest(of: Any, drive: Drive, end: float) -> float:
     u = np.concatenate([drive.polynomial[:, 0], ends, [drive.before]])
     swing = np.concatenate([swing, swing, [0.0]])
     low, high = float(np.min(u - swing)), float(np.max(u + swing))
-    ways = np.array([high, low, high, low, 0.0])
-    found = float(np.max(np.abs(ways - output(of, ways))))
-    if not math.isfinite(found):
-        raise QuantityError(f"{type(of).__name__}: h is not finite between {low:.4g} V and {high:.4g} V")
-    return found
-
-
-def _filled(of: Any, drive: Drive, end: float, state: Array, room: int, most: float) -> tuple[int, Cubics]:
-    """The pieces, and for how many there was room."""
-    begun = state.copy()
-    while True:
-        pieces = Cubics(np.empty(room), np.empty(room, np.int64), np.zeros((room, 4)))
-        state[:] = begun
-        count = duhem_pieces(of, drive, end, state, pieces, most)
-        if count >= 0:
-            return room, Cubics(pieces.start[:count], pieces.source[:count], pieces.cubic[:count])
-        room *= 4
-        if room > 4 * MOST_PIECES:
-            raise QuantityError(
-                f"hysteresis makes more than {MOST_PIECES} segments of the drive up to {end:g} s"
-            )
+    if not np.all(np.isfinite(output(of, [high, low, high, low, 0.0]))):
+        raise QuantityError(
+            f"{type(of).__name__}: h is not finite between {low:.4g} V and {high:.4g} V: dh/du must be "
+            "finite at every voltage of the drive"
+        )

@@ -17,7 +17,7 @@ from .._jit import compiled, kernel
 from ..piezo.operators import Operators, next_corner, output, steepness, taken_along
 from ..units import QuantityError
 from ..waveform.drive import Drive, value_slope_curvature
-from .creeping import moved_on
+from .cubics import MOST_PIECES, moved_on
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,6 @@ Array = NDArray[np.float64]
 LOOKS = 8.0 / math.pi
 # Of an interval, to which an instant is found.
 INSTANT = 4e-16
-MOST_PIECES = 4_000_000
 
 
 class Pieces(NamedTuple):
@@ -51,6 +50,22 @@ def slope_at(drive, i, t):
 
 
 @compiled
+def _changes(drive, i, low, high, sign, curvature):
+    """The first instant known to be past a change of sign between low and high: of the slope of segment i, or
+    of its curvature."""
+    while high - low > INSTANT * (abs(high) + abs(low)):
+        middle = 0.5 * (low + high)
+        if middle <= low or middle >= high:
+            break
+        _, du, ddu = value_slope_curvature(drive, i, middle)
+        if (ddu if curvature else du) * sign > 0.0:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@compiled
 def turning(drive, i, a, b):
     """The first instant after a, before b, at which segment i turns; b if it does not."""
     rows = drive.first[i + 1] - drive.first[i]
@@ -63,24 +78,20 @@ def turning(drive, i, a, b):
         fastest = max(fastest, abs(drive.harmonic[row, 1]) + reach)
     looks = max(8.0, math.ceil(LOOKS * fastest * (b - a)))
     step = (b - a) / looks
-    left, sign = a, 0.0
-    for k in range(int(looks) + 1):
+    _, sign, bent = value_slope_curvature(drive, i, a)
+    left, sign = a, sign if sign != 0.0 else bent
+    for k in range(1, int(looks) + 1):
         t = b if k == int(looks) else a + k * step
-        du = slope_at(drive, i, t)
-        if du != 0.0 and sign == 0.0:
+        _, du, ddu = value_slope_curvature(drive, i, t)
+        if sign == 0.0:
             sign = du
+        elif du * sign >= 0.0 and bent * sign < 0.0 < ddu * sign:  # between two looks it may turn twice
+            flattest = _changes(drive, i, left, t, bent, True)
+            if slope_at(drive, i, flattest) * sign < 0.0:
+                return _changes(drive, i, left, flattest, sign, False)
         elif du * sign < 0.0:
-            low, high = left, t
-            while high - low > INSTANT * (abs(high) + abs(low)):
-                middle = 0.5 * (low + high)
-                if middle <= low or middle >= high:
-                    break
-                if slope_at(drive, i, middle) * sign > 0.0:
-                    low = middle
-                else:
-                    high = middle
-            return high
-        left = t
+            return _changes(drive, i, left, t, sign, False)
+        left, bent = t, ddu
     return b
 
 

@@ -1,24 +1,19 @@
-r"""Remanence of a virtual rig's piezo from run to run: where its plays stand, and how far its creep has come.
+"""Remanence of a virtual rig's piezo from run to run: where its plays stand, and how far its creep has come.
 
-A drive table becomes that at the piezo as in `plant.at_piezo`, but from any state. Creep is linear: from the
-terms :math:`x_k` instead of those at rest, :math:`h_0`, it is
-
-.. math:: y = y_{rest} + \sum_k a_k\,(x_k - h_0)\,e^{-t/\tau_k}
-
-drawn by the cubics of `plant.creeping`.
+A drive table becomes that at the piezo as in `plant.at_piezo`, but from any state.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ..piezo import Creep, Piezo, PrandtlIshlinskii
-from ..piezo.creep import Lags
 from ..piezo.operators import response
-from ..plant.creeping import creep, creeping
+from ..plant.creeping import creeping
 from ..plant.splitting import through
 from ..waveform.drive import Drive
 from ..waveform.signal import breaks_within, slope_at, value_at
@@ -93,36 +88,20 @@ def annealed(piezo: Piezo, volts: float) -> Remanence:
     return Remanence(plays, np.full(0 if piezo.creep is None else len(piezo.creep.shares), level))
 
 
-def from_state(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> tuple[AtPiezo, Remanence]:
-    """The drive [V] at the piezo up to `end` [s], and the state that it leaves."""
+def from_state(
+    piezo: Piezo, state: Remanence, drive: Drive, end: float, precision: float
+) -> tuple[AtPiezo, Remanence]:
+    """The drive [V] at the piezo up to `end` [s], within the precision [V], and the state that it leaves."""
     made, plays = _after_plays(piezo, state, drive, end)
     if piezo.creep is None:
         return AtPiezo(made, end), Remanence(plays, state.terms)
-    level, of = made.before, piezo.creep
-    terms = _terms_at_end(of, state, made, end)
-    crept = creeping(of, made, end, level)
-    tau, shares = np.array(of.time_constants), np.array(of.shares)
-    begin = crept.start
-    length = np.append(begin[1:], max(end, float(begin[-1]))) - begin
-    left = shares * (state.terms - level) * np.exp(-begin[:, None] / tau)  # [segments, terms]
-    decay = np.exp(-length[:, None] / tau)
-    first, last = left.sum(axis=1), (left * decay).sum(axis=1)
-    rise, fall = -(left / tau).sum(axis=1), -(left * decay / tau).sum(axis=1)
-    some = np.where(length > 0.0, length, 1.0)
-    mean = np.where(length > 0.0, (last - first) / some, rise)
-    polynomial = crept.polynomial + np.column_stack(
-        [first, rise, (3.0 * mean - 2.0 * rise - fall) / some, (rise + fall - 2.0 * mean) / some**2]
-    )
-    before = crept.before + float(shares @ (state.terms - level))
-    return AtPiezo(crept._replace(before=before, polynomial=polynomial), end), Remanence(plays, terms)
+    terms = state.terms.copy()
+    return AtPiezo(creeping(piezo.creep, made, end, terms, precision), end), Remanence(plays, terms)
 
 
 def left_by(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> Remanence:
     """The state alone, as in `from_state`."""
-    made, plays = _after_plays(piezo, state, drive, end)
-    if piezo.creep is None:
-        return Remanence(plays, state.terms)
-    return Remanence(plays, _terms_at_end(piezo.creep, state, made, end))
+    return from_state(piezo, state, drive, end, math.inf)[1]
 
 
 def _after_plays(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> tuple[Drive, Array]:
@@ -132,10 +111,3 @@ def _after_plays(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> tu
     operators, plays, level = piezo.hysteresis.operators, state.plays.copy(), np.empty(1)
     response(operators, np.array([drive.before]), plays, level)
     return through(operators, drive, end, plays, float(level[0])), plays
-
-
-def _terms_at_end(of: Creep, state: Remanence, made: Drive, end: float) -> Array:
-    terms = state.terms.copy()
-    lags = Lags(np.array(of.time_constants))
-    creep(lags, np.array(of.shares), made, end, terms, made.polynomial.copy())
-    return terms

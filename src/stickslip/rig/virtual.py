@@ -13,6 +13,7 @@ from .. import registry
 from ..actuator import Actuator
 from ..electronics import adc_output, amplifier_output, dac_output, filtered
 from ..records import of_kind
+from ..simulation.drives import table_precision
 from ..simulation.errors import SimulationError
 from ..simulation.models import SLIDER, STAGE
 from ..simulation.trajectory import COMPLETE, checked_tolerance, follow_model
@@ -313,7 +314,9 @@ class VirtualRig:
         if piezo is None or not remembers(piezo):
             return actuator, drive
         table = drive.drive(end)
-        at_piezo, _ = from_state(piezo, self._begins(table.before), table, end)
+        at_piezo, _ = from_state(
+            piezo, self._begins(table.before), table, end, table_precision(actuator, self._tolerance)
+        )
         return actuator.replace(piezo=None), at_piezo
 
     def _sensed(self, name: str, mounted: Mounted, position: Array, rate: float) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
 from ..electronics.stack import Stack
+from ..plant.at_piezo import tabulated
 from ..progress import Progress, unheard
 from ..solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..solve.periods import integrate_members
@@ -19,9 +20,11 @@ from ..units import labelled_for, optional_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .demand import labelled_demand
+from .drives import refuse_no_waveform, tables
 from .errors import SimulationWarning
 from .members import (
     BLOCK,
+    Columns,
     Members,
     block_size,
     checked_columns,
@@ -30,7 +33,7 @@ from .members import (
     own_tables,
     prepared,
 )
-from .models import checked_drive, contact_load, refuse_no_waveform
+from .models import contact_load
 from .refinement import FINER, LOOSE, MOST_STEPS, PER_DIFFERENCE, PER_NUMBER, ROUNDS
 from .trajectory import checked_tolerance, run_time, sample_times
 
@@ -123,7 +126,7 @@ def simulate_ensemble(
     task = _Task(
         model,
         waveform,
-        None if own_tables(model, waveform, varied) else checked_drive(model, waveform, end, periodic=False),
+        None if own_tables(model, waveform, varied) else tables(model, waveform, end, periodic=False),
         load,
         None if duration is None else end,
         tolerance,
@@ -162,11 +165,12 @@ def simulate_ensemble(
 
 
 class _Task(NamedTuple):
-    """`drive`: the table of all members, or None; `end` [s]: of all members, or None."""
+    """`tables`: of the drive of all members, by the tolerance, or None; `end` [s]: of all members, or
+    None."""
 
     model: Actuator
     waveform: Waveform
-    drive: Drive | None
+    tables: Callable[[float], Drive] | None
     load: Waveform | float
     end: float | None
     tolerance: float
@@ -191,9 +195,8 @@ def _gpu(model: Actuator, times: NDArray[np.float64]) -> Any:
 
 
 def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> Block:
-    of = prepared(task.model, task.waveform, task.drive, task.load, columns, task.end)
-    found = _refined(task, of)
-    status, net, reasons = found.outcomes.astype(np.int8), found.net, of.reasons
+    found, reasons = _refined(task, columns)
+    status, net = found.outcomes.astype(np.int8), found.net
     net[status == REFUSED] = np.nan
     for m in np.flatnonzero((status != DONE) & (status != REFUSED)).tolist():
         reasons[m] = f"{OUTCOMES[int(status[m])].replace('_', ' ')} at t = {found.reached[m]:.6g} s"
@@ -232,9 +235,16 @@ def _run(
     return _Runs(outcomes, reached, steps, net, positions, np.full(rows.size, np.nan))
 
 
-def _refined(task: _Task, of: Members) -> _Runs:
-    """Each member until smaller steps change it by no more than the tolerance: as `refinement.refined`."""
+def _refined(task: _Task, columns: Columns) -> tuple[_Runs, list[str]]:
+    """Each member until smaller steps and finer tables change it by no more than the tolerance, as
+    `refinement.refined`; and why members are refused."""
     level = LOOSE * task.tolerance
+
+    def members() -> Members:
+        rows = task.model, task.waveform, task.tables, task.load, columns
+        return prepared(*rows, task.end, level)
+
+    of = members()
     outcomes = np.where(of.fine, DONE, REFUSED)
     made = _run(task, of, np.arange(outcomes.size), outcomes, level, False)
     todo = np.flatnonzero(made.outcomes == DONE)
@@ -243,6 +253,8 @@ def _refined(task: _Task, of: Members) -> _Runs:
     coarse = _Runs(*(column[todo] for column in made))
     for _ in range(ROUNDS if todo.size else 0):
         level *= FINER
+        if tabulated(task.model.piezo):
+            of = members()
         fine = _run(task, of, todo, np.full(todo.size, DONE), level, True)
         apart = PER_NUMBER * np.abs(coarse.net - fine.net)
         if task.times.size:
@@ -254,7 +266,7 @@ def _refined(task: _Task, of: Members) -> _Runs:
         if not np.any(on):
             break
         todo, coarse = todo[on], _Runs(*(column[on] for column in fine))
-    return made
+    return made, of.reasons
 
 
 def _dataset(

@@ -22,8 +22,9 @@ from ..waveform.drive import Drive
 from ..waveform.members import Drives, stacked
 from ..waveform.members import common as common_drive
 from ..waveform.signal import Waveform
+from .drives import Driven, Scaled, out_of_range, refuse_jumps, table_precision
 from .load import refuse_other_periods
-from .models import System, contact_load, drive_table, out_of_range, refuse_jumps
+from .models import System, contact_load
 from .two_port import driven_by_voltage
 from .varied import (
     changed_fields,
@@ -118,27 +119,6 @@ def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str,
     return made
 
 
-class Scaled(NamedTuple):
-    """A waveform times a factor, which need not be known by name."""
-
-    of: Any
-    factor: float
-
-    @property
-    def period(self) -> float | None:
-        return getattr(self.of, "period", None)
-
-    @property
-    def duration(self) -> float:
-        return float(self.of.duration)
-
-    def drive(self, end: float) -> Drive:
-        table = self.of.drive(end)
-        harmonic = table.harmonic * np.array([self.factor, 1.0, 1.0, 1.0])
-        before, polynomial = self.factor * table.before, self.factor * table.polynomial
-        return table._replace(before=before, polynomial=polynomial, harmonic=harmonic)
-
-
 def bends(model: Actuator) -> bool:
     """Whether the piezo gives another form of its stroke at another amplitude, before the plant feels it."""
     return model.piezo is not None and model.piezo.hysteresis is not None and model.two_port is None
@@ -192,17 +172,20 @@ def block_size(model: Actuator, waveform: Waveform, columns: Columns, end: float
 def prepared(
     model: Actuator,
     waveform: Waveform,
-    common: Drive | None,
+    common: Callable[[float], Drive] | None,
     load: Waveform | float,
     columns: Columns,
     end: float | None,
+    tolerance: float,
     periodic: bool = False,
 ) -> Members:
     """A block of members.
 
     Args:
-        common: the table of the waveform as it is; None where members have tables of their own.
+        common: the table of the waveform as it is, by a tolerance [m]; None where members have tables of
+            their own.
         end: s; None: of each member the duration of its waveform, or with `periodic` its period.
+        tolerance: m, of the position, for the tables.
     """
     count = next(iter(columns.values())).size
     model = with_normal_force(model, columns)
@@ -219,12 +202,14 @@ def prepared(
         if "drive_scale" in columns and bends(model):  # before the piezo; else the plants have it
             rows = [Scaled(row, factor) for row, factor in zip(rows, scale, strict=True)]
             scale = np.ones(count)
-        piezos = _piezos(model, columns, count)
-        drives, which, ends = _tables(members, piezos, waveform, columns, rows, reasons, end, periodic)
+        precision = table_precision(members, tolerance / _largest(scale))
+        driven = [Driven(*of, precision) for of in zip(_piezos(model, columns, count), rows, strict=True)]
+        drives, which, ends = _tables(members, driven, waveform, columns, reasons, end, periodic)
     else:
         if "drive_scale" in columns:
             _refuse_voltages(members, [waveform] * count, scale, reasons)
-        drives, which = common_drive(common), np.zeros(count, np.int64)
+        stroke = table_precision(model, 1.0) / table_precision(members, 1.0) * _largest(scale)
+        drives, which = common_drive(common(tolerance / stroke)), np.zeros(count, np.int64)
         ends = np.full(count, _end(waveform, periodic) if end is None else end)
     contact = contact_load(load, float(np.nanmax(ends, initial=0.0)))
     if periodic:
@@ -241,6 +226,11 @@ def prepared(
     return Members(reasons, of, table, states, drives, which, ends, contact.drive)
 
 
+def _largest(scale: NDArray[np.float64]) -> float:
+    """The largest finite factor, 1 at least."""
+    return float(np.max(scale[np.isfinite(scale)], initial=1.0))
+
+
 def _end(waveform: Any, periodic: bool) -> float:
     return waveform.period if periodic else waveform.duration
 
@@ -255,16 +245,16 @@ def _piezos(model: Actuator, columns: Columns, count: int) -> list[Piezo | None]
 
 def _tables(
     model: Actuator,
-    piezos: list[Piezo | None],
+    driven: list[Driven],
     waveform: Any,
     columns: Columns,
-    rows: list[Any],
     reasons: list[str],
     end: float | None,
     periodic: bool,
 ) -> tuple[Drives, NDArray[np.int64], NDArray[np.float64]]:
-    """The drives of the members, whose waveforms are `rows`, after their piezos, which of them each has, and
-    where each ends; adds what is refused to the reasons. The fields of the model may be arrays."""
+    """The drives of the members, which of them each has, and where each ends; adds what is refused to the
+    reasons. The fields of the model may be arrays."""
+    rows = [of.waveform for of in driven]
     for m, row in enumerate(rows):
         if not reasons[m]:
             reasons[m] = refused_table(row, waveform, end, periodic)
@@ -279,7 +269,7 @@ def _tables(
         fields = put_in(waveform, {name: c[fine] for name, c in varied.items()})
         drives = tuple.__new__(type(waveform), fields.values()).drives(ends[fine])
     else:
-        drives = stacked([drive_table(piezos[m], rows[m], float(ends[m]), periodic) for m in fine.tolist()])
+        drives = stacked([driven[m].table(float(ends[m]), periodic) for m in fine.tolist()])
     if model.static or driven_by_voltage(model):
         for m in fine.tolist():
             try:

@@ -13,10 +13,7 @@ from ..friction import breakaway, elements, rate
 from ..friction import element as element_of
 from ..friction.normal_force import leaning
 from ..mechanism import Mechanism
-from ..piezo.model import Piezo
-from ..plant.at_piezo import at_piezo
 from ..plant.system import Element, Mode, Plant
-from ..solve.periods import LONGEST_CYCLE
 from ..units import QuantityError
 from ..waveform.drive import Drive, constant, evaluate, segment_at, value_slope_curvature
 from ..waveform.signal import Waveform
@@ -304,51 +301,6 @@ def _acceleration(
     return total
 
 
-def refuse_no_waveform(waveform: Waveform) -> None:
-    """Raise TypeError for what is not a drive at all."""
-    if not hasattr(waveform, "drive"):
-        raise TypeError(f"the drive is a waveform (Sawtooth, Sampled, ...), not a {type(waveform).__name__}")
-
-
-def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float, periodic: bool) -> Drive:
-    unit = "V" if isinstance(model, Actuator) else "m"
-    refuse_no_waveform(waveform)
-    if waveform.unit != unit:
-        raise QuantityError(f"the drive of an {type(model).__name__} is in {unit}, not in {waveform.unit}")
-    if periodic:
-        refuse_places(model)
-    piezo = model.piezo if isinstance(model, Actuator) else None
-    table = drive_table(piezo, waveform, end, periodic)
-    if isinstance(model, Actuator):
-        low, high = waveform.range()
-        if low < model.min_voltage or high > model.max_voltage:
-            raise QuantityError(out_of_range(model, low, high, model.min_voltage, model.max_voltage))
-        if model.static or two_port.driven_by_voltage(model):
-            refuse_jumps(model, table, end if periodic else None)
-    period = getattr(waveform, "period", None) or 0.0
-    if not periodic and end < 2.0 * period and table.start.size <= LONGEST_CYCLE:
-        table = drive_table(piezo, waveform, 2.0 * period)  # two periods, that it can be seen to be periodic
-    # For an array of another layout all kernels would be compiled anew.
-    return table._replace(polynomial=np.ascontiguousarray(table.polynomial))
-
-
-def drive_table(piezo: Piezo | None, waveform: Waveform, end: float, settled: bool = False) -> Drive:
-    """The table of a waveform up to `end` [s], after a piezo if there is one; `settled`: of one period, after
-    many."""
-    table = waveform.drive(end)
-    if piezo is None:
-        return table
-    return at_piezo(piezo, table, end, getattr(waveform, "period", None), settled)
-
-
-def out_of_range(model: Actuator, low: float, high: float, minimum: float, maximum: float) -> str:
-    """What is said of a drive [V] that leaves the range of the actuator."""
-    return (
-        f"drive voltage from {low:g} V to {high:g} V is out of range: "
-        f"{model.name or 'the actuator'} takes {minimum:g} V to {maximum:g} V"
-    )
-
-
 def refuse_places(model: Actuator | PulledSlider) -> None:
     """Raise QuantityError where no step can be steady: of an end-effector that is clamped, or where each
     place has one of its own."""
@@ -362,22 +314,6 @@ def refuse_places(model: Actuator | PulledSlider) -> None:
         )
 
 
-def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
-    """Raise QuantityError for a drive, of this period if it has one, that would tear a static stage along."""
-    if two_port.driven_by_voltage(model) and _jumps(table, period):
-        raise QuantityError(
-            "a piezo with a MaxwellCapacitor would take an infinite current at a jump of the voltage: give "
-            "the waveform a finite fall (rise_fraction < 1), or the amplifier's output "
-            "(stickslip.electronics.driven)"
-        )
-    if model.static and not model.clamped and elements(model.friction) > 0 and _jumps(table, period):
-        raise QuantityError(
-            "a static stage would follow a jump of the voltage at infinite speed, at which a presliding "
-            "friction law has no meaning: give the waveform a finite fall (rise_fraction < 1), or the stage "
-            "a natural_frequency"
-        )
-
-
 def contact_load(load: Waveform | float, end: float) -> Contact:
     """The normal force over its reference, as far as `end` [s].
 
@@ -388,13 +324,3 @@ def contact_load(load: Waveform | float, end: float) -> Contact:
     if not (0.0 <= low <= high < math.inf):
         raise QuantityError(f"load from {low:g} to {high:g} is out of range: it must be >= 0 and finite")
     return Contact(low) if isinstance(load, int | float) or low == high else Contact(1.0, load.drive(end))
-
-
-def _jumps(table: Drive, period: float | None) -> bool:
-    """Whether the drive jumps anywhere; for a periodic one, where one period meets the next instead of at the
-    start."""
-    starts = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start)]
-    ends = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start[1:])]
-    first = table.before if period is None else value_slope_curvature(table, len(starts) - 1, period)[0]
-    size = max(map(abs, (first, *starts, *ends)))
-    return any(abs(a - b) > 1e-9 * size for a, b in zip((first, *ends), starts, strict=True))

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
-from ..piezo.model import Piezo
 from ..units import QuantityError
 from ..waveform.drive import Drive, evaluate
-from .models import drive_table
+from .drives import Driven
 from .varied import changed_piezo, drive_names, put_in, value_of
 
 # Relative, and absolute where a value is zero. The steps are the same, so only rounding limits it.
@@ -29,24 +28,6 @@ LONGER = 1.01
 MOST_APART = 100.0
 
 
-class Driven(NamedTuple):
-    """What drives the stage: a waveform, after a piezo if there is one."""
-
-    piezo: Piezo | None
-    waveform: Any
-
-    @property
-    def period(self) -> float:
-        """s; 0 where there is none"""
-        return getattr(self.waveform, "period", None) or 0.0
-
-    def table(self, end: float, settled: bool) -> Drive:
-        """A little longer than `end` [s], over two periods at least; `settled`: of its period, after many."""
-        if settled:
-            return drive_table(self.piezo, self.waveform, self.period, settled)
-        return drive_table(self.piezo, self.waveform, max(LONGER * end, 2.0 * self.period))
-
-
 class Beside(NamedTuple):
     """The table of a drive that differs in one number, its period [s], and by how much it differs."""
 
@@ -55,25 +36,31 @@ class Beside(NamedTuple):
     step: float
 
 
-def beside(model: Actuator, waveform: Any, name: str, itself: Drive, end: float, settled: bool) -> Beside:
+def longer(of: Driven, end: float, settled: bool) -> Drive:
+    """The table, a little longer than `end` [s], over two periods at least; `settled`: of its period, after
+    many."""
+    return of.table(of.period if settled else max(LONGER * end, 2.0 * of.period), settled)
+
+
+def beside(model: Actuator, name: str, given: Driven, itself: Drive, end: float, settled: bool) -> Beside:
     """The drive with a number of piezo or waveform that differs a little; to the side that the waveform's
     record allows.
 
     Args:
-        itself: the table of the drive as it is.
-        end: s, of the trajectory; `settled`: see `Driven.table`.
+        given: the drive as it is, and `itself` its table.
+        end: s, of the trajectory; `settled`: see `longer`.
 
     Raises:
         QuantityError: neither side is allowed; the drive, up to `end` [s], has other segments there, or does
             not follow the number in proportion: there is no derivative.
     """
-    of_piezo = name in drive_names(model)
+    of_piezo, waveform = name in drive_names(model), given.waveform
     value = value_of(model, name, waveform)
 
     def at(by: float) -> Driven:
         if of_piezo:  # unchecked, for it may step over a bound
-            return Driven(changed_piezo(model, {name: value + by}), waveform)
-        return Driven(model.piezo, type(waveform)(**put_in(waveform, {name: value + by})))
+            return given._replace(piezo=changed_piezo(model, {name: value + by}))
+        return given._replace(waveform=type(waveform)(**put_in(waveform, {name: value + by})))
 
     why, least, best = "", math.inf, None
     for size in AT_PIEZO if model.piezo else (DIFFERENCE,):
@@ -86,13 +73,13 @@ def beside(model: Actuator, waveform: Any, name: str, itself: Drive, end: float,
             except QuantityError as error:
                 why = why or str(error)
                 continue
-        table = near.table(end, settled)
+        table = longer(near, end, settled)
         if not _alike(itself, table, size, end):
             why = "the drive has a jump or a kink there that appears or vanishes"
             if model.piezo is not None:
                 why = "after the piezo's hysteresis and creep the drive has other pieces beside it"
             continue
-        bent = 0.0 if model.piezo is None else _bent(itself, table, far.table(end, settled))
+        bent = 0.0 if model.piezo is None else _bent(itself, table, longer(far, end, settled))
         if bent < least:
             least, best = bent, Beside(table, near.period, side * step)
         if bent <= ENOUGH:

@@ -25,9 +25,10 @@ from ..waveform.drive import Drive, constant
 from ..waveform.members import Drives, stacked
 from ..waveform.pieces import with_breaks
 from ..waveform.signal import Waveform
+from .drives import Driven, checked_drive, table_precision
 from .errors import SimulationError, SimulationWarning
-from .models import Contact, System, checked_drive, contact_load
-from .neighbour_drives import DIFFERENCE, Driven, beside, breaks_apart
+from .models import Contact, System, contact_load
+from .neighbour_drives import DIFFERENCE, beside, breaks_apart, longer
 from .state import row_of
 from .trajectory import checked_tolerance, sample_times
 from .varied import (
@@ -118,10 +119,12 @@ def moved(
     end: float = 0.0,
     slipping: Collection[int] = (),
     settled: bool = False,
+    tolerance: float = 1e-9,
 ) -> Moved:
     """Neighbours of a model in the state given; with `before`, each rests under that drive by itself. With a
     `waveform`, followed up to `end` [s], names may be fields of it, and what has it rests under its own; its
-    period, after many, if `settled`. The rows `slipping` of the state are on the bounds of each.
+    period, after many, if `settled`; tables are for the tolerance [m]. The rows `slipping` of the state are
+    on the bounds of each.
 
     Raises:
         QuantityError: a name that is not known, a static law, or one whose force jumps.
@@ -133,8 +136,8 @@ def moved(
     known += [name for name in names if name.startswith(BY_ROW)]
     of_waveform = record_names(waveform) if waveform is not None else []
     of_drive = {*drive_names(model)} | ({*of_waveform} - {*known})
-    as_it_is = Driven(model.piezo, waveform)
-    itself = as_it_is.table(end, settled) if {*names} & of_drive else None
+    as_it_is = Driven(model.piezo, waveform, table_precision(model, tolerance))
+    itself = longer(as_it_is, end, settled) if {*names} & of_drive else None
     values, states, steps, tables, periods = [], [], [], list[Drive](), []
     for name in names:
         if name not in known and name not in of_waveform:
@@ -144,7 +147,7 @@ def moved(
             )
         other, own, table, period = of, state.copy(), itself, as_it_is.period
         if itself is not None and name in of_drive:
-            table, period, step = beside(model, waveform, name, itself, end, settled)
+            table, period, step = beside(model, name, as_it_is, itself, end, settled)
             if before is not None:
                 own = contact.rest(of, table.before)
         elif (row := initial_row(of, name)) is not None:
@@ -286,10 +289,10 @@ def sensitivities(
     parameters = checked_names(parameters)
     wanted = sample_times(waveform, duration, sample_rate, times)
     end = float(wanted[-1])
-    drive = checked_drive(model, waveform, end, periodic=False)
+    drive = checked_drive(model, waveform, end, periodic=False, tolerance=tolerance)
     contact = contact_load(load, end)
     state = contact.rest(contact.system(model), drive.before)
-    of = moved(model, parameters, state, drive.before, contact, waveform, end)
+    of = moved(model, parameters, state, drive.before, contact, waveform, end, tolerance=tolerance)
     if of.itself is not None:  # in the segments of the neighbours: those of creep depend on the end
         drive = of.itself
 

@@ -7,15 +7,18 @@ import warnings
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..solve.periodic import STABLE, Orbit, find_orbit
 from ..units import QuantityError, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
+from .drives import tables
 from .errors import NotPeriodicError, SimulationError, SimulationWarning
 from .load import refuse_other_period
-from .models import checked_drive, contact_load
+from .models import contact_load
+from .refinement import FINER
 from .trajectory import checked_tolerance, not_within
 
 MAX_PERIODS = 2000
@@ -34,26 +37,34 @@ def steady_orbit(
         load: normal force over its reference: a number, or a waveform whose period is that of the drive, or
             a whole part of it. Under any other the motion has not the drive's period.
 
+    With creep, or hysteresis without plays, the orbit is that of a table of the drive; its error contains by
+    how much a finer table moves it.
+
     Raises:
         QuantityError: the waveform has no period, the load another one, or see `simulate`.
         SimulationError: the motion could not be followed over one period.
     """
-    tolerance = checked_tolerance(model, tolerance)
-    period, table = periodic_drive(model, waveform)
+    tolerance, period = checked_tolerance(model, tolerance), period_of(waveform)
+    by_tolerance = tables(model, endless(waveform), period, periodic=True)
     contact = contact_load(load, period)
     refuse_other_period(load, period)
     of = contact.system(model)
-    start = contact.rest(of, table.before)
-    try:
-        return find_orbit(of.plant, of.slider, table, contact.drive, start, period, tolerance, MAX_PERIODS)
-    except FloatingPointError as error:
-        raise SimulationError(f"no steady stepping: {error}") from error
 
+    def orbit(table: Drive, start: NDArray[np.float64]) -> Orbit:
+        try:
+            return find_orbit(
+                of.plant, of.slider, table, contact.drive, start, period, tolerance, MAX_PERIODS
+            )
+        except FloatingPointError as error:
+            raise SimulationError(f"no steady stepping: {error}") from error
 
-def periodic_drive(model: Actuator, waveform: Waveform) -> tuple[float, Drive]:
-    """Period [s] and one period of the drive; raises `QuantityError`, see `steady_orbit`."""
-    period = period_of(waveform)
-    return period, checked_drive(model, endless(waveform), period, periodic=True)
+    coarse, fine = by_tolerance(tolerance), by_tolerance(FINER * tolerance)
+    found = orbit(coarse, contact.rest(of, coarse.before))
+    if fine is coarse or not found.converged:
+        return found
+    again, positions = orbit(fine, found.state), [*of.stages, *range(of.bodies, of.states)]
+    off = max(abs(again.step - found.step), *np.abs(again.state - found.state)[positions])
+    return again._replace(error=again.error + off, periods=found.periods + again.periods)
 
 
 def period_of(waveform: Waveform) -> float:

@@ -14,6 +14,7 @@ from ..solve.periodic import has_neighbours
 from ..units import QuantityError
 from ..waveform.drive import Drive, value_slope_curvature
 from ..waveform.signal import Waveform
+from .drives import tables
 from .errors import NotPeriodicError
 from .models import System, contact_load
 from .sensitivity import (
@@ -28,7 +29,7 @@ from .sensitivity import (
     until_settled,
     warn_unsettled,
 )
-from .steady import endless, periodic_drive, steady_orbit
+from .steady import endless, period_of, steady_orbit
 from .trajectory import checked_tolerance
 from .varied import value_of
 
@@ -66,13 +67,14 @@ def steady_step_derivatives(
         raise QuantityError("the steady step does not depend on the initial state")
     refuse_law(model)
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
-    period, drive = periodic_drive(model, waveform)
+    period = period_of(waveform)
+    drive = tables(model, endless(waveform), period, periodic=True)(tolerance)
     contact, times = contact_load(load, period), np.array([0.0, period])
     whole = contact.system(model)
     slipping = _on_bounds(whole, orbit.state, drive)
 
     def neighbours_of(state: Array, names: Sequence[str]) -> Moved:
-        return moved(model, names, state, None, contact, endless(waveform), period, slipping, settled=True)
+        return moved(model, names, state, None, contact, endless(waveform), period, slipping, True, tolerance)
 
     def last_states(of: Moved, state: Array, tolerance: float) -> tuple[Array, Array]:
         """After a period from the state, and its derivatives."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
 from ..electronics.stack import Stack
+from ..plant.at_piezo import tabulated
 from ..progress import Progress, unheard
 from ..solve.outcome import DONE
 from ..solve.periodic import NOT_FOUND, Found, has_neighbours, orbits, room_for
@@ -19,6 +20,7 @@ from ..units import labelled_for
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .demand import labelled_demand
+from .drives import tables
 from .errors import SimulationWarning
 from .load import refuse_other_period
 from .members import (
@@ -31,7 +33,8 @@ from .members import (
     own_tables,
     prepared,
 )
-from .models import checked_drive, contact_load, refuse_places
+from .models import contact_load, refuse_places
+from .refinement import FINER
 from .steady import MAX_PERIODS, NOT_FOLLOWED, endless, not_found, period_of, stable, unstable
 from .trajectory import checked_tolerance
 
@@ -45,11 +48,11 @@ Beside = Callable[[Members, Columns, Found, NDArray[np.int8]], dict[str, NDArray
 
 
 class _Task(NamedTuple):
-    """`drive`: the table of all members, or None."""
+    """`tables`: of the drive of all members, by the tolerance, or None."""
 
     model: Actuator
     waveform: Waveform
-    drive: Drive | None
+    tables: Callable[[float], Drive] | None
     load: Waveform | float
     tolerance: float
     beside: Beside | None
@@ -140,8 +143,8 @@ def orbit_blocks(
     refuse_other_period(load, _common_period(period, columns))
     refuse_places(model)
     own = own_tables(model, waveform, columns)
-    drive = None if own else checked_drive(model, waveform, period, periodic=True)
-    task = _Task(model, waveform, drive, load, tolerance, beside)
+    by_tolerance = None if own else tables(model, waveform, period, periodic=True)
+    task = _Task(model, waveform, by_tolerance, load, tolerance, beside)
     size = block_size(model, waveform, columns, period, BLOCK)
     return in_blocks(lambda part: _block(task, part), columns, size, threads)
 
@@ -157,22 +160,12 @@ def _common_period(period: float, columns: Mapping[str, NDArray[np.float64]]) ->
 
 
 def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> OrbitBlock:
-    of = prepared(task.model, task.waveform, task.drive, task.load, columns, None, periodic=True)
-    found, plant = room_for(*of.states.shape), of.of.plant
-    found.outcomes[~of.fine] = REFUSED
-    drives, smooth = (of.drives, of.which, of.load), has_neighbours(plant)
-    orbits(
-        plant,
-        drives,
-        of.values,
-        of.states,
-        of.ends,
-        task.tolerance,
-        MAX_PERIODS,
-        of.of.slider,
-        smooth,
-        found,
-    )
+    of, found = _orbits(task, columns, task.tolerance)
+    if tabulated(task.model.piezo):
+        of, again = _orbits(task, columns, FINER * task.tolerance, of.states)
+        again.errors[:] += np.abs(again.steps - found.steps)
+        again.periods[:] += found.periods
+        found = again
     status, reasons = np.zeros(len(of.reasons), np.int8), of.reasons
     for m in np.flatnonzero((found.outcomes != DONE) | ~stable(found.radius)).tolist():
         if reasons[m]:
@@ -186,6 +179,23 @@ def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> OrbitBloc
             status[m], reasons[m] = STOPPED, NOT_FOLLOWED
     made = task.beside(of, columns, found, status) if task.beside else {}
     return OrbitBlock(found, status, reasons, made)
+
+
+def _orbits(
+    task: _Task, columns: Columns, tolerance: float, states: NDArray[np.float64] | None = None
+) -> tuple[Members, Found]:
+    """Members whose drives are tabulated for a tolerance [m], and their orbits, looked for from the states or
+    from rest."""
+    rows = task.model, task.waveform, task.tables, task.load, columns
+    of = prepared(*rows, None, tolerance, periodic=True)
+    if states is not None:
+        of.states[:] = states
+    found, plant = room_for(*of.states.shape), of.of.plant
+    found.outcomes[~of.fine] = REFUSED
+    drives, smooth = (of.drives, of.which, of.load), has_neighbours(plant)
+    common = plant, drives, of.values, of.states, of.ends, task.tolerance
+    orbits(*common, MAX_PERIODS, of.of.slider, smooth, found)
+    return of, found
 
 
 def _dataset(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,17 +24,10 @@ from ..units import QuantityError, array_si, labelled_for, optional_si, to_si, u
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .channels import energy_account, of_stack, variables_of
+from .drives import refuse_no_waveform, tables
 from .errors import SimulationError, SimulationWarning
-from .models import (
-    SLIDER,
-    Contact,
-    System,
-    checked_drive,
-    classic,
-    contact_load,
-    refuse_no_waveform,
-)
-from .refinement import refined
+from .models import SLIDER, Contact, System, classic, contact_load
+from .refinement import LOOSE, refined
 from .state import REST, State, as_text, maker, placed, taken_up
 
 COMPLETE = "complete"
@@ -67,7 +61,8 @@ def simulate(
         times: sample times instead, s (or with units: strings such as "5 ms", an array of xarray or pint),
             ascending, from 0 or later.
         tolerance: m, on the end-effector's position over the whole trajectory. The error is estimated by a
-            second run with smaller steps; where it is larger, the steps are refined.
+            second run with smaller steps and a finer table of what hysteresis and creep make of the drive;
+            where it is larger, both are refined.
         load: normal force over the reference normal force at which the friction parameters hold: a number,
             or a waveform.
         energy: add the energy account (actuators of one mode, no two-port): `drive_work`, `friction_work`,
@@ -168,8 +163,10 @@ class Followed(NamedTuple):
 
 
 class _Run(NamedTuple):
-    """What the solver made of a task: its samples in the plant's own layout, and the rest as `Followed`."""
+    """What the solver made of a task under the table `drive`: samples in the plant's own layout, and the rest
+    as `Followed`."""
 
+    drive: Drive
     samples: NDArray[np.float64]
     work: NDArray[np.float64]
     outcome: int
@@ -181,11 +178,12 @@ class _Run(NamedTuple):
 
 
 class _Task(NamedTuple):
-    """A trajectory to be followed; `start`, its state before, at the time `begins`, or `resume` (see
-    `solve.resume`); `anew`: the energy account begins at the first of the times, which is not asked for."""
+    """A trajectory to be followed; `tables` of the drive, by the tolerance of a run; `start`, its state
+    before, at the time `begins`, or `resume` (see `solve.resume`); `anew`: the energy account begins at the
+    first of the times, which is not asked for."""
 
     of: System
-    drive: Drive
+    tables: Callable[[float], Drive]
     contact: Contact
     start: NDArray[np.float64]
     times: NDArray[np.float64]
@@ -196,19 +194,19 @@ class _Task(NamedTuple):
     anew: bool
 
     def run(self, tolerance: float, careful: bool = False) -> _Run:
-        """With steps whose local errors are in proportion to the tolerance; `careful`: see
-        `periods.integrate`."""
-        times, q = self.times, self.start.copy()
+        """With steps whose local errors are in proportion to the tolerance, as that of the drive's table;
+        `careful`: see `periods.integrate`."""
+        times, q, drive = self.times, self.start.copy(), self.tables(tolerance)
         samples = np.full((times.size, q.size + max(len(self.of.plant.elements), 1)), np.nan)
         work = np.zeros((times.size if self.energy else 0, TERMS))
         account = (np.zeros(q.size), np.zeros(TERMS), work) if self.energy else None
         span, resume = np.array([self.begins, times[-1]]), self.resume.copy()
         outcome, reached, steps, rejected = integrate(
-            *(self.of.plant, self.drive, self.contact.drive, q, span, tolerance, careful, self.max_steps),
+            *(self.of.plant, drive, self.contact.drive, q, span, tolerance, careful, self.max_steps),
             *(times, samples, resume, account),
         )
         place = float(q[self.of.slider])
-        return _Run(samples, work, outcome, reached, steps, rejected, resume, place)
+        return _Run(drive, samples, work, outcome, reached, steps, rejected, resume, place)
 
     def distance(self, one: _Run, other: _Run) -> float:
         """The largest difference of the end-effector's position, m; NaN where one does not reach the end."""
@@ -219,7 +217,7 @@ class _Task(NamedTuple):
 
     def followed(self, run: _Run, error: float = math.nan) -> Followed:
         """As far as it goes, with what it may be off."""
-        samples, work = classic(self.of, run.samples, self.drive, self.times), run.work
+        samples, work = classic(self.of, run.samples, run.drive, self.times), run.work
         times, start, text = self.times, np.zeros(0), COMPLETE
         if run.outcome != DONE:
             reason = _OUTCOMES.get(run.outcome, f"more than {self.max_steps} steps were needed")
@@ -236,9 +234,9 @@ class _Task(NamedTuple):
         elif self.energy:
             before = np.zeros((1, run.samples.shape[1]))
             before[0, : self.start.size] = self.start
-            start = classic(self.of, before, self.drive, np.array([self.begins or -1.0]))[0]
+            start = classic(self.of, before, run.drive, np.array([self.begins or -1.0]))[0]
         counts = run.steps, run.rejected, run.resume, error
-        return Followed(times, samples, work, start, self.drive, text, *counts)
+        return Followed(times, samples, work, start, run.drive, text, *counts)
 
 
 def follow_model(
@@ -258,8 +256,9 @@ def follow_model(
     end = float(times[-1])
     contact = contact_load(load, end)
     of = contact.system(model)
-    table = checked_drive(model, waveform, end, periodic=False)
     tolerance = checked_tolerance(model, tolerance)
+    by_tolerance = tables(model, waveform, end, periodic=False)
+    table = by_tolerance(LOOSE * tolerance if check else tolerance)
     if energy and not (isinstance(model, Actuator) and len(of.stages) < 2 and model.two_port is None):
         raise QuantityError(
             "the energy account is kept for an Actuator whose stage has one mode, without a MaxwellCapacitor"
@@ -277,10 +276,10 @@ def follow_model(
     if anew:
         times = np.append(begin.time, times)
     start = placed(begin, of, contact, table.before)
-    task = _Task(of, table, contact, start, times, energy, max_steps, begin.time, resume, anew)
+    task = _Task(of, by_tolerance, contact, start, times, energy, max_steps, begin.time, resume, anew)
     if not check:
-        return task.followed(task.run(float(tolerance)))
-    found = refined(task.run, task.distance, lambda run: run.steps + run.rejected, float(tolerance))
+        return task.followed(task.run(tolerance))
+    found = refined(task.run, task.distance, lambda run: run.steps + run.rejected, tolerance)
     made = task.followed(found.run, found.error + begin.error_estimate)
     if made.outcome != COMPLETE:
         return made

@@ -18,6 +18,7 @@ from ..actuator import Actuator
 from ..rig.protocols import Array, RigError
 from ..rig.remanence import annealed, from_state, remembers, simplified
 from ..rig.variation import Repeats, Variation
+from ..simulation.drives import table_precision
 from ..simulation.models import SLIDER, STAGE
 from ..simulation.state import State
 from ..simulation.trajectory import COMPLETE, follow_model
@@ -106,7 +107,10 @@ class Stage:
         given = Sampled(np.append(0.0, piece.times), np.append(self.voltage, piece.volts))
         drive = given
         if self._piezo is not None and self._remanence is not None:
-            drive, self._remanence = from_state(self._piezo, self._remanence, given.drive(end), end)
+            precision = table_precision(self.actuator, _TOLERANCE)
+            drive, self._remanence = from_state(
+                self._piezo, self._remanence, given.drive(end), end, precision
+            )
         samples = np.unique(np.concatenate([piece.samples, [end]]))
         actuator = self._repeats.actuator(self.actuator, self._pieces % _PIECES)
         self._pieces += 1
@@ -137,7 +141,7 @@ class Stage:
         left = seconds - settling
         if left > 0.0 and self._piezo is not None and self._remanence is not None:
             held = Sampled(np.array([0.0, left]), np.full(2, self.voltage)).drive(left)
-            crept, self._remanence = from_state(self._piezo, self._remanence, held, left)
+            crept, self._remanence = from_state(self._piezo, self._remanence, held, left, math.inf)
             levels = value_at(crept, np.array([0.0, left]))
             moved = self.actuator.gain * float(levels[1] - levels[0])
             y, x = self.elongation + moved, float(np.clip(self.position + moved, -self.end, self.end))

@@ -10,7 +10,7 @@ import pytest
 from stickslip.actuator import load_actuator
 from stickslip.identify.recorded.recorded_drive import RecordedDrive, recorded_drive
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
-from stickslip.simulation.models import checked_drive
+from stickslip.simulation.drives import checked_drive
 from stickslip.units import QuantityError
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.periodic import Cycloid, ReverseSawtooth, Sawtooth, Sine, Triangle
@@ -153,7 +153,7 @@ def test_noise_of_a_monitor_is_no_drive_out_of_range() -> None:
         drive = recorded_drive(recording, "it")
         assert drive.range()[0] >= model.min_voltage
         assert drive.range()[1] == pytest.approx(65.0, rel=0.02)
-        checked_drive(model, drive, 0.5, periodic=False)
+        checked_drive(model, drive, 0.5, periodic=False, tolerance=1e-9)
         below = recording.assign(drive_voltage=recording["drive_voltage"] - 3.0)
         with pytest.raises(QuantityError, match="out of range"):
-            checked_drive(model, recorded_drive(below, "it"), 0.5, periodic=False)
+            checked_drive(model, recorded_drive(below, "it"), 0.5, periodic=False, tolerance=1e-9)

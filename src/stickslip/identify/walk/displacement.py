@@ -16,7 +16,8 @@ from ...actuator import Actuator
 from ...friction import elements
 from ...friction.law import has_jumps
 from ...simulation import SimulationError
-from ...simulation.models import Contact, checked_drive, classic
+from ...simulation.drives import checked_drive
+from ...simulation.models import Contact, classic
 from ...simulation.sensitivity import follow_moved, moved
 from ...solve.outcome import DONE
 from ...solve.periods import integrate
@@ -45,7 +46,9 @@ class Displacement:
     ) -> None:
         self.waveform, self.time = drive_over(recording, drive, name, slew_rate)
         self.tolerance = tolerance
-        self.drive = checked_drive(model, self.waveform, float(self.time[-1]), periodic=False)
+        self.drive = checked_drive(
+            model, self.waveform, float(self.time[-1]), periodic=False, tolerance=tolerance
+        )
         self.max_steps = MAX_STEPS + OF_SEGMENT * self.drive.start.size
         self._forget()
 

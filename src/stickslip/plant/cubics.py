@@ -1,0 +1,85 @@
+"""Cubics beside a drive: what hysteresis and creep add to it, between known values and slopes.
+
+The drive keeps its formulas; each of its segments is cut into pieces, and each piece gets a cubic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._jit import compiled
+from ..units import QuantityError
+from ..waveform.drive import Drive
+
+Array = NDArray[np.float64]
+
+# Segments of a table: a gigabyte. More are a drive that turns too often for its length.
+MOST_PIECES = 4_000_000
+
+
+class Cubics(NamedTuple):
+    """`start` [n], s; `source` [n], the segment of the drive; `cubic` [n, 4], coefficients of what is added
+    from there on."""
+
+    start: Array
+    source: NDArray[np.int64]
+    cubic: Array
+
+
+@compiled
+def put_cubic(pieces, k, at, source, length, value, rise, change, fall):
+    """Set piece k: the cubic that begins at `value` with the slope `rise` and ends, changed by `change`, with
+    the slope `fall`; a straight line where the length is 0."""
+    pieces.start[k], pieces.source[k] = at, source
+    pieces.cubic[k, 0], pieces.cubic[k, 1] = value, rise
+    pieces.cubic[k, 2], pieces.cubic[k, 3] = 0.0, 0.0
+    if length > 0.0:
+        mean = change / length
+        pieces.cubic[k, 2] = (3.0 * mean - 2.0 * rise - fall) / length
+        pieces.cubic[k, 3] = (rise + fall - 2.0 * mean) / length**2
+
+
+def filled(fill: Callable[[Array, Cubics], int], state: Array, room: int) -> Cubics:
+    """The pieces that `fill(state, pieces)` makes from a state on, which becomes that at the end; it returns
+    how many there are, or -1 where there is no room.
+
+    Raises:
+        QuantityError: more pieces than fit into memory.
+    """
+    begun = state.copy()
+    while room <= 4 * MOST_PIECES:
+        pieces = Cubics(np.empty(room), np.empty(room, np.int64), np.empty((room, 4)))
+        state[:] = begun
+        count = fill(state, pieces)
+        if count >= 0:
+            return Cubics(pieces.start[:count], pieces.source[:count], pieces.cubic[:count])
+        room *= 4
+    raise QuantityError(
+        f"hysteresis and creep make more than {MOST_PIECES} segments of the drive: shorten the drive, or "
+        "allow a greater tolerance"
+    )
+
+
+def with_cubics(drive: Drive, pieces: Cubics, before: float) -> Drive:
+    """The drive plus the cubics, `before` until its start."""
+    made = moved_on(drive, pieces.source, pieces.start - drive.start[pieces.source])
+    return Drive(before, pieces.start, made.polynomial + pieces.cubic, made.first, made.harmonic)
+
+
+def moved_on(drive: Drive, source: NDArray[np.int64], tau: Array) -> Drive:
+    """The formulas of the segments `source` [n], begun `tau` [n] s later than there."""
+    c0, c1, c2, c3 = drive.polynomial[source].T
+    polynomial = np.column_stack(
+        [c0 + tau * (c1 + tau * (c2 + tau * c3)), c1 + tau * (2 * c2 + 3 * tau * c3), c2 + 3 * tau * c3, c3]
+    )
+    rows = np.diff(drive.first)[source]
+    first = np.append(0, np.cumsum(rows)).astype(np.int64)
+    which = np.repeat(drive.first[:-1][source] - first[:-1], rows) + np.arange(first[-1])
+    amplitude, omega, phase, chirp = drive.harmonic[which].T
+    late = np.repeat(tau, rows)
+    columns = (amplitude, omega + 2.0 * chirp * late, phase + late * (omega + chirp * late), chirp)
+    return Drive(drive.before, drive.start[source] + tau, polynomial, first, np.column_stack(columns))

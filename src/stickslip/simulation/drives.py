@@ -1,0 +1,160 @@
+"""What drives the stage: the table of a waveform, after the piezo, and how precise it has to be."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..actuator import Actuator, PulledSlider
+from ..friction import elements
+from ..piezo.model import Piezo
+from ..plant.at_piezo import at_piezo, tabulated
+from ..solve.periods import LONGEST_CYCLE
+from ..units import QuantityError
+from ..waveform.drive import Drive, value_slope_curvature
+from ..waveform.signal import Waveform
+from . import two_port
+from .models import refuse_places
+
+# Largest error of a table after the piezo times the gain, as a share of the tolerance of a run: a resonance
+# or a slip makes more of it. Study: docs/benchmarks/random-actuators.md.
+TABLE_SHARE = 0.02
+
+
+def refuse_no_waveform(waveform: Waveform) -> None:
+    """Raise TypeError for what is not a drive at all."""
+    if not hasattr(waveform, "drive"):
+        raise TypeError(f"the drive is a waveform (Sawtooth, Sampled, ...), not a {type(waveform).__name__}")
+
+
+class Driven(NamedTuple):
+    """What drives the stage: a waveform, after a piezo if there is one, within the precision [V]."""
+
+    piezo: Piezo | None
+    waveform: Any
+    precision: float
+
+    @property
+    def period(self) -> float:
+        """s; 0 where there is none"""
+        return getattr(self.waveform, "period", None) or 0.0
+
+    def table(self, end: float, settled: bool) -> Drive:
+        """The table up to `end` [s]; `settled`: of one period, after many."""
+        table = self.waveform.drive(end)
+        if self.piezo is None:
+            return table
+        return at_piezo(self.piezo, table, end, self.precision, self.period or None, settled)
+
+
+class Scaled(NamedTuple):
+    """A waveform times a factor, which need not be known by name."""
+
+    of: Any
+    factor: float
+
+    @property
+    def period(self) -> float | None:
+        return getattr(self.of, "period", None)
+
+    @property
+    def duration(self) -> float:
+        return float(self.of.duration)
+
+    def drive(self, end: float) -> Drive:
+        table = self.of.drive(end)
+        harmonic = table.harmonic * np.array([self.factor, 1.0, 1.0, 1.0])
+        before, polynomial = self.factor * table.before, self.factor * table.polynomial
+        return table._replace(before=before, polynomial=polynomial, harmonic=harmonic)
+
+
+def table_precision(model: Actuator | PulledSlider, tolerance: float) -> float:
+    """Largest error [V] of the drive after the piezo, for a tolerance [m] of the position; of an ensemble,
+    whose fields are arrays, that of the member which needs the finest."""
+    if not isinstance(model, Actuator):
+        return TABLE_SHARE * tolerance
+    rows = model.further_modes.rows if model.further_modes is not None else ()
+    gain = np.abs(model.gain) + sum(np.abs(row[0]) for row in rows)
+    return TABLE_SHARE * tolerance / max(float(np.nanmax(gain)), 1e-300)
+
+
+def tables(
+    model: Actuator | PulledSlider, waveform: Waveform, end: float, periodic: bool
+) -> Callable[[float], Drive]:
+    """The table of a drive, by the tolerance [m] of a run: one, where it is exact.
+
+    Errors: see `checked_drive`.
+    """
+    exact = not (isinstance(model, Actuator) and tabulated(model.piezo))
+
+    @functools.cache
+    def made(tolerance: float) -> Drive:
+        return checked_drive(model, waveform, end, periodic, tolerance)
+
+    return lambda tolerance: made(1.0 if exact else tolerance)
+
+
+def checked_drive(
+    model: Actuator | PulledSlider, waveform: Waveform, end: float, periodic: bool, tolerance: float
+) -> Drive:
+    """The table of a waveform after the model's piezo, up to `end` [s], for a tolerance [m] of the position.
+
+    Raises:
+        QuantityError: it is no drive of this model.
+    """
+    unit = "V" if isinstance(model, Actuator) else "m"
+    refuse_no_waveform(waveform)
+    if waveform.unit != unit:
+        raise QuantityError(f"the drive of an {type(model).__name__} is in {unit}, not in {waveform.unit}")
+    if periodic:
+        refuse_places(model)
+    piezo = model.piezo if isinstance(model, Actuator) else None
+    driven = Driven(piezo, waveform, table_precision(model, tolerance))
+    table = driven.table(end, periodic)
+    if isinstance(model, Actuator):
+        low, high = waveform.range()
+        if low < model.min_voltage or high > model.max_voltage:
+            raise QuantityError(out_of_range(model, low, high, model.min_voltage, model.max_voltage))
+        if model.static or two_port.driven_by_voltage(model):
+            refuse_jumps(model, table, end if periodic else None)
+    if not periodic and end < 2.0 * driven.period and table.start.size <= LONGEST_CYCLE:
+        table = driven.table(2.0 * driven.period, False)  # two periods, that it can be seen to be periodic
+    # For an array of another layout all kernels would be compiled anew.
+    return table._replace(polynomial=np.ascontiguousarray(table.polynomial))
+
+
+def out_of_range(model: Actuator, low: float, high: float, minimum: float, maximum: float) -> str:
+    """What is said of a drive [V] that leaves the range of the actuator."""
+    return (
+        f"drive voltage from {low:g} V to {high:g} V is out of range: "
+        f"{model.name or 'the actuator'} takes {minimum:g} V to {maximum:g} V"
+    )
+
+
+def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
+    """Raise QuantityError for a drive, of this period if it has one, that would tear a static stage along."""
+    if two_port.driven_by_voltage(model) and _jumps(table, period):
+        raise QuantityError(
+            "a piezo with a MaxwellCapacitor would take an infinite current at a jump of the voltage: give "
+            "the waveform a finite fall (rise_fraction < 1), or the amplifier's output "
+            "(stickslip.electronics.driven)"
+        )
+    if model.static and not model.clamped and elements(model.friction) > 0 and _jumps(table, period):
+        raise QuantityError(
+            "a static stage would follow a jump of the voltage at infinite speed, at which a presliding "
+            "friction law has no meaning: give the waveform a finite fall (rise_fraction < 1), or the stage "
+            "a natural_frequency"
+        )
+
+
+def _jumps(table: Drive, period: float | None) -> bool:
+    """Whether the drive jumps anywhere; for a periodic one, where one period meets the next instead of at the
+    start."""
+    starts = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start)]
+    ends = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start[1:])]
+    first = table.before if period is None else value_slope_curvature(table, len(starts) - 1, period)[0]
+    size = max(map(abs, (first, *starts, *ends)))
+    return any(abs(a - b) > 1e-9 * size for a, b in zip((first, *ends), starts, strict=True))
