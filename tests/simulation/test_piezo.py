@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 import reference
 import stickslip as ss
-from stickslip.piezo import Creep, Piezo, PrandtlIshlinskii
+from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
 from stickslip.units import QuantityError
 from stickslip.waveform.drive import evaluate
 
@@ -118,3 +120,31 @@ def test_what_is_no_piezo_is_refused() -> None:
         QuantityError, match="out of range: kang2007 takes"
     ):  # the voltage, not what comes of it
         ss.simulate(BENT, ss.Sawtooth(2.0 * PLAIN.max_voltage, 5.0), 0.1)
+
+
+@pytest.mark.parametrize("hysteresis", [BoucWen(0.3, 0.05, 0.02), None], ids=["Bouc-Wen", "creep alone"])
+def test_the_error_estimate_contains_that_of_the_drive(hysteresis: BoucWen | None) -> None:
+    """The clamped stage is linear, and known to rounding for the drive that slow integration gives."""
+    one = PLAIN.replace(clamped=True, piezo=Piezo(hysteresis, Creep((2e-3, 0.3), (0.05, 0.1))))
+    drive, times = ss.Sine(30.0, 50.0, offset=35.0), np.linspace(0.0, 0.04, 81)
+    fine = np.linspace(0.0, 0.04, 20_001)
+    volts = evaluate(drive.drive(1.0), fine)[0]
+    stroke = volts if hysteresis is None else reference.bouc_wen(hysteresis, volts, 35.0)
+    crept = CubicSpline(fine, stroke)
+    for tau, share in zip(*one.piezo.creep, strict=True):
+        stroke = stroke + share * reference.lagged(crept, tau, float(crept(0.0)), fine)
+    u, w = CubicSpline(fine, stroke), one.natural_frequency
+    exact = solve_ivp(
+        lambda t, q: [q[1], w * w * (one.gain * u(t) - q[0]) - 2.0 * one.damping_ratio * w * q[1]],
+        (0.0, times[-1]),
+        [one.gain * float(u(0.0)), 0.0],
+        "DOP853",
+        times,
+        rtol=1e-11,
+        atol=1e-17,
+        max_step=2e-5,
+    ).y[0]
+    found = ss.simulate(one, drive, times=times, tolerance=1e-12)
+    off = float(np.abs(found.stage_position.values - exact).max())
+    assert off < 1e-12
+    assert off < 3.0 * found.attrs["error_estimate"] + 1e-13

@@ -25,8 +25,8 @@ from .cubics import filled, put_cubic, with_cubics
 
 Array = NDArray[np.float64]
 
-# Of the fourth derivative times the fourth power of the length: the largest error of a cubic through values
-# and slopes of both ends.
+# Largest error of a cubic through values and slopes of both ends, over the fourth derivative times the fourth
+# power of the length: Hermite's interpolation.
 HERMITE = 1.0 / 384.0
 # Terms of the series of I_3 for z <= 1; the next one is below rounding.
 TERMS = 18
@@ -34,8 +34,7 @@ TERMS = 18
 
 @compiled
 def weights(z):
-    """I_0, I_1, I_2 and I_3: of a constant, a line, a parabola and a cubic in the change of a lag over a step
-    of z time constants."""
+    """Return I_0, I_1, I_2 and I_3 for a step of z time constants."""
     if z > 1.0:
         first = -math.expm1(-z) / z
         second = (1.0 - first) / z
@@ -52,7 +51,7 @@ def weights(z):
 
 @compiled
 def _at(drive, i, tau):
-    """The polynomial of segment i from `tau` [s] after its start on."""
+    """Return the polynomial of segment i, written from `tau` [s] after its start."""
     c0, c1 = drive.polynomial[i, 0], drive.polynomial[i, 1]
     c2, c3 = drive.polynomial[i, 2], drive.polynomial[i, 3]
     return (
@@ -65,7 +64,7 @@ def _at(drive, i, tau):
 
 @compiled
 def _of_harmonics(drive, i, at, tau):
-    """What a lag makes of the harmonics of segment i, `at` [s] after its start, long after their begin."""
+    """Return the settled response of a lag to the harmonics of segment i, `at` [s] after its start."""
     found = 0.0
     for row in range(drive.first[i], drive.first[i + 1]):
         turn = drive.harmonic[row, 1] * tau
@@ -76,7 +75,7 @@ def _of_harmonics(drive, i, at, tau):
 
 @compiled
 def _length(lags, shares, c, x, left, most):
-    """How long a piece may be, s, at most `left`: a half of that, a quarter and so on."""
+    """Return the length of a piece, s: `left`, or a half of it, a quarter and so on."""
     fourth = 0.0
     for k in range(lags.tau.size):
         tau = lags.tau[k]
@@ -139,7 +138,7 @@ def creep_pieces(lags, shares, drive, end, x, pieces, most):
 
 
 def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float) -> Drive:
-    """A drive and its creep, up to `end` [s], from the terms [V] on, which become those at the end.
+    """Return a drive and its creep, up to `end` [s]; the terms [V] at the start become those at the end.
 
     Args:
         of: the model.
@@ -170,7 +169,7 @@ def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float
 
 
 def settled_terms(of: Creep, drive: Drive, period: float) -> Array:
-    """The terms [V] at the start of each period [s], after many of a drive of one."""
+    """Return the terms [V] at the start of a period [s] once they repeat; the drive is that of one period."""
     terms = np.zeros(len(of.shares))
     creeping(of, drive, period, terms, math.inf)
     return terms / -np.expm1(-period / np.array(of.time_constants))

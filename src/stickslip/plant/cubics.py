@@ -32,8 +32,8 @@ class Cubics(NamedTuple):
 
 @compiled
 def put_cubic(pieces, k, at, source, length, value, rise, change, fall):
-    """Set piece k: the cubic that begins at `value` with the slope `rise` and ends, changed by `change`, with
-    the slope `fall`; a straight line where the length is 0."""
+    """Set piece k: the cubic from `value` with the slope `rise` to `value + change` with the slope `fall`; a
+    straight line if the length is 0."""
     pieces.start[k], pieces.source[k] = at, source
     pieces.cubic[k, 0], pieces.cubic[k, 1] = value, rise
     pieces.cubic[k, 2], pieces.cubic[k, 3] = 0.0, 0.0
@@ -44,8 +44,8 @@ def put_cubic(pieces, k, at, source, length, value, rise, change, fall):
 
 
 def filled(fill: Callable[[Array, Cubics], int], state: Array, room: int) -> Cubics:
-    """The pieces that `fill(state, pieces)` makes from a state on, which becomes that at the end; it returns
-    how many there are, or -1 where there is no room.
+    """Return the pieces that `fill(state, pieces)` makes; the state at the start becomes that at the end.
+    `fill` returns the number of pieces, or -1 if there is no room for them.
 
     Raises:
         QuantityError: more pieces than fit into memory.
@@ -65,13 +65,13 @@ def filled(fill: Callable[[Array, Cubics], int], state: Array, room: int) -> Cub
 
 
 def with_cubics(drive: Drive, pieces: Cubics, before: float) -> Drive:
-    """The drive plus the cubics, `before` until its start."""
+    """Return the drive plus the cubics; its value is `before` until its start."""
     made = moved_on(drive, pieces.source, pieces.start - drive.start[pieces.source])
     return Drive(before, pieces.start, made.polynomial + pieces.cubic, made.first, made.harmonic)
 
 
 def moved_on(drive: Drive, source: NDArray[np.int64], tau: Array) -> Drive:
-    """The formulas of the segments `source` [n], begun `tau` [n] s later than there."""
+    """Return the formulas of the segments `source` [n], written from `tau` [n] s after their starts."""
     c0, c1, c2, c3 = drive.polynomial[source].T
     polynomial = np.column_stack(
         [c0 + tau * (c1 + tau * (c2 + tau * c3)), c1 + tau * (2 * c2 + 3 * tau * c3), c2 + 3 * tau * c3, c3]

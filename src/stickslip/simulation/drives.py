@@ -1,4 +1,4 @@
-"""What drives the stage: the table of a waveform, after the piezo, and how precise it has to be."""
+"""Tables of drives: a waveform after the piezo, within the precision that a tolerance needs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def refuse_no_waveform(waveform: Waveform) -> None:
 
 
 class Driven(NamedTuple):
-    """What drives the stage: a waveform, after a piezo if there is one, within the precision [V]."""
+    """A waveform, after a piezo if there is one, within the precision [V]: the drive of the stage."""
 
     piezo: Piezo | None
     waveform: Any
@@ -39,7 +39,7 @@ class Driven(NamedTuple):
 
     @property
     def period(self) -> float:
-        """s; 0 where there is none"""
+        """Period, s; 0 where the waveform does not repeat."""
         return getattr(self.waveform, "period", None) or 0.0
 
     def table(self, end: float, settled: bool) -> Drive:
@@ -72,8 +72,8 @@ class Scaled(NamedTuple):
 
 
 def table_precision(model: Actuator | PulledSlider, tolerance: float) -> float:
-    """Largest error [V] of the drive after the piezo, for a tolerance [m] of the position; of an ensemble,
-    whose fields are arrays, that of the member which needs the finest."""
+    """Return the largest error [V] of the drive after the piezo for a tolerance [m] of the position; for an
+    ensemble, whose fields are arrays, the smallest of all members."""
     if not isinstance(model, Actuator):
         return TABLE_SHARE * tolerance
     rows = model.further_modes.rows if model.further_modes is not None else ()
@@ -84,7 +84,8 @@ def table_precision(model: Actuator | PulledSlider, tolerance: float) -> float:
 def tables(
     model: Actuator | PulledSlider, waveform: Waveform, end: float, periodic: bool
 ) -> Callable[[float], Drive]:
-    """The table of a drive, by the tolerance [m] of a run: one, where it is exact.
+    """Return a function from the tolerance [m] of a run to the table of the drive: always the same table if
+    it is exact.
 
     Errors: see `checked_drive`.
     """
@@ -100,7 +101,8 @@ def tables(
 def checked_drive(
     model: Actuator | PulledSlider, waveform: Waveform, end: float, periodic: bool, tolerance: float
 ) -> Drive:
-    """The table of a waveform after the model's piezo, up to `end` [s], for a tolerance [m] of the position.
+    """Return the table of a waveform after the model's piezo, up to `end` [s], for a tolerance [m] of the
+    position.
 
     Raises:
         QuantityError: it is no drive of this model.
@@ -122,7 +124,7 @@ def checked_drive(
             refuse_jumps(model, table, end if periodic else None)
     if not periodic and end < 2.0 * driven.period and table.start.size <= LONGEST_CYCLE:
         table = driven.table(2.0 * driven.period, False)  # two periods, that it can be seen to be periodic
-    # For an array of another layout all kernels would be compiled anew.
+    # For an array of another layout all kernels would be compiled again.
     return table._replace(polynomial=np.ascontiguousarray(table.polynomial))
 
 
@@ -151,7 +153,7 @@ def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
 
 
 def _jumps(table: Drive, period: float | None) -> bool:
-    """Whether the drive jumps anywhere; for a periodic one, where one period meets the next instead of at the
+    """Return whether the drive jumps anywhere; if it is periodic, the end of a period is compared with its
     start."""
     starts = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start)]
     ends = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start[1:])]
