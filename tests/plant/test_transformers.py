@@ -46,18 +46,22 @@ register_piezo(Hill, lambda model, u, h, up: model.size / math.cosh(u / model.wi
 register_piezo(Lossy, lambda model, u, h, up: model.alpha - model.beta * up * h * (1.0 + 1e-4 * u * u))
 
 
+def some(random: np.random.Generator, low: float, high: float, count: int) -> tuple[float, ...]:
+    return tuple(random.uniform(low, high, count).tolist())
+
+
 def waveform(kind: str, period: float, random: np.random.Generator) -> Any:
     f, swing = 1.0 / period, random.uniform(20.0, 90.0)
     if kind == "smooth":
-        times = period * np.array([0.0, 0.3, 0.55, 0.8, 0.9])
-        return ss.PeriodicKnots(times, random.uniform(-20.0, 90.0, 5), period, smooth=True)
+        times = tuple(period * x for x in (0.0, 0.3, 0.55, 0.8, 0.9))
+        return ss.PeriodicKnots(times, some(random, -20.0, 90.0, 5), period, smooth=True)
     if kind == "sawtooth":
         return ss.Sawtooth(swing, f, random.uniform(0.7, 0.99))
     if kind == "jump":
         return ss.ReverseSawtooth(swing, f)
     if kind == "sine":
         return ss.Sine(swing, f, phase=random.uniform(0.0, 6.0), offset=random.uniform(-5.0, 5.0))
-    return Multisine(random.uniform(3.0, 30.0, 3), f * np.array([1.0, 3.0, 7.0]), random.uniform(0.0, 6.0, 3))
+    return Multisine(some(random, 3.0, 30.0, 3), (f, 3.0 * f, 7.0 * f), some(random, 0.0, 6.0, 3))
 
 
 class Case(NamedTuple):
@@ -110,7 +114,10 @@ def test_creep(kind: str, decade: int) -> None:
     random = np.random.default_rng([DRIVES.index(kind), decade + 3])
     given = case(kind, 10 ** random.uniform(-5.0, 1.0), random, 300)
     tau = np.sort(given.end / PERIODS * 10.0 ** (decade + random.uniform(0.0, 3.0, 2)))
-    creep, precision = Creep(tau, random.uniform(0.01, 0.3, 2)), 10 ** random.uniform(-6.0, -2.0)
+    creep, precision = (
+        Creep(tuple(tau.tolist()), some(random, 0.01, 0.3, 2)),
+        10 ** random.uniform(-6.0, -2.0),
+    )
     expected = evaluate(given.table, given.times)[0]
     for t, share in zip(creep.time_constants, creep.shares, strict=True):
         expected += share * reference.lagged(given.value, t, given.table.before, given.times)
@@ -122,9 +129,9 @@ def test_creep(kind: str, decade: int) -> None:
 @pytest.mark.parametrize("kind", DRIVES)
 def test_plays(kind: str) -> None:
     random = np.random.default_rng(DRIVES.index(kind))
-    thresholds = (0.0, *np.sort(random.uniform(0.5, 30.0, 4)))
+    thresholds = (0.0, *sorted(some(random, 0.5, 30.0, 4)))
     plays = PrandtlIshlinskii(
-        thresholds, random.uniform(0.05, 0.5, 5), (-5.0, 20.0), random.uniform(-0.02, 0.02, 2)
+        thresholds, some(random, 0.05, 0.5, 5), (-5.0, 20.0), some(random, -0.02, 0.02, 2)
     )
     given = case(kind, 10 ** random.uniform(-5.0, 1.0), random, 2_001)
     expected = reference.prandtl_ishlinskii(plays, evaluate(given.table, given.times)[0], given.table.before)
