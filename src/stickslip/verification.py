@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .estimate.goodness import Goodness, goodness, pooled_r_squared, pooled_rmse
 from .estimate.lack import Lack, lack_of_fit
+from .estimate.problem import FitError
 from .estimate.result import Fit
 from .estimate.shown import preformatted
 from .identify.loops.missing import MEASURED
@@ -332,14 +333,15 @@ def verify(
     Raises:
         RecordingError: a channel is missing, too short, not finite or in another unit than the fit's; numbers
             do not match.
-        ValueError: the fit has no model to predict with.
+        ValueError: it is no fit.
+        FitError: the fit predicts no recording; the message says why, and what does.
     """
     if not hasattr(fit, "predict"):
         raise ValueError(
             f"{type(fit).__name__} is no fit: give what an identification returns, or Predictor(actuator)"
         )
     if fit.predict is None:
-        raise ValueError("this fit has no model that predicts recordings")
+        raise FitError(f"this fit predicts no recording: {fit.unpredicted or 'it has no model'}")
     found = recordings_of(recordings)
     names = names_of(found)
     drives = drives_of(drive, found)

@@ -59,6 +59,7 @@ class Fit:
         disturbances: faults of instruments that the residuals show; see `with_disturbances`.
         doubts: sentences on what other checks have against the values; `failures` tells them.
         predict: from any recording, seen or not, to the values of that channel by the model, shape (n,).
+        unpredicted: why there is no `predict`, and what to use instead; empty where there is one.
         beside: parameters that are fixed or tied to others.
         noise: standard deviation that each recording's data were weighted with, one number or shape (n,), in
             their unit; empty where none was given.
@@ -96,6 +97,7 @@ class Fit:
     loss: str = "linear"
     loss_scale: float = 1.0
     exchangeable: tuple[tuple[str, ...], ...] = ()
+    unpredicted: str = ""
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, NamedTuple
 
@@ -50,6 +50,7 @@ _EVENTS = 12
 _LEAST = 10
 # Noise is added to the simulation until it has so many times the events of the recording.
 _NOISY = 10
+UNPREDICTED = "it is of the means of events; a simulated PulledSlider with its coefficients has such events"
 
 
 @record
@@ -287,7 +288,8 @@ def identify_pulled_slider(
     clean = force(found.values)
     # Where the samples fall in the simulated events moves their means too.
     covariance = covariance + slip_events(clean, rig).summary()[1]
-    return fit(means - _shift(clean, rig, noise, repeats), covariance)
+    found = fit(means - _shift(clean, rig, noise, repeats), covariance)
+    return replace(found, unpredicted=UNPREDICTED)
 
 
 def _shift(clean: xr.Dataset, rig: PulledRig, noise: float, repeats: int) -> NDArray[np.floating]:

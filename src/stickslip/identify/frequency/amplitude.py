@@ -90,7 +90,7 @@ def at_amplitude(model: AmplitudeModel, amplitude: float | str) -> ModalModel:
 
 
 def predict_response(
-    model: AmplitudeModel,
+    model: ModalModel | AmplitudeModel,
     drive: ArrayLike | xr.Dataset,
     sample_rate: float | str | None = None,
     *,
@@ -100,6 +100,7 @@ def predict_response(
     """The response to a drive, each realisation at its own amplitude.
 
     Args:
+        model: of `identify_levels`; or of `identify_frequency`, the same at all amplitudes.
         drive: V, shape (samples,), (samples, inputs) or (samples, inputs, realisations); or a recording with
             drive_voltage, of an actuator with one input.
         sample_rate: Hz; of a recording, its own.
@@ -124,7 +125,8 @@ def predict_response(
     if rate is None:
         raise FitError("sample_rate is missing: an array does not have its own")
     given = np.asarray(drive, dtype=float)
-    n_outputs, n_inputs = model.reference.remainder.shape
+    reference = model if isinstance(model, ModalModel) else model.reference
+    n_outputs, n_inputs = reference.remainder.shape
     volts = given.reshape(*given.shape, *(1,) * (3 - given.ndim))
     if volts.ndim != 3 or volts.shape[1] != n_inputs:
         raise FitError(
@@ -133,11 +135,15 @@ def predict_response(
     found = np.empty((len(volts), n_outputs, volts.shape[2]))
     for r in range(volts.shape[2]):
         u = volts[..., r]
-        own = at_amplitude(model, drive_rms(u) if rms is None else rms)
+        own = _at(model, drive_rms(u) if rms is None else rms)
         found[..., r] = steady_response(own, u, rate) if periodic else held_response(own, u, rate)
     if given.ndim == 1 and n_outputs == 1:
         return found[:, 0, 0]
     return found if given.ndim == 3 else found[..., 0]
+
+
+def _at(model: ModalModel | AmplitudeModel, volts: float) -> ModalModel:
+    return model if isinstance(model, ModalModel) else at_amplitude(model, volts)
 
 
 def law(ratio: float | Array, p: float) -> Array:

@@ -26,7 +26,7 @@ from ...estimate.separable import Design, Linear, separable
 from ...progress import Progress, unheard
 from ...units import to_si
 from ..free import with_ties
-from .modal import ModalModel, pole_parameters
+from .modal import UNPREDICTED, ModalModel, pole_parameters
 
 
 def held_response(
@@ -169,4 +169,4 @@ def identify_in_time(
     found = found.reshape(n_outputs, 2 * n_modes + 1, n_inputs)
     gain, rate_gain = found[:, :-1].reshape(n_outputs, n_modes, 2, n_inputs).transpose(2, 1, 0, 3)
     model = ModalModel(searched[0::2], searched[1::2], delay, gain, rate_gain, found[:, -1])
-    return replace(fit, model=model)
+    return replace(fit, model=model, unpredicted=UNPREDICTED)

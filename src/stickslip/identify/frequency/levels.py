@@ -21,6 +21,7 @@ from ...units import to_si
 from .amplitude import ALIKE, AmplitudeModel, law, law_by_exponent
 from .modal import (
     LINES_IN_SEARCH,
+    UNPREDICTED,
     Kind,
     ModalModel,
     identify_frequency,
@@ -91,7 +92,8 @@ def identify_levels(
     options = {"noise_known": noise_known, "correlated": correlated}
     described = separable(problem.recordings(), problem.designs, problem.parameters, **options)
     fit = fit_least_squares(described, tolerance=1e-8, progress=_second_half(progress))
-    return replace(fit, model=problem.model(fit), remarks=(*fit.remarks, *remarks))
+    model, remarks = problem.model(fit), (*fit.remarks, *remarks)
+    return replace(fit, model=model, remarks=remarks, unpredicted=UNPREDICTED)
 
 
 def _exponent(given: float | None, n_levels: int) -> tuple[Parameter, tuple[str, ...]]:

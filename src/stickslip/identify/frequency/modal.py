@@ -41,6 +41,7 @@ TURNED = (0.3, 0.6, 0.9)
 MOST_LEFT = 10.0
 LONGEST = 10.0  # delay, in periods of the highest frequency
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 3.0
+UNPREDICTED = "it is of responses to a drive; predict_response(fit.model, recording) gives its response"
 
 
 class ModalModel(NamedTuple):
@@ -258,7 +259,8 @@ def _fit(
     about = {name: options.pop(name) for name in ("noise_known", "correlated") if name in options}
     problem = separable(recordings, designs, with_ties(parameters, options.pop("tied", None)), **about)
     fit = fit_least_squares(problem, **options)
-    return replace(fit, model=_model(fit, names, outputs.size, inputs.size, kind))
+    model = _model(fit, names, outputs.size, inputs.size, kind)
+    return replace(fit, model=model, unpredicted=UNPREDICTED)
 
 
 def pole_parameters(starts: Sequence[tuple[float, float]], limits: tuple[float, float]) -> list[Parameter]:

@@ -47,6 +47,10 @@ FEWEST = 16  # samples of a window
 DRAWS = 16  # of the position's noise
 
 Array = NDArray[np.float64]
+UNPREDICTED = (
+    "it is of averages over a window, for the force at an instant needs the acceleration, which a recorded "
+    "position does not show; its remarks say what the body leaves of the averages"
+)
 NAMES = ("mass", "viscous", "coulomb_force", "offset")
 # Of inertia, viscous and Coulomb friction.
 UNITS = ("kg", "N s/m", "N")
@@ -111,7 +115,9 @@ def identify_inertia(
         jacobian=lambda values: np.concatenate([d for d, _, _ in parts]),
     )
     shaken = _by_noise_of_position(fit, moved)
-    fit = replace(with_inherited(fit, shaken, np.eye(DRAWS) / DRAWS), observed="force")
+    fit = replace(
+        with_inherited(fit, shaken, np.eye(DRAWS) / DRAWS), observed="force", unpredicted=UNPREDICTED
+    )
     return replace(fit, doubts=_doubts(fit), remarks=_left(fit, forces, moved, shaken))
 
 
