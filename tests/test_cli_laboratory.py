@@ -129,7 +129,8 @@ def test_record_interrupted(tmp_path: Path) -> None:
             process.send_signal(sign)
             rest = process.communicate(timeout=300)[1]
         assert process.returncode == 130
-        assert rest.strip().splitlines()[-1] == "Error: interrupted; what was finished is kept"
+        said = "Error: interrupted; what was finished is kept, and the same command continues"
+        assert rest.strip().splitlines()[-1] == said
     assert {p.stem for p in out.glob("*.nc")} == {"walk_35V", "walk_65V"}
     assert (out / "experiment.log").read_text().count("stopped: KeyboardInterrupt") == 2
 
@@ -308,7 +309,7 @@ def test_ctrl_c_in_a_text_that_a_library_executes_is_exit_code_130(tmp_path: Pat
     command = [sys.executable, "-m", "stickslip", "--use", str(tmp_path / "own.py"), "list"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 130
-    assert done.stderr == "Error: interrupted; what was finished is kept\n"
+    assert done.stderr == "Error: interrupted; nothing is kept\n"
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from ..identify.walk.intervals import profile_interval
 from ..identify.walk.position_channel import CHANNEL
 from ..progress import Progress, within
 from .file import CampaignFile
+from .kept import Kept
 
 T = TypeVar("T")
 
@@ -60,6 +61,7 @@ def additional(
     lacking: bool,
     folder: Path,
     progress: Progress,
+    kept: Kept,
 ) -> Additional:
     """What the file asks for, of a fit of friction; a choice of models too where the law is `lacking`.
 
@@ -79,13 +81,15 @@ def additional(
         for name in (p.name for p in friction.parameters if p.name not in CHANNEL):
             progress(f"following the profile of {name}", 0.72)
             profile = partial(profile_interval, friction, of.recordings, name, **known)
-            ends = attempted(f"the profile of {name}", profile, failures)
+            of_name = partial(kept.stage, f"profile-{name}", profile)
+            ends = attempted(f"the profile of {name}", of_name, failures)
             if ends is not None:
                 profiles[name] = ends
     # A model that does not explain its recordings asks for another, whether or not the file does.
     if file.model_choice or (of.unseen and lacking):
         compared = partial(_choice, file, of, folder, known, progress)
-        choice = attempted("the comparison of models", compared, failures)
+        of_laws = partial(kept.stage, "models", compared, file.model_choice)
+        choice = attempted("the comparison of models", of_laws, failures)
     if file.posterior:
         progress(f"sampling the posterior, at most {file.posterior_simulations} simulations", 0.85)
         sampled = partial(
@@ -97,7 +101,8 @@ def additional(
             progress=partial(within, progress, 0.85, 0.15),
             **known,
         )
-        samples = attempted("the posterior", sampled, failures)
+        of_all = partial(kept.stage, "posterior", sampled, file.posterior_simulations)
+        samples = attempted("the posterior", of_all, failures)
     return Additional(samples, profiles, choice, tuple(failures))
 
 

@@ -31,6 +31,7 @@ from .features import features_of
 from .file import CampaignFile
 from .gathering import Scale, scale_of, scaled
 from .hysteresis import Hysteresis, hysteresis_of
+from .kept import Kept
 
 WALKS = ("fit", "verify")
 # Of the steps' formulas with other noise.
@@ -83,8 +84,10 @@ def evaluate(
     gathered: Sequence[Aligned],
     progress: Progress,
     folder: Path = Path(),
+    kept: Kept = Kept(),  # noqa: B008  # never changed
 ) -> Found:
-    """Fit and verify; `model` is where the fits start, `folder` where the file is.
+    """Fit and verify; `model` is where the fits start, `folder` where the file is, `kept` the stages of an
+    earlier run.
 
     Raises:
         RecordingError: a recording is not what it must be.
@@ -99,20 +102,21 @@ def evaluate(
         recordings = [scaled(one, scale.value) for one in recordings]
     recordings = [without_drift(one) if one.use in WALKS else one for one in recordings]
     _refuse_inverted(recordings, model)
-    hysteresis, stage, formulas, model = _stage(file, recordings, model, progress)
+    hysteresis, stage, formulas, model = _stage(file, recordings, model, progress, kept)
     progress("identifying the friction", 0.2)
     walks = [on_level(one, model) for one in recordings if one.use in WALKS]
     for one in walks:
         refuse_walk(moved(one), model)
     fitted = [one for one in walks if one.use == "fit"]
-    alone = friction = _friction(file, fitted, model, stage)
+    alone = friction = kept.stage("friction", partial(_friction, file, fitted, model, stage))
     widened = stage
     if hysteresis is not None and stage is not None:
         widened = hysteresis.widened(stage)
         if has_slopes(friction.model):
             progress("identifying friction and stage at once", 0.6)
             data, drives = [one.recording for one in fitted], [one.drive for one in fitted]
-            friction = jointly(alone, data, drives, widened, rate, model, file.hops)
+            at_once = partial(jointly, alone, data, drives, widened, rate, model, file.hops)
+            friction = kept.stage("friction-and-stage", at_once)
     progress("predicting", 0.7)
     chain = Chain(friction.values["delay"], 0.0, scale.value if scale else 1.0, file.slew_rate, zeroed=True)
     predictor = Predictor(friction.model, chain)
@@ -124,14 +128,14 @@ def evaluate(
     stages = () if hysteresis is None else hysteresis.stages
     everything = Explained(friction, friction, friction.lack)
     if len(walks) > len(fitted):
-        everything = _explained(file, alone, walks, stage, stages)
+        everything = kept.stage("all-walks", partial(_explained, file, alone, walks, stage, stages))
     lacking = dict.fromkeys(said((*friction.lack, *everything.lacks)))
     also = stage or scale or stages or any(one.drift for one in fitted)
     taken = inherited(friction, fitted, widened, rate, stages) if also else None
-    more = additional(file, alone, walks, stage, bool(lacking), folder, progress)
+    more = additional(file, alone, walks, stage, bool(lacking), folder, progress, kept)
     failed = [*more.failures]
     influence = partial(_influence, file, fitted, model, stage, alone)
-    priors = attempted("the fit without priors", influence, failed)
+    priors = attempted("the fit without priors", partial(kept.stage, "priors", influence), failed)
     return Found(
         recordings,
         scale,
@@ -179,11 +183,13 @@ class _Stage(NamedTuple):
     model: Actuator
 
 
-def _stage(file: CampaignFile, recordings: Sequence[Aligned], model: Actuator, progress: Progress) -> _Stage:
+def _stage(
+    file: CampaignFile, recordings: Sequence[Aligned], model: Actuator, progress: Progress, kept: Kept
+) -> _Stage:
     """Hysteresis and creep, then the mode, as far as there are recordings for them."""
     if any(one.use == "piezo" for one in recordings):
         progress("identifying hysteresis and creep", 0.0)
-    hysteresis = hysteresis_of(file, recordings, model)
+    hysteresis = kept.stage("hysteresis", partial(hysteresis_of, file, recordings, model))
     if hysteresis is not None:
         model = hysteresis.fit.model
     steps = [one.recording for one in recordings if one.use == "step"]
@@ -195,10 +201,11 @@ def _stage(file: CampaignFile, recordings: Sequence[Aligned], model: Actuator, p
     def of_steps(of: Actuator) -> Fit:
         return identify_step(steps, of, filter=low_pass, slew_rate=file.known_slew_rate)
 
-    fit = of_steps(model)
+    fit = kept.stage("stage", partial(of_steps, model))
     if hysteresis is not None:
-        hysteresis = hysteresis.refitted(of_steps)
-    return _Stage(hysteresis, fit, step_formula_errors(fit, steps, n=_REPETITIONS), fit.model)
+        hysteresis = kept.stage("hysteresis-of-stages", partial(hysteresis.refitted, of_steps))
+    formulas = kept.stage("formulas", partial(step_formula_errors, fit, steps, n=_REPETITIONS))
+    return _Stage(hysteresis, fit, formulas, fit.model)
 
 
 def _influence(

@@ -19,6 +19,7 @@ from .document import campaign_document
 from .evaluation import evaluate
 from .file import CampaignFile, read_campaign
 from .gathering import gather
+from .kept import FOLDER, Kept, own_laws
 
 
 def run_campaign(
@@ -32,7 +33,8 @@ def run_campaign(
 
     Args:
         path: a campaign file.
-        out: the folder whose `recordings` take those of the experiment; those that are there are kept.
+        out: the folder whose `recordings` take those of the experiment; those that are there are kept. Its
+            `stages` take what is finished, with which an interrupted campaign continues.
         progress: called with what is being done and how much of all is done, from 0 to 1.
         figures: draw them.
 
@@ -67,6 +69,7 @@ def campaign_of(
         experiment = read_experiment(path), path.parent
     model = check_campaign(file, folder, [] if experiment is None else cell_names(experiment[0]))
     gathered, recorded = gather(file, folder, out, partial(within, progress, 0.0, 0.4), experiment)
-    found = evaluate(file, model, gathered, partial(within, progress, 0.4, 0.4), folder)
+    kept = Kept.of(file, model, gathered, out / FOLDER, [type(model.friction), *own_laws(file, folder)])
+    found = evaluate(file, model, gathered, partial(within, progress, 0.4, 0.4), folder, kept)
     progress("drawing" if figures else "writing", 0.8)
     return campaign_document(file, found, recorded, figures=figures)

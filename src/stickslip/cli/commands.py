@@ -14,6 +14,8 @@ import typer
 from . import completion
 from .changes import OPTIONS, changed_model, drive_of, parts_of
 from .frame import (
+    CONTINUES,
+    FINISHED,
     Out,
     RequirementError,
     Traceback,
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
 
 
 MOST_SAMPLES = 10_000_000
+_OF_THE_DEMO = "finished recordings and stages of its campaign are kept, and the same command continues"
 
 Changes = Annotated[
     list[str],
@@ -157,7 +160,7 @@ def run(
 ) -> None:
     """Do what a file says: record, identify, verify, compare, export and map, one step after the other."""
     begun = time.perf_counter()
-    with errors_in_one_line(show_traceback):
+    with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)
         from ..job import run_job
         from ..rig.hosted import stop_all
@@ -206,7 +209,7 @@ def campaign(
 ) -> None:
     """From the recordings of steps and walks to a verified model, with the uncertainty of every number."""
     begun = time.perf_counter()
-    with errors_in_one_line(show_traceback):
+    with errors_in_one_line(show_traceback, CONTINUES):
         check_output(out)
         from ..campaign import run_campaign
         from ..report import find_browser
@@ -272,7 +275,7 @@ def design(
     """A map of the step over voltage, frequency, load and other fields, as a file describes it; Ctrl-C keeps
     what is done."""
     begun = time.perf_counter()
-    with errors_in_one_line(show_traceback):
+    with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)
         from ..analysis.design import design_analysis
         from ..analysis.running import run_analysis
@@ -291,7 +294,7 @@ def design(
 def demo(out: Out = Path("out/demo"), show_traceback: Traceback = False) -> None:
     """The thesis's campaign on the virtual rig, and models of published recordings."""
     begun = time.perf_counter()
-    with errors_in_one_line(show_traceback):
+    with errors_in_one_line(show_traceback, _OF_THE_DEMO):
         check_output(out)
         from ..demo import run
 

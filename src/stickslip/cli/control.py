@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from .frame import Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
+from .frame import FINISHED, Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
 
 _File = Annotated[
     Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="Rig, actuator, target.")
@@ -29,7 +29,7 @@ def hold(file: _File, out: Out = Path("out/hold"), show_traceback: Traceback = F
 
 def _closed_loop(file: Path, out: Path, show_traceback: bool, only_hold: bool) -> None:
     begun = time.perf_counter()
-    with errors_in_one_line(show_traceback):
+    with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)
         from ..analysis.moving import read_move, run_move
         from ..rig.hosted import stop_all

@@ -36,6 +36,9 @@ app = typer.Typer(
 )
 
 
+# What a command that is interrupted leaves.
+FINISHED = "what was finished is kept"
+CONTINUES = f"{FINISHED}, and the same command continues"
 ROOM = 4_000_000  # bytes that must be there for a report before any work is done
 _TRIES = 5  # again, where other commands make and remove the same folder
 
@@ -51,8 +54,13 @@ Traceback = Annotated[
 
 
 @contextmanager
-def errors_in_one_line(show_traceback: bool) -> Iterator[None]:
-    """What goes wrong is one line on stderr and the exit code; a warning is one line too."""
+def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> Iterator[None]:
+    """Say what goes wrong in one line on stderr and by the exit code; a warning is one line too.
+
+    Args:
+        show_traceback: show where in the program an error arose.
+        kept: what a command that is interrupted leaves.
+    """
 
     told = set()  # each once, however many fits of a recording meet it
 
@@ -67,7 +75,7 @@ def errors_in_one_line(show_traceback: bool) -> Iterator[None]:
             warnings.showwarning = say
             yield
     except KeyboardInterrupt:
-        typer.echo("Error: interrupted; what was finished is kept", err=True)
+        typer.echo(f"Error: interrupted; {kept}", err=True)
         raise typer.Exit(130) from None
     except Exception as error:
         if isinstance(error, BrokenPipeError) and _reader_is_gone():

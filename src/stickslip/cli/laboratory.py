@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from . import completion
-from .frame import Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
+from .frame import CONTINUES, Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
 
 if TYPE_CHECKING:
     from ..actuator import Actuator
@@ -41,7 +41,7 @@ def record(
     """Record what an experiment file asks for, NAME.nc for each recording; those that are there already are
     kept, anything else of such a name goes to .bin in the folder."""
     begun = time.perf_counter()
-    with errors_in_one_line(show_traceback):
+    with errors_in_one_line(show_traceback, CONTINUES):
         check_output(out)
         from ..experiment import run_experiment
         from ..experiment.running import read_experiment

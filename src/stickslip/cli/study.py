@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from .frame import Traceback, app, errors_in_one_line, progress_bar
+from .frame import CONTINUES, Traceback, app, errors_in_one_line, progress_bar
 
 if TYPE_CHECKING:
     from ..study import State
@@ -53,7 +53,7 @@ def run(
     show_traceback: Traceback = False,
 ) -> None:
     """Run a study, or go on with it where it ended: the same command, whatever ended it."""
-    with errors_in_one_line(show_traceback):
+    with errors_in_one_line(show_traceback, CONTINUES):
         from ..analysis.study import study_of_file
         from ..study import estimate_study, run_study
 
@@ -159,7 +159,7 @@ def merge(
     show_traceback: Traceback = False,
 ) -> None:
     """Put the shards of a study together that were computed into stores of their own."""
-    with errors_in_one_line(show_traceback):
+    with errors_in_one_line(show_traceback, CONTINUES):
         from ..study import merge_studies
 
         with progress_bar() as progress:

@@ -8,12 +8,14 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 TYPE = "type"
 
 
 def packed(item: Any) -> Any:
-    """What JSON can hold: records by the name of their type, arrays as lists, a bound method by its owner.
+    """What JSON can hold: records by the name of their type, arrays and data sets as lists, a bound method by
+    its owner.
 
     Raises:
         TypeError: it holds something that is none of these.
@@ -27,6 +29,11 @@ def packed(item: Any) -> Any:
         return int(item)
     if isinstance(item, np.ndarray):
         return {TYPE: "array", "dtype": str(item.dtype), "rows": packed(item.tolist())}
+    if isinstance(item, np.bool_):
+        return bool(item)
+    if isinstance(item, xr.Dataset):
+        held = {"coords": _held(item.coords), "data": _held(item.data_vars)}
+        return {TYPE: "dataset", **held, "attrs": packed(dict(item.attrs))}
     if hasattr(item, "_asdict"):
         return {TYPE: type(item).__name__, **{k: packed(v) for k, v in item._asdict().items()}}
     if is_dataclass(item) and not isinstance(item, type):
@@ -60,8 +67,20 @@ def unpacked(item: Any, types: Mapping[str, type]) -> Any:
         return {unpacked(k, types): unpacked(v, types) for k, v in item["items"]}
     if kind == "method":
         return getattr(unpacked(item["owner"], types), item["name"])
+    if kind == "dataset":
+        of = {key: _variables(item[key], types) for key in ("data", "coords")}
+        return xr.Dataset(of["data"], of["coords"], unpacked(item["attrs"], types))
     made: Any = types[kind]
     return made(**{k: unpacked(v, types) for k, v in item.items() if k != TYPE})
+
+
+def _held(variables: Mapping[Any, xr.DataArray]) -> list[Any]:
+    items = variables.items()
+    return [[str(n), list(one.dims), packed(one.values), packed(dict(one.attrs))] for n, one in items]
+
+
+def _variables(items: Any, types: Mapping[str, type]) -> dict[str, Any]:
+    return {n: (dims, unpacked(values, types), unpacked(attrs, types)) for n, dims, values, attrs in items}
 
 
 def _rows(rows: Any) -> Any:

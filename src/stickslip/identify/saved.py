@@ -38,6 +38,11 @@ _TYPES: tuple[type, ...] = (
 )  # fmt: skip
 
 
+def saved_types() -> dict[str, type]:
+    """Return the records that fits are made of, by name."""
+    return {one.__name__: one for one in _TYPES} | registry.laws.packaged() | registry.piezos.packaged()
+
+
 def save_fit(fit: Fit, path: str | os.PathLike[str]) -> None:
     """Save a fit as JSON, whole: values, uncertainty, residuals, and what it predicts with.
 
@@ -60,7 +65,7 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
     Raises:
         FitError: the file cannot be read, holds no fit, or one of the user's own law that is not known here.
     """
-    types = {one.__name__: one for one in _TYPES} | registry.laws.packaged() | registry.piezos.packaged()
+    types = saved_types()
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
         if content["format"] != FORMAT:
