@@ -26,6 +26,7 @@ from ...estimate.separable import Design, Linear, separable
 from ...progress import Progress, unheard
 from ...units import to_si
 from ..free import with_ties
+from .above_noise import FALSE_ALARM, chances, said_of_noise
 from .modal import UNPREDICTED, ModalModel, pole_parameters
 
 
@@ -110,7 +111,8 @@ def identify_in_time(
         progress: called as the work goes on; see `progress`.
 
     Returns:
-        As `identify_frequency`, without the delay. Every sample counts alike: it follows what moves most.
+        As `identify_frequency`, without the delay. Every sample counts alike: it follows what moves most. A
+        mode that noise may have made is a failure.
 
     Raises:
         QuantityError: an expression that ties is wrong.
@@ -169,4 +171,9 @@ def identify_in_time(
     found = found.reshape(n_outputs, 2 * n_modes + 1, n_inputs)
     gain, rate_gain = found[:, :-1].reshape(n_outputs, n_modes, 2, n_inputs).transpose(2, 1, 0, 3)
     model = ModalModel(searched[0::2], searched[1::2], delay, gain, rate_gain, found[:, -1])
-    return replace(fit, model=model, unpredicted=UNPREDICTED)
+    matrices = [one.matrix for one in designs(fit.values)]
+    per_mode = [list(range(2 * m * n_inputs, 2 * (m + 1) * n_inputs)) for m in range(n_modes)]
+    seen = chances(fit, matrices, per_mode, n_samples)
+    unseen = [m for m, chance in enumerate(seen) if chance > FALSE_ALARM]
+    doubts = [said_of_noise([m + 1 for m in unseen], [seen[m] for m in unseen])] if unseen else []
+    return replace(fit, model=model, unpredicted=UNPREDICTED, doubts=(*fit.doubts, *doubts))

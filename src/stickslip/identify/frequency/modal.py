@@ -31,6 +31,7 @@ from ...progress import Progress, unheard
 from ...state_space import StateSpace
 from ...units import to_si
 from ..free import with_ties
+from .above_noise import FALSE_ALARM, Left, chances, left_by_delay, said_of_noise
 
 # Damping ratios among which a further mode is looked for.
 TRIAL_DAMPING = (0.005, 0.01, 0.02, 0.05, 0.2)
@@ -118,8 +119,8 @@ def identify_frequency(
 
     Args:
         response: as `frequency_response` gives it, or a selection of its outputs, inputs or frequencies. Each
-            line weighs by its `deviation`; a model of too few modes may want equal ones, to follow what moves
-            most rather than what is best known.
+            line weighs by its `deviation`; without one, all lines count alike. A model of too few modes may
+            want equal ones, to follow what moves most rather than what is best known.
         modes: how many, or the start of each: natural frequency [Hz] and damping ratio; or a model to start
             from, its delay as well. By their number, they are found one after the other, each where it
             explains most of what is left, at the best of several delays.
@@ -135,15 +136,18 @@ def identify_frequency(
     Returns:
         A `Fit` with natural_frequency_1 [rad/s], damping_ratio_1, ..., delay [s], gain_1, rate_gain_1, ...,
         remainder; with several channels gain_1[o,i] for output o and input i. Its `model` is a `ModalModel`.
-        What leaves more than ten times the deviations is a failure: a wrong minimum, or modes that lack.
+        What leaves more than ten times the deviations is a failure: a wrong minimum, or modes that lack. So
+        is a mode that noise may have made.
 
     Raises:
         QuantityError: an expression that ties is wrong.
-        FitError: no deviations in `response`, or too few frequencies for so many modes.
+        FitError: deviations that are not above 0, too few frequencies for so many modes, or no mode above
+            the noise.
     """
     given = starts_of(modes)
     missing = [d for d in ("output", "input") if d not in response["response"].dims]
     response = response.expand_dims(missing).transpose("frequency", "output", "input")
+    response, remarks = _with_deviation(response, noise_known)
     if not np.all(response["deviation"] > 0):
         raise FitError("the responses have no deviations: they need more realisations or periods")
     kind = Kind(complex_modes, remainder)
@@ -156,8 +160,45 @@ def identify_frequency(
         starts = sorted(zip(frequencies / (2 * np.pi), dampings, strict=True))
         fit = _fit(response, starts, delay, kind, **options)
     left = Lack("the responses", math.sqrt(fit.reduced_chi_squared), 0.0, "their deviations")
-    said = left.ratio > MOST_LEFT and not noise_known  # known, each response is compared with its own
-    return replace(fit, doubts=(left.sentence,)) if said else fit
+    # known, each response is compared with its own
+    doubts = [left.sentence] if left.ratio > MOST_LEFT and not noise_known and not remarks else []
+    return replace(fit, doubts=(*doubts, *_unseen(fit, response, kind)), remarks=(*fit.remarks, *remarks))
+
+
+def _with_deviation(response: xr.Dataset, noise_known: bool) -> tuple[xr.Dataset, tuple[str, ...]]:
+    """The response with a `deviation`, equal at all lines where it has none, and a sentence on that."""
+    if "deviation" in response:
+        return response, ()
+    if noise_known:
+        raise FitError("noise_known = True, but the response has no `deviation`: add it, or leave that out")
+    equal = xr.full_like(response["response"], float(np.abs(response["response"]).max()), dtype=float)
+    said = "the response has no `deviation`: all its lines count alike, and what is left says their noise"
+    return response.assign(deviation=equal), (said,)
+
+
+def _unseen(fit: Fit, response: xr.Dataset, kind: Kind) -> tuple[str, ...]:
+    """A sentence on the modes that noise may have made.
+
+    Raises:
+        FitError: noise may have made all of them.
+    """
+    model: ModalModel = fit.model
+    frequency, n = response["frequency"].to_numpy(), len(model.natural_frequency)
+    each = 2 if kind.complex_modes else 1
+    empty = left_by_delay(fit, frequency, LONGEST / float(frequency[-1]), kind.remainder)
+    trials = math.exp(min(n * math.log(frequency.size), 700.0))
+    chance = Left.of(fit).chance(empty, n * (each * len(fit.residuals) + 2), trials)
+    if chance > FALSE_ALARM:
+        raise FitError(
+            f"no mode above the noise: the chance of noise to show as much is {chance:.2g}. Check that drive "
+            "and response belong together, drive more, or record longer"
+        )
+    poles = np.append(np.stack(model[:2], axis=1).ravel(), model.delay)
+    columns = [[m + n * i for i in range(each)] for m in range(n)]
+    matrix = modal_design(frequency, poles, kind).matrix
+    found = chances(fit, [matrix] * len(fit.residuals), columns, frequency.size)
+    unseen = [m for m, chance in enumerate(found) if chance > FALSE_ALARM]
+    return (said_of_noise([m + 1 for m in unseen], [found[m] for m in unseen]),) if unseen else ()
 
 
 def starts_of(
@@ -182,6 +223,7 @@ def _found(response: xr.Dataset, n_modes: int, kind: Kind) -> tuple[list[tuple[f
     All lines count alike here: weighed by their deviations, quiet bands would be served before large motion.
     """
     response = response.assign(deviation=xr.ones_like(response["deviation"]))
+    longest = LONGEST / float(response["frequency"][-1])
     every = max(1, response.sizes["frequency"] // LINES_IN_SEARCH)
     response = response.isel(frequency=slice(None, None, every))
     frequency = response["frequency"].to_numpy()
@@ -199,7 +241,7 @@ def _found(response: xr.Dataset, n_modes: int, kind: Kind) -> tuple[list[tuple[f
         model = min(tried, key=lambda fit: fit.cost).model
         starts = list(zip(model.natural_frequency / (2 * np.pi), model.damping_ratio, strict=True))
         delay, left = model.delay, measured - modal_response(model, frequency)
-    return starts, delay
+    return starts, float(np.clip(delay, -longest, longest))  # the thinned lines may end below the highest one
 
 
 def _delays(frequency: np.ndarray, measured: np.ndarray, n_modes: int) -> list[float]:
