@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -16,7 +18,7 @@ NOISE = 1e-9
 
 def table(response: np.ndarray, frequency: np.ndarray, deviation: float | None = NOISE) -> xr.Dataset:
     over = ("frequency", "output", "input")
-    data = {"response": (over, response[:, None, None], {"units": "m/V"})}
+    data: dict[str, Any] = {"response": (over, response[:, None, None], {"units": "m/V"})}
     if deviation is not None:
         data["deviation"] = (over, np.full((frequency.size, 1, 1), deviation))
     return xr.Dataset(data, coords={"frequency": frequency, "output": [1], "input": [1]})
