@@ -5,17 +5,21 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from .result import Fit
+
 # s of CPU, after which a search of a model that explains little ends.
 SECONDS = 30.0
-# Share of the motion beyond its noise that a model explains at least while it converges to the right one. Right
-# models of walks explain more after the first short searches, and wrong friction laws do too.
+# Share of the motion beyond its noise that a model explains at least after the first short searches: a right
+# model, and a wrong friction law too.
 LITTLE = 0.8
-# Fewest evaluations before that: so a slow machine, or a long recording, ends no search that has hardly begun.
+# Fewest evaluations before that: a slow machine, or a long recording, ends no search that has hardly begun.
 FEWEST = 60
 
 
@@ -56,9 +60,12 @@ class Budget:
         return max(1.0 - left / (self.total - self.noise), 0.0) if self.total > self.noise else 1.0
 
     def spend(self, cost: float) -> bool:
-        """Count an evaluation with the lowest weighted sum of squares so far, and return whether all is spent.
+        """Count an evaluation, and return whether the budget is spent.
 
         The time starts after the first evaluations, for these may compile.
+
+        Args:
+            cost: lowest weighted sum of squares of this search.
         """
         self._evaluations += 1
         self._lowest = min(self._lowest, cost)
@@ -68,10 +75,15 @@ class Budget:
         self.over = self.over or (late and self.explained < LITTLE)
         return self.over
 
+    def told(self, fit: Fit) -> Fit:
+        """Return a fit that is not converged, and says why, if the budget was spent."""
+        return replace(fit, converged=False, message=self.said) if self.over else fit
+
     @property
     def said(self) -> str:
-        """A sentence on a search that ended early."""
+        """Sentence on a search that ended early."""
+        share = f"{100.0 * self.explained:.2g} %"
         return (
-            f"stopped after {SECONDS:g} s of CPU, because the model explains only {100.0 * self.explained:.2g} "
-            "% of the motion beyond its noise: check which drive and model belong to the recordings"
+            f"stopped after {SECONDS:g} s of CPU, because the model explains only {share}"
+            " of the motion beyond its noise: check which drive and model belong to the recordings"
         )

@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from ..progress import Progress
+from .budget import Budget
 from .convergence import relative_offset
 from .covariance import LOSSES
 from .parameter import Values
@@ -54,6 +55,7 @@ class Options(NamedTuple):
     max_evaluations: int
     progress: Progress
     each: Callable[[SearchState], None] | None
+    budget: Budget | None = None
 
 
 class End(NamedTuple):
@@ -66,7 +68,7 @@ class End(NamedTuple):
 
 
 class _OutOfBudget(Exception):
-    pass
+    """With a sentence."""
 
 
 class _Settled(Exception):
@@ -103,6 +105,8 @@ class Searches:
                 self.ends.append(self.search(number, q, options.max_evaluations))
         for hop in range(options.hops):
             best = self.best
+            if options.budget is not None and options.budget.over:
+                break
             if best.converged and white(problem.residuals(best.q)[: problem.noise.size], problem.sizes):
                 break
             # The points that fill the bounds are the same each time: once is enough.
@@ -144,9 +148,8 @@ class Searches:
                 except _Settled as end:
                     q, converged = end.args[0], True
                     message = "the next step is far below the standard errors"
-        except _OutOfBudget:
-            q, message = problem.best, f"stopped after {options.max_evaluations} evaluations"
-            converged = False
+        except _OutOfBudget as end:
+            q, converged, message = problem.best, False, str(end)
         finally:
             problem.after = lambda: None
         z = (problem.residuals(q) * problem.scale / problem.loss_scale) ** 2
@@ -179,7 +182,9 @@ class Searches:
         of = f", start {number} of {options.starts}" if options.starts > 1 else ""
         options.progress(f"fitting{of}", (number - 1) / options.starts)
         if problem.evaluations - begun >= options.max_evaluations:
-            raise _OutOfBudget
+            raise _OutOfBudget(f"stopped after {options.max_evaluations} evaluations")
+        if options.budget is not None and options.budget.spend(problem.best_cost * problem.scale**2):
+            raise _OutOfBudget(options.budget.said)
 
     def _improved(self, begins: Sequence[Array]) -> bool:
         """Look around from these points; where the best look leads lower, search on from there."""

@@ -25,6 +25,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ...estimate.budget import Budget
 from ...estimate.coloured import with_own_noise
 from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
@@ -49,6 +50,7 @@ from ..free import (
 )
 from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
+from ..recorded.known_noise import white_noise
 from ..recorded.screen import refuse_loop, said_far
 from .first import with_first
 from .missing import Slope, left_over, missing, viscous_slope
@@ -173,7 +175,9 @@ def identify_loops(
         exchangeable=exchangeable(model, parameters, others),
     )
     begins = [{p.name: p.start for p in parameters}, *begins]
-    fit = _lowest(described, [*parameters, *others], begins, found, starts, seed, max_evaluations, progress)
+    budget = Budget.of(measured, [white_noise(force) for force in measured], noise or 1.0)
+    how = (starts, seed, max_evaluations, progress, budget)
+    fit = budget.told(_lowest(described, [*parameters, *others], begins, found, *how))
     fit = with_own_noise(fit) if correlated and noise is None else fit
     fit, left_by = _with_inexact(fit, found, measured, model, settings)
     asked = _unasked({*free, *tied})
@@ -203,6 +207,8 @@ def _lowest(
     """The lowest minimum, looked for from other Stribeck velocities too; see `profiled`."""
     problem = described(parameters)
     fit = _searched(problem, begins, *how)
+    if how[-1].over:
+        return fit
     if falls := stribeck_starts(problem.parameters, fit.values, recordings):
         fit = _searched(problem, [fit.values, *falls], *how)
     points = profile_points(fit, parameters, described)
@@ -218,6 +224,7 @@ def _searched(
     seed: int,
     max_evaluations: int,
     progress: Progress,
+    budget: Budget,
 ) -> Fit:
     """The lowest minimum of searches that begin at these values, and at `starts` random ones around it."""
 
@@ -230,6 +237,7 @@ def _searched(
             tolerance=1e-7,
             max_evaluations=min(most, max_evaluations),
             progress=progress,
+            budget=budget,
         )
 
     fit = from_several(
@@ -237,7 +245,8 @@ def _searched(
         lambda begin: search(begin, ENOUGH * (1 + len(begins[0]))),
         lambda kept: [followed(one, lambda one=one: search(one.values, max_evaluations)) for one in kept],
     )
-    return lowest([fit, search(fit.values, max_evaluations, starts)]) if starts > 1 else fit
+    more = starts > 1 and not budget.over
+    return lowest([fit, search(fit.values, max_evaluations, starts)]) if more else fit
 
 
 def _residuals(

@@ -148,7 +148,8 @@ def identify_friction(
             scale is in m unless the noise is given.
         settled: see `fit_least_squares`.
         max_evaluations: of all recordings, for each start, with slopes; where these are differences, their
-            evaluations come on top.
+            evaluations come on top. A model that still explains little after 30 s of CPU is given up, which
+            its failures say.
         progress, each: called after each evaluation; see `fit_least_squares`.
 
     Returns:
@@ -226,14 +227,15 @@ def identify_friction(
         fit, asked = freed(searched, near, walks, free, taken, first)
     else:
         fit, asked = freed_near(searched, walks, free, taken, first)
-    if averaged:
+    going = not walks.budget.over
+    if averaged and going:
         given = {p.name: p.start for p in parameters([p.name for p in fit.parameters])}
         fit = _averaged(walks, fit, given, max_evaluations)
     if asked:
         fit = replace(fit, remarks=(*fit.remarks, said_free(fit, asked)))
-    if hops:
+    if hops and going:
         fit = with_reaction_asked(fit, walks, max_evaluations)
-    return _completed(fit, walks, slew_rate, tolerance)
+    return _completed(walks.budget.told(fit), walks, slew_rate, tolerance)
 
 
 def _noise(
@@ -311,9 +313,13 @@ def _searched(
         parameters, guesses = guessed(early_samples(walk.time, walk.waveform))
         begins += guesses
     fit = from_points(walks, parameters, begins, bounds, max_evaluations)
+    if walks.budget.over:
+        return fit
     if hops and not (_white(fit) and not any(one.seen for one in fit.lack)):
         parameters, guesses = guessed(walk.time.size, PARTS)  # the beginning may not tell minima apart
         fit = lowest([fit, from_points(walks, parameters, guesses, bounds, max_evaluations)])
+    if walks.budget.over:
+        return fit
     fit = with_other_phases(fit, walks, max_evaluations) if hops else fit
     if starts > 1 or (hops and not _white(fit)):
         straight = straightened(fit.parameters, fit.values)

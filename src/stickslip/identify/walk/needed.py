@@ -62,6 +62,8 @@ def freed(
     others = [name for name in CHANNEL if name not in taken]
     asked = [name for name in others if name in shown_at_rest(walks.known, walks.measured)]
     whole = searched([*free, *others])
+    if walks.budget.over:
+        return whole, others
     if asked != others:
         less = near([*free, *asked], whole)
         if less.cost > FAR * whole.cost:  # its slopes tell nothing; either of two that act alike would do
@@ -84,7 +86,7 @@ def freed_near(
     """As `freed`, of a start that is near: only what is asked for is searched for."""
     asked = [name for name in shown_at_rest(walks.known, walks.measured) if name not in taken]
     fit = searched([*free, *asked])
-    more = _asked_for(fit, walks, first, {*taken, *asked})
+    more = [] if walks.budget.over else _asked_for(fit, walks, first, {*taken, *asked})
     if more:
         asked = [name for name in CHANNEL if name in (*asked, *more)]
         fit = searched([*free, *asked])

@@ -8,6 +8,7 @@ from dataclasses import replace
 from ...estimate.identifiability import loosest
 from ...estimate.minima import still_fits
 from ...estimate.parameter import Parameter, Values
+from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...estimate.several import ENOUGH, followed, from_several
 from ...units import turned
@@ -39,12 +40,19 @@ def from_points(
         max_evaluations: of each search.
     """
 
+    looked: list[Fit] = []
+
     def look(begin: Values) -> Fit:
+        if looked and walks.budget.over:
+            raise FitError(walks.budget.said)
         there = [p.starting_at(begin[p.name]) for p in parameters]
-        return walks.searched(there, max_evaluations=min(ENOUGH, max_evaluations))
+        looked.append(walks.searched(there, max_evaluations=min(ENOUGH, max_evaluations)))
+        return looked[-1]
 
     def ends(looks: Sequence[Fit]) -> list[Fit]:
         kept = [walks.completed(fit) for fit in looks]
+        if walks.budget.over:
+            return kept
         within = beside(parameters, kept[0].values, given)
         for fit in kept[1:]:
             within = _reaching(within, fit)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...actuator import Actuator
+from ...estimate.budget import Budget
 from ...estimate.coloured import with_inherited, with_own_noise
 from ...estimate.fit import fit_least_squares
 from ...estimate.lack import KnownNoise
@@ -22,6 +23,7 @@ from ...estimate.tied import Ties
 from ...progress import Progress
 from ...simulation.varied import with_values
 from ..free import exchangeable, value_of
+from ..recorded.known_noise import white_noise
 from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement, has_slopes
 from .position_channel import CHANNEL
@@ -75,10 +77,20 @@ class Walks:
     progress: Progress
     each: Callable[[SearchState], None] | None
     settled: float = SETTLED
+    spent: Budget | None = None
     varied: Varied = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "varied", Varied(self.model, self.ties))
+        if self.spent is None:
+            white = [white_noise(x) for x in self.measured]
+            object.__setattr__(self, "spent", Budget.of(self.measured, white, self.noise or 1.0))
+
+    @property
+    def budget(self) -> Budget:
+        """What all searches of these recordings share, with other models too."""
+        assert self.spent is not None
+        return self.spent
 
     def fit(self, parameters: Sequence[Parameter], **options: Any) -> Fit:
         """See `searched` and `completed`."""
@@ -163,6 +175,7 @@ class Walks:
             seed=self.seed,
             progress=self.progress,
             each=self.each,
+            budget=self.budget,
             settled=settled or self.settled,
             max_evaluations=max_evaluations * each,
             **options,
