@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 from collections.abc import Callable, Iterator
@@ -11,6 +12,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from public_names import everything
 
 from stickslip.actuator import load_actuator
 from stickslip.identify.frequency.modal import modal_response
@@ -67,9 +69,19 @@ def test_verification(run: Callable) -> None:
     assert verified.rmse == pytest.approx(20e-9, rel=0.05)
     low, high = intervals["coulomb_force"]
     assert low < KANG.friction.coulomb_force < high
+    assert names["curve"].max() < 0.5 * 20e-9 < names["samples"].min()
+    assert names["samples"].min() == pytest.approx(1.96 * 20e-9, rel=0.05)
     text = (DOCS / "verify.md").read_text(encoding="utf-8")
     for figure in re.findall(r"`(\w+)`", text[text.index("| figure") : text.index("`verified.table`")]):
         assert figure in verified.table
+
+
+def test_every_public_call_is_on_a_page() -> None:
+    text = "".join(page.read_text(encoding="utf-8") for page in sorted(DOCS.glob("*.md")))
+    named = set(re.findall(r"\w+", " ".join(re.findall(r"```.*?```|`[^`]+`", text, re.DOTALL))))
+    calls = {name for name, one in everything().items() if inspect.isfunction(one)}
+    assert len(calls) > 200
+    assert not sorted(name for name in calls if name.split(".")[-1] not in named)
 
 
 def test_piezo(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:

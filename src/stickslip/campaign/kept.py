@@ -105,7 +105,7 @@ class Kept(NamedTuple):
         return made
 
     def _read(self, path: Path, key: str) -> tuple[Any] | None:
-        """What a file holds; None where it is none, or damaged: then the stage is computed again."""
+        """Read a stage; None where there is none, or its file is damaged: then it is computed again."""
         types = {one.__name__: one for one in _TYPES}
         try:
             content = json.loads(gzip.decompress(path.read_bytes()))

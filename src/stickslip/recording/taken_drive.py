@@ -72,7 +72,7 @@ class TakenDrive(NamedTuple):
 
     @property
     def how(self) -> str:
-        """Where the waveform is from, and what it leaves."""
+        """Say where the waveform is from, and what it leaves."""
         source = "named by the recording" if self.named else f"recognised in {CHANNEL}"
         return f"{source}; residual {with_prefix(self.residual, 'V', 2)} rms"
 
