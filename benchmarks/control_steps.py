@@ -84,7 +84,7 @@ def open_loop(count: int, load: float, seed: int, amplitude: float) -> tuple[flo
     random, base = np.random.default_rng(seed), load_actuator(SET).replace(piezo=None)
     held, widths, drive = 0, [], Sawtooth(amplitude, WALK.frequency)
     scatter, loaded = 20e-9, base.replace(external_force=load)
-    known = StepModel.of_model(loaded, amplitude, WALK.frequency, scatter=scatter, size_error=0.3e-6)
+    known = StepModel.of_model(loaded, RATE, amplitude, WALK.frequency, scatter=scatter, size_error=0.3e-6)
     alone = 1.96 * 0.1 * abs(load) * known.per_load / math.sqrt(3.0) / known.forward
     for _ in range(count):
         model = drawn(random).replace(piezo=None)

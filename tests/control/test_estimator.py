@@ -7,6 +7,7 @@ import pytest
 
 from stickslip.actuator import load_actuator
 from stickslip.control import Estimator, StepModel
+from stickslip.electronics import OutputStage
 from stickslip.simulation import steady_step
 from stickslip.units import QuantityError
 from stickslip.waveform import Sawtooth
@@ -90,7 +91,7 @@ def test_lost_steps_are_noticed() -> None:
 
 
 def test_the_steps_of_a_model_and_their_slope_over_the_load() -> None:
-    made = StepModel.of_model(KANG, "65 V", "100 Hz", scatter="30 nm")
+    made = StepModel.of_model(KANG, OutputStage(), "65 V", "100 Hz", scatter="30 nm")
     loaded = steady_step(KANG.replace(external_force=-20e-3), Sawtooth("65 V", "100 Hz"))
     assert made.forward + made.per_load * -20e-3 == pytest.approx(loaded, rel=0.01)
     assert made.per_load > 0.0
@@ -115,7 +116,11 @@ def test_the_slope_over_the_load_is_that_of_the_actuator_s_own_size(scale: float
         friction=law,
         rotary=rotary,
     )
-    made, walk, force = StepModel.of_model(small, 65.0, 100.0), Sawtooth(65.0, 100.0), 1e-3 / scale
+    made, walk, force = (
+        StepModel.of_model(small, OutputStage(), 65.0, 100.0),
+        Sawtooth(65.0, 100.0),
+        1e-3 / scale,
+    )
     high, low = (steady_step(small.replace(external_force=f), walk) for f in (force, -force))
     assert made.per_load == pytest.approx((high - low) / (2.0 * force), rel=2e-3)
 

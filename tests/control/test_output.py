@@ -10,11 +10,24 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from stickslip.actuator import Actuator, load_actuator
-from stickslip.control import ControlWarning, Pid, Regulator, StepSizes, check_margins, simulate_control, tune
+from stickslip.control import (
+    ControlWarning,
+    Mover,
+    Pid,
+    Regulator,
+    StepModel,
+    Stepping,
+    StepSizes,
+    check_margins,
+    simulate_control,
+    tune,
+)
 from stickslip.control.loops import sampled_loop
 from stickslip.electronics import Amplifier, OutputStage
+from stickslip.simulation import steady_step
 from stickslip.simulation.sticking import sticking
 from stickslip.units import QuantityError
+from stickslip.waveform import Sampled
 
 KANG = load_actuator("kang2007")
 RATE = 20e3
@@ -99,6 +112,22 @@ def test_a_mode_that_is_resolved_or_at_rest_at_the_next_update_is_not_said() -> 
         warnings.simplefilter("error")
         assert tune(KANG, RATE).margins.aliased == 0.0
         assert check_margins(Regulator(Pid(1e6), RATE), stage(1.2 * RATE, 0.9)).aliased == 0.0
+
+
+def test_a_table_of_another_output_than_the_mover_s_is_refused() -> None:
+    table = StepSizes((30.0, 65.0), (1e-6, 3e-6), (1e-6, 3e-6), rate=1e4)
+    with pytest.raises(QuantityError, match="made for 10000 updates a second, the regulator for 20000"):
+        Mover(Stepping(), table, Regulator(Pid(1e6), RATE), KANG.gain)
+
+
+def test_steps_that_are_counted_are_those_of_the_output_too() -> None:
+    """Against the sawtooth's ticks, each held; its lines go 2.7 % farther."""
+    model = stage(RATE, 0.03)
+    ideal, held = (StepModel.of_model(model, one, 65.0, 100.0) for one in (OutputStage(), RATE))
+    ticks = np.arange(200)
+    exact = steady_step(model, Sampled(ticks / RATE, 65.0 * ticks / 200, "hold", period=200 / RATE))
+    assert held.forward == pytest.approx(exact, rel=1e-9)
+    assert ideal.forward > 1.02 * held.forward
 
 
 def test_margins_of_another_output_than_the_regulator_s_are_refused() -> None:

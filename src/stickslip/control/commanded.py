@@ -60,7 +60,7 @@ class Commanded:
             low_pass=None if low_pass is None else LowPass(**low_pass),
             **options,
         )
-        steps = StepSizes(**{name: tuple(values) for name, values in table.items()})
+        steps = StepSizes(**{name: one if name == "rate" else tuple(one) for name, one in table.items()})
         self.mover = Mover(Stepping(**walk), steps, made, gain, slip=Slip(**(slip or {})), unit=unit)
         self._unit = unit
         self._shaped = NoiseShaped(self.mover, step)

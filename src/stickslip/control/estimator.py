@@ -23,12 +23,14 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from ..actuator import Actuator
+from ..electronics.output import OutputStage, output_of
 from ..friction import breakaway, element, elements, rate
 from ..records import Quantity, of_kind, record
 from ..simulation.steady import steady_step
 from ..simulation.strain import strained
 from ..units import QuantityError, to_si, unit_for
 from ..waveform import ReverseSawtooth, Sawtooth
+from ..waveform.signal import Waveform
 from .blocks import whole_number
 
 Array = NDArray[np.float64]
@@ -62,12 +64,19 @@ class StepModel(NamedTuple):
 
     @classmethod
     def of_model(
-        cls, model: Actuator, amplitude: float | str, frequency: float | str, **unknown: float | str
+        cls,
+        model: Actuator,
+        output: OutputStage | float | str,
+        amplitude: float | str,
+        frequency: float | str,
+        **unknown: float | str,
     ) -> StepModel:
-        """Steps of a model's periodic walks under a sawtooth, and how they change with a force along x.
+        """Return the steps of a model's periodic walks under a sawtooth, and how they change with a force
+        along x.
 
         Args:
             model: without the load; its `external_force` is there already.
+            output: converter and amplifier, ``bench.output()``; or the rate of its updates, Hz.
             amplitude, frequency: of the sawtooth.
             unknown: the other fields.
 
@@ -76,12 +85,14 @@ class StepModel(NamedTuple):
             QuantityError: a number is out of range, or a step does not change evenly with a small force.
         """
         volts, hertz = to_si(amplitude, "V", "amplitude"), to_si(frequency, "Hz", "frequency")
-        forward, backward = (steady_step(model, shape(volts, hertz)) for shape in (Sawtooth, ReverseSawtooth))
-        slope = _slope(model, Sawtooth(volts, hertz))
+        stage = output_of(output)
+        up, down = (stage.behind(shape(volts, hertz)) for shape in (Sawtooth, ReverseSawtooth))
+        forward, backward = steady_step(model, up), steady_step(model, down)
+        slope = _slope(model, up)
         return cls(forward, -backward, slope, **unknown)  # type: ignore[arg-type]
 
 
-def _slope(model: Actuator, walk: Sawtooth) -> float:
+def _slope(model: Actuator, walk: Waveform) -> float:
     """How a step changes with a force along x, m/N."""
     probe, unit = _PROBE * _held(model), unit_for(model, "N")
     if not probe > 0.0:

@@ -119,6 +119,11 @@ class Mover:
                 f"the piezo has {low:g} to {high:g} V"
             )
         rate = regulator.rate
+        if table.rate and not math.isclose(table.rate, rate, rel_tol=1e-6):
+            raise QuantityError(
+                f"Mover.table is made for {table.rate:.9g} updates a second, the regulator for {rate:.9g}: "
+                "make it for the output of the rig"
+            )
         self._ticks, self._pause = (
             StepTicks.of(rate, walk.frequency, slip or Slip()),
             round(walk.pause * rate),

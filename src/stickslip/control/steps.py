@@ -72,6 +72,7 @@ class StepSizes(NamedTuple):
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes, ascending", above=0)]
     forward: Annotated[tuple[float, ...], Quantity("m", "s₊", "step forward", minimum=0)]
     backward: Annotated[tuple[float, ...], Quantity("m", "s₋", "step backward", minimum=0)]
+    rate: Annotated[float, Quantity("Hz", "f_s", "updates it is made for; 0: any", minimum=0)] = 0.0
 
     def _check(self) -> None:
         if not len(self.voltages) == len(self.forward) == len(self.backward) > 1:
@@ -123,7 +124,7 @@ class StepSizes(NamedTuple):
                     f"{why or f'its step is {one[-1]:.3g} m'}"
                 )
             steps.append(tuple(np.maximum.accumulate(np.where(one > 0.0, one, 0.0)).tolist()))
-        return cls(tuple(volts.tolist()), *steps)
+        return cls(tuple(volts.tolist()), *steps, rate=stage.update_rate if stage.updates else 0.0)
 
 
 def _walks(model: Actuator, output: OutputStage, hertz: float, volts: Array, slip: Slip) -> tuple[Array, str]:

@@ -115,6 +115,10 @@ class OutputStage(NamedTuple):
         farad = self.capacitance or 1.0
         return driven_period(Amplifier(1.0, 0.0, _INF, self.slope, _INF, -_FAR, _FAR), waveform, farad)
 
+    def behind(self, waveform: Waveform) -> Waveform:
+        """Return the voltage at the piezo when a program plays an endless periodic waveform."""
+        return self.at_piezo(self.played(waveform, *waveform.range()) if self.updates else waveform)
+
 
 def output_of(given: OutputStage | float | str) -> OutputStage:
     """Return an output stage, or one of this update rate [Hz] without further limits; else QuantityError."""
