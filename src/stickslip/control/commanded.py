@@ -60,7 +60,8 @@ class Commanded:
             low_pass=None if low_pass is None else LowPass(**low_pass),
             **options,
         )
-        steps = StepSizes(**{name: one if name == "rate" else tuple(one) for name, one in table.items()})
+        listed: dict[str, Any] = {k: one if k == "rate" else tuple(one) for k, one in table.items()}
+        steps = StepSizes(**listed)
         self.mover = Mover(Stepping(**walk), steps, made, gain, slip=Slip(**(slip or {})), unit=unit)
         self._unit = unit
         self._shaped = NoiseShaped(self.mover, step)
