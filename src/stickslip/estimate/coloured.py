@@ -68,9 +68,12 @@ def autoregression(pieces: Sequence[Array], most: int = MOST_ORDER) -> tuple[Arr
 
 
 def noise_of(fit: Fit) -> Coloured:
-    """What the residuals of a fit show, and no less drift than is known of its recordings: one that moves a
-    short recording by less than its noise is not to be seen in it."""
-    found = coloured(fit.residuals, walks=True)
+    """Return the noise that the residuals of a fit show, jitter of the clock taken out of them.
+
+    Its drift is no less than is known of the recordings: one that moves a short recording by less than its
+    noise is not to be seen in it.
+    """
+    found = coloured([one.narrowed(r) for one, r in zip(fit.jitter, fit.residuals, strict=True)], walks=True)
     return found._replace(walk=max([found.walk, *(known.drift for known in fit.known)]))
 
 
@@ -88,6 +91,20 @@ def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
     impulse[0] = math.sqrt(variance)
     response = np.asarray(lfilter([1.0], filter, impulse))
     return Coloured(fftconvolve(response, response[::-1])[response.size - 1 :], steps)
+
+
+def white_and_walk(pieces: Sequence[Array]) -> tuple[float, float]:
+    """Return the standard deviation of white noise, and the variance that a random walk beside it gains from
+    sample to sample over the square of that, which describe residuals best.
+
+    Noise of power 1/f is near to both together. Where the residuals show no walk, noise that is correlated
+    over some samples counts by its sum over all lags.
+    """
+    ratio = _walk(pieces)
+    if ratio:
+        return math.sqrt(walk_and_white(pieces)(math.log(ratio))[1]), ratio
+    lags = coloured(pieces).autocovariance
+    return math.sqrt(float(lags[0] + 2.0 * lags[1:].sum())), 0.0
 
 
 def filter_and_walk(pieces: Sequence[Array], walks: bool = True) -> tuple[Array, float, float]:
@@ -167,16 +184,24 @@ def with_own_noise(fit: Fit) -> Fit:
     return with_coloured_noise(fit, noise_of(fit))
 
 
-def with_coloured_noise(fit: Fit, noise: Coloured) -> Fit:
+def with_coloured_noise(fit: Fit, noise: Coloured, known: int = 0) -> Fit:
     """The fit with the covariance that the noise gives it, the noise having been seen in what the fit left.
 
     Values at a bound do not make the others surer: those have the covariance they would have without it.
+
+    Args:
+        fit: by least squares.
+        noise: of its recordings.
+        known: so many recordings at the end are none: their data are what is known otherwise, over its noise.
     """
     assert fit.jacobian is not None
-    ends = np.cumsum([g.n_data for g in fit.recordings])[:-1]
+    in_time = len(fit.recordings) - known
+    ends = np.cumsum([g.n_data for g in fit.recordings[:in_time]])
     directions, root, lost = decomposed(tangent(fit))
-    of_data, of_priors = np.split(directions, [fit.n_data])
-    power = scores(np.split(of_data / noise_of_data(fit)[:, None], ends), noise)
+    (*_, count), ends = ends, ends[:-1]
+    of_data, of_priors = np.split(directions, [count])
+    wide = np.concatenate([one.widening for one in fit.jitter[:in_time]]) / noise_of_data(fit)[:count]
+    power = scores(np.split(of_data * wide[:, None], ends), noise)
     power *= fit.n_data / fit.degrees_of_freedom  # exact for white noise: residuals are smaller than noise
     spread = root @ (power + of_priors.T @ of_priors) @ root.T
     spread[lost, :] = spread[:, lost] = 0.0

@@ -18,9 +18,9 @@ from .outliers import TO_DEVIATION, spikes
 # Samples in a row that are the same, from which on a channel may have been frozen; and how far the model
 # moves meanwhile, in steps of the converter or standard deviations of the noise.
 FEWEST_FROZEN, MOVED = 5, 4.0
-# Parts of a recording whose means show drift, fewest samples in one, and the share of the root mean square
-# of all from which on they do: white noise has a fifth and less.
-PARTS, LEAST_PART, WANDERS = 16, 16, 0.5
+# Parts of a recording whose means show drift, fewest samples in one, and the share of the root mean square of
+# all from which on they do; it is at least so many times that of white noise.
+PARTS, LEAST_PART, WANDERS, ABOVE_WHITE = 16, 8, 0.3, 2.0
 # Standard errors: a fault that moves a value of a fit by more is a reason not to trust its interval.
 MOVES = 1.0
 ADVICE = {
@@ -223,4 +223,4 @@ def _wander(r: Array, columns: Array) -> float:
         return 0.0
     means = left[: PARTS * size].reshape(PARTS, size).mean(axis=1)
     wander = float(np.std(means))
-    return wander if wander > WANDERS * float(np.std(left)) else 0.0
+    return wander if wander > max(WANDERS, ABOVE_WHITE / math.sqrt(size)) * float(np.std(left)) else 0.0

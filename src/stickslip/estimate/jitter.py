@@ -8,7 +8,8 @@ the next sample and in the next period: jitter is not.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,23 @@ class Scatter(NamedTuple):
         return np.asarray(level + (residuals - level) / self.widening)
 
 
+def calm(count: int) -> Scatter:
+    """Return the scatter of so many samples that do not scatter with the speed."""
+    return Scatter(0.0, np.ones(count), False)
+
+
+def jitter_of(
+    residuals: Sequence[Array], measured: Sequence[Array], times: Sequence[Array], periods: Sequence[float]
+) -> tuple[Scatter, ...]:
+    """Return the scatter with the speed of each recording, where it is jitter of its clock."""
+    found = [calm(r.size) for r in residuals]
+    for i, (r, x, t, period) in enumerate(zip(residuals, measured, times, periods, strict=True)):
+        if t.size == r.size == x.size and r.size > 1:
+            seen = scatter(r, np.gradient(r + x), period)
+            found[i] = seen if seen.independent else found[i]
+    return tuple(found)
+
+
 def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
     """Return how the residuals scatter with the speed.
 
@@ -62,7 +80,7 @@ def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
         change: of the model within a sampling interval, in their unit, [n].
         period: samples in a period of the drive; 0: not periodic.
     """
-    speed, none = np.abs(change), Scatter(0.0, np.ones(residuals.size), False)
+    speed, none = np.abs(change), calm(residuals.size)
     if residuals.size < 4 * FEWEST or not speed.max() > 0.0:
         return none
     # About the mean of both neighbours, noise of any colour scatters alike everywhere.
@@ -80,7 +98,7 @@ def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
         return off.size * math.log(float(np.mean(off**2 / over))) + float(np.sum(np.log(over)))
 
     limits = (math.log(LEAST / noise), math.log(MOST / noise))
-    best = minimize_scalar(likely, bounds=limits, method="bounded", options={"xatol": 1e-3})
+    best: Any = minimize_scalar(likely, bounds=limits, method="bounded", options={"xatol": 1e-3})
     ratio = math.exp(float(best.x))
     over = 1.0 + ratio**2 * square
     alike, here = float(np.mean(off**2)), float(np.mean(off**2 / over))

@@ -143,6 +143,20 @@ def lack_of_fit(residuals: Array, known: KnownNoise, name: str, n_fitted: float 
     return Lack(name, told.ratio, min([one.chance for one in seen] or [told.chance]), told.against)
 
 
+def lacks_of(
+    residuals: Sequence[Array], known: Sequence[KnownNoise], names: Sequence[str], share: float
+) -> tuple[Lack, ...]:
+    """Return what each recording says of the model, with the chance that any of them does; see `lack_of_fit`.
+
+    Args:
+        residuals, known, names: of each recording.
+        share: how many parameters were fitted, over the number of data.
+    """
+    parts = zip(residuals, known, names, strict=True)
+    found = [lack_of_fit(r, one, name, share * r.size) for r, one, name in parts]
+    return tuple(one._replace(chance=min(1.0, len(found) * one.chance)) for one in found)
+
+
 def _straightened(r: Array, at_rest: int) -> Array:
     """About the line of the samples at rest."""
     at = np.arange(r.size, dtype=float)

@@ -20,7 +20,8 @@ from ..units import QuantityError
 from .covariance import Uncertainty
 from .goodness import Goodness, pooled_r_squared, pooled_rmse
 from .identifiability import WIDE_RATIO, undetermined
-from .lack import KnownNoise, Lack, lack_of_fit
+from .jitter import Scatter, jitter_of
+from .lack import KnownNoise, Lack, lacks_of
 from .minima import APART, Minimum, bound, relabelled
 from .parameter import Parameter, Values
 from .quantiles import reach
@@ -267,19 +268,19 @@ class Fit:
         return float(quantity(self.values)), math.sqrt(variance)
 
     @cached_property
-    def lack(self) -> tuple[Lack, ...]:
-        """What each recording says of the model, by the noise that it shows besides: see `lack_of_fit`.
+    def jitter(self) -> tuple[Scatter, ...]:
+        """How the residuals of each recording scatter with the speed, where jitter of the clock does it."""
+        periods = [one.period[1] for one in self.known] or [0.0] * len(self.residuals)
+        return jitter_of(self.residuals, self.measured, self.times, periods)
 
-        The chance is that of any of them.
-        """
+    @cached_property
+    def lack(self) -> tuple[Lack, ...]:
+        """What each recording says of the model, by the noise that it shows besides: see `lacks_of`."""
         if not self.known:
             return ()
         share = (self.n_data - self.degrees_of_freedom) / max(self.n_data, 1)
-        found = [
-            lack_of_fit(r, known, g.name, share * r.size)
-            for r, known, g in zip(self.residuals, self.known, self.recordings, strict=True)
-        ]
-        return tuple(one._replace(chance=min(1.0, len(found) * one.chance)) for one in found)
+        quiet = [one.narrowed(r) for one, r in zip(self.jitter, self.residuals, strict=True)]
+        return lacks_of(quiet, self.known, [g.name for g in self.recordings], share)
 
     @property
     def at_bounds(self) -> tuple[str, ...]:

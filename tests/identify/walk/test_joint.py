@@ -10,10 +10,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import signal
 
 import stickslip as ss
 from identify.step_system import step_recording
-from stickslip.estimate.coloured import Coloured
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Problem, Residuals
 from stickslip.identify.walk.joint import Weight, _spread, _Weighted, jointly
@@ -47,10 +47,11 @@ def test_where_there_is_no_model_nothing_is_raised() -> None:
 
 
 def test_noise_that_remembers_counts_by_its_sum_over_all_lags() -> None:
-    memory = 0.5 ** np.arange(40.0)  # of an autoregression: the sum over both sides is 3
-    weight = Weight.of(Coloured(4.0 * memory, 0.6))
-    assert weight.level**2 == pytest.approx(12.0, rel=1e-9)
-    assert weight.walk == pytest.approx(0.05, rel=1e-9)
+    white = np.random.default_rng(2).standard_normal(20_000)
+    back = 2.0 * signal.lfilter([1.0], [1.0, 0.5], white)  # neighbours differ: the sum over both sides is 4/9
+    weight = Weight.of([back], 0.05)
+    assert weight.level**2 == pytest.approx(4.0 / 1.5**2, rel=0.1)
+    assert weight.walk == pytest.approx(0.05 / weight.level**2, rel=1e-9)
 
 
 def test_a_walk_mends_what_was_known_wrongly_of_the_stage_and_drift_is_no_friction() -> None:
@@ -83,6 +84,33 @@ def test_a_walk_mends_what_was_known_wrongly_of_the_stage_and_drift_is_no_fricti
         found.residuals[0],
         atol=1e-9,
     )
+
+
+def test_drift_of_power_1_over_f_moves_neither_stage_nor_friction_out_of_their_intervals() -> None:
+    """60 nm in steps and walk alike, twelve times the white noise."""
+    truth = ss.load_actuator("kang2007").replace(stage_reaction=False)
+    random = np.random.default_rng(0)
+    steps = [step_recording(volts, NOISE, int(volts), delay=0.0, lag=1e-9) for volts in (40.0, 80.0)]
+    walk = ss.simulate(truth, WALK, duration=WALK.duration, sample_rate=RATE, tolerance=1e-10)
+    for one in (*steps, walk):
+        white = NOISE * random.standard_normal(one.sizes["time"])
+        one["end_effector_position"] += white + 60e-9 * pink(one.sizes["time"], random)
+    stage = ss.identify_step(steps, truth, lag=False)
+    alone = ss.identify_friction([walk], stage.model, FREE, drive=WALK, stage=stage, hops=0)
+    found = jointly(alone, [walk], [WALK], stage, None, stage.model, 0)
+    ends = found.confidence_intervals()
+    for name in ("damping_ratio", "natural_frequency", "sigma_0", "sigma_1", "coulomb_force"):
+        true = getattr(truth, name, None) or getattr(truth.friction, name)
+        half = 0.5 * (ends[name][1] - ends[name][0])
+        assert abs(found.values[name] - true) < 2.0 * half, name
+    assert any("wanders by" in said for said in found.remarks)
+
+
+def pink(count: int, random: np.random.Generator) -> NDArray[np.float64]:
+    """Noise of power 1/f and deviation 1."""
+    line = np.maximum(np.arange(2 * count + 1), 1)
+    made = np.fft.irfft(np.fft.rfft(random.standard_normal(4 * count)) / np.sqrt(line), 4 * count)[:count]
+    return np.asarray(made / made.std())
 
 
 def test_a_value_that_hardly_matters_may_be_known_otherwise() -> None:
@@ -118,6 +146,10 @@ class TwoValleys(_Weighted):
             Parameter(name, 1.0, 1e-2, 1e2) for name in ("sigma_0", "sigma_1", "coulomb_force")
         ]
         self.known, self.above = SimpleNamespace(values={}), above  # type: ignore[assignment]
+
+    def with_noise(self, found: ss.Fit) -> ss.Fit:
+        """The valleys are of no recording, and have no noise."""
+        return found
 
     def problem(self, parameters: Sequence[Parameter]) -> Problem:
         half = 0.5 * np.log(2.0)

@@ -8,7 +8,9 @@ distribution of the fit that they are from, and what is minimised is
 
 .. math:: r^T \Sigma^{-1} r + (q - q_0)^T V^{-1} (q - q_0), \qquad \Sigma = \sigma^2 \, (1 + \rho L L^T)
 
-with residuals r, white noise and a random walk (L sums over time), both as the residuals show them.
+with residuals r, white noise and a random walk (L sums over time), both as the residuals show them. Samples
+that jitter of the clock moves count as much less. The covariance of the estimate allows for all memory that
+the noise has beside the walk, as that of steps and of walks alone does (see `coloured`).
 
 There are many minima: how the contact rings on between jumps is nearly the same at other stiffnesses too, and
 where it is hardly damped, one of these can explain noise better than the truth does, as the highest of many
@@ -20,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -30,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, solve_banded
 
 from ...actuator import Actuator
-from ...estimate.coloured import Coloured, coloured
+from ...estimate.coloured import coloured, white_and_walk, with_coloured_noise
 from ...estimate.disturbed import with_disturbances
 from ...estimate.fit import fit_least_squares
 from ...estimate.goodness import goodness
@@ -71,10 +74,10 @@ class Weight(NamedTuple):
     walk: float
 
     @classmethod
-    def of(cls, noise: Coloured) -> Weight:
-        """Noise that is correlated over some samples counts by its sum over all lags."""
-        square = float(noise.autocovariance[0] + 2.0 * noise.autocovariance[1:].sum())
-        return cls(square**0.5, noise.walk / square)
+    def of(cls, residuals: Sequence[Array], drift: float) -> Weight:
+        """Return the weight by what residuals show, and no less drift than this from sample to sample."""
+        level, walk = white_and_walk(residuals)
+        return cls(level, max(walk, drift / level**2))
 
     def whitened(self, rows: Array) -> Array:
         """Rows [n] or [n, k] of which noise like this is made white, with the deviation `level`."""
@@ -122,11 +125,11 @@ def jointly(
     kept = stage_beside(stage, fit)
     known = _Known([stage.parameters[i] for i in kept], stage, kept)
     parameters = [*fit.parameters, *known.parameters()]
-    begin, noise = {**fit.values, **known.values}, coloured(fit.residuals, walks=True)
-    weighted = _Weighted(motions, measured, names, fit, parameters, known, Weight.of(noise))
+    begin, drift = {**fit.values, **known.values}, max(one.drift for one in fit.known)
+    weighted = _Weighted(motions, measured, names, fit, parameters, known, Weight(fit.rmse, 0.0))
+    weighted = weighted.weighed(weighted.narrowed(fit.residuals), drift)
     near = weighted.search(begin)
-    noise = coloured(weighted.left(near.values), walks=True)
-    weighted = _Weighted(motions, measured, names, fit, parameters, known, Weight.of(noise))
+    weighted = weighted.weighed(weighted.narrowed(weighted.left(near.values)), drift)
     own = {p.name: value_of(start, p.name)[0] for p in fit.parameters if p.name not in CHANNEL}
     spread = _spread(near.values) if STIFFNESS in own else []
     found = weighted.lowest([near.values, {**near.values, **own}, *spread], hops)
@@ -134,7 +137,7 @@ def jointly(
     if name is not None:
         settled = integrated(found, name, partial(weighted.hold, name))
         if not isinstance(settled, Fit):
-            settled = weighted.with_whole(lowest([found, weighted.search(settled)]))
+            settled = weighted.with_whole(lowest([found, weighted.with_noise(weighted.search(settled))]))
         found = settled
     return with_disturbances(weighted.told(found, fit, slew_rate))
 
@@ -197,6 +200,7 @@ class _Weighted:
     ) -> None:
         self.motions, self.measured, self.names, self.known = motions, measured, names, known
         self.parameters, self.beside, self.weight = list(parameters), list(fit.beside), weight
+        self.jitter = fit.jitter
         self.varied, self.exchangeable = Varied(fit.model, Ties([*parameters, *fit.beside])), fit.exchangeable
 
     def left(self, values: Values) -> list[Array]:
@@ -204,6 +208,10 @@ class _Weighted:
         return [
             observed(m, self.varied, values) - x for m, x in zip(self.motions, self.measured, strict=True)
         ]
+
+    def narrowed(self, left: Sequence[Array]) -> list[Array]:
+        """Residuals with the same noise everywhere, whatever the jitter of the clock."""
+        return [one.narrowed(r) for one, r in zip(self.jitter, left, strict=True)]
 
     def problem(self, parameters: Sequence[Parameter]) -> Problem:
         parameters = [*parameters, *self.beside]
@@ -213,15 +221,18 @@ class _Weighted:
         ends = np.cumsum([x.size for x in self.measured])[:-1]
         places = {p.name: i for i, p in enumerate(self.known.own)}
 
-        def residuals(motion: Displacement, position: Array) -> Callable[[Values], Array]:
+        wide = [one.widening for one in self.jitter]
+
+        def residuals(motion: Displacement, position: Array, wide: Array) -> Callable[[Values], Array]:
             def of(values: Values) -> Array:
                 motion.slopes(self.varied(values), values.get("delay", 0.0), own)
-                return self.weight.whitened(observed(motion, self.varied, values) - position)
+                return self.weight.whitened((observed(motion, self.varied, values) - position) / wide)
 
             return of
 
         def jacobian(values: Values) -> Array:
-            rows = [self.weight.whitened(part) for part in np.split(by(values), ends)]
+            parts = zip(np.split(by(values), ends), wide, strict=True)
+            rows = [self.weight.whitened(part / over[:, None]) for part, over in parts]
             last = np.zeros((len(self.known.own), len(free)))
             for k, name in enumerate(free):
                 if name in places:
@@ -231,8 +242,8 @@ class _Weighted:
 
         level = self.weight.level
         of_walks = [
-            Residuals(residuals(m, x), x, level, name)
-            for m, x, name in zip(self.motions, self.measured, self.names, strict=True)
+            Residuals(residuals(m, x, over), x, level, name)
+            for m, x, over, name in zip(self.motions, self.measured, wide, self.names, strict=True)
         ]
         return Problem(
             [*of_walks, Residuals(self.known.deviations, None, 1.0, "the stage")],
@@ -258,7 +269,7 @@ class _Weighted:
         found = lowest(ends)
         if hops or not found.converged:
             found = lowest([found, self.search(found.values, hops)])
-        return self.with_whole(found)
+        return self.with_whole(self.with_noise(found))
 
     def with_whole(self, found: Fit) -> Fit:
         """The fit with those minima whose values of the friction, taken together, the noise does not reject.
@@ -268,6 +279,16 @@ class _Weighted:
         most = bound(sum(p.name not in (*CHANNEL, *self.known.values) for p in self.parameters))
         return replace(found, minima=tuple(m._replace(whole=True) for m in found.minima if m.excess <= most))
 
+    def with_noise(self, found: Fit) -> Fit:
+        """The fit with the uncertainty that noise makes whose memory the weights leave."""
+        return with_coloured_noise(found, coloured(found.residuals[:-1], walks=True), known=1)
+
+    def weighed(self, left: Sequence[Array], drift: float) -> _Weighted:
+        """The same problem, with the weight that residuals give it."""
+        other = copy(self)
+        other.weight = Weight.of(left, drift)
+        return other
+
     def hold(self, name: str, value: float, begin: Values) -> tuple[Fit, Fit]:
         """The fit of the others with one value fixed."""
         held = [
@@ -275,6 +296,7 @@ class _Weighted:
             for p in self.parameters
         ]
         alone = fit_least_squares(self.problem(held), settled=NEAR, max_evaluations=MOST_EVALUATIONS)
+        alone = self.with_noise(alone)
         return alone, alone
 
     def told(self, found: Fit, before: Fit, slew_rate: float | None) -> Fit:

@@ -186,7 +186,9 @@ class Walks:
         return self._with_stage(self._with_noise(fit))
 
     def _with_noise(self, fit: Fit) -> Fit:
-        if self.correlated is None and self.noise is None and self.loss == "linear":
+        # Noise that was given is not that of a clock that jitters.
+        own = self.noise is None or any(one.independent for one in fit.jitter)
+        if self.correlated is None and own and self.loss == "linear":
             fit = with_own_noise(fit)
         return fit
 
