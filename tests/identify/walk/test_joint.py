@@ -87,9 +87,10 @@ def test_a_walk_mends_what_was_known_wrongly_of_the_stage_and_drift_is_no_fricti
 
 
 def test_drift_of_power_1_over_f_moves_neither_stage_nor_friction_out_of_their_intervals() -> None:
-    """60 nm in steps and walk alike, twelve times the white noise."""
+    """60 nm in steps and walk alike, twelve times the white noise; a contact that rings for long."""
     truth = ss.load_actuator("kang2007").replace(stage_reaction=False)
-    random = np.random.default_rng(0)
+    truth = truth.replace(friction=truth.friction._replace(sigma_1=15.0))
+    random = np.random.default_rng(3)
     steps = [step_recording(volts, NOISE, int(volts), delay=0.0, lag=1e-9) for volts in (40.0, 80.0)]
     walk = ss.simulate(truth, WALK, duration=WALK.duration, sample_rate=RATE, tolerance=1e-10)
     for one in (*steps, walk):
