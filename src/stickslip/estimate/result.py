@@ -17,6 +17,7 @@ import xarray as xr
 
 from ..records import same
 from ..units import QuantityError
+from .advice import Advice
 from .covariance import Uncertainty
 from .goodness import Goodness, pooled_r_squared, pooled_rmse
 from .identifiability import WIDE_RATIO, undetermined
@@ -59,6 +60,7 @@ class Fit:
         remarks: sentences on what was decided for the user, such as what is free besides what was asked for.
         disturbances: faults of instruments that the residuals show; see `with_disturbances`.
         doubts: sentences on what other checks have against the values; `failures` tells them.
+        advice: what the model lacks, and what to write, where it does not explain its recordings.
         predict: from any recording, seen or not, to the values of that channel by the model, shape (n,).
         unpredicted: why there is no `predict`, and what to use instead; empty where there is one.
         beside: parameters that are fixed or tied to others.
@@ -92,6 +94,7 @@ class Fit:
     remarks: tuple[str, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
     doubts: tuple[str, ...] = ()
+    advice: Advice | None = None
     predict: Callable[..., np.ndarray] | None = None
     beside: tuple[Parameter, ...] = ()
     noise: tuple[float | np.ndarray, ...] = ()

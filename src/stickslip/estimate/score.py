@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +31,46 @@ def gain(fit: Fit, slopes: Array) -> float:
         return 0.0
     by = float(own @ r)
     return _in_variances(by**2 / length, r - by / length * own, len(fit.parameters) + 1)
+
+
+class Together(NamedTuple):
+    """What several further parameters do at once, linearised.
+
+    Attributes:
+        gain: by how much they lower chi-squared, in variances of what is left then.
+        share: of the sum of squares that they explain.
+        steps: how far they go from 0, in their units, shape (m,).
+        moves: how far the coordinates of the fit go with them, shape (k,).
+    """
+
+    gain: float
+    share: float
+    steps: Array
+    moves: Array
+
+
+def together(fit: Fit, slopes: Array) -> Together:
+    """Return what further parameters do, with all that is fitted free beside them.
+
+    Args:
+        fit: by least squares, with its Jacobian.
+        slopes: derivatives of all residuals, joined, by the further parameters, shape (n, m).
+    """
+    r = np.concatenate(fit.residuals)
+    own = np.zeros((r.size, 0)) if fit.jacobian is None else fit.jacobian
+    rows = np.column_stack([own, slopes])
+    norms = np.linalg.norm(rows, axis=0)
+    norms[~(norms > 0.0)] = 1.0
+    if not np.all(np.isfinite(rows)):
+        return Together(0.0, 0.0, np.zeros(slopes.shape[1]), np.zeros(own.shape[1]))
+    found = np.linalg.lstsq(rows / norms, -r, rcond=1e-9)[0] / norms
+    alone = np.linalg.lstsq(rows[:, : own.shape[1]] / norms[: own.shape[1]], -r, rcond=1e-9)[0]
+    before = r + rows[:, : own.shape[1]] / norms[: own.shape[1]] @ alone
+    left = r + rows @ found
+    less = max(float(before @ before - left @ left), 0.0)
+    gained = _in_variances(less, left, len(fit.parameters) + slopes.shape[1])
+    share = less / float(before @ before) if less > 0.0 else 0.0
+    return Together(gained, share, found[own.shape[1] :], found[: own.shape[1]])
 
 
 def rise(fit: Fit, name: str) -> float:

@@ -89,6 +89,7 @@ def as_dict(fit: Fit, level: float) -> dict[str, Any]:
         "lack_of_fit": [{**one._asdict(), "seen": one.seen, "sentence": one.sentence} for one in fit.lack],
         "failures": list(fit.failures),
         "remarks": list(fit.remarks),
+        "advice": None if fit.advice is None else fit.advice.to_dict(),
         "minima": [{"values": m.values, "excess": m.excess} for m in fit.minima],
     }
     return _finite(found)

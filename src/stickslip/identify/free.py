@@ -76,6 +76,9 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
         QuantityError: it starts at zero without bounds, or the bounds are wrong.
     """
     start, quantity = value_of(model, name)
+    if name in NORMAL_FIELDS and model.normal_force is None and name in bounds:
+        low, high = given_bounds(bounds, name, quantity.unit if quantity else "") or (start, start)
+        start = 0.5 * (low + high)  # the model says nothing of it
     if quantity is None:
         ratio = ratios_of(law_of(model))[name]
         ends = (ratio.lower, ratio.upper)

@@ -11,6 +11,7 @@ from .._version import __version__
 from ..actuator import Actuator
 from ..chain import Chain
 from ..electronics import Filter
+from ..estimate.advice import Advice
 from ..estimate.covariance import Uncertainty
 from ..estimate.disturbances import Disturbance
 from ..estimate.goodness import Goodness
@@ -33,8 +34,9 @@ from .walk.static import StaticPrediction
 
 FORMAT = "stickslip fit"
 _TYPES: tuple[type, ...] = (
-    Actuator, AmplitudeModel, Chain, Disturbance, Filter, Uncertainty, KnownNoise, Minimum, Parameter, Fit,
-    Goodness, LoopPrediction, ModalModel, Piezo, PiezoPrediction, Predictor, StaticPrediction, StepPrediction,
+    Actuator, Advice, AmplitudeModel, Chain, Disturbance, Filter, Uncertainty, KnownNoise, Minimum,
+    Parameter, Fit, Goodness, LoopPrediction, ModalModel, Piezo, PiezoPrediction, Predictor,
+    StaticPrediction, StepPrediction,
 )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ The drive is tabulated once, and nothing is labelled: a call costs little more t
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,11 @@ from numpy.typing import NDArray
 from ...actuator import Actuator
 from ...friction import elements
 from ...friction.law import has_jumps
+from ...plant.system import values_of
 from ...simulation import SimulationError
 from ...simulation.drives import checked_drive
 from ...simulation.models import Contact, classic
-from ...simulation.sensitivity import follow_moved, moved
+from ...simulation.sensitivity import Moved, follow_moved, moved
 from ...solve.outcome import DONE
 from ...solve.periods import integrate
 from ...solve.resume import NO_RESUME
@@ -120,6 +122,32 @@ class Displacement:
         self._known = ((model, delay), _held(samples[:, of.of.slider], early))
         self._slopes = ((model, delay, names), _held(columns, early))
         return self._slopes[1]
+
+    def beside(self, model: Actuator, delay: float, others: Sequence[Actuator]) -> NDArray[np.float64]:
+        """Return how far the positions of other models are from the model's, m, [samples, others].
+
+        The others are of the model's kind; where these have derivatives (`has_slopes`), they take the steps
+        of its motion, and may differ from it by a millionth.
+        """
+        if not has_slopes(model):
+            own = self.position(model, delay)
+            return np.column_stack([self.position(other, delay) - own for other in others])
+        early, times = self._times(delay)
+        of, before = LOAD.system(model), self.drive.before
+        systems = [LOAD.system(other) for other in others]
+        near = Moved(
+            model,
+            of,
+            np.array([values_of(one.plant)[0] for one in systems]),
+            np.array([LOAD.rest(one, before) for one in systems]),
+            np.ones(len(others)),
+        )
+        state = LOAD.rest(of, before)
+        try:
+            _, by, _ = follow_moved(near, self.drive, state, times, self.tolerance, self.max_steps)
+        except SimulationError as error:
+            raise ArithmeticError(str(error)) from error
+        return _held(by, early)
 
 
 def _held(samples: NDArray[np.float64], early: int) -> NDArray[np.float64]:

@@ -43,13 +43,14 @@ from ..recorded.channels import names_of, recordings_of, unit_of
 from ..recorded.drives import taken_drives, warn_of_other_drive
 from ..recorded.known_noise import known_noise, said_unjudged
 from ..recorded.screen import Moved, driven, refuse_walk
+from .diagnosis import diagnosed
 from .displacement import Displacement, has_slopes
 from .first_guess import early_samples, first_guess
 from .needed import freed, freed_near, said_free, said_kept
 from .phases import with_other_phases
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
 from .prediction import Predictor
-from .reaction import with_reaction_asked
+from .reaction import with_reaction, with_reaction_asked
 from .several import from_points, straightened
 from .walks import SETTLED, Varied, Walks, observed, own_values, slopes_of
 
@@ -86,6 +87,7 @@ def identify_friction(
     loss_scale: float = 1.0,
     settled: float = SETTLED,
     max_evaluations: int = 200,
+    diagnose: bool = True,
     progress: Progress = unheard,
     each: Callable[[SearchState], None] | None = None,
 ) -> Fit:
@@ -150,6 +152,8 @@ def identify_friction(
         max_evaluations: of all recordings, for each start, with slopes; where these are differences, their
             evaluations come on top. A model that still explains little after 30 s of CPU is given up, which
             its failures say.
+        diagnose: look for the term that is missing where the model does not explain a recording: `advice`
+            of the fit, and a remark, say which, and what to write. It takes some 30 s of CPU time at most.
         progress, each: called after each evaluation; see `fit_least_squares`.
 
     Returns:
@@ -233,9 +237,16 @@ def identify_friction(
         fit = _averaged(walks, fit, given, max_evaluations)
     if asked:
         fit = replace(fit, remarks=(*fit.remarks, said_free(fit, asked)))
-    if hops and going:
-        fit = with_reaction_asked(fit, walks, max_evaluations)
-    return _completed(walks.budget.told(fit), walks, slew_rate, tolerance)
+    reacting = with_reaction(fit, walks, max_evaluations) if hops and going else None
+    fit = with_reaction_asked(fit, reacting)
+    fit = _completed(walks.budget.told(fit), walks, slew_rate, tolerance)
+    if not (diagnose and going):
+        return fit
+
+    def afar(of: Walks, parameters: list[Parameter], own: Bounds) -> Fit:
+        return _searched(of, parameters, {**bounds, **own}, 1, 1, max_evaluations)
+
+    return diagnosed(fit, walks, reacting, afar)
 
 
 def _noise(

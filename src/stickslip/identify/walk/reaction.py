@@ -23,23 +23,30 @@ CLEAR = 10.0
 SLOW = 1e-3 * CLEAR
 
 
-def with_reaction_asked(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
-    """The fit with a sentence on what it would be with the reaction: a doubt where that describes the
-    recordings better, a remark where they do not tell and a value would be outside its interval."""
+def with_reaction(fit: Fit, walks: Walks, max_evaluations: int) -> Fit | None:
+    """Return the fit with the reaction, searched for from there; None where the model has it, or where there
+    is no motion with it from there."""
     model = walks.model
     if model.stage_reaction or model.static or model.clamped:
-        return fit
+        return None
     # From afar, in logarithms: along straight valleys 5 of 60 such searches did not end, so 2.
     # To the end: what is far worse after a few evaluations may be the better one there.
     start = [p.starting_at(fit.values[p.name])._replace(power=0) for p in fit.parameters]
+    reacting = replace(walks, model=model.replace(stage_reaction=True))
+    tolerance = SLOW / fit.degrees_of_freedom
     try:
-        reacting = replace(walks, model=model.replace(stage_reaction=True))
-        tolerance = SLOW / fit.degrees_of_freedom
-        other = reacting.searched(start, max_evaluations=max_evaluations, settled=NEAR, tolerance=tolerance)
-    except FitError:  # there is no motion with it from there
+        return reacting.searched(start, max_evaluations=max_evaluations, settled=NEAR, tolerance=tolerance)
+    except FitError:
+        return None
+
+
+def with_reaction_asked(fit: Fit, other: Fit | None) -> Fit:
+    """Return the fit with a sentence on `with_reaction`: a doubt where that describes the recordings better,
+    a remark where they do not tell and a value would be outside its interval."""
+    if other is None:
         return fit
     left = np.concatenate(other.residuals)
-    lower = independent_samples(left) / left.size * _difference(fit, other)
+    lower = independent_samples(left) / left.size * difference(fit, other)
     ends = fit.confidence_intervals()
     outside = [
         f"{p.name} = {p.shown(other.values[p.name], 3)}"
@@ -62,7 +69,7 @@ def with_reaction_asked(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
     return fit
 
 
-def _difference(fit: Fit, other: Fit) -> float:
+def difference(fit: Fit, other: Fit) -> float:
     """Of chi-squared of two fits, each where it is at its best, which a mean over all that fits is not."""
     if math.isnan(fit.log_likelihood):  # a robust loss
         return other.n_data * math.log(fit.cost / other.cost)

@@ -1,0 +1,95 @@
+"""Advice after a fit that does not explain its recordings: what the model lacks, and the line to add."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from ..units import with_prefix
+
+
+class Advice(NamedTuple):
+    """What a model lacks, and how to add it.
+
+    Attributes:
+        cause: what is missing, "viscous friction"; empty if nothing that was tried helps.
+        explains: whether the recordings show no lack of fit with it.
+        before, after: residual without it and with it: the greatest over its noise or, with a `unit`, the root
+            mean square.
+        free: names of all that is free then; `added` are the new ones.
+        bounds: of the added parameters that need some, in SI.
+        change: fields of the actuator to change.
+        untied: parameters whose tie must go.
+        values: what is found then, in SI.
+        shown: the added values as text.
+        tried: causes that were fitted; `seconds` of CPU time were spent, and `stopped` says whether the limit
+            of them ended the search.
+        equal: other causes that describe the recordings as well, as far as the noise tells.
+    """
+
+    cause: str
+    explains: bool
+    before: float
+    after: float
+    unit: str = ""
+    free: tuple[str, ...] = ()
+    added: tuple[str, ...] = ()
+    bounds: Mapping[str, tuple[float, float]] = MappingProxyType({})
+    change: Mapping[str, Any] = MappingProxyType({})
+    untied: tuple[str, ...] = ()
+    values: Mapping[str, float] = MappingProxyType({})
+    shown: str = ""
+    tried: tuple[str, ...] = ()
+    seconds: float = 0.0
+    stopped: bool = False
+    equal: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """Return what is missing, what it would change, and what to write."""
+        if not self.cause:
+            return f"nothing that was tried explains the recordings: {', '.join(self.tried)}{self._limit}"
+        if self.explains:
+            verdict = f"{self.cause} explains the recordings"
+        else:
+            verdict = f"{self.cause} helps most, but does not explain the recordings"
+        others = f"; so does, as well: {' or '.join(self.equal)}" if self.equal else ""
+        found = f"; then {self.shown}" if self.shown else ""
+        left = [with_prefix(x, self.unit, 3) if self.unit else f"{x:.3g}" for x in (self.after, self.before)]
+        left[1] += "" if self.unit else " x the noise"
+        return (
+            f"{verdict}: residual {left[0]} instead of {left[1]}{found}{others}. "
+            f"Write {self.line} in the file, or {self.argument} in Python{self._limit}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return every field, ready for JSON, with what to write."""
+        found = {k: dict(v) if isinstance(v, Mapping) else v for k, v in self._asdict().items()}
+        return {**found, "sentence": self.sentence, "line": self.line, "argument": self.argument}
+
+    @property
+    def _limit(self) -> str:
+        return f" (stopped after {self.seconds:.0f} s of CPU time)" if self.stopped else ""
+
+    @property
+    def line(self) -> str:
+        """Return what to write in a campaign or identification file."""
+        said = [f"`free: [{', '.join(self.free)}]`"] if self.added else []
+        if self.bounds:
+            limits = ", ".join(f"{name}: [{low!r}, {high!r}]" for name, (low, high) in self.bounds.items())
+            said.append(f"`bounds: {{{limits}}}`")
+        if self.change:
+            said.append(f"`change: {json.dumps(dict(self.change)).replace(chr(34), '')}`")
+        return " and ".join([*said, *(f"no tie of {name}" for name in self.untied)])
+
+    @property
+    def argument(self) -> str:
+        """Return what to give to `identify_friction`."""
+        said = [f"model.replace({', '.join(f'{k}={v!r}' for k, v in self.change.items())})"] * bool(
+            self.change
+        )
+        said += [f"free={json.dumps(self.free)}"] * bool(self.added)
+        said += [f"bounds={dict(self.bounds)!r}"] * bool(self.bounds)
+        return ", ".join([*said, *(f"no {name} in tied" for name in self.untied)])

@@ -1,0 +1,273 @@
+"""Diagnosis of a fit that does not explain its walks: which term of the model is missing.
+
+Each term that the model does not have is asked first by what a small step along it does to the simulated
+motion: the drop of chi-squared with everything else free beside it, linearised at the present optimum. One
+simulation with its neighbours answers for all terms. The few that promise most are fitted.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...estimate.advice import Advice
+from ...estimate.lack import independent_samples
+from ...estimate.parameter import Parameter, Values
+from ...estimate.problem import FitError
+from ...estimate.result import Fit
+from ...estimate.score import ASKED, Together, together
+from ...estimate.tied import Ties
+from ...estimate.whiteness import white
+from ...simulation.varied import NORMAL_FIELDS, with_normal_force, with_values
+from ...units import QuantityError
+from ..free import parameter
+from .displacement import has_slopes
+from .position_channel import CHANNEL
+from .reaction import CLEAR, difference, with_reaction
+from .several import from_points
+from .terms import REACTION, Term, Way, bounds_about, terms_of
+from .walks import DIFFERENCE_STEP, Walks, own_values
+
+# Terms that are fitted before one that explains the walks ends the search: others may explain them as well.
+FEWEST_FITTED = 4
+# CPU time [s] after which no further term is fitted.
+SECONDS = 30.0
+# Of the sum of squares: a term that explains more of correlated residuals is missing, whatever the noise is.
+MOST = 0.5
+# Evaluations of each such search; it begins near its end.
+EVALUATIONS = 60
+# Small steps along a term, relative: of models that take the steps of the motion itself, and of others.
+NEIGHBOUR = 1e-6
+
+Array = NDArray[np.float64]
+# From walks, parameters and the bounds of new ones to a fit.
+Afar = Callable[[Walks, list[Parameter], Mapping[str, tuple[float, float]]], Fit]
+
+
+class Scored(NamedTuple):
+    """A term, the way in which it promises most, and what it would do."""
+
+    term: Term
+    way: Way
+    does: Together
+
+    @property
+    def start(self) -> Values:
+        """Where a search for its parameters begins."""
+        return self.way.start(self.does.steps)
+
+
+class Tried(NamedTuple):
+    """A term that was fitted: its `cause`, the fit, and how the user has it."""
+
+    cause: str
+    fit: Fit
+    bounds: Mapping[str, tuple[float, float]] = MappingProxyType({})
+    added: tuple[str, ...] = ()
+    change: Mapping[str, bool] = MappingProxyType({})
+    untied: tuple[str, ...] = ()
+
+    @property
+    def explains(self) -> bool:
+        """Whether no recording shows a lack of fit, nor, where nothing is known of the noise, a memory."""
+        return not lacking(self.fit) and (_judged(self.fit) or not _smooth(self.fit))
+
+
+def lacking(fit: Fit) -> bool:
+    """Return whether a recording shows that the model does not explain it."""
+    return any(one.seen for one in fit.lack)
+
+
+def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
+    """Return the fit with advice on what its model lacks, where it does not explain the walks.
+
+    Where nothing tells noise from misfit, or what repeats with each period hides it, a term that explains most
+    of correlated residuals is missing too: that is a doubt.
+
+    Args:
+        fit: of the walks, with its model.
+        walks: what is described.
+        reacting: that of `with_reaction`, if it was searched for.
+        afar: a search of parameters that begins anywhere.
+    """
+    lacks = lacking(fit)
+    if fit.loss != "linear" or not (lacks or _smooth(fit)):
+        return fit
+    terms = scored(fit, walks)
+    if not lacks:
+        terms = [one for one in terms if one.does.share > MOST]
+        if not terms:
+            return fit
+    advice = _advice(fit, walks, terms, reacting, afar)
+    if lacks:
+        return replace(fit, advice=advice, remarks=(*fit.remarks, advice.sentence))
+    if not advice.cause or advice.after > math.sqrt(1.0 - MOST) * advice.before:
+        return fit
+    said = (
+        f"the model leaves more than noise: {advice.sentence}; without it the intervals are not to be trusted"
+    )
+    return replace(fit, advice=advice, doubts=(*fit.doubts, said))
+
+
+def _judged(fit: Fit) -> bool:
+    """Whether every recording shows what its noise is."""
+    return bool(fit.lack) and not any(math.isnan(one.ratio) for one in fit.lack)
+
+
+def _smooth(fit: Fit) -> bool:
+    """Whether the residuals of a recording are correlated."""
+    return not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])
+
+
+def _advice(fit: Fit, walks: Walks, terms: Sequence[Scored], reacting: Fit | None, afar: Afar) -> Advice:
+    begun, tried = time.process_time(), list[Tried]()
+
+    def spent() -> float:
+        return time.process_time() - begun
+
+    reacting = reacting or with_reaction(fit, walks, EVALUATIONS)
+    if reacting is not None:
+        tried.append(Tried(REACTION, walks.completed(reacting), change={"stage_reaction": True}))
+    for search in (None, afar):  # from the present values, then from anywhere
+        for one in terms if search is None or lacking(fit) else ():
+            explained = any(other.explains for other in tried)
+            if spent() > SECONDS or (explained and (search or len(tried) >= FEWEST_FITTED)):
+                break
+            found = _fitted(fit, walks, one, search)
+            if found is not None:
+                bounds = bounds_about(one.term, found.values)
+                untied = tuple(name for name in one.term.untied if name in fit.tied)
+                tried.append(Tried(one.term.cause, found, bounds, one.term.names, untied=untied))
+    return _verdict(fit, tried, spent())
+
+
+def scored(fit: Fit, walks: Walks) -> list[Scored]:
+    """Return the terms that the model does not have, the most promising first: those that would lower
+    chi-squared by more than noise does, and after them, of a fit that may be in the wrong minimum, the
+    others."""
+    exact = has_slopes(fit.model)
+    terms = terms_of(fit, walks, NEIGHBOUR if exact else DIFFERENCE_STEP)
+    beside = [values for term in terms for way in term.ways for values in way.beside]
+    if not beside or fit.jacobian is None:
+        return []
+    try:
+        columns = _columns(fit, walks, beside)
+    except (ArithmeticError, ValueError):
+        return []
+    found, at = [], 0
+    for term in terms:
+        best: Scored | None = None
+        for way in term.ways:
+            does = together(fit, columns[:, at : at + len(way.beside)])
+            at += len(way.beside)
+            if best is None or does.gain > best.does.gain:
+                best = Scored(term, way, does)
+        if best is not None and (best.does.gain > ASKED * len(term.names) or lacking(fit)):
+            found.append(best)
+    return sorted(found, key=lambda one: -one.does.gain)
+
+
+def _columns(fit: Fit, walks: Walks, beside: Sequence[Values]) -> Array:
+    """Changes of all positions, joined, with the values of each model beside, [samples, models]."""
+    delay = fit.values.get("delay", 0.0)
+    model = fit.model
+    if any(name in NORMAL_FIELDS for values in beside for name in values):
+        model = with_normal_force(model, NORMAL_FIELDS)
+    others = [with_values(model, values) for values in beside]
+    return np.concatenate([motion.beside(model, delay, others) for motion in walks.motions])
+
+
+def _fitted(fit: Fit, walks: Walks, one: Scored, afar: Afar | None) -> Fit | None:
+    """The fit with a term free too, from where the linearised one says and from the present values; or from
+    anywhere."""
+    start = one.start
+    bounds = one.term.bounds or bounds_about(one.term, start)
+    try:
+        model = with_values(walks.model, {**own_values(fit.values), **start})
+        new = [parameter(model, name, bounds, walks.unit == "rad") for name in one.term.names]
+        new = [p._replace(start=min(max(start[p.name], p.lower), p.upper)) for p in new]
+        own = [p._replace(start=fit.values[p.name], power=0) for p in fit.parameters]
+        free = [*own, *new]
+        kept = [p for p in fit.beside if p.name not in one.term.untied]
+        more = replace(walks, ties=Ties([*free, *kept]))
+        if afar is not None:
+            return afar(more, free, bounds)
+        begins = [{p.name: p.start for p in free}, _ahead(own, one.does.moves) | _starts(new)]
+        return from_points(more, free, begins, [p.name for p in free], EVALUATIONS)
+    except (FitError, QuantityError, ArithmeticError):
+        return None
+
+
+def _starts(parameters: Sequence[Parameter]) -> Values:
+    return {p.name: p.start for p in parameters}
+
+
+def _ahead(parameters: Sequence[Parameter], moves: Array) -> Values:
+    """The values that a linearised step leads to, within the bounds."""
+    found = {}
+    for p, move in zip(parameters, moves, strict=True):
+        value = p.value(p.coordinate(p.start) + move)
+        found[p.name] = min(max(value, p.lower), p.upper)
+    return found
+
+
+def _verdict(fit: Fit, tried: Sequence[Tried], seconds: float) -> Advice:
+    """What of all that was fitted to advise."""
+    names, stopped = tuple(dict.fromkeys(one.cause for one in tried)), seconds > SECONDS
+    before = _left(fit, fit)
+    better = [one for one in tried if _lower(fit, one.fit) > CLEAR]
+    explaining = [one for one in better if one.explains]
+    ranked = sorted(explaining or better, key=lambda one: one.fit.bic)
+    if not ranked:
+        return Advice("", False, before, before, _unit(fit), tried=names, seconds=seconds, stopped=stopped)
+    best = ranked[0]
+    close = [one.cause for one in ranked[1:] if abs(_lower(best.fit, one.fit)) < CLEAR]
+    equal = tuple(dict.fromkeys(cause for cause in close if cause != best.cause))
+    shown = ", ".join(
+        f"{p.name} = {p.shown(best.fit.values[p.name], 3)}"
+        for p in best.fit.parameters
+        if p.name in best.added or p.name not in CHANNEL
+    )
+    return Advice(
+        best.cause,
+        best.explains,
+        before,
+        _left(best.fit, fit),
+        _unit(fit),
+        tuple(p.name for p in best.fit.parameters if p.name not in CHANNEL),
+        best.added,
+        best.bounds,
+        best.change,
+        best.untied,
+        {p.name: best.fit.values[p.name] for p in best.fit.parameters},
+        shown,
+        names,
+        seconds,
+        stopped,
+        equal,
+    )
+
+
+def _lower(fit: Fit, other: Fit) -> float:
+    """By how much chi-squared is lower with another fit, as far as its residuals are independent."""
+    left = np.concatenate(other.residuals)
+    return independent_samples(left) / left.size * difference(fit, other)
+
+
+def _unit(fit: Fit) -> str:
+    """What residuals are told in: empty for a factor over the noise."""
+    return "" if lacking(fit) else fit.recordings[0].unit
+
+
+def _left(fit: Fit, of: Fit) -> float:
+    """What a fit leaves: the greatest residual over its noise, or where that does not show in another fit,
+    the root mean square."""
+    ratios = [one.ratio for one in fit.lack if not math.isnan(one.ratio)]
+    return max(ratios, default=math.nan) if lacking(of) else fit.rmse
