@@ -8,7 +8,7 @@ import pytest
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.score import gain, rise, step
+from stickslip.estimate.score import gain, rise, step, together
 
 T = np.linspace(0.0, 1.0, 400)
 COLUMNS = {"level": np.ones(T.size), "slope": T, "bend": np.sin(6.0 * T)}
@@ -31,6 +31,17 @@ def test_both_are_what_a_fit_finds(seed: int) -> None:
     assert gain(less, COLUMNS["bend"]) == pytest.approx(fell, rel=0.35)
     assert rise(more, "bend") == pytest.approx(fell, rel=0.35)
     assert step(less, COLUMNS["bend"]) == pytest.approx(more.values["bend"], rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_several_at_once_are_what_a_fit_finds(seed: int) -> None:
+    less, more = fitted(["level"], seed), fitted(["level", "slope", "bend"], seed)
+    does = together(less, np.column_stack([COLUMNS["slope"], 1e-6 * COLUMNS["bend"]]))
+    fell = (less.cost - more.cost) / (more.cost / more.degrees_of_freedom)
+    assert does.gain == pytest.approx(fell, rel=0.35)
+    assert does.share == pytest.approx(1.0 - more.cost / less.cost, rel=1e-9)
+    assert does.steps == pytest.approx([more.values["slope"], 1e6 * more.values["bend"]], rel=1e-6)
+    assert less.values["level"] + does.moves[0] == pytest.approx(more.values["level"], rel=1e-6)
 
 
 def test_what_others_can_do_is_no_rise() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from ..units import with_prefix
@@ -16,8 +15,8 @@ class Advice(NamedTuple):
     Attributes:
         cause: what is missing, "viscous friction"; empty if nothing that was tried helps.
         explains: whether the recordings show no lack of fit with it.
-        before, after: residual without it and with it: the greatest over its noise or, with a `unit`, the root
-            mean square.
+        before, after: residual without it and with it: the greatest over its noise or, with a `unit`, the
+            root mean square.
         free: names of all that is free then; `added` are the new ones.
         bounds: of the added parameters that need some, in SI.
         change: fields of the actuator to change.
@@ -33,18 +32,18 @@ class Advice(NamedTuple):
     explains: bool
     before: float
     after: float
-    unit: str = ""
-    free: tuple[str, ...] = ()
-    added: tuple[str, ...] = ()
-    bounds: Mapping[str, tuple[float, float]] = MappingProxyType({})
-    change: Mapping[str, Any] = MappingProxyType({})
-    untied: tuple[str, ...] = ()
-    values: Mapping[str, float] = MappingProxyType({})
-    shown: str = ""
-    tried: tuple[str, ...] = ()
-    seconds: float = 0.0
-    stopped: bool = False
-    equal: tuple[str, ...] = ()
+    unit: str
+    free: tuple[str, ...]
+    added: tuple[str, ...]
+    bounds: Mapping[str, tuple[float, float]]
+    change: Mapping[str, Any]
+    untied: tuple[str, ...]
+    values: Mapping[str, float]
+    shown: str
+    tried: tuple[str, ...]
+    seconds: float
+    stopped: bool
+    equal: tuple[str, ...]
 
     @property
     def sentence(self) -> str:

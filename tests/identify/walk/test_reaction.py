@@ -9,7 +9,7 @@ import xarray as xr
 import stickslip as ss
 from stickslip.estimate.result import Fit
 from stickslip.friction import LuGre
-from stickslip.identify.walk.reaction import with_reaction_asked
+from stickslip.identify.walk.reaction import with_reaction, with_reaction_asked
 from stickslip.recording import make_recording
 
 KANG = ss.load_actuator("kang2007")
@@ -81,7 +81,8 @@ def test_a_stage_that_no_force_moves_is_not_asked_for(change: dict[str, Any]) ->
         model = KANG.replace(stage_reaction=False, **change)
 
     fit = fitted(KANG, 50e-9, KANG.replace(friction=START), hops=0)
-    assert with_reaction_asked(fit, Refuses(), 10) is fit  # type: ignore[arg-type]
+    assert with_reaction(fit, Refuses(), 10) is None  # type: ignore[arg-type]
+    assert with_reaction_asked(fit, None) is fit
 
 
 def test_a_search_with_the_reaction_goes_to_its_end() -> None:

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,13 +32,13 @@ from .displacement import has_slopes
 from .position_channel import CHANNEL
 from .reaction import CLEAR, difference, with_reaction
 from .several import from_points
-from .terms import REACTION, Term, Way, bounds_about, terms_of
+from .terms import REACTION, RIPPLE, STAGE, Term, Way, bounds_about, terms_of
 from .walks import DIFFERENCE_STEP, Walks, own_values
 
 # Terms that are fitted before one that explains the walks ends the search: others may explain them as well.
 FEWEST_FITTED = 4
 # CPU time [s] after which no further term is fitted.
-SECONDS = 30.0
+SECONDS = 20.0
 # Of the sum of squares: a term that explains more of correlated residuals is missing, whatever the noise is.
 MOST = 0.5
 # Evaluations of each such search; it begins near its end.
@@ -88,8 +88,8 @@ def lacking(fit: Fit) -> bool:
 def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
     """Return the fit with advice on what its model lacks, where it does not explain the walks.
 
-    Where nothing tells noise from misfit, or what repeats with each period hides it, a term that explains most
-    of correlated residuals is missing too: that is a doubt.
+    Where the recordings do not show their noise, or the misfit hides in it, a term that explains most of
+    correlated residuals is missing too: that is a doubt.
 
     Args:
         fit: of the walks, with its model.
@@ -136,7 +136,7 @@ def _advice(fit: Fit, walks: Walks, terms: Sequence[Scored], reacting: Fit | Non
     if reacting is not None:
         tried.append(Tried(REACTION, walks.completed(reacting), change={"stage_reaction": True}))
     for search in (None, afar):  # from the present values, then from anywhere
-        for one in terms if search is None or lacking(fit) else ():
+        for one in terms if search is None else _from_afar(fit, terms):
             explained = any(other.explains for other in tried)
             if spent() > SECONDS or (explained and (search or len(tried) >= FEWEST_FITTED)):
                 break
@@ -146,6 +146,12 @@ def _advice(fit: Fit, walks: Walks, terms: Sequence[Scored], reacting: Fit | Non
                 untied = tuple(name for name in one.term.untied if name in fit.tied)
                 tried.append(Tried(one.term.cause, found, bounds, one.term.names, untied=untied))
     return _verdict(fit, tried, spent())
+
+
+def _from_afar(fit: Fit, terms: Sequence[Scored]) -> list[Scored]:
+    """The terms that are searched for from anywhere too: the present minimum may be another one than the
+    right model's."""
+    return [one for one in terms if one.term.cause not in (STAGE, RIPPLE)] if lacking(fit) else []
 
 
 def scored(fit: Fit, walks: Walks) -> list[Scored]:
@@ -192,8 +198,8 @@ def _fitted(fit: Fit, walks: Walks, one: Scored, afar: Afar | None) -> Fit | Non
     try:
         model = with_values(walks.model, {**own_values(fit.values), **start})
         new = [parameter(model, name, bounds, walks.unit == "rad") for name in one.term.names]
-        new = [p._replace(start=min(max(start[p.name], p.lower), p.upper)) for p in new]
-        own = [p._replace(start=fit.values[p.name], power=0) for p in fit.parameters]
+        new = [p.starting_at(min(max(start[p.name], p.lower), p.upper)) for p in new]
+        own = [p.starting_at(fit.values[p.name])._replace(power=0) for p in fit.parameters]
         free = [*own, *new]
         kept = [p for p in fit.beside if p.name not in one.term.untied]
         more = replace(walks, ties=Ties([*free, *kept]))
@@ -226,7 +232,9 @@ def _verdict(fit: Fit, tried: Sequence[Tried], seconds: float) -> Advice:
     explaining = [one for one in better if one.explains]
     ranked = sorted(explaining or better, key=lambda one: one.fit.bic)
     if not ranked:
-        return Advice("", False, before, before, _unit(fit), tried=names, seconds=seconds, stopped=stopped)
+        none: dict[str, Any] = {"free": (), "added": (), "bounds": {}, "change": {}, "untied": (), "values": {}}
+        none |= {"shown": "", "tried": names, "seconds": seconds, "stopped": stopped, "equal": ()}
+        return Advice("", False, before, before, _unit(fit), **none)
     best = ranked[0]
     close = [one.cause for one in ranked[1:] if abs(_lower(best.fit, one.fit)) < CLEAR]
     equal = tuple(dict.fromkeys(cause for cause in close if cause != best.cause))
@@ -243,8 +251,8 @@ def _verdict(fit: Fit, tried: Sequence[Tried], seconds: float) -> Advice:
         _unit(fit),
         tuple(p.name for p in best.fit.parameters if p.name not in CHANNEL),
         best.added,
-        best.bounds,
-        best.change,
+        dict(best.bounds),
+        dict(best.change),
         best.untied,
         {p.name: best.fit.values[p.name] for p in best.fit.parameters},
         shown,

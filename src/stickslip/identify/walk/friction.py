@@ -9,14 +9,12 @@ from functools import partial
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from ...actuator import Actuator
 from ...estimate.disturbed import with_disturbances
 from ...estimate.identifiability import loosest
 from ...estimate.marginal import integrated
 from ...estimate.parameter import Parameter, Values
-from ...estimate.problem import Residuals
 from ...estimate.result import Fit
 from ...estimate.search import SearchState
 from ...estimate.several import followed, lowest
@@ -45,20 +43,16 @@ from ..recorded.known_noise import known_noise, said_unjudged
 from ..recorded.screen import Moved, driven, refuse_walk
 from .diagnosis import diagnosed
 from .displacement import Displacement, has_slopes
-from .first_guess import early_samples, first_guess
+from .first_guess import early_samples
+from .guesses import PARTS, from_guesses, guesses, longest
 from .needed import freed, freed_near, said_free, said_kept
 from .phases import with_other_phases
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
 from .prediction import Predictor
 from .reaction import with_reaction, with_reaction_asked
 from .several import from_points, straightened
-from .walks import SETTLED, Varied, Walks, observed, own_values, slopes_of
+from .walks import SETTLED, Walks, own_values
 
-# Of the stroke, and steps, of the simulations that only tell where to begin.
-GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
-# Parts of the range of forces, and of deflections, from which a fit that does not explain its recordings
-# begins again.
-PARTS = 3
 # Noise of so many steps of a converter makes its error white, and less than a thousandth of what is left.
 DITHERED = 10.0
 
@@ -153,7 +147,7 @@ def identify_friction(
             evaluations come on top. A model that still explains little after 30 s of CPU is given up, which
             its failures say.
         diagnose: look for the term that is missing where the model does not explain a recording: `advice`
-            of the fit, and a remark, say which, and what to write. It takes some 30 s of CPU time at most.
+            of the fit, and a remark, say which, and what to write. It takes some 20 s of CPU time at most.
         progress, each: called after each evaluation; see `fit_least_squares`.
 
     Returns:
@@ -244,7 +238,7 @@ def identify_friction(
         return fit
 
     def afar(of: Walks, parameters: list[Parameter], own: Bounds) -> Fit:
-        return _searched(of, parameters, {**bounds, **own}, 1, 1, max_evaluations)
+        return from_guesses(of, parameters, {**bounds, **own}, max_evaluations)
 
     return diagnosed(fit, walks, reacting, afar)
 
@@ -310,25 +304,18 @@ def _searched(
     max_evaluations: int,
 ) -> Fit:
     """From several points, to the ends."""
-    model, own = walks.model, parameters
-    begins = [{p.name: p.start for p in parameters}]
-    most = int(np.argmax([np.ptp(position) for position in walks.measured]))
-    walk = walks.motions[most]
-
-    def guessed(samples: int, parts: int = 1) -> tuple[list[Parameter], list[Values]]:
-        stroke = max(motion.stroke(model) for motion in walks.motions)
-        short = walk.beginning(samples, GUESS_TOLERANCE * stroke, GUESS_STEPS)
-        return _guessed(short, walks.measured[most], walks.names[most], walks, own, stroke, bounds, parts)
-
+    own, begins = parameters, [{p.name: p.start for p in parameters}]
+    walk = longest(walks)
     if hops:
-        parameters, guesses = guessed(early_samples(walk.time, walk.waveform))
-        begins += guesses
+        parameters, found = guesses(walks, own, bounds, early_samples(walk.time, walk.waveform))
+        begins += found
     fit = from_points(walks, parameters, begins, bounds, max_evaluations)
     if walks.budget.over:
         return fit
     if hops and not (_white(fit) and not any(one.seen for one in fit.lack)):
-        parameters, guesses = guessed(walk.time.size, PARTS)  # the beginning may not tell minima apart
-        fit = lowest([fit, from_points(walks, parameters, guesses, bounds, max_evaluations)])
+        # The beginning may not tell minima apart.
+        parameters, found = guesses(walks, own, bounds, walk.time.size, PARTS)
+        fit = lowest([fit, from_points(walks, parameters, found, bounds, max_evaluations)])
     if walks.budget.over:
         return fit
     fit = with_other_phases(fit, walks, max_evaluations) if hops else fit
@@ -378,26 +365,3 @@ def _at_end(walks: Walks, fit: Fit, max_evaluations: int) -> Fit:
     """The fit, from where its search was left on its way along a valley, if it was."""
     there = straightened(fit.parameters, fit.values)
     return followed(fit, lambda: walks.fit(there, max_evaluations=max_evaluations))
-
-
-def _guessed(
-    short: Displacement,
-    measured: NDArray[np.float64],
-    name: str,
-    walks: Walks,
-    parameters: Sequence[Parameter],
-    stroke: float,
-    bounds: Bounds,
-    parts: int,
-) -> tuple[list[Parameter], list[Values]]:
-    """See `first_guess`, by one recording or its beginning."""
-    varied, position = Varied(walks.model, walks.ties), measured[: short.time.size]
-    residuals = Residuals(
-        lambda v: observed(short, varied, v) - position, position, walks.noise, name, walks.unit
-    )
-    others = walks.beside(parameters)
-    moved = [p.name for p in (*parameters, *others) if not p.fixed]
-    jacobian = slopes_of([short], varied, moved) if has_slopes(walks.model) else None
-    return first_guess(
-        residuals, short.time, jacobian, parameters, walks.model, stroke, bounds, beside=others, parts=parts
-    )
