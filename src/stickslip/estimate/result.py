@@ -49,8 +49,7 @@ class Fit:
         noise_known: whether the noise was taken as given; if not, its level was estimated from the residuals.
         correlated: whether the uncertainty allows for residuals that are correlated in time.
         converged: whether the optimiser met its tolerance; `message` says how it ended.
-        starts: how many searches there were; `starts_agreeing` ended at this same minimum.
-        minima: others that the data do not reject; the intervals hold them too.
+        starts: searches; `starts_agreeing` ended at this minimum. minima: others that fit, in the intervals.
         model: what the values describe, if the identification builds it (an actuator, a law, a modal model).
         observed: name of the channel that was fitted.
         residuals: model minus measured of each recording, in the unit of the data.
@@ -60,7 +59,7 @@ class Fit:
         remarks: sentences on what was decided for the user, such as what is free besides what was asked for.
         disturbances: faults of instruments that the residuals show; see `with_disturbances`.
         doubts: sentences on what other checks have against the values; `failures` tells them.
-        advice: what the model lacks, and what to write, where it does not explain its recordings.
+        advice: what the model lacks, where it does not explain its recordings.
         predict: from any recording, seen or not, to the values of that channel by the model, shape (n,).
         unpredicted: why there is no `predict`, and what to use instead; empty where there is one.
         beside: parameters that are fixed or tied to others.

@@ -232,7 +232,14 @@ def _verdict(fit: Fit, tried: Sequence[Tried], seconds: float) -> Advice:
     explaining = [one for one in better if one.explains]
     ranked = sorted(explaining or better, key=lambda one: one.fit.bic)
     if not ranked:
-        none: dict[str, Any] = {"free": (), "added": (), "bounds": {}, "change": {}, "untied": (), "values": {}}
+        none: dict[str, Any] = {
+            "free": (),
+            "added": (),
+            "bounds": {},
+            "change": {},
+            "untied": (),
+            "values": {},
+        }
         none |= {"shown": "", "tried": names, "seconds": seconds, "stopped": stopped, "equal": ()}
         return Advice("", False, before, before, _unit(fit), **none)
     best = ranked[0]
