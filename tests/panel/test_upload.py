@@ -10,9 +10,11 @@ import httpx
 import numpy as np
 import pytest
 
+from stickslip.history import read_acts
 from stickslip.panel import create_app
 from stickslip.panel.looking import for_the_page
 from stickslip.recording import open_recording
+from stickslip.waveform import Rest, Sawtooth, Sequence
 
 from .serving import client_of
 
@@ -58,6 +60,18 @@ def test_a_file_that_is_cut_off_says_so_before_it_is_taken(client: httpx.Client,
     recording = open_recording(folder / "uploads" / "cut.nc")
     np.testing.assert_allclose(recording["time"], 0.25e-3 * np.arange(100), atol=1e-12)
     assert float(recording["drive_voltage"][-1]) == pytest.approx(9.9)
+
+
+def test_what_the_drive_is_taken_for_is_said_and_noted(client: httpx.Client, folder: Path) -> None:
+    time = np.arange(4000) * 2.5e-4
+    volts = Sequence(Rest(0.1), Sawtooth(65.0, 5.0, periods=4)).value(time)
+    volts += 0.02 * np.random.default_rng(46).standard_normal(time.size)
+    rows = [f"{1e3 * t:.3f},{i % 7},{u:.5f}" for i, (t, u) in enumerate(zip(time, volts, strict=True))]
+    answer = taken(client, looked_at(client, "mine.csv", "\n".join(["t [ms],x [um],u [V]", *rows])))
+    answer.raise_for_status()
+    said = "Sawtooth 65 V, 5 Hz, 4 periods, recognised in drive_voltage; residual 20 mV rms"
+    assert answer.json()["drive"] == said
+    assert read_acts(folder)[-1]["drive"] == said
 
 
 def test_one_that_is_cut_off_beyond_what_is_looked_at(client: httpx.Client) -> None:

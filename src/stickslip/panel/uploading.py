@@ -18,6 +18,7 @@ from ..input_file import Strict
 from ..readers import read_recording
 from ..readers.process import Reader
 from ..recording import RecordingError, save_recording
+from ..recording.taken_drive import taken_drive
 from .folder import Folder, FolderError
 from .looking import for_the_page, preview
 from .stream import Hub
@@ -63,9 +64,11 @@ def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> No
         target.parent.mkdir(parents=True, exist_ok=True)
         save_recording(recording, target)
         shutil.rmtree(source.parent, ignore_errors=True)
-        note_act(folder.root, "taken from a file", folder.name(target), file=source.name)
+        drive = taken_drive(recording)
+        said = {} if drive is None else {"drive": drive.said()}
+        note_act(folder.root, "taken from a file", folder.name(target), file=source.name, **said)
         hub.tell("recordings")
-        return {"name": folder.name(target)}
+        return {"name": folder.name(target), **said}
 
 
 def _read(source: Path, asked: Taken, folder: Folder, read: Reader) -> xr.Dataset:

@@ -31,6 +31,7 @@ _ROUND, _AS_GOOD, _CHANCE = 0.003, 0.005, 4.5
 _EXPLAINED = 1.3  # times its white noise: what is left of a channel by the right waveform
 _STEPS = 8  # of a search by Gauss and Newton, which takes two or three
 _EXACT = 1e-6  # of the range: residuals that differ by less are equal
+MOST_FITTED = 100_000  # samples that a waveform is fitted to, one in so many of a longer recording
 MOST_SAMPLES = 2000  # at which a begin is looked for, one in so many of them all
 
 
@@ -103,7 +104,8 @@ def shown_drive(recording: xr.Dataset) -> Shown | None:
         return None
     start = float(recording["time"].values[0])
     begins = drive_begins(recording)
-    since, volts = recording["time"].values - start, recording["drive_voltage"].values
+    whole = recording["time"].values - start, recording["drive_voltage"].values
+    since, volts = (one[:: -(-one.size // MOST_FITTED)] for one in whole)
     begins = 0.0 if begins is None else begins - start
     rest = float(np.mean(volts[since <= begins]))
     if np.ptp(volts) == 0.0:
@@ -121,7 +123,10 @@ def shown_drive(recording: xr.Dataset) -> Shown | None:
         best = min([best, *(_Fitted.of(shape, since, volts, rest) for shape in shapes)], key=_residual)
     if not best.is_shown(since, volts):
         return None
-    return best.rounded(since, volts).shown(start)
+    best = best.rounded(since, volts)
+    if since.size < whole[0].size:  # a step begins within a sample, whichever were looked at
+        best = best._replace(begin=best_begin(*whole, best.shape)[0])
+    return best.shown(start)
 
 
 def flow(drive: Drive) -> str:
