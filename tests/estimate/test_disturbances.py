@@ -72,6 +72,14 @@ def test_jumps_are_dated_and_measured(kind: str) -> None:
         assert f"jumps by {abs(one.size):.3g} m at {one.when:.4g} s" in one.sentence
 
 
+def test_a_long_recording_is_looked_at_by_its_means() -> None:
+    random, count = np.random.default_rng(13), 25_000
+    r = random.standard_normal(count) + 4.0 * (np.arange(count) >= 9_000)
+    (one,) = disturbances(r, INTERVAL * np.arange(count))
+    assert one.kind == "jump"
+    assert one.when == pytest.approx(9_000 * INTERVAL, abs=6 * INTERVAL)
+
+
 def test_bursts_freezes_and_hum_are_named() -> None:
     random = np.random.default_rng(10)
     model, columns = walk(random)

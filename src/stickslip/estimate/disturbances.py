@@ -52,8 +52,8 @@ class Disturbance(NamedTuple):
         frequency: of a hum [Hz]; 0 otherwise.
         samples: number of them that are off; of jitter, hum and drift all.
         spikes: instants of spikes [s].
-        moved, moves: value of a fit that the fault moves most, and by how many standard errors; "" and NaN
-            where that is not known.
+        moved, moves: value of a fit that the fault moves most, and by how many standard errors of the noise
+            without it; "" and NaN where that is not known.
     """
 
     kind: str

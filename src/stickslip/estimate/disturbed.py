@@ -12,6 +12,9 @@ from .disturbances import MOVES, Disturbance, disturbances
 from .moves import moves
 from .result import Fit
 
+# Kinds that happen once: hum and spikes are noise, which the intervals allow for.
+SINGLE = ("jump", "burst", "freeze")
+
 Array = NDArray[np.float64]
 
 
@@ -72,6 +75,8 @@ def _with_moves(fit: Fit, found: Sequence[Disturbance], rows: slice, times: Arra
     norms[norms == 0.0] = 1.0
     sizes = np.linalg.lstsq(every / norms, r, rcond=1e-9)[0] / norms
     errors = np.sqrt(np.diag(fit.uncertainty.covariance))
+    # What a single event leaves in the residuals is no noise: it must not widen the errors it is judged by.
+    left = max(float(np.linalg.norm(r - every @ sizes) / np.linalg.norm(r)), 1e-9)
     start, made = fit.jacobian.shape[1] + 1, []
     for one, shape in zip(found, shapes, strict=True):
         own = sizes[start : start + shape.shape[1]]
@@ -83,6 +88,7 @@ def _with_moves(fit: Fit, found: Sequence[Disturbance], rows: slice, times: Arra
         column[rows, 0] = shape @ own
         with np.errstate(invalid="ignore", divide="ignore"):
             by = np.nan_to_num(np.abs(moves(fit, column)[:, 0]) / errors, posinf=0.0)
+        by /= left if one.kind in SINGLE else 1.0
         most = int(np.argmax(by))
         made.append(one._replace(moved=fit.parameters[most].name, moves=float(by[most])))
     return made

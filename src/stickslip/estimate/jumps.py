@@ -34,7 +34,8 @@ WIDTHS = (1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 90)
 LONGEST_PART = 10
 # Share of the information on a jump that the parameters leave: with less it is not told from them.
 LEAST_LEFT = 1e-3
-FEWEST = 32  # samples in which to search
+# Samples in which to search: a longer recording is averaged over neighbours.
+FEWEST, LONGEST = 32, 10_000
 FIRST_BAND = 8  # lines of the lowest octave of the spectrum
 
 Array = NDArray[np.float64]
@@ -73,6 +74,11 @@ def events(residuals: Array, columns: Array, floor: float = 0.0, least: float = 
     r = np.asarray(residuals, dtype=float)
     if r.size < FEWEST or not np.ptp(r) > 0.0:
         return []
+    if r.size > LONGEST:
+        many = math.ceil(r.size / LONGEST)
+        coarse = events(_means(r, many), _means(columns, many), floor / math.sqrt(many), least)
+        ends = [r.size if e.last == r.size // many else e.last * many for e in coarse]
+        return [e._replace(first=e.first * many, last=end) for e, end in zip(coarse, ends, strict=True)]
     widths = [w for w in WIDTHS if w * LONGEST_PART <= r.size]
     white = max(TO_DEVIATION * float(np.median(np.abs(np.diff(r)))) / math.sqrt(2.0), floor)
     if white <= 0.0:
@@ -98,6 +104,12 @@ def events(residuals: Array, columns: Array, floor: float = 0.0, least: float = 
             return sorted(e for e in more if abs(e.size) >= least)
         found = more
     return []
+
+
+def _means(rows: Array, many: int) -> Array:
+    """Means over so many rows each, [n / many, ...]."""
+    count = len(rows) // many
+    return np.asarray(rows[: count * many].reshape(count, many, *rows.shape[1:]).mean(axis=1))
 
 
 def _confirmed(

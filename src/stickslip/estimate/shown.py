@@ -87,6 +87,7 @@ def as_dict(fit: Fit, level: float) -> dict[str, Any]:
         "starts": fit.starts,
         "starts_agreeing": fit.starts_agreeing,
         "lack_of_fit": [{**one._asdict(), "seen": one.seen, "sentence": one.sentence} for one in fit.lack],
+        "disturbances": [{**one._asdict(), "sentence": one.sentence} for one in fit.disturbances],
         "failures": list(fit.failures),
         "remarks": list(fit.remarks),
         "advice": None if fit.advice is None else fit.advice.to_dict(),

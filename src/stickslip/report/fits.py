@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from ..estimate.disturbances import Disturbance
 from ..estimate.lack import Lack
 from ..estimate.result import Fit
 from .document import Column, Number, Table
@@ -88,8 +89,22 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
         },
         "undetermined": list(fit.undetermined),
         "lack_of_fit": lack_numbers(fit.lack),
+        "disturbances": [disturbance_numbers(one) for one in fit.disturbances],
         "failures": list(fit.failures),
         "remarks": list(fit.remarks),
+    }
+
+
+def disturbance_numbers(one: Disturbance) -> dict[str, Any]:
+    """What the residuals show of a fault of an instrument."""
+    return {
+        "kind": one.kind,
+        "recording": one.name,
+        "when": Number(one.when, "s"),
+        "lasts": Number(one.lasts, "s"),
+        "size": Number(one.size, one.unit),
+        "frequency": Number(one.frequency, "Hz"),
+        "sentence": one.sentence,
     }
 
 
