@@ -12,7 +12,7 @@ from stickslip.estimate import budget
 from stickslip.estimate.budget import Budget
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
-from stickslip.estimate.problem import Residuals
+from stickslip.estimate.problem import Problem, Residuals
 from stickslip.recording import make_recording
 
 TIME = np.linspace(0.0, 1.0, 400)
@@ -30,7 +30,9 @@ def fitted(measured: np.ndarray, noise: float, starts: int = 5):
     found = Budget.of([measured], [noise])
     parameters = [Parameter("a", 0.1, 1e-3, 10.0), Parameter("w", 9.0, 1.0, 40.0)]
     part = Residuals(residuals, measured)
-    return fit_least_squares([part], parameters, starts=starts, budget=found), found
+    problem = Problem([part], parameters)
+    problem.budget = found
+    return fit_least_squares(problem, starts=starts), found
 
 
 def test_what_is_not_explained_ends_early_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from ..progress import Progress, unheard
 from .blas import single_threaded
-from .budget import Budget
 from .covariance import LOSSES, Noise, uncertainty
 from .goodness import goodness
 from .minima import Minimum, still_fits
@@ -47,7 +46,6 @@ def fit_least_squares(
     max_evaluations: int = 10_000,
     progress: Progress = unheard,
     each: Callable[[SearchState], None] | None = None,
-    budget: Budget | None = None,
     **about: Any,
 ) -> Fit:
     """Minimise the sum of squared residuals, each over its noise, within the bounds of the parameters.
@@ -67,7 +65,6 @@ def fit_least_squares(
         max_evaluations: of the model, for each start.
         progress: called after each evaluation with what is being done and how much of all, from 0 to 1.
         each: called after each evaluation with where the search stands.
-        budget: shared by searches of the same recordings: they end early while they explain little.
 
     Raises:
         FitError: see `Problem`; or no start.
@@ -75,14 +72,12 @@ def fit_least_squares(
     if starts < 1:
         raise FitError(f"starts = {starts} must be at least 1")
     problem = described if isinstance(described, Problem) else Problem(described, parameters, **about)
-    options = Options(
-        begin, starts, hops, seed, central, tolerance, settled, max_evaluations, progress, each, budget
-    )
+    options = Options(begin, starts, hops, seed, central, tolerance, settled, max_evaluations, progress, each)
     searches = Searches(problem, options)
     searches.run()
     _search_beyond(searches)
     fit = problem.completed(_described(searches))
-    return fit if budget is None else budget.told(fit)
+    return fit if problem.budget is None else problem.budget.told(fit)
 
 
 def _search_beyond(searches: Searches) -> None:

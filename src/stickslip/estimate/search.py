@@ -15,7 +15,6 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from ..progress import Progress
-from .budget import Budget
 from .convergence import relative_offset
 from .covariance import LOSSES
 from .parameter import Values
@@ -55,7 +54,6 @@ class Options(NamedTuple):
     max_evaluations: int
     progress: Progress
     each: Callable[[SearchState], None] | None
-    budget: Budget | None = None
 
 
 class End(NamedTuple):
@@ -105,7 +103,7 @@ class Searches:
                 self.ends.append(self.search(number, q, options.max_evaluations))
         for hop in range(options.hops):
             best = self.best
-            if options.budget is not None and options.budget.over:
+            if problem.budget is not None and problem.budget.over:
                 break
             if best.converged and white(problem.residuals(best.q)[: problem.noise.size], problem.sizes):
                 break
@@ -183,8 +181,8 @@ class Searches:
         options.progress(f"fitting{of}", (number - 1) / options.starts)
         if problem.evaluations - begun >= options.max_evaluations:
             raise _OutOfBudget(f"stopped after {options.max_evaluations} evaluations")
-        if options.budget is not None and options.budget.spend(problem.best_cost * problem.scale**2):
-            raise _OutOfBudget(options.budget.said)
+        if problem.budget is not None and problem.budget.spend(problem.best_cost * problem.scale**2):
+            raise _OutOfBudget(problem.budget.said)
 
     def _improved(self, begins: Sequence[Array]) -> bool:
         """Look around from these points; where the best look leads lower, search on from there."""

@@ -228,6 +228,8 @@ def _searched(
 ) -> Fit:
     """The lowest minimum of searches that begin at these values, and at `starts` random ones around it."""
 
+    problem.budget = budget
+
     def search(begin: Values, most: int, starts: int = 1) -> Fit:
         return fit_least_squares(
             problem,
@@ -237,7 +239,6 @@ def _searched(
             tolerance=1e-7,
             max_evaluations=min(most, max_evaluations),
             progress=progress,
-            budget=budget,
         )
 
     fit = from_several(

@@ -168,6 +168,7 @@ class Walks:
     ) -> Fit:
         """By least squares; see `completed`."""
         problem = self.problem(parameters)
+        problem.budget = self.budget
         # A slope by differences is an evaluation for each free value.
         each = 1 if problem.jacobian else 1 + len(parameters)
         return fit_least_squares(
@@ -175,7 +176,6 @@ class Walks:
             seed=self.seed,
             progress=self.progress,
             each=self.each,
-            budget=self.budget,
             settled=settled or self.settled,
             max_evaluations=max_evaluations * each,
             **options,
