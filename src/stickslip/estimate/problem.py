@@ -160,11 +160,22 @@ class Problem:
         """Move one end of the search outwards, for all later searches; whether there was anywhere to go."""
         p = self.parameters[place]
         wider = p.widened(side)
-        self.all = [wider if one.name == p.name else one for one in self.all]
-        self.ties = Ties(self.all)
-        self.parameters = self.ties.searched
-        self.lower[place], self.upper[place] = wider.coordinate(wider.lower), wider.coordinate(wider.upper)
+        self._set_ends(place, wider)
         return wider != p
+
+    def begin_at(self, values: Values) -> np.ndarray:
+        """Return the coordinates of values to begin at; ends of the search are moved to hold them."""
+        for place, p in enumerate(self.parameters):
+            held = p.starting_at(values[p.name])
+            self._set_ends(place, p._replace(lower=held.lower, upper=held.upper))
+        return np.clip([p.coordinate(values[p.name]) for p in self.parameters], self.lower, self.upper)
+
+    def _set_ends(self, place: int, p: Parameter) -> None:
+        if p != self.parameters[place]:
+            self.all = [p if one.name == p.name else one for one in self.all]
+            self.ties = Ties(self.all)
+            self.parameters = self.ties.searched
+            self.lower[place], self.upper[place] = p.coordinate(p.lower), p.coordinate(p.upper)
 
     def values(self, q: np.ndarray) -> Values:
         """Of all parameters, those that are searched for first."""

@@ -96,7 +96,7 @@ class Searches:
         problem, options = self.problem, self.options
         first = problem.start
         if options.begin is not None:
-            first = np.array([p.coordinate(options.begin[p.name]) for p in problem.parameters])
+            first = problem.begin_at(options.begin)
         begins = [first, *scattered(problem, options.starts - 1, options.seed)]
         for number, q in enumerate(begins, start=1):
             if np.all(np.isfinite(problem.residuals(q))):

@@ -21,8 +21,16 @@ ENOUGH = 12
 FOLLOWED = 3
 
 
+def raised_by_noise(best: Fit) -> float:
+    """Return by how much the excess of another minimum counts less than in white noise."""
+    return float(np.median([inflation(best, i) for i in range(len(best.parameters))]))
+
+
 def from_several(
-    begins: Sequence[Values], look: Callable[[Values], Fit], ends: Callable[[Sequence[Fit]], Sequence[Fit]]
+    begins: Sequence[Values],
+    look: Callable[[Values], Fit],
+    ends: Callable[[Sequence[Fit]], Sequence[Fit]],
+    raised: Callable[[Fit], float] = raised_by_noise,
 ) -> Fit:
     """The lowest end of searches from all points, with the other minima that fit as well.
 
@@ -30,6 +38,7 @@ def from_several(
         begins: the first of them is the user's, whose search always goes to its end.
         look: a short search from a point, of some `ENOUGH` evaluations.
         ends: the lowest of these, the best first, and the user's, searched to their ends.
+        raised: see `lowest`.
 
     Raises:
         FitError: no search can begin.
@@ -44,7 +53,7 @@ def from_several(
         raise failure
     ranked = sorted(near, key=lambda pair: pair[1].cost)
     kept = [fit for place, (i, fit) in enumerate(ranked) if place < FOLLOWED or i == 0]
-    found = lowest(ends(kept))
+    found = lowest(ends(kept), raised)
     spent = sum(fit.n_evaluations for _, fit in near if fit not in kept)
     return replace(found, n_evaluations=found.n_evaluations + spent)
 
@@ -57,26 +66,25 @@ def followed(fit: Fit, on: Callable[[], Fit], enough: bool = False) -> Fit:
     return replace(end, n_evaluations=fit.n_evaluations + end.n_evaluations)
 
 
-def lowest(fits: Sequence[Fit]) -> Fit:
+def lowest(fits: Sequence[Fit], raised: Callable[[Fit], float] = raised_by_noise) -> Fit:
     """The fit with the lowest sum of squares; in its intervals, the others that the noise does not reject.
 
     Args:
         fits: of the same parameters to the same data. Those that have not converged are no minima.
+        raised: from the best fit to what an excess of chi-squared over it is divided by.
     """
     best = min(fits, key=lambda fit: fit.cost)
     variance = 1.0 if best.noise_known else best.cost / best.degrees_of_freedom
     # Of one fit, its own other minima have no excess over it.
-    raised = (
-        float(np.median([inflation(best, i) for i in range(len(best.parameters))])) if len(fits) > 1 else 1.0
-    )
+    less = raised(best) if len(fits) > 1 else 1.0
     others, agreeing, searches = [], 0, 0
     for fit in fits:
         excess = (fit.cost - best.cost) / variance if variance > 0.0 else 0.0
         searches += fit.starts
         agreeing += fit.starts_agreeing if excess < SAME_MINIMUM else 0
-        others += [m._replace(excess=m.excess + excess / raised) for m in fit.minima]
+        others += [m._replace(excess=m.excess + excess / less) for m in fit.minima]
         if fit.converged and fit is not best:
-            others.append(Minimum(fit.values, fit.uncertainty, excess / raised))
+            others.append(Minimum(fit.values, fit.uncertainty, excess / less))
     n = len(best.parameters)
     return replace(
         best.with_minima([m for m in others if still_fits(m.excess, n)]),

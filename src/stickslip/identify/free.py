@@ -31,6 +31,7 @@ class Searched(NamedTuple):
     lower: float
     upper: float
     shift: float = 0.0
+    log: bool = True
 
     @classmethod
     def of(cls, bounds: Bounds, name: str) -> Searched | None:
@@ -88,7 +89,9 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
     least = max(quantity.minimum or 0.0, quantity.above or 0.0)
     most = math.inf if quantity.maximum is None else quantity.maximum
     if (ends := Searched.of(bounds, name)) is not None:
-        return Parameter(name, start, ends.lower, ends.upper, unit, shift=ends.shift, limits=(least, most))
+        return Parameter(
+            name, start, ends.lower, ends.upper, unit, log=ends.log, shift=ends.shift, limits=(least, most)
+        )
     if given is not None:
         square = Squared.are(bounds, name)
         return Parameter(
@@ -177,7 +180,7 @@ def _say(said: Said, p: Parameter, known: Known) -> None:
         said.free.append(p.name)
         said.values[p.name] = p.start
         if p.limits is not None:
-            said.bounds[p.name] = Searched(p.lower, p.upper, p.shift)
+            said.bounds[p.name] = Searched(p.lower, p.upper, p.shift, p.log)
         elif not p.log:
             said.bounds[p.name] = (Squared if p.square else Linear)(p.lower, p.upper)
         elif math.isfinite(low):

@@ -53,8 +53,9 @@ from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped
 from ..recorded.known_noise import white_noise
 from ..recorded.screen import refuse_loop, said_far
 from .first import with_first
+from .misfit import alike, said_minima
 from .missing import Slope, left_over, missing, viscous_slope
-from .profiled import profile_points, with_profile
+from .profiled import ladder, profile_points, stiffness_of, with_profile
 from .response import CHANNEL, OBSERVED, LoopPrediction, own_of, response_of
 from .sampled import with_sampling
 from .starts import loop_starts, stribeck_starts
@@ -64,6 +65,8 @@ NOTICED = ("drift", "asymmetry", "contact_offset")
 LOAD_EXPONENTS = (0.2, 2.0)
 # A contact whose force grows with its load, and that holds in both directions.
 LIMITS = {"load_exponent": (0.0, math.inf), "asymmetry": (-1.0, 1.0)}
+# How often a search begins again at a stiffness that leaves less by this share.
+CLIMBS, SAME_COST = 3, 1e-6
 # Relative; the response to it is far above the error of a simulation at 1e-9 m.
 DIFFERENCE_STEP = 1e-3
 
@@ -105,9 +108,9 @@ def identify_loops(
             `identify_friction`.
         reference_normal_force: N; the recordings then have normal_force [N], and the law's forces follow it,
             in proportion unless load_exponent is free. Left out, the normal force is taken as constant.
-        bounds: of free parameters, in SI or as strings, else a factor 30 either side of the start and of
-            what the sizes of the loops say; of the channel's and contact's: the largest force, half its
-            inverse, and the inverse of the length in time.
+        bounds: of free parameters, in SI or as strings, else they are searched for within a factor 30 of
+            the start and of what the sizes of the loops say first (the channel's and contact's: the largest
+            force, half its inverse, the inverse of the length in time), and then as far as the law allows.
         priors: what is known of free parameters otherwise, as for `identify_friction`; they weigh against the
             noise, which must be given.
         tied: parameters that follow from others, as for `identify_friction`:
@@ -176,7 +179,7 @@ def identify_loops(
     )
     begins = [{p.name: p.start for p in parameters}, *begins]
     budget = Budget.of(measured, [white_noise(force) for force in measured], noise or 1.0)
-    how = (starts, seed, max_evaluations, progress, budget)
+    how = (partial(alike, measured=measured), starts, seed, max_evaluations, progress, budget)
     fit = budget.told(_lowest(described, [*parameters, *others], begins, found, *how))
     fit = with_own_noise(fit) if correlated and noise is None else fit
     fit, left_by = _with_inexact(fit, found, measured, model, settings)
@@ -186,6 +189,7 @@ def identify_loops(
     if noise is None:
         said, beyond = left_over(fit, measured, left_by)
         noticed, doubts = [*noticed, *said], [*doubts, *beyond]
+    doubts = [*doubts, *said_minima(fit, measured)]
     sizes = {p.name: p.start for p in given if p.name not in CHANNEL and p.log}
     return replace(
         fit,
@@ -202,24 +206,50 @@ def _lowest(
     parameters: Sequence[Parameter],
     begins: Sequence[Values],
     recordings: Sequence[xr.Dataset],
+    less: Callable[[Fit], float],
     *how: Any,
 ) -> Fit:
     """The lowest minimum, looked for from other Stribeck velocities too; see `profiled`."""
     problem = described(parameters)
-    fit = _searched(problem, begins, *how)
+    fit = _searched(problem, begins, less, *how)
     if how[-1].over:
         return fit
     if falls := stribeck_starts(problem.parameters, fit.values, recordings):
-        fit = _searched(problem, [fit.values, *falls], *how)
+        fit = _searched(problem, [fit.values, *falls], less, *how)
     points = profile_points(fit, parameters, described)
     if any(one.cost < fit.cost for one in points):  # it was not the lowest
-        fit = _searched(problem, [fit.values, min(points, key=lambda one: one.cost).values], *how)
-    return with_profile(fit, points)
+        fit = _searched(problem, [fit.values, min(points, key=lambda one: one.cost).values], less, *how)
+    fit = with_profile(fit, points)
+    return _with_other_stiffnesses(
+        fit, parameters, described, lambda at: _searched(problem, at, less, *how), less
+    )
+
+
+def _with_other_stiffnesses(
+    fit: Fit,
+    parameters: Sequence[Parameter],
+    described: Callable[[Sequence[Parameter]], Problem],
+    search: Callable[[Sequence[Values]], Fit],
+    less: Callable[[Fit], float],
+) -> Fit:
+    """The fit, or a lower one; where its law is wrong, intervals hold other stiffnesses that do as well."""
+    name, points, counts = stiffness_of(fit), (), less(fit)
+    if name is None or counts <= 1.0:
+        return fit
+    for _ in range(CLIMBS):
+        counts = less(fit)
+        points = ladder(fit, name, counts, parameters, described)
+        low = min(points, key=lambda one: one.cost, default=fit)
+        if low.cost >= fit.cost * (1.0 - SAME_COST):
+            break
+        fit = lowest([search([low.values, fit.values]), fit], less)
+    return with_profile(fit, points, name, counts)
 
 
 def _searched(
     problem: Problem,
     begins: Sequence[Values],
+    less: Callable[[Fit], float],
     starts: int,
     seed: int,
     max_evaluations: int,
@@ -245,9 +275,10 @@ def _searched(
         begins,
         lambda begin: search(begin, ENOUGH * (1 + len(begins[0]))),
         lambda kept: [followed(one, lambda one=one: search(one.values, max_evaluations)) for one in kept],
+        less,
     )
     more = starts > 1 and not budget.over
-    return lowest([fit, search(fit.values, max_evaluations, starts)]) if more else fit
+    return lowest([fit, search(fit.values, max_evaluations, starts)], less) if more else fit
 
 
 def _residuals(

@@ -1,8 +1,11 @@
-"""Profile likelihood of the Stribeck velocity, by points: where its confidence region is bent.
+"""Profile likelihood by points: of the Stribeck velocity, and of the stiffness of a law that is wrong.
 
 A motion that passes quickly through the velocities at which friction falls shows the tail of the fall only,
 and a higher stiction that falls earlier has the same tail. Intervals linearised at one of them miss the
 others. So the rest is fitted again with the velocity fixed elsewhere.
+
+A wrong law misses its recordings about as much at many stiffnesses, each of them a minimum for one start or
+another: see `misfit`.
 """
 
 from __future__ import annotations
@@ -20,6 +23,10 @@ from ...estimate.problem import FitError, Problem
 from ...estimate.result import Fit
 
 NAME, POINTS = "stribeck_velocity", 7
+# The stiffness of a wrong law is fixed elsewhere too: by half a decade a rung, over three decades either way.
+RUNG, RUNGS = math.sqrt(10.0), 6
+ROUGHLY = 1e-4  # of the sum of squares: far less than by what minima of a wrong law differ
+FURTHEST = RUNG**RUNGS * (1.0 - 1e-9)
 
 
 def profile_points(
@@ -41,42 +48,98 @@ def profile_points(
     low, high = max(low, p.lower), min(high, p.upper)
     if high < LOOSE_RATIO * low:
         return ()
+    found = [_fixed(fit, NAME, float(at), parameters, described) for at in np.geomspace(low, high, POINTS)]
+    return tuple(one for one in found if one is not None)
+
+
+def stiffness_of(fit: Fit) -> str | None:
+    """The stiffness of a law that has one, unless the user has limited it; else None."""
+    names = [p.name for p in fit.parameters if p.unit in ("N/m", "N m/rad") and p.limits is not None]
+    return names[0] if len(names) == 1 and len(fit.parameters) > 1 else None
+
+
+def ladder(
+    fit: Fit,
+    name: str,
+    less: float,
+    parameters: Sequence[Parameter],
+    described: Callable[[Sequence[Parameter]], Problem],
+) -> tuple[Fit, ...]:
+    """Fits with one value fixed on either side, rung by rung, until two in turn are rejected.
+
+    Args:
+        fit: of all parameters.
+        name: of the value.
+        less: by which an excess of chi-squared counts less; see `misfit.alike`.
+        parameters, described: as for `profile_points`.
+    """
+    variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
     found = []
-    for at in np.geomspace(low, high, POINTS):
-        begin = {**fit.values, NAME: float(at)}
-        fixed = [
-            q
-            if q.fixed or q.tied
-            else q.starting_at(begin[q.name])._replace(
-                fixed=q.name == NAME, prior=None if q.name == NAME else q.prior
-            )
-            for q in parameters
-        ]
-        try:
-            found.append(fit_least_squares(described(fixed), tolerance=1e-7))
-        except FitError:
-            continue
+    for side in (-1, 1):
+        begin, rejected = fit, 0
+        for rung in range(1, RUNGS + 1):
+            value = fit.values[name] * RUNG ** (side * rung)
+            one = _fixed(begin, name, value, parameters, described, ROUGHLY)
+            if one is None:
+                break
+            found.append(one)
+            fits = still_fits((one.cost - fit.cost) / variance / less, len(fit.parameters))
+            begin, rejected = one, 0 if fits else rejected + 1
+            if rejected > 1:
+                break
     return tuple(found)
 
 
-def with_profile(fit: Fit, points: Sequence[Fit]) -> Fit:
-    """The fit whose intervals hold those that the noise does not reject."""
+def _fixed(
+    fit: Fit,
+    name: str,
+    value: float,
+    parameters: Sequence[Parameter],
+    described: Callable[[Sequence[Parameter]], Problem],
+    tolerance: float = 1e-7,
+) -> Fit | None:
+    """The fit of all others with one value fixed; None where there is no model."""
+    begin = {**fit.values, name: value}
+    fixed = [
+        q
+        if q.fixed or q.tied
+        else q.starting_at(begin[q.name])._replace(
+            fixed=q.name == name, prior=None if q.name == name else q.prior
+        )
+        for q in parameters
+    ]
+    try:
+        return fit_least_squares(described(fixed), tolerance=tolerance)
+    except FitError:
+        return None
+
+
+def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float = 1.0) -> Fit:
+    """The fit whose intervals hold those that the noise does not reject.
+
+    Args:
+        fit: of all parameters.
+        points: fits with the named value fixed.
+        name: of that value.
+        less: by which an excess of chi-squared counts less.
+    """
     if not points:
         return fit
-    place = [p.name for p in fit.parameters].index(NAME)
+    place = [p.name for p in fit.parameters].index(name)
     p = fit.parameters[place]
     variance = 1.0 if fit.noise_known else fit.reduced_chi_squared
     others = []
     for one in points:
         # Where it is fixed, the fit has no prior of it.
-        cost = one.cost + p.prior_cost(p.coordinate(one.values[NAME]))
-        excess = max(cost - fit.cost, 0.0) / variance if variance > 0.0 else 0.0
+        value = one.values[name]
+        cost = one.cost + p.prior_cost(p.coordinate(value))
+        excess = max(cost - fit.cost, 0.0) / variance / less if variance > 0.0 else 0.0
         if one.converged and still_fits(excess, len(fit.parameters)):
             known = one.uncertainty
             covariance = np.insert(np.insert(known.covariance, place, 0.0, axis=0), place, 0.0, axis=1)
             columns = [
-                np.insert(x, place, value)
-                for x, value in zip(known[1:4], _beyond(p, one.values[NAME]), strict=True)
+                np.insert(x, place, of)
+                for x, of in zip(known[1:4], _beyond(p, value, fit.values[name]), strict=True)
             ]
             others.append(
                 Minimum(
@@ -90,8 +153,9 @@ def with_profile(fit: Fit, points: Sequence[Fit]) -> Fit:
     return fit.with_minima([*fit.minima, *others]) if others else fit
 
 
-def _beyond(p: Parameter, value: float) -> tuple[int, float, float]:
+def _beyond(p: Parameter, value: float, best: float) -> tuple[int, float, float]:
     """Side, push and variance of a value at the end of the search: what fits there may fit beyond it too."""
-    if p.limits is None or p.lower < value < p.upper:
+    low, high = (best / FURTHEST, best * FURTHEST) if p.name != NAME else (p.lower, p.upper)
+    if p.limits is None or low < value < high:
         return 0, 0.0, 0.0
-    return (-1 if value == p.lower else 1), math.inf, 1.0
+    return (-1 if value <= low else 1), math.inf, 1.0

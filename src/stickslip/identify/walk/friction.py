@@ -113,9 +113,9 @@ def identify_friction(
             piezo. Left out, at once; a fit then takes the slower jump for more friction.
         stage: the fit of `identify_step` that the model's stage is from: its uncertainty is passed on to what
             is fitted here.
-        bounds: of free parameters, in SI or as strings; else a factor 30 either side of the start, and of the
-            one that is found for sigma_0, sigma_1 and coulomb_force. The scale is logarithmic, but linear
-            where bounds reach down to zero.
+        bounds: of free parameters, in SI or as strings; else they are searched for within a factor 30 of
+            the start first, and then as far as the law allows: no interval ends where nobody has limited it.
+            The scale is logarithmic, but linear towards zero, and where bounds reach down to zero.
         priors: what is known of free parameters otherwise: value and standard deviation of each, in SI or as
             strings. They weigh against the noise, which must be given.
         tied: parameters that follow from others, which may be free, tied or neither: the expression of each
