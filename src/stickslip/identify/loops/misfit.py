@@ -16,8 +16,8 @@ from ...estimate.minima import bound
 from ...estimate.result import Fit
 from ..recorded.known_noise import NOISY, NOTHING, white_noise
 
-# Share of the squares that a wrong law leaves beyond the noise. Minima that differ by less are alike: it is an
-# eighth of the root mean square.
+# Share of the squares that a wrong law leaves beyond the noise. Minima that differ by less are alike.
+# It is an eighth of the root mean square.
 ALIKE = 0.25
 
 
