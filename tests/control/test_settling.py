@@ -30,6 +30,17 @@ def test_a_simulated_position_is_not_averaged() -> None:
     assert averaged.times[0] < found.times[0]
 
 
+def test_the_noise_that_the_mean_leaves_is_told() -> None:
+    """20 nm rms at 20 kHz over a millisecond: noise alone leaves a window of 3 nm."""
+    time = np.arange(20_000) / 20e3
+    noisy = 1e-6 + 20e-9 * np.random.default_rng(0).standard_normal(time.size)
+    found = settling(make_recording(time, {"end_effector_position": noisy}), "1 um", hold=0.5)
+    assert found.noise == pytest.approx(20e-9 / math.sqrt(20), rel=0.03)
+    assert not found.times[-1] < 0.9, "the noise leaves it until the end"
+    quiet = settling(make_recording(time, {"end_effector_position": np.full(time.size, 1e-6)}), "1 um")
+    assert quiet.noise == 0.0
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [

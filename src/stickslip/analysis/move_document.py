@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .moving import MoveFile
 
 POSITION, DRIVE = "end_effector_position", "drive_voltage"
+RESOLVED = 3.0  # standard deviations of the noise; a smaller window is left by noise alone
 _BEFORE = 0.02  # s before the last scan that are shown of an approach
 
 
@@ -135,7 +136,13 @@ def _course(file: MoveFile, aim: Aim, mover: Mover, recording: xr.Dataset, found
 
 
 def _said_steps(aim: Aim, recording: xr.Dataset, found: Settling) -> str:
-    """Of a sensor that does not resolve the windows."""
+    """Return a sentence on a sensor that does not resolve the windows, or ""."""
+    hidden = [one for one in found.windows if one < RESOLVED * found.noise]
+    if hidden:
+        return (
+            f"The sensor's noise leaves {aim.said(found.noise)} rms in that average: windows of "
+            f"{aim.said(max(hidden))} and less are those of the noise."
+        )
     step = converter_step(recording[POSITION].values)
     if step < 2.0 * min(found.windows):
         return ""

@@ -24,13 +24,15 @@ _MEAN = 1e-3  # s over which a position is averaged before it is compared with a
 class Settling(NamedTuple):
     """`times` [s] after which the position stays within each of the `windows` [m] (NaN: not to the end);
     `overshoot` [m] beyond the target, in the direction of the move; `rms` [m] of what is left over the last
-    `held` seconds."""
+    `held` seconds; `noise` [m] is the standard deviation of the sensor's noise that the running mean
+    leaves."""
 
     windows: tuple[float, ...]
     times: tuple[float, ...]
     overshoot: float
     rms: float
     held: float
+    noise: float = 0.0
 
 
 def settling(
@@ -71,7 +73,8 @@ def settling(
     between = float(time[1] - time[0])
     if span > time[-1] - time[0]:
         raise QuantityError(f"hold = {span:g} s is longer than the recording, {time[-1] - time[0]:g} s")
-    x = _averaged(recording["end_effector_position"].values, max(1, round(wide / between)))
+    count, raw = max(1, round(wide / between)), recording["end_effector_position"].values
+    x = _averaged(raw, count)
     off = x - goal
     found = []
     for one in sizes:
@@ -79,10 +82,11 @@ def settling(
         last = int(outside[-1]) if outside.size else -1
         found.append(math.nan if last == off.size - 1 else float(time[last + 1]))
     side = 1.0 if goal >= x[0] else -1.0
-    left = off[-max(1, round(span / between)) :]
-    return Settling(
-        sizes, tuple(found), max(float((side * off).max()), 0.0), float(np.sqrt(np.mean(left**2))), span
-    )
+    last = max(1, round(span / between))
+    rms = float(np.sqrt(np.mean(off[-last:] ** 2)))
+    # White noise by successive differences; a motion that is slow against the samples adds little.
+    noise = float(np.sqrt(0.5 * np.mean(np.diff(raw[-max(last, 2) :]) ** 2) / count)) if wide else 0.0
+    return Settling(sizes, tuple(found), max(float((side * off).max()), 0.0), rms, span, noise)
 
 
 def _averaged(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
