@@ -152,7 +152,7 @@ class WalkAnalysis(WalkFile):
             fit = under.together
         if self.priors:
             progress("fitting without the priors", 0.0)
-            options["priors"] = None
+            options |= {"priors": None, "diagnose": False}
             alone = identify_friction([d for d, _ in fitted], model, self.free, **options)
             influence = prior_influence(alone, fit)
         walks = {label: UsedWalk(source.use, d, w) for label, (source, d, w) in data.items()}

@@ -85,8 +85,10 @@ def additional(
             ends = attempted(f"the profile of {name}", of_name, failures)
             if ends is not None:
                 profiles[name] = ends
-    # A model that does not explain its recordings asks for another, whether or not the file does.
-    if file.model_choice or (of.unseen and lacking):
+    # A model that does not explain its recordings asks for another law, whether or not the file does, unless
+    # it is known what it lacks.
+    known_cause = friction.advice is not None and friction.advice.explains
+    if file.model_choice or (of.unseen and lacking and not known_cause):
         compared = partial(_choice, file, of, folder, known, progress)
         of_laws = partial(kept.stage, "models", compared, file.model_choice)
         choice = attempted("the comparison of models", of_laws, failures)

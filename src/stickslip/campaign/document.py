@@ -91,6 +91,8 @@ def campaign_document(
     steps = f" and the net step within {100 * known.max():.2g} %" if known.size else ""
     unseen = sum(one.use == "verify" for one in found.walks)
     lacking = [*dict.fromkeys(said((*friction.lack, *found.everything.lacks)))]
+    if friction.advice is not None:
+        lacking.append(friction.advice.sentence)
     if lacking and found.additional.choice is not None:
         lacking.append(f"of the models compared, {found.additional.choice.best} predicts unseen walks best")
     lacking += [*said_to_drift(found.walks), *found.additional.failures]

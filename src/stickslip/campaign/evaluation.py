@@ -214,11 +214,18 @@ def _influence(
     """What the priors did, beside a fit without them."""
     if not file.priors:
         return ()
-    alone = _friction(file.model_copy(update={"priors": {}}), fitted, model, stage)
+    alone = _friction(file.model_copy(update={"priors": {}}), fitted, model, stage, diagnose=False)
     return prior_influence(alone, friction)
 
 
-def _friction(file: CampaignFile, fitted: Sequence[Aligned], model: Actuator, stage: Fit | None) -> Fit:
+def _friction(
+    file: CampaignFile,
+    fitted: Sequence[Aligned],
+    model: Actuator,
+    stage: Fit | None,
+    *,
+    diagnose: bool = True,
+) -> Fit:
     return identify_friction(
         [one.recording for one in fitted],
         model,
@@ -231,6 +238,7 @@ def _friction(file: CampaignFile, fitted: Sequence[Aligned], model: Actuator, st
         noise=file.noise,
         hops=file.hops,
         slew_rate=file.known_slew_rate,
+        diagnose=diagnose,
     )
 
 

@@ -123,9 +123,12 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
             known = bent.refitted(lambda one: identify_step(steps, one, slew_rate=rate)).widened(stage)
             fit = jointly(fit, seen, [None] * len(seen), known, rate, actuator, request.hops)
         drafts.draw(fit.values)
-        say(
-            "fitted", {"fit": fit.to_dict(), "model": _told(fit, stage), "correlation": _correlation(fit)}, []
-        )
+        told = {
+            "model": _told(fit, stage),
+            "correlation": _correlation(fit),
+            "advised": _advised(request, fit),
+        }
+        say("fitted", {"fit": fit.to_dict(), **told}, [])
         if unseen:
             found = verify(fit, unseen)
             traces = [p[k].values for p in found.predictions for k in ("time", "measured", "predicted")]
@@ -275,6 +278,19 @@ def _told(fit: Fit, stage: Fit | None) -> dict[str, Any]:
         "law": type(fit.model.friction).__name__,
         "friction": values_of(fit.model.friction),
     }
+
+
+def _advised(request: FitRequest, fit: Fit) -> dict[str, Any] | None:
+    """The request with what the fit's advice adds; None without advice."""
+    advice = fit.advice
+    if advice is None or not advice.cause:
+        return None
+    more = {
+        "free": list(dict.fromkeys([*request.free, *advice.added])),
+        "bounds": {**request.bounds, **advice.bounds},
+        "model": {**request.model, **advice.change},
+    }
+    return request.model_copy(update=more).model_dump()
 
 
 def _correlation(fit: Fit) -> dict[str, float]:

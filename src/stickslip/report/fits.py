@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from ..estimate.advice import Advice
 from ..estimate.disturbances import Disturbance
 from ..estimate.lack import Lack
 from ..estimate.result import Fit
@@ -92,6 +93,21 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
         "disturbances": [disturbance_numbers(one) for one in fit.disturbances],
         "failures": list(fit.failures),
         "remarks": list(fit.remarks),
+        "advice": advice_numbers(fit.advice),
+    }
+
+
+def advice_numbers(advice: Advice | None) -> dict[str, Any] | None:
+    """What a model lacks, for results.json."""
+    if advice is None:
+        return None
+    return {
+        "cause": advice.cause,
+        "explains": advice.explains,
+        "tried": list(advice.tried),
+        "file": advice.line,
+        "python": advice.argument,
+        "sentence": advice.sentence,
     }
 
 

@@ -151,7 +151,7 @@ def compare_walks(
             law.free,
             channel=channel_free,
             bounds={**law.bounds, **known},
-            **{"starts": law.starts, "tied": law.tied, **options},
+            **{"starts": law.starts, "tied": law.tied, "diagnose": False, **options},
         )
 
     drives = drives_of(unseen_drive, recordings_of(verification))

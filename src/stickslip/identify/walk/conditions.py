@@ -141,7 +141,7 @@ def identify_conditions(
     # All fits have what the recordings together asked for, or sums of squares could not be compared.
     own = [p.name for p in together.parameters if p.name not in free]
     begin = {n: together.values[n] for n in CHANNEL if n in together.values}
-    settings = {**options, "channel": (), "begin": begin}
+    settings = {**options, "channel": (), "begin": begin, "diagnose": False}
     fits = []
     for value in at:
         chosen = [i for i, one in enumerate(known) if one == value]

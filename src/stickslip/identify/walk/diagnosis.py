@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...estimate.advice import Advice
+from ...estimate.disturbances import MOVES
 from ...estimate.lack import independent_samples
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
@@ -106,6 +107,8 @@ def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
         if not terms:
             return fit
     advice = _advice(fit, walks, terms, reacting, afar)
+    if not advice.explains and any(one.moves > MOVES for one in fit.disturbances):
+        return fit  # the cause is a fault of the instrument, which is said
     if lacks:
         return replace(fit, advice=advice, remarks=(*fit.remarks, advice.sentence))
     if not advice.cause or advice.after > math.sqrt(1.0 - MOST) * advice.before:

@@ -66,6 +66,7 @@ def explained(
     begin = {name: fit.values[name] for name in CHANNEL if name in fit.values}
     free = [*free, *(name for name in begin if name not in free)]
     settings: dict[str, Any] = {"drive": drives, "channel": (), "begin": begin, "correlated": False}
+    settings["diagnose"] = False
     # What is left is compared, not the values: a tenth of a standard error is a hundredth of chi-squared.
     settings |= {"averaged": False, "settled": NEAR, "slew_rate": slew_rate, "tied": fit.tied, **options}
     more = [name for name in STAGE_PARAMETERS if name not in (*free, *fit.tied) and name in fit.model._fields]

@@ -155,11 +155,17 @@ export async function mount(element, app) {
     for (const one of fit.lack_of_fit ?? []) if (one.seen) said.push(make("li", { className: "weak", textContent: `${one.sentence}.` }));
     for (const text of state.verification?.statements ?? []) said.push(make("li", { className: "weak", textContent: `${text}.` }));
     if (!fit.converged) said.push(make("li", { className: "weak", textContent: `The fit did not converge: ${fit.message}.` }));
+    const advised = [];
+    if (fit.advice) said.push(make("li", { className: "weak", textContent: `${fit.advice.sentence[0].toUpperCase()}${fit.advice.sentence.slice(1)}.` }));
+    if (state.advised && state.phase === "done") {
+      const again = button("Fit again with this", `Free ${fit.advice.cause}, and fit again`, () => start(state.advised).catch((error) => (fault.textContent = error.message)), "");
+      advised.push(make("p", {}, again));
+    }
     const notes = (state.notes ?? []).map((text) => make("li", { textContent: text }));
     const remarks = notes.length ? [make("details", { className: "soft" }, make("summary", { textContent: "Notes on the recordings" }), make("ul", { className: "identify-said" }, ...notes))] : [];
     const found = make("section", { className: "card" }, make("h2", { textContent: "Parameters" }),
       table("Estimates with 95 % confidence intervals", heads, estimates(fit)),
-      make("ul", { className: "identify-said" }, ...said), ...remarks,
+      make("ul", { className: "identify-said" }, ...said), ...advised, ...remarks,
       ...(state.stage ? [table("The stage, from the clamped steps", heads, estimates(state.stage))] : []),
       ...(state.hysteresis ? [make("p", { textContent: `${state.hysteresis_said[0].toUpperCase()}${state.hysteresis_said.slice(1)}.` }),
         make("details", {}, make("summary", { textContent: "Hysteresis and creep, from the loops" }), table("Plays by ascending threshold, creep per decade", heads, estimates(state.hysteresis)))] : []));
