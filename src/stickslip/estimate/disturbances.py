@@ -20,7 +20,7 @@ from .outliers import TO_DEVIATION, spikes
 FEWEST_FROZEN, MOVED = 5, 4.0
 # Parts of a recording whose means show drift, fewest samples in one, and the share of the root mean square of
 # all from which on they do; it is at least so many times that of white noise.
-PARTS, LEAST_PART, WANDERS, ABOVE_WHITE = 16, 8, 0.3, 2.0
+PARTS, LEAST_PART, WANDERS, ABOVE_WHITE = 16, 8, 0.3, 3.0
 # Standard errors: a fault that moves a value of a fit by more is a reason not to trust its interval.
 MOVES = 1.0
 ADVICE = {
@@ -30,7 +30,7 @@ ADVICE = {
     "freeze": "end the recording before it, or record again",
     "hum": "find its source, or record with a drive whose frequency does not divide it",
 }
-# Of the range of a channel: events below are errors of simulations.
+# Share of the range of a channel below which an event is an error of simulations.
 NEGLIGIBLE = 1e-4
 
 Array = NDArray[np.float64]
@@ -98,8 +98,10 @@ class Disturbance(NamedTuple):
     @property
     def sentence(self) -> str:
         """The same, with what it does to a fit, and what to do."""
-        if self.kind in ("jitter", "drift"):
+        if self.kind == "jitter":
             return f"{self.statement}; the intervals allow for it"
+        if self.kind == "drift":
+            return f"{self.statement}; the intervals allow for it, unless it led to another minimum"
         if not self.moved:
             return self.statement
         by = f"{self.statement}, which moves {self.moved} by {self.moves:.2g} standard errors"
@@ -183,7 +185,7 @@ def disturbances(
         seen(kind, event.first, event.last - event.first, -event.size)
         columns = np.column_stack([columns, event.shape(r.size)])
     wander = _wander(r, columns)
-    if wander > 0.0:
+    if wander > max(least, known.step):
         seen("drift", 0, r.size, wander)
     return tuple(found)
 

@@ -56,7 +56,7 @@ class Scatter(NamedTuple):
 
 
 def calm(count: int) -> Scatter:
-    """Return the scatter of so many samples that do not scatter with the speed."""
+    """Return the scatter of `count` samples that do not scatter with the speed."""
     return Scatter(0.0, np.ones(count), False)
 
 
@@ -121,7 +121,7 @@ def _level(r: Array, slow: NDArray[np.bool_]) -> Array:
 
 
 def _independent(off: Array, change: Array, fast: NDArray[np.bool_], period: float) -> bool:
-    """Whether the delays of fast samples have nothing in common with the next ones and with other periods."""
+    """Say whether the delays of fast samples differ from those of the next samples and of other periods."""
     if np.count_nonzero(fast) < FEWEST:
         return False
     late = np.where(fast, off * np.sign(change), 0.0)

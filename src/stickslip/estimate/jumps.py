@@ -107,7 +107,7 @@ def events(residuals: Array, columns: Array, floor: float = 0.0, least: float = 
 
 
 def _means(rows: Array, many: int) -> Array:
-    """Means over so many rows each, [n / many, ...]."""
+    """Return means over `many` rows each, [n / many, ...]."""
     count = len(rows) // many
     return np.asarray(rows[: count * many].reshape(count, many, *rows.shape[1:]).mean(axis=1))
 
@@ -177,7 +177,7 @@ class _Whitened:
         return np.asarray(self.r - self.columns @ coefficients)
 
     def _information(self, k: Places, m: Places) -> Array:
-        """Of impulses between samples k - 1 and k, and m - 1 and m: their product in the noise's metric."""
+        """Return the product, in the noise's metric, of impulses before the samples k and before m."""
         by = self.of_columns
         own = self.lags[np.abs(k - m)] - self.lags[k + m]
         return own - np.einsum("kc,kc->k", by[k - 1], by[m - 1])
@@ -203,7 +203,7 @@ class _Whitened:
         return Event(one.first, one.last, float(size[0]), float(score[0]))
 
     def strongest(self, widths: Sequence[int]) -> Event:
-        """The event that stands out most."""
+        """Return the event with the greatest score."""
         n, best = self.r.size, Event(1, self.r.size, 0.0, 0.0)
         for width in (None, *widths):
             k = np.arange(1, n - (width or 0))
