@@ -117,3 +117,20 @@ def test_a_drive_that_is_none_of_the_usual_ones_is_not_named() -> None:
     time = np.arange(2000) * 1e-3
     rounded = np.minimum(65.0 * np.abs(np.sin(2 * np.pi * 2 * np.maximum(time - 0.1, 0.0))), 40.0)
     assert shown_drive(ss.make_recording(time, {"drive_voltage": (rounded, "V")})) is None
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_channel_of_anything_is_answered(seed: int) -> None:
+    """Noise, levels, spikes, few samples: no waveform is named that the channel does not show."""
+    random = np.random.default_rng([46, seed])
+    count = int(random.integers(3, 300))
+    volts = (
+        random.standard_normal(count),
+        np.where(random.random(count) > 0.5, 1.0, 0.0),
+        np.abs(random.standard_cauchy(count)),
+        np.cumsum(random.standard_normal(count)),
+    )[seed % 4]
+    time = np.cumsum(random.uniform(0.5, 1.5, count)) * 1e-3
+    taken = taken_drive(ss.make_recording(time, {"drive_voltage": (volts, "V")}), slew_rate=1e3)
+    assert taken is None or taken.said()
+    assert taken is None or count < 20 or not taken.whole

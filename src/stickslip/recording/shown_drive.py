@@ -158,6 +158,8 @@ def _candidates(time: Array, moved: Array) -> list[Drive]:
     apart = float(edges[-1] - edges[0])
     rate = (len(edges) - 1) / apart
     left = time[np.abs(moved) > max(0.02 * (high - low), SURELY * noise_level(moved))]
+    if not left.size:  # nothing but noise
+        return []
     count = float(max(1, round(float(left[-1]) * rate + 0.02)))
     shapes: list[Drive] = [one(size, rate, periods=count) for one in (Sawtooth, ReverseSawtooth, Triangle)]
     return [*shapes, Sine(size, rate, periods=count), Sine(-size, rate, periods=count)]
