@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import groupby, product
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from ...piezo.creep import spread
 from ...units import QuantityError
+from ..recorded.known_noise import white_noise
 from .columns import CREEP_BEGINS, Columns, Grid, Observed, columns
-from .linear import cross_validated, residuals, solved
+from .linear import held_out, residuals, solved, typical
 from .timing import Lateness
 
 # Plays that are tried; more than the last predict no better on any data that were looked at.
 PLAYS = (1, 2, 4, 6, 8, 12, 16)
 FOLDS = 6
-# What a smaller model may predict worse than the best, relative.
-ENOUGH = 0.02
+# Share of what the best model leaves beyond white noise that a smaller one may leave more; and difference of
+# chi-squared below which noise alone may make one better.
+ENOUGH, NOISE = 0.02, 10.0
 # Of the recordings' length, to which creep may go on: real stacks creep for hours.
 BEYOND = 10.0
 # A recording shows creep if it is so many times longer than where creep begins.
@@ -102,18 +106,19 @@ def chosen(
             grid = most.without(bent=not shape.bent, creep=not creeps)
             kept = [Columns(*(rows[:, : n + shape.bent] for rows in part)) for part in parts]
             size = n + shape.bent + bool(skew) + creeps
-            tried.append((cross_validated(kept, positions, grid, FOLDS), size, grid, late))
-    best = min(score for score, *_ in tried)
-    score, _, grid, late = min(
-        (one for one in tried if one[0] <= (1.0 + ENOUGH) * best), key=lambda one: one[1]
-    )
+            tried.append((held_out(kept, positions, grid, FOLDS), size, grid, late))
+    best = min((squares for squares, *_ in tried), key=typical)
+    white = float(np.mean([white_noise(y) for y in positions]))
+    count = sum(y.size for y in positions)
+    good = [one for one in tried if _as_good(one[0], best, white, count)]
+    squares, _, grid, late = min(good, key=lambda one: one[1])
     remarks = []
     if len(tried) > 1:
         remarks.append(
             f"{grid.thresholds.size} plays, {'with' if grid.zones.size else 'without'} asymmetry"
             f"{' and skew' * bool(grid.skew)}, "
             f"{'with' if grid.times.size else 'without'} creep: the smallest of {len(tried)} models that "
-            f"predicts parts left out at most {100 * ENOUGH:g} % worse than the best"
+            f"predicts parts left out at most {100 * ENOUGH:g} % worse than the best, noise apart"
         )
     if creep is None and not long_enough:
         remarks.append(f"creep is left out: it does not show within {lasts:.3g} s")
@@ -123,7 +128,7 @@ def chosen(
             "stand for hysteresis that the plays do not describe, and what it predicts of a voltage held is "
             "not tested; record one, or leave it out (creep=False)"
         )
-    made = Choice(grid, late, score, tuple(remarks))
+    made = Choice(grid, late, typical(squares), tuple(remarks))
     return _lasting(observed, made, lasts) if grid.times.size and not time_constants else made
 
 
@@ -153,8 +158,24 @@ def _lasting(observed: Sequence[Observed], choice: Choice, lasts: float) -> Choi
         return choice
     parts = [columns(one, choice.late.timing, grid) for one in observed]
     return choice._replace(
-        grid=grid, score=cross_validated(parts, [one.position for one in observed], grid, FOLDS)
+        grid=grid, score=typical(held_out(parts, [one.position for one in observed], grid, FOLDS))
     )
+
+
+def _as_good(squares: NDArray[np.float64], best: NDArray[np.float64], white: float, count: int) -> bool:
+    """Return whether a model predicts the folds about as well as the best one.
+
+    White noise is left by every model. Where it is most of what is left, 2 % of the whole may be all of the
+    creep; so the share counts of the rest.
+
+    Args:
+        squares, best: m² left of each fold.
+        white: standard deviation of the white noise, m.
+        count: samples of all recordings.
+    """
+    rest = max(1.0 - (white / max(typical(best), 1e-300)) ** 2, 0.0)
+    more = 2.0 * math.log((typical(squares) + 1e-300) / (typical(best) + 1e-300))
+    return more <= 2.0 * ENOUGH * rest + NOISE / count
 
 
 def _rests(one: Observed) -> bool:

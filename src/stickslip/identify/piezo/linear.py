@@ -90,10 +90,8 @@ def residuals(parts: Sequence[Columns], positions: Sequence[Array], found: Solut
     return np.concatenate([y - found.position(c) - offset for c, y, offset in rows])
 
 
-def cross_validated(parts: Sequence[Columns], positions: Sequence[Array], grid: Grid, folds: int) -> float:
-    """The root mean square [m] that is left of each fold of a recording by the fit of all others: its
-    geometric mean over the folds, so that one which no model explains (a first curve, which real piezos and
-    plays take otherwise) does not hide what the others tell."""
+def held_out(parts: Sequence[Columns], positions: Sequence[Array], grid: Grid, folds: int) -> Array:
+    """Return the mean square [m²] that is left of each fold of each recording by the fit of all others."""
     creeping = bool(grid.times.size)
     blocks = []
     for i, (c, y) in enumerate(zip(parts, [y - y.mean() for y in positions], strict=True)):
@@ -101,8 +99,16 @@ def cross_validated(parts: Sequence[Columns], positions: Sequence[Array], grid: 
         for part in np.array_split(np.arange(y.size), folds):
             blocks.append((_normal(rows[part], y[part]), part.size))
     total = sum((block for block, _ in blocks[1:]), blocks[0][0])
-    left = [block.left(_solved(total - block, grid, creeping)) / size for block, size in blocks]
-    return float(np.exp(0.5 * np.mean(np.log(np.array(left) + 1e-300))))
+    return np.array([block.left(_solved(total - block, grid, creeping)) / size for block, size in blocks])
+
+
+def typical(squares: Array) -> float:
+    """Return the root of the geometric mean of what is left of the folds, m.
+
+    So a fold which no model explains (a first curve, which real piezos and plays take otherwise) does not
+    hide what the others tell.
+    """
+    return float(np.exp(0.5 * np.mean(np.log(squares + 1e-300))))
 
 
 def _design(of: Columns, before: Solution | None, creeping: bool) -> Array:
