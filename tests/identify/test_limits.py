@@ -55,6 +55,7 @@ def test_viscous_friction_that_is_zero_in_loops(start: float) -> None:
     ends = fit.confidence_intervals()
     assert ends["sigma_2"][0] == 0.0
     assert 0.15 < ends["sigma_2"][1] < 0.35  # from a fit with bounds (0, 100): 0.235
+    assert not any("sigma_2 is 0 times its start" in said for said in fit.remarks)
     assert ends["sigma_0"][0] < 1e5 < ends["sigma_0"][1]
     assert ends["coulomb_force"][0] < 0.5 < ends["coulomb_force"][1]
     assert not fit.failures

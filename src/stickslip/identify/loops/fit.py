@@ -190,7 +190,7 @@ def identify_loops(
         said, beyond = left_over(fit, measured, left_by)
         noticed, doubts = [*noticed, *said], [*doubts, *beyond]
     doubts = [*doubts, *said_minima(fit, measured)]
-    sizes = {p.name: p.start for p in given if p.name not in CHANNEL and p.log}
+    sizes = {p.name: p.start for p in given if p.name not in CHANNEL and p.log and not p.shift}
     return replace(
         fit,
         model=with_values(model, own_of(fit.values)),
