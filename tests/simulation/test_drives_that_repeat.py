@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
-from stickslip.simulation import steady_step
+from stickslip.simulation import simulate, steady_step
 from stickslip.units import QuantityError
 from stickslip.waveform.knots import PeriodicKnots
-from stickslip.waveform.periodic import Sawtooth
+from stickslip.waveform.multisine import Multisine
+from stickslip.waveform.periodic import Sawtooth, Sine, Triangle
 from stickslip.waveform.sampled import Sampled
 
 ACTUATOR = load_actuator("kang2007")
@@ -40,3 +42,35 @@ def test_steady_step_does_not_ask_where_the_period_begins() -> None:
 def test_samples_without_a_period_have_no_steady_step() -> None:
     with pytest.raises(QuantityError, match="Sampled has no period"):
         steady_step(ACTUATOR, Sampled([0, 1], [0, 65]))
+
+
+SAW = Sawtooth(20.0, 1000.0, rise_fraction=0.8)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("drive", "load"),
+    [
+        (Sine(10.0, 1000.0, offset=20.0), 1.0),
+        (Multisine((5.0, 5.0), (1000.0, 2000.0), offset=20.0), 1.0),
+        (SAW, Sine(0.1, 1000.0, offset=1.0, phase=0.3)),
+        (SAW, Triangle(0.1, 500.0, offset=1.0)),
+        (PeriodicKnots([0, 0.0005], [0, 20], 0.001), Sine(0.1, 2000.0, offset=1.0)),
+    ],
+    ids=["sine", "multisine", "load as fast", "load half as fast", "load of another table"],
+)
+def test_periods_of_every_drive_and_load_are_copied(drive, load) -> None:
+    """So a long run takes no more steps than a short one, and ends where its periods lead."""
+    given = {"sample_rate": 1e3, "load": load, "tolerance": 1e-8}
+    short, long = (simulate(ACTUATOR, drive, n * 1e-3, **given) for n in (100, 1000))
+    assert long.attrs["steps"] <= 3.0 * short.attrs["steps"]
+    x = long["end_effector_position"].values
+    np.testing.assert_allclose(x[:101], short["end_effector_position"].values, atol=2e-8)
+    step = (x[1000] - x[500]) / 500.0
+    assert x[1000] - x[900] == pytest.approx(100.0 * step, abs=1e-8)
+
+
+def test_a_load_that_does_not_repeat_with_the_drive_is_followed() -> None:
+    load = Sine(0.1, 707.1, offset=1.0)
+    short, long = (simulate(ACTUATOR, SAW, n * 1e-3, load=load, sample_rate=1e3) for n in (20, 80))
+    assert long.attrs["steps"] > 3.0 * short.attrs["steps"]

@@ -248,3 +248,37 @@ def test_wrong_motions_are_refused(time, position, normal, words: str) -> None:
         friction_response(LAW, time, position, normal_force=normal)
     with pytest.raises(QuantityError, match="no friction law"):
         friction_response("LuGre", [0.0, 1.0], [0.0, 1.0])
+
+
+@pytest.mark.parametrize("samples", [40, 400])
+@pytest.mark.parametrize("tolerance", [1e-9, 1e-11])
+def test_deflections_are_within_the_tolerance_and_their_estimate(samples: int, tolerance: float) -> None:
+    """Against LSODA; where each interval is one step, too, and smaller local errors alone change nothing."""
+    random = np.random.default_rng(4)
+    for _ in range(5):
+        coulomb = random.uniform(0.2, 0.8)
+        law = LuGre(
+            10 ** random.uniform(5, 7), 10.0, 0.0, coulomb, 1.3 * coulomb, 10 ** random.uniform(-4, -2)
+        )
+        time = np.linspace(0.0, 1.0, samples)
+        position = 10 ** random.uniform(-6.5, -4.5) * np.sin(2 * np.pi * random.uniform(1.0, 8.0) * time)
+        found = friction_response(law, time, position, tolerance=tolerance)
+        z = [0.0]
+        for velocity, step in zip(np.diff(position) / np.diff(time), np.diff(time), strict=True):
+            exact = solve_ivp(
+                lambda _, z, v=velocity, law=law: [rate(law, v, z[0])[1]],
+                (0.0, step),
+                z[-1:],
+                method="LSODA",
+                rtol=1e-11,
+                atol=1e-17,
+            )
+            z.append(float(exact.y[0, -1]))
+        off = np.max(np.abs(found["bristle_deflection_1"].values - z))
+        assert off <= found.attrs["error_estimate"] + 0.2 * tolerance
+        assert found.attrs["error_estimate"] <= tolerance
+
+
+def test_a_static_law_has_no_deflection_to_be_off() -> None:
+    found = friction_response(Coulomb(0.5), [0.0, 1.0, 2.0], [0.0, 1e-6, 0.0])
+    assert found.attrs["error_estimate"] == 0.0

@@ -10,7 +10,7 @@ import pytest
 from stickslip.actuator import Actuator, load_actuator
 from stickslip.friction import Dahl, LuGre, MaxwellSlip, ResetIntegrator, Stribeck
 from stickslip.piezo import MaxwellCapacitor, Piezo, PrandtlIshlinskii
-from stickslip.simulation import simulate, steady_orbit, steady_step
+from stickslip.simulation import simulate, steady_orbit, steady_step, steady_steps
 from stickslip.waveform import Sawtooth
 from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.sampled import Sampled
@@ -52,6 +52,31 @@ def test_a_newton_step_does_not_throw_the_motion_away() -> None:
     drive = Sampled(times, [28.31602854, 45.7220221, 52.04450877, 12.36654781], period=0.00039848951717813894)
     fine = steady_step(model, drive, tolerance=TOLERANCE / 10)
     assert steady_step(model, drive, tolerance=TOLERANCE) == pytest.approx(fine, abs=TOLERANCE)
+
+
+@pytest.mark.compiled
+def test_steps_of_a_fast_stage_with_light_damping_keep_their_tolerance() -> None:
+    """One integration moves the end-effector by up to four of its tolerances here, to either side: of 300
+    steps 5.7 % were beyond the tolerance, and 0.53 nm were off with an error of 0.03 nm."""
+    model = Actuator(
+        gain=30e-9,
+        natural_frequency=2 * np.pi * 20e3,
+        damping_ratio=0.03,
+        stage_mass=0.008,
+        end_effector_mass=0.005,
+        friction=LuGre(8e6, 20.0, 0.1, 0.9, 1.1, 2e-3),
+    )
+    one = steady_orbit(model, Sawtooth(30.81197095397253, 1518.840098000937))
+    assert one.step == pytest.approx(349.3256e-9, abs=TOLERANCE)
+    random = np.random.default_rng(5)
+    drives = {"amplitude": random.uniform(10, 100, 150), "frequency": np.exp(random.uniform(5.3, 9.0, 150))}
+    asked, finer = (
+        steady_steps(model, Sawtooth(1.0, 1.0), parameters=drives, tolerance=tolerance).net_step.values
+        for tolerance in (TOLERANCE, 0.01 * TOLERANCE)
+    )
+    off = np.abs(asked - finer)[np.isfinite(asked - finer)]
+    assert off.size > 100
+    assert np.mean(off > TOLERANCE) <= 0.02
 
 
 @pytest.mark.compiled

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..records import refuse_too_many
 from ..waveform.drive import Drive
 
 Array = NDArray[np.float64]
@@ -43,6 +44,8 @@ def lines_of(drive: Drive, duration: float, tolerance: float) -> Lines:
     start, segment = drive.start[used], np.flatnonzero(used)
     length = np.append(start[1:], duration) - start
     count = _wanted(drive, segment, start, length, tolerance)
+    asked = f"duration = {duration:g} s in lines that are off by at most {tolerance:g} V"
+    refuse_too_many(float(np.sum(np.abs(count.astype(float)))), asked, 20)
     for finest in (_COARSE, 0):  # where all of them are needed, each part by its own bend
         parts = np.minimum(count, finest) if finest else count
         which = np.repeat(np.arange(parts.size), parts)

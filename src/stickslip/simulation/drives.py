@@ -9,14 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..actuator import Actuator, PulledSlider
-from ..friction import elements
 from ..piezo.model import Piezo
 from ..plant.at_piezo import at_piezo, tabulated
 from ..solve.periods import LONGEST_CYCLE
 from ..units import QuantityError
-from ..waveform.drive import Drive, value_slope_curvature
+from ..waveform.drive import Drive
+from ..waveform.pieces import by_periods
 from ..waveform.signal import Waveform
 from . import two_port
+from .jumps import cannot_jump, refuse_jumps
 from .models import refuse_places
 
 # Largest error of a table after the piezo times the gain, as a share of the tolerance of a run: a resonance
@@ -46,7 +47,7 @@ class Driven(NamedTuple):
         """The table up to `end` [s]; `settled`: of one period, after many."""
         table = self.waveform.drive(end)
         if self.piezo is None:
-            return table
+            return by_periods(table, self.period or None, end)
         return at_piezo(self.piezo, table, end, self.precision, self.period or None, settled)
 
 
@@ -120,7 +121,7 @@ def checked_drive(
         low, high = waveform.range()
         if low < model.min_voltage or high > model.max_voltage:
             raise QuantityError(out_of_range(model, low, high, model.min_voltage, model.max_voltage))
-        if model.static or two_port.driven_by_voltage(model):
+        if cannot_jump(model) or two_port.driven_by_voltage(model):
             refuse_jumps(model, table, end if periodic else None)
     if not periodic and end < 2.0 * driven.period and table.start.size <= LONGEST_CYCLE:
         table = driven.table(2.0 * driven.period, False)  # two periods, that it can be seen to be periodic
@@ -134,29 +135,3 @@ def out_of_range(model: Actuator, low: float, high: float, minimum: float, maxim
         f"drive voltage from {low:g} V to {high:g} V is out of range: "
         f"{model.name or 'the actuator'} takes {minimum:g} V to {maximum:g} V"
     )
-
-
-def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
-    """Raise QuantityError for a drive, of this period if it has one, that would tear a static stage along."""
-    if two_port.driven_by_voltage(model) and _jumps(table, period):
-        raise QuantityError(
-            "a piezo with a MaxwellCapacitor would take an infinite current at a jump of the voltage: give "
-            "the waveform a finite fall (rise_fraction < 1), or the amplifier's output "
-            "(stickslip.electronics.driven)"
-        )
-    if model.static and not model.clamped and elements(model.friction) > 0 and _jumps(table, period):
-        raise QuantityError(
-            "a static stage would follow a jump of the voltage at infinite speed, at which a presliding "
-            "friction law has no meaning: give the waveform a finite fall (rise_fraction < 1), or the stage "
-            "a natural_frequency"
-        )
-
-
-def _jumps(table: Drive, period: float | None) -> bool:
-    """Return whether the drive jumps anywhere; if it is periodic, the end of a period is compared with its
-    start."""
-    starts = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start)]
-    ends = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start[1:])]
-    first = table.before if period is None else value_slope_curvature(table, len(starts) - 1, period)[0]
-    size = max(map(abs, (first, *starts, *ends)))
-    return any(abs(a - b) > 1e-9 * size for a, b in zip((first, *ends), starts, strict=True))

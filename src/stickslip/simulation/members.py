@@ -22,7 +22,8 @@ from ..waveform.drive import Drive
 from ..waveform.members import Drives, stacked
 from ..waveform.members import common as common_drive
 from ..waveform.signal import Waveform
-from .drives import Driven, Scaled, out_of_range, refuse_jumps, table_precision
+from .drives import Driven, Scaled, out_of_range, table_precision
+from .jumps import cannot_jump, refuse_jumps
 from .load import refuse_other_periods
 from .models import System, contact_load
 from .two_port import driven_by_voltage
@@ -270,7 +271,7 @@ def _tables(
         drives = tuple.__new__(type(waveform), fields.values()).drives(ends[fine])
     else:
         drives = stacked([driven[m].table(float(ends[m]), periodic) for m in fine.tolist()])
-    if model.static or driven_by_voltage(model):
+    if cannot_jump(model) or driven_by_voltage(model):
         for m in fine.tolist():
             try:
                 refuse_jumps(model, rows[m].drive(ends[m]), float(ends[m]) if periodic else None)

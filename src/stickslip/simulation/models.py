@@ -16,6 +16,7 @@ from ..mechanism import Mechanism
 from ..plant.system import Element, Mode, Plant
 from ..units import QuantityError
 from ..waveform.drive import Drive, constant, evaluate, segment_at, value_slope_curvature
+from ..waveform.pieces import by_periods
 from ..waveform.signal import Waveform
 from . import two_port
 from .load import load_range
@@ -323,4 +324,6 @@ def contact_load(load: Waveform | float, end: float) -> Contact:
     low, high = load_range(load)
     if not (0.0 <= low <= high < math.inf):
         raise QuantityError(f"load from {low:g} to {high:g} is out of range: it must be >= 0 and finite")
-    return Contact(low) if isinstance(load, int | float) or low == high else Contact(1.0, load.drive(end))
+    if isinstance(load, int | float) or low == high:
+        return Contact(low)
+    return Contact(1.0, by_periods(load.drive(end), getattr(load, "period", None), end))

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+import warnings
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..friction import NormalForce, elements, is_law
 from ..friction.normal_force import leaning
 from ..recording import make_recording
 from ..solve.prescribed import follow_position
 from ..units import QuantityError, array_si, to_si, with_prefix
-from .errors import SimulationError
+from .errors import SimulationError, SimulationWarning
+from .refinement import LOOSE, refined
 from .strain import strained
-from .trajectory import checked_tolerance
+from .trajectory import checked_tolerance, not_within
 
 
 def friction_response(
@@ -50,19 +54,96 @@ def friction_response(
             as much of it as the law can. 0 is a relaxed contact.
         initial_velocity: m/s, at which they carry it, with what is viscous of the law: of a record that
             begins amid motion.
-        tolerance: m, on the bristle deflections.
+        tolerance: m, on the bristle deflections over the whole motion. The error is estimated by a second run
+            with smaller steps; where it is larger, the steps are refined.
 
     Returns:
         Dataset over "time" with position (m), friction_force (N) and the bristle deflections (m).
+        attrs["error_estimate"] (m): how far a deflection may be off; where that is above the tolerance after
+        all, a `SimulationWarning` says so. It is 0 for static laws, which have no deflection.
 
     Raises:
         QuantityError: arrays of different length, times not ascending, no law; a `NormalForce` that the
             stiffness does not follow in proportion, or under which the contact lifts off.
+        SimulationError: the law could not be followed from one sample to the next.
     """
+    run = prescribed(
+        law,
+        time,
+        position,
+        normal_force=normal_force,
+        reference_normal_force=reference_normal_force,
+        proportional=proportional,
+        initial_force=initial_force,
+        initial_velocity=initial_velocity,
+    )
+    tolerance = checked_tolerance(law, tolerance)
+
+    def finer(level: float, careful: bool) -> Prescribed:
+        # Where each interval between samples is one step, smaller errors alone would change nothing.
+        return run(level, math.ceil(math.sqrt(LOOSE * tolerance / level) - 1e-9))
+
+    made, error = refined(finer, _apart, lambda made: 0, tolerance)
+    _refuse_unfinished(made, tolerance)
+    if not error <= tolerance:
+        warnings.warn(not_within(error, tolerance, what="a deflection"), SimulationWarning, stacklevel=2)
+    variables: dict[str, Any] = {"position": made.position, "friction_force": made.force}
+    for e in range(elements(law)):
+        variables[f"bristle_deflection_{e + 1}"] = (made.states[:, e], "m")
+    found = make_recording(made.time, variables, title=f"{type(law).__name__} under a prescribed motion")
+    found.attrs.update(tolerance=tolerance, error_estimate=error)
+    return found
+
+
+class Prescribed(NamedTuple):
+    """A law that has followed a motion up to the sample `reached`; `states` [n, elements, at least 1]."""
+
+    time: NDArray[np.float64]
+    position: NDArray[np.float64]
+    force: NDArray[np.float64]
+    states: NDArray[np.float64]
+    reached: int
+
+
+def _apart(one: Prescribed, other: Prescribed) -> float:
+    """The largest difference of a deflection, m; NaN where one run does not reach the end."""
+    return float(np.max(np.abs(one.states - other.states)))
+
+
+def _refuse_unfinished(made: Prescribed, tolerance: float) -> None:
+    if made.reached < made.time.size:
+        raise SimulationError(
+            f"the friction law could not be followed from t = {made.time[made.reached - 1]:.6g} s on within "
+            f"the tolerance of {with_prefix(tolerance, 'm', 3)}: a greater one may do"
+        )
+
+
+def prescribed_once(
+    law: Any, time: ArrayLike, position: ArrayLike, tolerance: float, **how: Any
+) -> Prescribed:
+    """Follow a motion with local errors within the tolerance [m], without an estimate of the whole error: for
+    what is computed many times, such as a fit. Arguments and errors as for `friction_response`."""
+    made = prescribed(law, time, position, **how)(checked_tolerance(law, tolerance), 1)
+    _refuse_unfinished(made, tolerance)
+    return made
+
+
+def prescribed(
+    law: Any,
+    time: ArrayLike,
+    position: ArrayLike,
+    *,
+    normal_force: ArrayLike | NormalForce | None = None,
+    reference_normal_force: float | str = 1.0,
+    proportional: bool = False,
+    initial_force: float | str = 0.0,
+    initial_velocity: float | str = 0.0,
+) -> Callable[[float, int], Prescribed]:
+    """Return what follows the motion, from the bound on local errors, m, and the number of parts into which
+    each interval between samples is cut; see `friction_response`."""
     reference = to_si(reference_normal_force, "N", "reference_normal_force")
     initial_force = to_si(initial_force, "N", "initial_force")
     initial_velocity = to_si(initial_velocity, "m/s", "initial_velocity")
-    tolerance = checked_tolerance(law, tolerance)
     if not is_law(law):
         raise QuantityError(f"{law!r} is no friction law")
     t, x = array_si(time, "s", "time"), array_si(position, "m", "position")
@@ -82,15 +163,19 @@ def friction_response(
     if initial_force != 0.0 and elements(law) > 0 and ratio[0] > 0.0:
         first = initial_force / (ratio[0] * leaning(along, initial_force))
         z[:] = strained(law, first, initial_velocity)
-    samples = np.full((t.size, 1 + z.size), np.nan)
-    reached = follow_position(law, t, x, ratio, z, tolerance, proportional, samples)
-    if reached < t.size:
-        raise SimulationError(
-            f"the friction law could not be followed from t = {t[reached - 1]:.6g} s on within the tolerance "
-            f"of {with_prefix(tolerance, 'm', 3)}: a greater one may do"
-        )
-    samples[:, 0] *= 1.0 + along.asymmetry * np.sign(samples[:, 0])
-    variables: dict[str, Any] = {"position": x, "friction_force": samples[:, 0]}
-    for e in range(elements(law)):
-        variables[f"bristle_deflection_{e + 1}"] = (samples[:, 1 + e], "m")
-    return make_recording(t, variables, title=f"{type(law).__name__} under a prescribed motion")
+
+    def run(level: float, parts: int) -> Prescribed:
+        motion = [_in_parts(values, parts) for values in (t, x, ratio)]
+        samples = np.full((motion[0].size, 1 + z.size), np.nan)
+        reached = follow_position(law, *motion, z.copy(), level, proportional, samples)
+        samples = samples[::parts]
+        force = samples[:, 0] * (1.0 + along.asymmetry * np.sign(samples[:, 0]))
+        return Prescribed(t, x, force, samples[:, 1:], (reached - 1) // parts + 1)
+
+    return run
+
+
+def _in_parts(values: NDArray[np.float64], parts: int) -> NDArray[np.float64]:
+    """Samples, and between each two of them others on a line that cut it into so many parts."""
+    between = values[:-1, None] + np.diff(values)[:, None] * (np.arange(parts) / parts)
+    return np.append(between.ravel(), values[-1])

@@ -23,6 +23,7 @@ from ..solve.resume import NO_RESUME
 from ..units import QuantityError, to_si
 from ..waveform.drive import Drive
 from .errors import SimulationError
+from .jumps import INSTEAD, STATIC_JUMPS, cannot_jump
 from .models import contact_load
 from .trajectory import checked_tolerance
 
@@ -59,7 +60,7 @@ class Motion:
     ) -> None:
         rest, self._tolerance = to_si(voltage, "V", "voltage"), checked_tolerance(None, tolerance)
         of_kind(model, Actuator, "model")
-        self._jumps_along = model.static and not model.clamped
+        self._cannot_jump = cannot_jump(model)
         contact = contact_load(load, 1.0)
         self._of, self._load = contact.system(model), contact.drive
         self._piezo = None if model.piezo is None else _PiezoState(model.piezo, rest, remanence)
@@ -101,10 +102,9 @@ class Motion:
     def _on(self, begin: float, volts: float, segments: int, end: float) -> None:
         """On by the first segments of the table."""
         rows = self._start[:segments], self._polynomial[:segments], self._first[: segments + 1]
-        if self._jumps_along and not math.isclose(begin, self._volts, rel_tol=1e-9, abs_tol=1e-9):
+        if self._cannot_jump and not math.isclose(begin, self._volts, rel_tol=1e-9, abs_tol=1e-9):
             raise QuantityError(
-                "a static stage jumps with the voltage, at infinite speed, and would leave the end-effector "
-                "behind at every tick: give it a natural_frequency, or follow lines"
+                f"{STATIC_JUMPS}, and a held voltage jumps at every tick: {INSTEAD}, which `follow` takes"
             )
         self._span[1] = end
         outcome = integrate(

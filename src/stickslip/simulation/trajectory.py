@@ -33,7 +33,10 @@ from .state import REST, State, as_text, maker, placed, taken_up
 COMPLETE = "complete"
 # Of a position: far beyond a step, an error says nothing of the motion.
 TOLERANCE = Quantity("m", "ε", "error that is allowed", above=0, maximum=1e-3)
-_OUTCOMES = {STEP_TOO_SMALL: "the step size fell below what floating point can resolve"}
+_OUTCOMES = {
+    STEP_TOO_SMALL: "the steps no longer advance, for they fell below what floating point can resolve. Try "
+    "another tolerance, or a drive without jumps"
+}
 
 
 def simulate(
@@ -354,7 +357,7 @@ def run_time(waveform: Waveform, duration: float | None, start: float = 0.0) -> 
     return left
 
 
-def not_within(error: float, tolerance: float, model: Any = None) -> str:
+def not_within(error: float, tolerance: float, model: Any = None, what: str = "the position") -> str:
     """What is said of a result whose error may be above the tolerance [m; rad of a rotary model]."""
     unit = unit_for(model, "m")
     asked = f"the tolerance of {with_prefix(tolerance, unit)} is not shown to hold"
@@ -362,4 +365,4 @@ def not_within(error: float, tolerance: float, model: Any = None) -> str:
         return (
             f"{asked}: a run with smaller steps, which would tell the error, could not be followed to the end"
         )
-    return f"{asked}: the position may be off by {with_prefix(error, unit)}, by a run with smaller steps"
+    return f"{asked}: {what} may be off by {with_prefix(error, unit)}, by a run with smaller steps"

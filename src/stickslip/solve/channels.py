@@ -73,10 +73,14 @@ def at_nodes(drive, i, t, h):
 @fused
 def segment_of(drive, t):
     """The segment that holds time t; at a break point, the later one."""
-    i = 0
-    while i + 1 < drive.start.size and drive.start[i + 1] <= t:
-        i += 1
-    return i
+    low, high = 0, drive.start.size
+    while high - low > 1:
+        middle = (low + high) // 2
+        if drive.start[middle] <= t:
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 @fused

@@ -27,7 +27,8 @@ COARSEST, COARSE, FINER = 1000.0, 8.0, 0.25
 COARSEST_STATIC = 0.4
 FINEST = 1e-5
 # The error over what a finer integration moves: two that err alike by chance are not rare. So it is not
-# believed to fall faster than the engine's tolerances squared.
+# believed to fall faster than the root of the engine's tolerances: a quarter from one to the next but one
+# (errors fell as their power 0.6 on stages of 20 kHz with a damping ratio of 0.03).
 PER_MOVE = 2.0
 # Newton's method may go this many times as far as the motion itself has been: where a period hardly changes
 # the state it would point to where nothing moves like this.
@@ -144,7 +145,7 @@ def newton(
     # Of the integration before this one: its tolerance (infinite: there is none to compare with), defect, the
     # step of the orbit by it, and its residual.
     before, gap_before, step_before, residual_before = math.inf, math.inf, math.inf, math.inf
-    error, least = math.nan, 0.0
+    error, least, older = math.nan, 0.0, math.inf
     while True:
         if fresh:
             outcome, step = slopes(plant, drive, load, r, level, column, smooth, work, after, jacobian)
@@ -171,12 +172,14 @@ def newton(
         residual = max(gap, size, abs(further))
         compared = before < math.inf
         if compared:  # r is the orbit by a coarser integration
-            error = PER_MOVE * max(size, abs(step + further - step_before))
+            moved_by = PER_MOVE * max(size, abs(step + further - step_before))
+            error = moved_by
             if level < before:
-                error = max(error, least)
-                known = residual_before <= error  # else it may be Newton's method that was not there yet
-                least = error * (level / before) ** 2 if known else 0.0
-        enough = compared and error <= tolerance and level <= FINER * before
+                error = max(moved_by, least * math.sqrt(level / older))
+                known = residual_before <= moved_by  # else it may be Newton's method that was not there yet
+                least, older = moved_by if known else 0.0, before
+        # An orbit that Newton's method had not reached tells nothing, if another agrees with it.
+        enough = compared and error <= tolerance and level <= FINER * before and residual_before <= tolerance
         if outcome == DONE and residual <= tolerance and (enough or level < FINEST * tolerance):
             move(r, change)
             return outcome, step + further, error, residual, count, moved, False, level

@@ -38,6 +38,8 @@ from .run import LOCAL, run
 # Two periods are the same if what their first states differ by, times the periods to come, is below this
 # part of the tolerance.
 SAME = 0.02
+# By what part of a period two instants may differ that are the same but for rounding.
+SAME_TIME = 1e-9
 # Local errors of a careful run, over the tolerance and the decay of a vibration; and the least share of its
 # tolerance.
 CREEPING, LEAST = 2.0 / LOCAL, 1e-4
@@ -67,20 +69,47 @@ def _alike(drive, i, j):
 
 @inlined
 def cycle_of(drive, load):
-    """How many segments make a period of the drive, and the one with which the first such period begins; 0
-    where it has none, or the normal force varies.
+    """How many segments make a period of the drive, the one with which the first such period begins, and how
+    many of the load there are in it (0: the load is constant). All are 0 where drive and load do not repeat
+    together.
 
     Behind a piezo with hysteresis the first period is unlike the others: the second begins with a jump, or
     within the segments of a period."""
     constant = load.start.size == 1 and load.first[1] == 0
     for c in range(1, 4):
         constant = constant and load.polynomial[0, c] == 0.0
-    if constant:
-        for begin in range(LONGEST_CYCLE + 1):
-            for k in range(max(begin, 1), LONGEST_CYCLE + 1):
-                if _periodic(drive, begin, k):
-                    return k, begin
-    return ZERO, ZERO
+    for begin in range(LONGEST_CYCLE + 1):
+        for k in range(max(begin, 1), LONGEST_CYCLE + 1):
+            if _periodic(drive, begin, k):
+                if constant:
+                    return k, begin, ZERO
+                segments = _of_load(drive, load, begin, k)
+                if segments > 0:
+                    return k, begin, segments
+    return ZERO, ZERO, ZERO
+
+
+@inlined
+def _of_load(drive, load, begin, cycle):
+    """How many segments of the load make a period of the drive; 0 if the load does not repeat with it."""
+    period = drive.start[begin + cycle] - drive.start[begin]
+    j, after = segment_of(load, drive.start[begin]), segment_of(load, drive.start[begin + cycle])
+    met, count = _meets(drive, load, begin, j, period), after - j
+    if met == 0 or count < 1 or count > LONGEST_CYCLE or not _periodic(load, j, count):
+        return ZERO
+    return count if _meets(drive, load, begin + cycle, after, period) == met else ZERO
+
+
+@inlined
+def _meets(drive, load, i, j, period):
+    """Whether a segment of the load begins with segment i of the drive, but for rounding: 1 if that is
+    segment j, -1 if it is the next one, which begins a moment later; else 0."""
+    t = drive.start[i]
+    if j >= load.start.size or load.start[j] > t or (j + 1 < load.start.size and load.start[j + 1] <= t):
+        return 0
+    if t - load.start[j] <= SAME_TIME * period:
+        return 1
+    return -1 if j + 1 < load.start.size and load.start[j + 1] - t <= SAME_TIME * period else 0
 
 
 @inlined
@@ -95,16 +124,28 @@ def _periodic(drive, begin, cycle):
 
 
 @inlined
-def repeats(drive, i, cycle, period, t_end):
-    """How many whole periods from segment i on, within t_end, repeat the period before i."""
-    count = 0
+def repeats(drive, load, i, cycle, of_load, period, t_end):
+    """How many whole periods from segment i of the drive on, within t_end, repeat the period before i; each
+    has `cycle` segments of the drive and `of_load` of the load (0: the load is constant)."""
+    count, j, met = 0, ZERO, 0
+    if of_load > 0:
+        j = segment_of(load, drive.start[i - cycle])
+        met = _meets(drive, load, i - cycle, j, period)
+        j += of_load
     while i + cycle <= drive.start.size:
         for k in range(i, i + cycle):
             if not _alike(drive, k, k - cycle):
                 return count
+        if of_load > 0:
+            if j + of_load > load.start.size or _meets(drive, load, i, j, period) != met:
+                return count
+            for k in range(j, j + of_load):
+                if not _alike(load, k, k - of_load):
+                    return count
+            j += of_load
         end = drive.start[i + cycle] if i + cycle < drive.start.size else t_end
         end = min(end, t_end)
-        if abs(end - drive.start[i] - period) > 1e-9 * period:
+        if abs(end - drive.start[i] - period) > SAME_TIME * period:
             return count
         count += 1
         i += cycle
@@ -142,7 +183,7 @@ def follow(
         resumed = True
         t, h, fresh = resume[TIME], resume[STEP], resume[FRESH] > 0.0
         sides, q, _ = stored(plant, resume)
-    cycle, first = cycle_of(drive, load) if moves_freely(plant) else (ZERO, ZERO)
+    cycle, first, of_load = cycle_of(drive, load) if moves_freely(plant) else (ZERO, ZERO, ZERO)
     outcome, accepted, rejected, k = DONE, 0, 0, ZERO
     i = segment_of(drive, t)
     if cycle > 0 and ((i >= first and (i - first) % cycle != 0) or drive.start[i] != t):
@@ -211,7 +252,7 @@ def follow(
         i += cycle
         period = stop - period_start
         if compared and not flushed:
-            left = repeats(drive, i, cycle, period, t_end)
+            left = repeats(drive, load, i, cycle, of_load, period, t_end)
             # With more time it might have gone on otherwise, unless the drive changes here.
             more = i + cycle < drive.start.size and drive.start[i + cycle] < t_end
             ending = ending or (left == 0 and not more)

@@ -37,7 +37,7 @@ from . import channels
 from .channels import at_nodes, next_break, segment_of
 from .outcome import DONE, LOG_FULL, STEP_TOO_SMALL, TOO_MANY_STEPS
 from .resume import INFLUENCED, store
-from .reversal import least, most, polynomial, reached, speed_at
+from .reversal import ENOUGH, least, most, polynomial, reached, speed_at
 from .starting import LONGEST, MOMENT, STILL, launched, letting_go, started
 from .step import at, take
 
@@ -59,6 +59,8 @@ ROUNDED = 1e-3
 LETS_GO, HOLDS, FORCED = 1.0 - 1e-9, 1.0 + 1e-9, 1.0 + 1e-8
 # How often within a step the force of a held contact, and the branches, are looked at.
 CHECKS = 8
+# Steps below this part of the time are not resolved; nor are so many tries in a row, as short on average.
+RESOLVED_TIME, STANDING = 1e-15, 500
 # What ends a step early.
 NOTHING, SLOWS, STOPS, BREAKS = 0, 1, 2, 3
 # Columns of the log: a step's start, its length, where it ends, the fraction of it that counts; then the
@@ -135,9 +137,11 @@ def _cut(plant, h, sides, q, new, rows, u, fast, local):
             a = polynomial(plant, e, h, q, new, rows, u)
             low = least(side, a)
             if low < 1.0 and speed_at(low, a) * side < 0.0:
-                turns = reached(0.0, 0.0, low, side, a)
+                # In the middle it slides forward: before a late least speed, whatever rounding left at first.
+                late = low > 0.5
+                turns = reached(0.0, 0.5 if late else 0.0, low, side, a)
                 if 2.0 * (low - turns) * h * _kink(plant, e, new, speed_at(low, a)) > KINK * local:
-                    if not v[e] * side > 0.0:
+                    if not (late or v[e] * side > 0.0):
                         return -1.0, e, STOPS
                     theta, reason = turns, STOPS
         if theta < cut:
@@ -257,9 +261,14 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
     """
     i, j = segment_of(drive, t), segment_of(load, t)
     accepted, rejected, logged = 0, 0, 0
-    outcome = DONE
+    outcome, tried, passed = DONE, 0, t
     turned, refused, forced, share, launch, moment = 0, False, -1, 1.0, -1, 0.0
     while t < t_end:
+        if accepted + rejected >= tried + STANDING:
+            if t - passed <= STANDING * RESOLVED_TIME * max(abs(t), 1e-3):
+                outcome = STEP_TOO_SMALL
+                break
+            tried, passed = accepted + rejected, t
         if fresh:
             u0, n0 = channels.at(drive, i, t), channels.at(load, j, t)
             sides, change, speed = started(plant, state, u0, n0, share)
@@ -311,7 +320,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             rejected += 1
             refused = True
             h = h_now * (max(0.2, 0.9 * error**-0.2) if error < 1e300 else 0.1)
-            if h <= 1e-15 * max(abs(t), 1e-3):
+            if h <= RESOLVED_TIME * max(abs(t), 1e-3):
                 outcome = STEP_TOO_SMALL
                 break
             if accepted + rejected >= max_steps:
@@ -325,6 +334,11 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             rejected += 1
             continue
         cut = abs(cut)
+        if why == STOPS and statics(plant)[which] == 0.0 and cut <= ENOUGH:
+            # By rounding it turns where it begins: a shorter step tells to which side it slides.
+            sides = replaced(sides, which, -sides[which])
+            rejected, turned, refused, h = rejected + 1, 0, True, 0.25 * h_now
+            continue
         if cut < 0.5 and (1.0 - cut) * _unstable(plant, which, state, new, u, fast) > UNSTABLE:
             rejected += 1
             h = 1.5 * cut * h_now

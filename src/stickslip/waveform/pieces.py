@@ -100,6 +100,23 @@ def cut(drive: Drive, duration: float) -> Drive:
     )
 
 
+def by_periods(drive: Drive, period: float | None, duration: float) -> Drive:
+    """A sum of sines [period in s] in one segment for each period, for then the solver sees that it repeats;
+    every other table stays as it is, and so does one that would be too large."""
+    waves = drive.harmonic[: drive.first[1]]
+    until = min(duration, float(drive.start[1])) if drive.start.size > 1 else duration
+    plain = drive.start.size <= 2 and len(waves) > 0 and not np.any(waves[:, 3])
+    plain = plain and not np.any(drive.polynomial[0, 1:]) and drive.start[0] == 0.0
+    if period is None or not plain or not 2.0 * period <= until <= MOST_PERIODS * period / len(waves):
+        return drive
+    one = drive._replace(start=drive.start[:1], polynomial=drive.polynomial[:1], first=drive.first[:2])
+    table = repeat_table(one._replace(harmonic=waves), period, None, until)
+    if drive.start.size == 1:
+        return table
+    rest = polynomials(np.zeros(1), drive.polynomial[1:])
+    return join([table, rest], [0.0, float(drive.start[1])])
+
+
 def with_breaks(drive: Drive, times: NDArray[np.float64]) -> Drive:
     """The same signal in segments that begin at these times [s] too."""
     start = np.union1d(drive.start, times)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import registry
-from ..records import quantities, record
+from ..records import DURATION, quantities, record
 from ..units import QuantityError, array_si, to_si, with_prefix
 from .drive import Drive, evaluate
 
@@ -55,7 +55,7 @@ def slope_at(waveform: Waveform, t: ArrayLike) -> NDArray[np.float64]:
 
 def breaks_within(waveform: Waveform, duration: float | str) -> NDArray[np.float64]:
     """Times [s] in [0, duration), 0 first, where a new formula begins: jumps and kinks are among them."""
-    return waveform.drive(to_si(duration, "s", "duration")).start.copy()
+    return waveform.drive(DURATION.check(duration, "duration")).start.copy()
 
 
 def _evaluated(waveform: Waveform, t: ArrayLike, which: int) -> NDArray[np.float64]:

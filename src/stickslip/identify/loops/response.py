@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ...estimate.parameter import Values
 from ...friction import elements
 from ...recording.noise import noise_level
-from ...simulation import SimulationError, friction_response
+from ...simulation import SimulationError
+from ...simulation.prescribed import prescribed_once
 from ...simulation.varied import with_values
 from ...solve.prescribed import forces_at
 from ..recorded.channels import channel, names_of
@@ -78,19 +79,19 @@ def response_of(
             begin = _odd_part((first - bias) / strength[0], values)
         law = with_values(model, own_of(values))
         try:
-            found = friction_response(
+            found = prescribed_once(
                 law,
                 fine,
                 path,
+                tolerance,
                 initial_force=begin,
                 initial_velocity=float(velocity[0]) if begin else 0.0,
-                tolerance=tolerance,
             )
         except SimulationError as error:  # to a fit, a trial point without a model
             raise ArithmeticError(str(error)) from error
-        force = found[OBSERVED].values[at]
-        states = [found[f"bristle_deflection_{e}"].values[at] for e in range(1, elements(law) + 1)]
-        forces_at(law, velocity, np.column_stack(states or [np.sign(force)]), force)
+        force = found.force[at]
+        states = found.states[at] if elements(law) else np.sign(force)[:, None]
+        forces_at(law, velocity, np.ascontiguousarray(states), force)
         uneven = values.get("asymmetry", 0.0) * np.abs(force) + values.get("curvature", 0.0) * force**2
         return bias + strength * (values.get("contact_offset", 0.0) + force + uneven)
 

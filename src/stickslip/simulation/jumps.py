@@ -1,0 +1,42 @@
+"""Drives that jump, for the models that cannot follow a jump."""
+
+from __future__ import annotations
+
+from ..actuator import Actuator
+from ..friction import elements
+from ..units import QuantityError
+from ..waveform.drive import Drive, value_slope_curvature
+from .two_port import driven_by_voltage
+
+STATIC_JUMPS = (
+    "a static stage jumps with the voltage, at infinite speed, at which a presliding law has no meaning"
+)
+INSTEAD = "give the stage a natural_frequency, or a drive without jumps (a rise_fraction < 1)"
+
+
+def cannot_jump(model: Actuator) -> bool:
+    """Whether a static stage would tear the bristles of its contact along at infinite speed, if its voltage
+    jumped. Everything that drives such a model refuses a jump; a law without bristles just slides."""
+    return model.static and not model.clamped and elements(model.friction) > 0
+
+
+def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
+    """Raise QuantityError for a drive, of this period if it has one, that jumps where the model cannot."""
+    if driven_by_voltage(model) and _jumps(table, period):
+        raise QuantityError(
+            "a piezo with a MaxwellCapacitor would take an infinite current at a jump of the voltage: give "
+            "the waveform a finite fall (rise_fraction < 1), or the amplifier's output "
+            "(stickslip.electronics.driven)"
+        )
+    if cannot_jump(model) and _jumps(table, period):
+        raise QuantityError(f"{STATIC_JUMPS}: {INSTEAD}")
+
+
+def _jumps(table: Drive, period: float | None) -> bool:
+    """Whether the drive jumps anywhere; for a periodic one, where one period meets the next instead of at the
+    start."""
+    starts = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start)]
+    ends = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start[1:])]
+    first = table.before if period is None else value_slope_curvature(table, len(starts) - 1, period)[0]
+    size = max(map(abs, (first, *starts, *ends)))
+    return any(abs(a - b) > 1e-9 * size for a, b in zip((first, *ends), starts, strict=True))
