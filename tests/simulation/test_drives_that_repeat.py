@@ -63,7 +63,7 @@ def test_periods_of_every_drive_and_load_are_copied(drive, load) -> None:
     """So a long run takes no more steps than a short one, and ends where its periods lead."""
     given = {"sample_rate": 1e3, "load": load, "tolerance": 1e-8}
     short, long = (simulate(ACTUATOR, drive, n * 1e-3, **given) for n in (100, 1000))
-    assert long.attrs["steps"] <= 3.0 * short.attrs["steps"]
+    assert long.attrs["steps"] <= 5.0 * short.attrs["steps"]
     x = long["end_effector_position"].values
     np.testing.assert_allclose(x[:101], short["end_effector_position"].values, atol=2e-8)
     step = (x[1000] - x[500]) / 500.0
@@ -73,4 +73,4 @@ def test_periods_of_every_drive_and_load_are_copied(drive, load) -> None:
 def test_a_load_that_does_not_repeat_with_the_drive_is_followed() -> None:
     load = Sine(0.1, 707.1, offset=1.0)
     short, long = (simulate(ACTUATOR, SAW, n * 1e-3, load=load, sample_rate=1e3) for n in (20, 80))
-    assert long.attrs["steps"] > 3.0 * short.attrs["steps"]
+    assert long.attrs["steps"] > 5.0 * short.attrs["steps"]

@@ -76,7 +76,7 @@ def test_steps_of_a_fast_stage_with_light_damping_keep_their_tolerance() -> None
     )
     off = np.abs(asked - finer)[np.isfinite(asked - finer)]
     assert off.size > 100
-    assert np.mean(off > TOLERANCE) <= 0.02
+    assert np.mean(off > TOLERANCE) <= 0.01
 
 
 @pytest.mark.compiled
