@@ -646,6 +646,8 @@ def waveform_rows(w: Any, end: float) -> list[tuple[float, float, float, float, 
     if isinstance(w, int | float):
         return [(0.0, float(w), 0.0, 0.0, 0.0, 0.0)]
     name = type(w).__name__
+    if name == "Lines":  # of `oracle_piezo`
+        return w.rows()
     if name == "Step":
         return [(0.0, w.offset + w.amplitude, 0.0, 0.0, 0.0, 0.0)]
     if name == "Ramp":
@@ -676,17 +678,27 @@ def table(waveform: Any, load: Any, end: float) -> Array:
     drive, normal = waveform_rows(waveform, end), waveform_rows(load, end)
     starts = sorted({row[0] for row in (*drive, *normal) if row[0] < end * (1 - 1e-12)})
     rows = []
+    begins = [np.array([r[0] for r in one]) for one in (drive, normal)]
     for t in starts:
         row = [t]
-        for one in (drive, normal):
-            s, c0, c1, a, omega, phase = [r for r in one if r[0] <= t][-1]
+        for one, begin in zip((drive, normal), begins, strict=True):
+            s, c0, c1, a, omega, phase = one[int(np.searchsorted(begin, t, side="right")) - 1]
             row += [c0 + c1 * (t - s), c1, a, omega, phase + omega * (t - s)]
         rows.append(row)
     return np.array(rows)
 
 
-def truth(actuator: Any, waveform: Any, load: Any, times: Array, rate: float, most: int = 1_500_000) -> Truth:
-    """The trajectory from rest, twice; `rate` [rad/s] is that of the drive."""
+def truth(
+    actuator: Any,
+    waveform: Any,
+    load: Any,
+    times: Array,
+    rate: float,
+    most: int = 1_500_000,
+    stiffer: float = 1.0,
+) -> Truth:
+    """The trajectory from rest, twice; `rate` [rad/s] is that of the drive, `stiffer` the factor by which a
+    commanded charge stiffens piezo and stage."""
     import time
 
     clock = time.perf_counter()
@@ -698,10 +710,11 @@ def truth(actuator: Any, waveform: Any, load: Any, times: Array, rate: float, mo
     body = np.array(
         [actuator.gain * omega**2, 2 * actuator.damping_ratio * omega, omega**2, reaction, 1 / m_e, axial]
     )
+    body[[PUSH, SPRING]] *= stiffer
     rows = table(waveform, load, float(times[-1]))
     normal = signal(rows[0], NORMAL, 0.0)[0]
     z = resting_bristles(law, -axial / normal)
-    at_rest = np.concatenate([[reaction * axial / omega**2, 0.0, 0.0, 0.0], z])
+    at_rest = np.concatenate([[reaction * axial / body[SPRING], 0.0, 0.0, 0.0], z])
     stiffness = k.sum() * (1 + p[EXCESS]) if p[KIND] > STRIBECK else 0.0
     fastest = max(omega * math.sqrt(1 + m_e * reaction), math.sqrt(stiffness * (1 / m_e + reaction)), rate)
     size = float(np.min(np.abs(resting_bristles(law, 1e9)))) if p[KIND] > STRIBECK else 1.0

@@ -3,6 +3,8 @@
 Plausible actuators of all laws, over decades of stiffness, mass, voltage and frequency, against the
 trajectories of `benchmarks.oracle`, which shares no code with the package. They are kept under `out/`, so
 that a second run is of the package only. The page is `docs/benchmarks/random-actuators.md`.
+
+Actuators whose piezo has hysteresis, creep or both: `benchmarks.random_piezos`.
 """
 
 from __future__ import annotations
@@ -22,10 +24,12 @@ from numpy.typing import NDArray
 
 import stickslip as ss
 
-from . import oracle
+from . import oracle, oracle_piezo
 
 ROOT = Path(__file__).parents[1]
-SOURCE = Path(oracle.__file__).read_bytes()  # as imported: it may change while this runs
+SOURCE = (
+    Path(oracle.__file__).read_bytes() + Path(oracle_piezo.__file__).read_bytes()
+)  # as imported: it may change while this runs
 PAGE = ROOT / "docs" / "benchmarks" / "random-actuators.md"
 TOLERANCE = 1e-9  # m
 PERIODS, SAMPLES = 3, 100
@@ -51,12 +55,22 @@ class Member(NamedTuple):
     def law(self) -> str:
         return type(self.actuator.friction).__name__
 
+    @property
+    def kind(self) -> str:
+        """The law, or the models of the piezo."""
+        if self.actuator.piezo is None:
+            return self.law
+        hysteresis, creep = self.actuator.piezo
+        name = "" if hysteresis is None else type(hysteresis).__name__
+        name += " by charge" if getattr(hysteresis, "charge_drive", False) else ""
+        return " + ".join(part for part in (name, "Creep" if creep is not None else "") if part)
 
-class _Dice:
+
+class Dice:
     """A generator of its own for each member, by what is drawn from it."""
 
-    def __init__(self, seed: int, number: int) -> None:
-        self.rng = np.random.default_rng([seed, number])
+    def __init__(self, seed: int, number: int, *further: int) -> None:
+        self.rng = np.random.default_rng([seed, number, *further])
 
     def log(self, low: float, high: float) -> float:
         return float(np.exp(self.rng.uniform(math.log(low), math.log(high))))
@@ -71,46 +85,46 @@ class _Dice:
         return choices[int(self.rng.integers(len(choices)))]
 
 
-def _coulomb(d: _Dice, c: dict[str, float]) -> Any:
+def _coulomb(d: Dice, c: dict[str, float]) -> Any:
     return ss.Coulomb(c["force"])
 
 
-def _coulomb_viscous(d: _Dice, c: dict[str, float]) -> Any:
+def _coulomb_viscous(d: Dice, c: dict[str, float]) -> Any:
     return ss.CoulombViscous(c["force"], c["viscous"])
 
 
-def _stiction(d: _Dice, c: dict[str, float]) -> Any:
+def _stiction(d: Dice, c: dict[str, float]) -> Any:
     return ss.StictionCoulombViscous(c["force"], c["stiction"], c["viscous"])
 
 
-def _stribeck(d: _Dice, c: dict[str, float]) -> Any:
+def _stribeck(d: Dice, c: dict[str, float]) -> Any:
     exponent = d.one_of(2.0, 1.0, d.log(0.3, 3.0))
     return ss.Stribeck(c["force"], c["stiction"], c["stribeck"], c["viscous"], exponent)
 
 
-def _dahl(d: _Dice, c: dict[str, float]) -> Any:
+def _dahl(d: Dice, c: dict[str, float]) -> Any:
     return ss.Dahl(c["stiffness"], c["force"], d.one_of(1.0, 1.0, 1.5, 2.0))
 
 
-def _reset(d: _Dice, c: dict[str, float]) -> Any:
+def _reset(d: Dice, c: dict[str, float]) -> Any:
     excess = c["stiction"] / c["force"] - 1.0
     return ss.ResetIntegrator(c["stiffness"], c["force"] / c["stiffness"], excess, c["damping"])
 
 
-def _lugre(d: _Dice, c: dict[str, float]) -> Any:
+def _lugre(d: Dice, c: dict[str, float]) -> Any:
     fades = d.log(1e-3, 1e-1) if d.chance(0.2) else math.inf
     return ss.LuGre(
         c["stiffness"], c["damping"], c["viscous"], c["force"], c["stiction"], c["stribeck"], fades
     )
 
 
-def _elastoplastic(d: _Dice, c: dict[str, float]) -> Any:
+def _elastoplastic(d: Dice, c: dict[str, float]) -> Any:
     begins = d.even(0.2, 0.9) * c["force"] / c["stiffness"]
     shared = (c["stiffness"], c["damping"], c["viscous"], c["force"], c["stiction"])
     return ss.Elastoplastic(*shared, begins, c["stribeck"])
 
 
-def _maxwell(d: _Dice, c: dict[str, float]) -> Any:
+def _maxwell(d: Dice, c: dict[str, float]) -> Any:
     n = d.one_of(2, 3, 4)
     shares, parts = d.rng.dirichlet(np.full(n, 3.0)), d.rng.dirichlet(np.full(n, 3.0))
     stiffness = tuple(float(x) for x in c["stiffness"] * np.maximum(parts, 0.02))
@@ -119,7 +133,7 @@ def _maxwell(d: _Dice, c: dict[str, float]) -> Any:
     return ss.MaxwellSlip(stiffness, strength, c["viscous"], ratio, c["stribeck"], d.log(1e2, 1e4))
 
 
-LAWS: dict[str, Callable[[_Dice, dict[str, float]], Any]] = {
+LAWS: dict[str, Callable[[Dice, dict[str, float]], Any]] = {
     "Coulomb": _coulomb,
     "CoulombViscous": _coulomb_viscous,
     "StictionCoulombViscous": _stiction,
@@ -132,7 +146,7 @@ LAWS: dict[str, Callable[[_Dice, dict[str, float]], Any]] = {
 }
 
 
-def _constants(d: _Dice, mass: float) -> dict[str, float]:
+def _constants(d: Dice, mass: float) -> dict[str, float]:
     """What laws are made of: friction grows with the mass, the bristle is damped by a ratio of 0 to 1."""
     stiffness = d.log(1e5, 1e8)
     force = float(np.clip(5.0 * math.sqrt(mass) * d.log(0.1, 3.0), 0.02, 5.0))
@@ -147,7 +161,7 @@ def _constants(d: _Dice, mass: float) -> dict[str, float]:
     }
 
 
-def _drive(d: _Dice, amplitude: float, frequency: float) -> Any:
+def _drive(d: Dice, amplitude: float, frequency: float) -> Any:
     fraction = 1.0 if d.chance(0.4) else d.even(0.7, 0.999)
     kind = d.one_of(ss.Sawtooth, ss.Sawtooth, ss.ReverseSawtooth, ss.Sine, ss.Step)
     if kind is ss.Step:
@@ -155,7 +169,7 @@ def _drive(d: _Dice, amplitude: float, frequency: float) -> Any:
     return kind(amplitude, frequency) if kind is ss.Sine else kind(amplitude, frequency, fraction)
 
 
-def _load(d: _Dice, frequency: float) -> Any:
+def _load(d: Dice, frequency: float) -> Any:
     """Normal force over its reference: mostly 1, else between 0.5 and 1.5."""
     if not d.chance(0.12):
         return 1.0
@@ -168,7 +182,7 @@ def _load(d: _Dice, frequency: float) -> Any:
 
 def member(number: int, seed: int) -> Member:
     """The member of this number; the laws take turns."""
-    d = _Dice(seed, number)
+    d = Dice(seed, number)
     mass, frequency = d.log(1e-3, 1.0), d.log(2.0, 2e4)
     law = list(LAWS.values())[number % len(LAWS)](d, _constants(d, mass))
     load = _load(d, frequency)
@@ -196,6 +210,8 @@ def members(count: int, seed: int = 0) -> list[Member]:
 
 def truth(m: Member) -> oracle.Truth:
     """Its trajectory by the oracle."""
+    if m.actuator.piezo is not None:
+        return oracle_piezo.truth(m.actuator, m.waveform, m.load, m.times, 2 * math.pi * m.frequency)
     return oracle.truth(m.actuator, m.waveform, m.load, m.times, 2 * math.pi * m.frequency)
 
 
@@ -220,7 +236,7 @@ def truths(chosen: list[Member], seed: int) -> Truths:
     found = []
     for m in chosen:
         found.append(truth(m))
-        if m.number % 50 == 49:
+        if m.number % 20 == 19:
             print(f"oracle: {m.number + 1} of {len(chosen)}", file=sys.stderr, flush=True)
     made = Truths(*(np.array([getattr(one, name) for one in found]) for name in Truths._fields))
     file.parent.mkdir(exist_ok=True)
@@ -259,8 +275,8 @@ def measure(m: Member, position: NDArray[np.float64]) -> Found:
 
 def _warm_up(chosen: list[Member]) -> None:
     """Compile for every law, which is not to be timed."""
-    for name in LAWS:
-        for m in [m for m in chosen if m.law == name][:2]:
+    for name in {m.kind for m in chosen}:
+        for m in [m for m in chosen if m.kind == name][:2]:
             measure(m, np.zeros(SAMPLES))
 
 
@@ -304,7 +320,7 @@ def _worst(pairs: list[tuple[Member, Found]], truth: Truths) -> str:
         what = ", ".join(
             f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
             for name, value in m.actuator._asdict().items()
-            if name in _SHOWN
+            if name in _SHOWN and value is not None
         )
         doubt = f"{truth.doubt[m.number] * 1e9:.1g}"
         rows.append(
@@ -315,14 +331,16 @@ def _worst(pairs: list[tuple[Member, Found]], truth: Truths) -> str:
 
 _SHOWN = (
     "friction", "gain", "natural_frequency", "damping_ratio", "stage_mass", "end_effector_mass",
-    "stage_reaction", "external_force", "incline",
+    "stage_reaction", "external_force", "incline", "piezo",
 )  # fmt: skip
 
 
 def _groups(pairs: list[tuple[Member, Found]]) -> list[list[str]]:
     constant = [(m, f) for m, f in pairs if isinstance(m.load, float)]
     split = {"all": pairs, "all, constant normal force": constant}
-    split |= {name: [(m, f) for m, f in constant if m.law == name] for name in LAWS}
+    of_piezo = bool(pairs) and pairs[0][0].actuator.piezo is not None
+    names = sorted({m.kind for m, _ in pairs}) if of_piezo else list(LAWS)
+    split |= {name: [(m, f) for m, f in constant if m.kind == name] for name in names}
     split["varying normal force"] = [(m, f) for m, f in pairs if not isinstance(m.load, float)]
     return [_row(name, np.array([f.error for _, f in some]) / TOLERANCE) for name, some in split.items()]
 
@@ -335,13 +353,20 @@ def page(chosen: list[Member], seed: int, truth: Truths, found: dict[int, Found]
     seconds = np.array([f.seconds for _, f in pairs]) * 1e3
     warned = sum(bool(f.said) for _, f in pairs)
     of_oracle = truth.seconds * 1e3
+    of_piezo = any(m.actuator.piezo is not None for m in chosen)
+    what, of = "actuators", "all laws"
+    if of_piezo:
+        what, of = (
+            "piezos",
+            "with hysteresis, creep or both, of all models, behind smooth, jumping and harmonic drives",
+        )
     return "\n\n".join(
         (
-            "# Random actuators",
-            f"`python -m benchmarks.random_actuators {len(chosen)} --seed {seed}`: plausible actuators drawn "
-            f"at random, all laws; {PERIODS} periods of the drive, compared at {SAMPLES} times with an "
-            "oracle that shares no code with it (`benchmarks/oracle.py`). Errors are the largest over "
-            f"the times, in tolerances of {TOLERANCE * 1e9:g} nm.",
+            f"# Random {what}",
+            f"`python -m benchmarks.random_{what} {len(chosen)} --seed {seed}`: plausible actuators drawn at "
+            f"random, {of}; {PERIODS} periods of the drive, compared at {SAMPLES} times with an oracle that "
+            f"shares no code with it (`benchmarks/oracle{'_piezo' * of_piezo}.py`). Errors are the largest "
+            f"over the times, in tolerances of {TOLERANCE * 1e9:g} nm.",
             f"{len(chosen)} members. The oracle left {left} out: its two solutions differ by more than "
             f"{WELL_KNOWN * 1e9:g} nm for {left - unsolved}, and {unsolved} it could not solve twice.",
             table(["", *HEAD], _groups(pairs)),
@@ -355,9 +380,11 @@ def page(chosen: list[Member], seed: int, truth: Truths, found: dict[int, Found]
     )
 
 
-def study(count: int, seed: int) -> tuple[list[Member], Truths, dict[int, Found]]:
+def study(
+    count: int, seed: int, draw: Callable[[int, int], Member] = member
+) -> tuple[list[Member], Truths, dict[int, Found]]:
     """Members, their truths, and what the package made of those that are known well enough."""
-    chosen = members(count, seed)
+    chosen = [draw(number, seed) for number in range(count)]
     known = truths(chosen, seed)
     _warm_up(chosen)
     found = {}
@@ -367,14 +394,14 @@ def study(count: int, seed: int) -> tuple[list[Member], Truths, dict[int, Found]
     return chosen, known, found
 
 
-def main() -> None:
+def main(draw: Callable[[int, int], Member] = member, file: Path = PAGE) -> None:
     """Run the study, print the page and write it."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.random_actuators", description=__doc__)
     parser.add_argument("count", nargs="?", type=int, default=200, metavar="COUNT")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, default=PAGE)
+    parser.add_argument("--out", type=Path, default=file)
     asked = parser.parse_args()
-    chosen, known, found = study(asked.count, asked.seed)
+    chosen, known, found = study(asked.count, asked.seed, draw)
     text = page(chosen, asked.seed, known, found)
     asked.out.write_text(text + "\n")
     print(text)

@@ -51,7 +51,8 @@ def driven(
         waveform: V; before t = 0 the amplifier rests at its value there.
         capacitance: F, of the piezo, at the amplitude in question.
         duration: s, for which it is computed.
-        tolerance: V, greatest error; see the module.
+        tolerance: V, greatest error; see the module. The error estimate of a simulation does not contain it:
+            times the gain, it should be below the tolerance of the simulation.
 
     Returns:
         A waveform that is right for 0 <= t <= duration: a `Sampled`, joined by lines; of a periodic waveform
