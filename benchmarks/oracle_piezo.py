@@ -21,7 +21,7 @@ from stickslip.piezo import BoucWen, MaxwellCapacitor, PrandtlIshlinskii
 from . import oracle
 
 Array = NDArray[np.float64]
-PER_PERIOD = 2_000  # samples; twice as many tell the error
+PER_PERIOD = 2_000  # samples; twice as many are compared
 STEP = 5e-3  # V, of Duhem models
 
 
@@ -34,10 +34,6 @@ class Lines(NamedTuple):
 
     def rows(self) -> list[tuple[float, float, float, float, float, float]]:
         return [(t, c, s, 0.0, 0.0, 0.0) for t, c, s in zip(*(a.tolist() for a in self), strict=True)]
-
-    def value(self, t: Array) -> Array:
-        i = np.maximum(np.searchsorted(self.start, t, side="right") - 1, 0)
-        return self.first[i] + self.slope[i] * (t - self.start[i])
 
 
 @njit(cache=True)
@@ -161,20 +157,23 @@ def _stops(port: MaxwellCapacitor) -> tuple[Array, Array]:
 
 
 def truth(a: ss.Actuator, waveform: Any, load: Any, times: Array, rate: float) -> oracle.Truth:
-    """The trajectory of an actuator with a piezo; its doubt contains that of the samples."""
+    """The trajectory of an actuator with a piezo. The doubt contains by how much twice as many samples move the
+    trajectory: corners of the lines may drive a contact that is near breakaway, which the drive does not show."""
     clock, end, piezo = time.perf_counter(), float(times[-1]), a.piezo
     assert piezo is not None
     port, count = piezo.hysteresis, PER_PERIOD * max(1, round(end * rate / (2.0 * math.pi)))
     if isinstance(port, MaxwellCapacitor) and not port.charge_drive:
         return _two_port_truth(a, waveform, times, clock, count)
-    fine, finer = (after(piezo, waveform, end, n) for n in (count, 2 * count))
-    shown = np.linspace(0.0, end, 7_919)[:-1]
-    off = 2.0 * a.gain * float(np.max(np.abs(fine.value(shown) - finer.value(shown))))
     stiffer = 1.0
     if isinstance(port, MaxwellCapacitor):
         stiffer += a.gain**2 * a.stage_mass * a.natural_frequency**2 / port.capacitance
-    found = oracle.truth(a, fine, load, times, rate, stiffer=stiffer)
-    return found._replace(doubt=found.doubt + off, seconds=time.perf_counter() - clock)
+    coarse, found = (
+        oracle.truth(a, after(piezo, waveform, end, n), load, times, rate, stiffer=stiffer)
+        for n in (count, 2 * count)
+    )
+    off = float(np.max(np.abs(found.position - coarse.position)))
+    doubt = found.doubt + (off if math.isfinite(off) else math.inf)
+    return found._replace(doubt=doubt, seconds=time.perf_counter() - clock)
 
 
 def _two_port_truth(a: ss.Actuator, waveform: Any, times: Array, clock: float, count: int) -> oracle.Truth:
