@@ -157,8 +157,8 @@ def _stops(port: MaxwellCapacitor) -> tuple[Array, Array]:
 
 
 def truth(a: ss.Actuator, waveform: Any, load: Any, times: Array, rate: float) -> oracle.Truth:
-    """The trajectory of an actuator with a piezo. The doubt contains by how much twice as many samples move the
-    trajectory: corners of the lines may drive a contact that is near breakaway, which the drive does not show."""
+    """The trajectory of an actuator with a piezo. The doubt contains by how much twice as many samples move
+    the trajectory: corners of the lines may drive a contact that is near breakaway."""
     clock, end, piezo = time.perf_counter(), float(times[-1]), a.piezo
     assert piezo is not None
     port, count = piezo.hysteresis, PER_PERIOD * max(1, round(end * rate / (2.0 * math.pi)))
