@@ -26,7 +26,6 @@ from stickslip.panel.folder import Folder
 from stickslip.panel.sets import Sets
 from stickslip.parameters import ParameterSetError
 from stickslip.parameters.writing import parameter_text, write_parameters
-from stickslip.recording import RecordingWarning
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
 from stickslip.rig.bench import Mounted
 from stickslip.units import QuantityError
@@ -118,10 +117,8 @@ def test_from_the_rig_to_a_fit() -> None:
     walk = measure(rig, ss.Sawtooth(65.0, 10.0, periods=2), channels, capture, limits)
     assert units(walk)["end_effector_position"] == "rad"
     slew = bench.amplifier.max_current / bench.piezo_capacitance
-    with pytest.warns(RecordingWarning, match="changes too fast for its samples"):
-        fit = ss.identify_friction(
-            walk, TURNS, ["coulomb_force", "delay"], hops=0, averaged=False, slew_rate=slew
-        )
+    free = ["coulomb_force", "delay"]  # under the drive that the recording names
+    fit = ss.identify_friction(walk, TURNS, free, hops=0, averaged=False, slew_rate=slew)
     assert fit.model is not None
     assert fit.model.rotary
     assert fit.values["coulomb_force"] == pytest.approx(TURNS.friction.coulomb_force, rel=0.02)

@@ -13,6 +13,7 @@ from stickslip.actuator import Actuator, load_actuator
 from stickslip.estimate.parameter import Parameter
 from stickslip.friction import Coulomb, Elastoplastic, LuGre
 from stickslip.identify.free import parameter
+from stickslip.identify.recorded.recorded_drive import recorded_drive
 from stickslip.identify.walk.friction import DITHERED, identify_friction
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
 from stickslip.simulation import simulate
@@ -187,7 +188,7 @@ def test_rigid_friction_delay_and_offset_in_short() -> None:
     assert fit.values["offset"] == pytest.approx(5e-8, abs=1e-10)
     assert fit.model.friction == Coulomb(fit.values["coulomb_force"])
     with pytest.warns(RecordingWarning, match="1 as jumps"):
-        sampled = identify_friction(walk, start, ["coulomb_force"], **quick)
+        sampled = identify_friction(walk, start, ["coulomb_force"], drive=recorded_drive(walk, "it"), **quick)
     assert sampled.values["coulomb_force"] == pytest.approx(0.5, rel=1e-3)
 
 
@@ -241,7 +242,7 @@ def test_a_walk_known_by_its_sampled_drive_is_fitted_as_with_its_waveform(late: 
     settings = {"model": actuator(1.2e6, 30.0, 0.6), "free": FREE, "noise": NOISE, "starts": 1}
     known = identify_friction(walk, drive=drive, **settings)
     with pytest.warns(RecordingWarning, match="3 as jumps at the instants"):
-        sampled = identify_friction(walk, **settings)
+        sampled = identify_friction(walk, drive=recorded_drive(walk, "it"), **settings)
     for name, true in TRUTH.items():
         error = sampled.standard_errors[name]
         assert abs(sampled.values[name] - true) < 3 * error
