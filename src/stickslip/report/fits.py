@@ -90,7 +90,9 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
         },
         "undetermined": list(fit.undetermined),
         "lack_of_fit": lack_numbers(fit.lack),
-        "disturbances": [disturbance_numbers(one) for one in fit.disturbances],
+        "disturbances": {
+            f"disturbance_{i}": disturbance_numbers(one) for i, one in enumerate(fit.disturbances, start=1)
+        },
         "failures": list(fit.failures),
         "remarks": list(fit.remarks),
         "advice": advice_numbers(fit.advice),
