@@ -20,7 +20,8 @@ from ..units import QuantityError
 from .advice import Advice
 from .covariance import Uncertainty
 from .goodness import Goodness, pooled_r_squared, pooled_rmse
-from .identifiability import WIDE_RATIO, undetermined
+from .identifiability import undetermined
+from .interval import interval
 from .jitter import Scatter, jitter_of
 from .lack import KnownNoise, Lack, lacks_of
 from .minima import APART, Minimum, bound, relabelled
@@ -182,7 +183,7 @@ class Fit:
         """Intervals about one minimum."""
         ties = Ties([p for p in (*self.parameters, *self.beside) if p.name in values])
         spread = ties.extended(values, known)
-        return {p.name: _interval(p, i, values[p.name], spread, t) for i, p in enumerate(ties.shown(values))}
+        return {p.name: interval(p, i, values[p.name], spread, t) for i, p in enumerate(ties.shown(values))}
 
     def with_minima(self, others: Sequence[Minimum]) -> Fit:
         """The fit with those of the other minima that are not the same as its own, or as one before."""
@@ -364,38 +365,3 @@ class Fit:
     def to_dict(self, level: float = 0.95) -> dict[str, Any]:
         """Every number with its unit, ready for JSON; None where a number does not exist."""
         return as_dict(self, level)
-
-
-def _interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: float) -> tuple[float, float]:
-    """Return the interval of one parameter about a minimum, t standard errors either way, cut at its limits.
-
-    Where the bounds only say where to search, none is an end. About an estimate that is no further from zero
-    than that, the interval is symmetric: the logarithm says nothing about zero.
-    """
-    spread, bounded, push, released, centre = uncertain
-    slope = p.slope(value)
-    if p.shift and centre is None and bounded[i] <= 0:
-        if bounded[i] and t > 0.0:
-            return p.least, min(value + slope * _inwards(t, push[i], released[i]), p.most)
-        reach = t * slope * math.sqrt(spread[i, i]) if t > 0.0 else 0.0
-        if reach >= value:
-            return p.least, min(value + reach, p.most)
-        return max(value * math.exp(-reach / value), p.least), min(value * math.exp(reach / value), p.most)
-    if bounded[i] and t > 0.0:
-        reach = _inwards(t, push[i], released[i])
-        below, above = (0.0, reach) if bounded[i] < 0 else (reach, 0.0)
-    else:
-        below = above = t * math.sqrt(spread[i, i]) if t > 0.0 else 0.0
-    q = p.coordinate(value) if centre is None else float(centre[i])
-    low, high = max(p.value(q - below), p.least), min(p.value(q + above), p.most)
-    if p.limits is not None:
-        # Linearised over so much, or held back there, an end says only that the data give none.
-        wide = high >= WIDE_RATIO * low if p.log else high - low >= p.upper - p.lower
-        low = p.least if bounded[i] < 0 or (wide and low < p.lower) else low
-        high = p.most if bounded[i] > 0 or (wide and high > p.upper) else high
-    return min(low, value), max(high, value)
-
-
-def _inwards(t: float, push: float, released: float) -> float:
-    """How far inwards of a bound the cost rises by t^2/2: over a distance d, push d + d^2 / 2 released."""
-    return t**2 / (push + math.sqrt(push**2 + t**2 / released))

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ..estimate.parameter import REACH, Parameter
 from ..estimate.tied import names_in
 from ..friction import MaxwellSlip
@@ -13,6 +15,9 @@ from ..records import Quantity, did_you_mean, quantities
 from ..simulation import varied
 from ..simulation.varied import NORMAL_FIELDS, element_of, free_names, law_of, ratios_of
 from ..units import QuantityError, to_si, turned, with_unit
+
+# m/s, of a sliding contact: with the law's force it gives the size of a damping that starts at zero.
+TYPICAL_SPEED = 1e-3
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
 
@@ -70,11 +75,12 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
     turns, in the units of that.
 
     Without bounds it is searched for within a factor `REACH` of the start first, and then as far as the law
-    allows: down to zero, where it may be zero. The scale is logarithmic, unless bounds reach down to zero or
+    allows: down to zero, where it may be zero. A damping that starts at zero has the size of the law's force
+    at `TYPICAL_SPEED`. The scale is logarithmic, unless bounds reach down to zero or
     below, or are `Linear`.
 
     Raises:
-        QuantityError: it starts at zero without bounds, or the bounds are wrong.
+        QuantityError: it starts at zero without bounds and its size is not known, or the bounds are wrong.
     """
     start, quantity = value_of(model, name)
     if name in NORMAL_FIELDS and model.normal_force is None and name in bounds:
@@ -97,15 +103,23 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
         return Parameter(
             name, start, *given, unit, log=given[0] > 0 and not (straight or square), square=square
         )
-    if not (start > 0 and math.isfinite(start)):
+    may_vanish = quantity.minimum == 0.0
+    size = _typical(law_of(model), quantity.unit) if may_vanish and start == 0.0 else start
+    if not (size > 0 and math.isfinite(size)):
         raise QuantityError(
             f"{name} starts at {start:g} {unit}".rstrip()
             + ": a parameter that does not start above zero needs bounds of its own"
         )
-    may_vanish = quantity.minimum == 0.0
-    low, high = 0.0 if may_vanish else max(start / REACH, least), min(start * REACH, most)
-    shift = start / REACH if may_vanish and not straight else 0.0
+    low, high = 0.0 if may_vanish else max(size / REACH, least), min(size * REACH, most)
+    shift = size / REACH if may_vanish and not straight else 0.0
     return Parameter(name, start, low, high, unit, log=not straight, shift=shift, limits=(least, most))
+
+
+def _typical(law: Any, unit: str) -> float:
+    """Return the size of a force or damping that starts at zero, by the law's force; 0: not known."""
+    fields = law._asdict()
+    force = float(np.max(fields.get("coulomb_force", fields.get("strength", 0.0))))
+    return {"N": force, "N s/m": force / TYPICAL_SPEED}.get(unit, 0.0)
 
 
 def check_motion(model: Any, unit: str) -> None:

@@ -67,6 +67,7 @@ def friction_response(
             stiffness does not follow in proportion, or under which the contact lifts off.
         SimulationError: the law could not be followed from one sample to the next.
     """
+    tolerance = checked_tolerance(law, tolerance)
     run = prescribed(
         law,
         time,
@@ -77,7 +78,6 @@ def friction_response(
         initial_force=initial_force,
         initial_velocity=initial_velocity,
     )
-    tolerance = checked_tolerance(law, tolerance)
 
     def finer(level: float, careful: bool) -> Prescribed:
         # Where each interval between samples is one step, smaller errors alone would change nothing.

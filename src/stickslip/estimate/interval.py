@@ -1,0 +1,44 @@
+"""Confidence interval of one parameter, from the uncertainty of its coordinate."""
+
+from __future__ import annotations
+
+import math
+
+from .covariance import Uncertainty
+from .identifiability import WIDE_RATIO
+from .parameter import Parameter
+
+
+def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: float) -> tuple[float, float]:
+    """Return the interval of one parameter about a minimum, t standard errors either way, cut at its limits.
+
+    Where the bounds only say where to search, none is an end. About an estimate that is no further from zero
+    than that, the interval is symmetric: the logarithm says nothing about zero.
+    """
+    spread, bounded, push, released, centre = uncertain
+    slope = p.slope(value)
+    if p.shift and centre is None and bounded[i] <= 0:
+        if bounded[i] and t > 0.0:
+            return p.least, min(value + slope * _inwards(t, push[i], released[i]), p.most)
+        reach = t * slope * math.sqrt(spread[i, i]) if t > 0.0 else 0.0
+        if reach >= value:
+            return p.least, min(value + reach, p.most)
+        return max(value * math.exp(-reach / value), p.least), min(value * math.exp(reach / value), p.most)
+    if bounded[i] and t > 0.0:
+        reach = _inwards(t, push[i], released[i])
+        below, above = (0.0, reach) if bounded[i] < 0 else (reach, 0.0)
+    else:
+        below = above = t * math.sqrt(spread[i, i]) if t > 0.0 else 0.0
+    q = p.coordinate(value) if centre is None else float(centre[i])
+    low, high = max(p.value(q - below), p.least), min(p.value(q + above), p.most)
+    if p.limits is not None:
+        # Linearised over so much, or held back there, an end says only that the data give none.
+        wide = high >= WIDE_RATIO * low if p.log else high - low >= p.upper - p.lower
+        low = p.least if bounded[i] < 0 or (wide and low < p.lower) else low
+        high = p.most if bounded[i] > 0 or (wide and high > p.upper) else high
+    return min(low, value), max(high, value)
+
+
+def _inwards(t: float, push: float, released: float) -> float:
+    """How far inwards of a bound the cost rises by t^2/2: over a distance d, push d + d^2 / 2 released."""
+    return t**2 / (push + math.sqrt(push**2 + t**2 / released))
