@@ -94,7 +94,10 @@ def relay(**how: Any) -> Relay:
             "from -inf V to inf V: the piezo's range is finite",
         ),
         (lambda: simulate_control(KANG, None, "1 um", "1 ms"), "controller = None must have step"),  # type: ignore[arg-type]
-        (lambda: simulate_control(KANG, MADE, "1 um", "1e12 s"), "duration = 1e.12 s .* at most 100000000"),
+        (
+            lambda: simulate_control(KANG, MADE, "1 um", "1e12 s"),
+            r"duration = 1e.12 s at rate = 20000 Hz: .* at most 20,000,000\. Ask for fewer",
+        ),
         (lambda: Estimator(KANG), r"Estimator\.model = .* must be StepModel"),  # type: ignore[arg-type]
         (lambda: Estimator(STEPS).band("95 nm"), "level = '95 nm' has the unit 'nm'"),
         (lambda: Learnt(5, 100), r"Learnt\.regulator = 5 must be Regulator"),  # type: ignore[arg-type]
