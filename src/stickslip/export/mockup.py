@@ -15,6 +15,7 @@ from typing import Any, get_args
 from ..actuator import Actuator
 from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
+from ..simulation.jumps import STATIC_JUMPS, cannot_jump
 from ..units import optional_si
 from .description import build_description, model_description, sources
 from .portable import (
@@ -91,6 +92,12 @@ def export_fmu(
     if compiler and shutil.which(compiler) is None:
         raise ExportError(f"the compiler {compiler!r} is not installed; compiler = '' leaves the binary out")
     parts = signal_chain(found, amplifier, farad, sensor, chain)
+    driven = mode != "feedforward" and parts.amplifier is None and isinstance(found.model, Actuator)
+    if fmi == 3 and driven and cannot_jump(found.model):
+        raise ExportError(
+            f"{STATIC_JUMPS}, and FMI 3 holds an input over a step: give the stage a natural_frequency, or "
+            "export fmi = 2, which takes the derivative of the input, or with the amplifier"
+        )
     files = core_files(found, parts, h, noise)
     name = re.sub(r"\W", "_", Path(found.model.name).stem) or type(found.model).__name__.lower()
     identifier = f"{name}_{mode}" if name[0].isalpha() else f"model_{name}_{mode}"

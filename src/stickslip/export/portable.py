@@ -17,6 +17,7 @@ from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
 from ..records import of_kind
 from ..simulation.drives import checked_drive
+from ..simulation.jumps import cannot_jump, refuse_jumps
 from ..units import QuantityError, optional_si, to_si, unit_for
 from ..waveform.periodic import Sawtooth, Sine
 from ..waveform.signal import Waveform
@@ -30,6 +31,8 @@ from .writing import whole
 C = Path(__file__).parent / "c"
 # Hz, of an amplifier of which only the slew rate is known.
 AT_ONCE = 1e7
+# Part of a period in which the default sawtooth of a stage that cannot jump falls: 0.4 ms, 20 default steps.
+FALL = 0.002
 CORE = ("stickslip.c", "stickslip.h", "stickslip_real.h", "stickslip_player.h")
 LICENCE = Path(__file__).parent / "c" / "LICENSE.txt"
 
@@ -56,7 +59,8 @@ def export_c(
             results.json of ``stickslip identify`` on a walk.
         out: the folder to make.
         step: s, of the example programs and of the observer's gain; the code takes any.
-        waveform: that the example plays; left out, a sawtooth of 65 V (or what the actuator takes) and 5 Hz.
+        waveform: that the example plays; left out, a sawtooth of 65 V (or what the actuator takes) and 5 Hz,
+            which falls in 0.4 ms where the model cannot follow a jump (a static stage with a presliding law).
         duration: s, of it; left out, its own, or eight periods.
         motion: that the feedforward example follows, a waveform in m; left out, a sine of a tenth of the
             stroke.
@@ -93,6 +97,8 @@ def export_c(
         raise QuantityError(f"the input of an amplifier is in V, not in {drive.unit}")
     files = core_files(found, parts, h, noise)
     steps = played(drive, h, seconds)
+    if amplifier is None and isinstance(found.model, Actuator):
+        refuse_jumps(found.model, drive.drive(h * steps.steps), None)
     table = table_h("stickslip_waveform", repr_of(drive), steps, h)
     half = in_half(steps, drive, h, seconds)
     files["stickslip_halved.h"] = table_h("stickslip_halved", repr_of(drive), half, 0.5 * h)
@@ -230,7 +236,8 @@ def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform
         return Sawtooth(1e-4, 1.0, periods=4, unit="m")
     if amplifier is not None:
         return Sawtooth((min(65.0, model.max_voltage) - amplifier.offset) / amplifier.gain, 5.0, periods=8)
-    return Sawtooth(min(65.0, model.max_voltage), 5.0, periods=8, offset=max(0.0, model.min_voltage))
+    rise = 1.0 - FALL if cannot_jump(model) else 1.0
+    return Sawtooth(min(65.0, model.max_voltage), 5.0, rise, periods=8, offset=max(0.0, model.min_voltage))
 
 
 def _default_motion(model: Actuator, h: float) -> Waveform:

@@ -22,6 +22,9 @@ enum { Y, W, X, S, MORE, INPUT = STICKSLIP_MOVING, CHANGE, ONE, FORCE, SIZE };
 enum { EVALUATIONS = 6, HALVINGS = 10, SUBSTEPS_AT_REST = 60 };
 
 static const double LIMIT = 1e6; /* of an input without limits of its own */
+/* Of the deflection at which the contact breaks away: by less no input jumps. The ends of lines that join are apart by
+ * their rounding, some 1e-6 of it; and a static stage that jumps by less is off by less than a nanometre for a step. */
+static const double LEAST_JUMP = 1e-4;
 
 /* ---- The stage: the sum of its modes ---------------------------------------------------------------------- */
 
@@ -667,6 +670,13 @@ int stickslip_step(const stickslip_plant *plant, stickslip_state *state, real_t 
     return stickslip_step_ramp(plant, state, input, input);
 }
 
+/* Whether an input that jumps by this takes a static stage, and the bristles of its contact, along. */
+static bool jumps(const stickslip_plant *plant, real_t change)
+{
+    const real_t force = plant->stiffness * plant->mechanism.gain * change;
+    return plant->mechanism.kinematic && !plant->mechanism.clamped && (r_abs(force) > R(LEAST_JUMP) * plant->holding);
+}
+
 int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, real_t begin, real_t end)
 {
     int bits = STICKSLIP_OK;
@@ -680,6 +690,7 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
 #endif
     bits |= admitted(plant, state->input, plant->low, plant->high, &begin);
     bits |= admitted(plant, begin, plant->low, plant->high, &end);
+    bits |= jumps(plant, begin - state->input) ? STICKSLIP_JUMPED : STICKSLIP_OK;
 
     const real_t last = end;
 #if STICKSLIP_PIEZO && !STICKSLIP_TWO_PORT

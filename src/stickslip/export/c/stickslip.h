@@ -21,8 +21,11 @@ enum {
     STICKSLIP_INPUT_CLIPPED = 1,   /* the input was outside its limits and was cut to them */
     STICKSLIP_INPUT_NOT_FINITE = 2, /* the input was NaN or infinite: the last one was kept; no correction by it */
     STICKSLIP_WOULD_SLIDE = 4,     /* feedforward: the wanted motion needs more than friction holds */
-    STICKSLIP_ESTIMATE_LOST = 8    /* observer: not finite, or farther from the measured position than the stage can
+    STICKSLIP_ESTIMATE_LOST = 8,   /* observer: not finite, or farther from the measured position than the stage can
                                     * go; begun again at rest where that is */
+    STICKSLIP_JUMPED = 16          /* the step began elsewhere than the last one ended, and a static stage would jump with
+                                    * it, at infinite speed, at which a presliding law has no meaning: the motion is
+                                    * wrong. Play lines that join, or give natural_frequency a finite value */
 };
 
 #define STICKSLIP_MOVING (4 + 2 * STICKSLIP_FURTHER) /* positions and velocities of the modes and the end-effector */
@@ -122,7 +125,7 @@ const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *p
  * what it can of the external force. */
 void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t input);
 
-/* One step with the input held, as a converter holds it. Returns bits. */
+/* One step with the input held, as a converter holds it: a static stage jumps with it. Returns bits. */
 int stickslip_step(const stickslip_plant *plant, stickslip_state *state, real_t input);
 
 /* One step with an input that goes from one value to another in a straight line: exact for a ramp. */

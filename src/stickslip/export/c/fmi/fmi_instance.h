@@ -179,7 +179,11 @@ static const char *fmi_advance(fmi_data *data, double length, const char **warni
         for (long k = 0; k < steps; ++k) {
             const real_t begin = data->input[0] + data->slope * (real_t)((double)k * h);
             const real_t end = data->input[0] + data->slope * (real_t)((double)(k + 1) * h);
-            (void)stickslip_step_ramp(&data->plant, &data->state, begin, end);
+            if ((stickslip_step_ramp(&data->plant, &data->state, begin, end) & STICKSLIP_JUMPED) != 0) {
+                return "the voltage jumps, and a static stage would jump with it, at infinite speed, at which a presliding "
+                       "law has no meaning: give 'natural_frequency' a finite value, or the voltage its derivative (FMI 2 "
+                       "only), with which one line ends where the next begins, or export the model with its amplifier";
+            }
             if (MODE == PLANT) {
                 fmi_halves(data, begin, end);
             }

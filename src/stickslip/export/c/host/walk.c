@@ -34,6 +34,7 @@ int main(void)
     const long every = (1.0 / (ROWS_PER_SECOND * h) > 1.0) ? lround(1.0 / (ROWS_PER_SECOND * h)) : 1L;
     const char *wrong = stickslip_init(&plant, &parameters, h);
     double apart = 0.0, path = 0.0, last = NAN;
+    int bits = STICKSLIP_OK;
     if (wrong == NULL) {
         wrong = stickslip_init(&halved, &parameters, STICKSLIP_HALVED_STEP);
     }
@@ -53,7 +54,7 @@ int main(void)
         if (!stickslip_play(&player, &begin, &end)) {
             break;
         }
-        (void)stickslip_step_ramp(&plant, &state, begin, end);
+        bits |= stickslip_step_ramp(&plant, &state, begin, end);
         play(&halved, &finer, &halves);
         play(&halved, &finer, &halves);
         {
@@ -64,7 +65,10 @@ int main(void)
             last = position;
         }
     }
-    if (!(apart <= MOST_OF_PATH * path)) {
+    if ((bits & STICKSLIP_JUMPED) != 0) {
+        fputs("walk: the waveform jumps, which a static stage with a presliding law cannot follow: the motion is wrong\n",
+              stderr);
+    } else if (!(apart <= MOST_OF_PATH * path)) {
         fprintf(stderr,
                 "walk: %.3g s is too long a step for this contact and drive: in half of it the end-effector is up to "
                 "%.3g elsewhere, %.2g %% of its path\n",
