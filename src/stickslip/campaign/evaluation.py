@@ -187,10 +187,10 @@ def _stage(
     file: CampaignFile, recordings: Sequence[Aligned], model: Actuator, progress: Progress, kept: Kept
 ) -> _Stage:
     """Hysteresis and creep, then the mode, as far as there are recordings for them."""
+    hysteresis = None
     if any(one.use == "piezo" for one in recordings):
         progress("identifying hysteresis and creep", 0.0)
-    hysteresis = kept.stage("hysteresis", partial(hysteresis_of, file, recordings, model))
-    if hysteresis is not None:
+        hysteresis = kept.stage("hysteresis", partial(hysteresis_of, file, recordings, model))
         model = hysteresis.fit.model
     steps = [one.recording for one in recordings if one.use == "step"]
     if not steps:

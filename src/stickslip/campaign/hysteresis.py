@@ -61,11 +61,9 @@ class Hysteresis(NamedTuple):
         return replace(stage, uncertainty=stage.uncertainty._replace(covariance=covariance))
 
 
-def hysteresis_of(file: CampaignFile, recordings: Sequence[Aligned], model: Actuator) -> Hysteresis | None:
-    """Of the recordings that are for it; None without."""
+def hysteresis_of(file: CampaignFile, recordings: Sequence[Aligned], model: Actuator) -> Hysteresis:
+    """Return what the recordings with `use: piezo` show, of which there is at least one."""
     shown = [one for one in recordings if one.use == "piezo"]
-    if not shown:
-        return None
     return hysteresis_in([one.recording for one in shown], model, file.reference or POSITION)
 
 

@@ -255,8 +255,9 @@ def test_a_flank_that_the_samples_hide_is_warned_of() -> None:
     drive = Sawtooth(65.0, 5.0, rise_fraction=0.998)
     walk = simulate(actuator(*TRUTH.values()), drive, 0.45, tolerance=1e-10)
     settings = {"model": actuator(*TRUTH.values()), "free": FREE[2:], "noise": NOISE, "starts": 1}
+    of_another = walk.assign(drive_voltage=walk["drive_voltage"].drop_attrs().assign_attrs(units="V"))
     with pytest.warns(RecordingWarning, match="give it as the drive"):
-        sampled = identify_friction(walk, **settings)
+        sampled = identify_friction(of_another.drop_attrs(deep=False), **settings)
     assert (
         abs(sampled.values["coulomb_force"] - TRUTH["coulomb_force"])
         > 3 * sampled.standard_errors["coulomb_force"]
