@@ -69,7 +69,9 @@ def test_a_calibrated_sensor_takes_a_standard_name() -> None:
     bare = recording().drop_vars("end_effector_position")
     calibrated = apply_calibration(bare, {"sensor": CHAIN}, {"sensor": "end_effector_position"})
     assert list(calibrated.data_vars) == ["end_effector_position"]
-    assert calibrated["end_effector_position"].attrs == {"units": "m", "long_name": "end-effector position"}
+    attrs = {**calibrated["end_effector_position"].attrs}
+    assert attrs.pop("scale_uncertainty") == pytest.approx(np.hypot(0.0141, 0.021), rel=1e-2)
+    assert attrs == {"units": "m", "long_name": "end-effector position"}
     assert "end_effector_position" in json.loads(calibrated.attrs["calibration"])
     with pytest.raises(CalibrationError, match="force is a quantity in N"):
         apply_calibration(bare, {"sensor": CHAIN}, {"sensor": "force"})

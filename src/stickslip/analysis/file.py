@@ -13,6 +13,7 @@ from ..calibration import apply_calibration
 from ..datasets import dataset_path
 from ..input_file import Hertz, InputFileError, Seconds, Strict
 from ..readers import read_recording
+from ..recording import SCALE_UNCERTAINTY, RecordingError
 from ..registry import own_path
 
 AnalysisError = InputFileError
@@ -20,7 +21,7 @@ AnalysisError = InputFileError
 Pairs = Annotated[dict[str, tuple[float | str, float | str]], Field(default_factory=dict)]
 # Parts of one file that agree in these are of one reading.
 _FORMAT = ("columns", "units", "sample_rate", "reader", "rows", "missing")
-OF_SOURCE = {"dataset", "file", "calibration", "rename", *_FORMAT}
+OF_SOURCE = {"dataset", "file", "calibration", "rename", "scale_uncertainty", *_FORMAT}
 
 
 class SourceFile(Strict):
@@ -43,12 +44,15 @@ class RecordingFile(SourceFile):
     """A recording in a file: `columns` and `units` as for `read_recording`; `calibration` names those of a
     variable, in order, and `rename` calls it otherwise then; `start` and `end` cut a part of it out. `reader`
     is its format, where the content does not tell, or one of one's own, "my_reader.py:scope"; `rows` and
-    `missing` are as for `read_recording`: the samples to read, and what is done where a number is missing."""
+    `missing` are as for `read_recording`: the samples to read, and what is done where a number is missing.
+    `scale_uncertainty` is the relative standard uncertainty of a variable's scale, where its calibrations do
+    not say it."""
 
     columns: dict[str, str | int | list[str | int]] = Field(default_factory=dict)
     units: dict[str, str] = Field(default_factory=dict)
     calibration: dict[str, list[str]] = Field(default_factory=dict)
     rename: dict[str, str] = Field(default_factory=dict)
+    scale_uncertainty: dict[str, Annotated[float, Field(gt=0, lt=1)]] = Field(default_factory=dict)
     sample_rate: Hertz | None = None
     reader: str = ""
     rows: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=1)] | None] = (0, None)
@@ -65,6 +69,15 @@ class RecordingFile(SourceFile):
 
     def read(self, folder: Path) -> xr.Dataset:
         """All that the file holds, calibrated; raises RecordingError and CalibrationError."""
+        recording = self._calibrated(folder)
+        for name, share in self.scale_uncertainty.items():
+            if name not in recording:
+                known = ", ".join(map(str, recording.data_vars))
+                raise RecordingError(f"scale_uncertainty: there is no variable {name!r}; there are {known}")
+            recording[name].attrs[SCALE_UNCERTAINTY] = share
+        return recording
+
+    def _calibrated(self, folder: Path) -> xr.Dataset:
         columns = {k: tuple(v) if isinstance(v, list) else v for k, v in self.columns.items()}
         own, name = own_path(self.reader)
         recording = read_recording(

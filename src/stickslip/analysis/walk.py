@@ -266,6 +266,7 @@ def walk_document(
     if unseen:
         verified = f" On {len(unseen)} that it has not seen, r² is {near_one(min(unseen))} or more."
     fitted = len(rows) - len(unseen)
+    scales = [one.sentence for one in fit.systematics]
     origin = origin_of(
         model, [walk.recording for walk in walks.values()], [p.name for p in fit.shown if not p.fixed]
     )
@@ -275,7 +276,7 @@ def walk_document(
         summary=f"{len(fit.parameters)} parameters fitted to {fitted} recording{'s' if fitted > 1 else ''}: "
         f"r² {near_one(fit.r_squared)}."
         + verified
-        + "".join(f" {text[0].upper()}{text[1:]}." for text in (*failures, *fit.remarks)),
+        + "".join(f" {text[0].upper()}{text[1:]}." for text in (*failures, *scales, *fit.remarks)),
         sections=(
             Section(
                 "Parameters",

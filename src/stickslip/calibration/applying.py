@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import warnings
 from collections.abc import Mapping, Sequence
@@ -12,7 +13,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..recording import STANDARD_NAMES, RecordingError, RecordingWarning, fits_name, validate_recording
+from ..recording import (
+    SCALE_UNCERTAINTY,
+    STANDARD_NAMES,
+    RecordingError,
+    RecordingWarning,
+    fits_name,
+    validate_recording,
+)
 from .polynomial import Calibration, CalibrationError
 from .storage import load_calibration, to_text
 
@@ -80,6 +88,7 @@ def apply_calibration(
             _warn_beyond(name, calibration, values)
             values = calibration(values)
         attrs = {**recording[name].attrs, "units": loaded[-1].y_unit}
+        attrs |= scale_attribute(loaded, attrs.pop(SCALE_UNCERTAINTY, 0.0))
         if new != name:
             attrs["long_name"] = standard.long_name if standard else new.replace("_", " ")
             made = made.drop_vars(name)
@@ -90,6 +99,15 @@ def apply_calibration(
             raise CalibrationError(f"{name!r} is renamed but not calibrated")
     made.attrs["calibration"] = calibration_attribute(applied, str(recording.attrs.get("calibration", "")))
     return validate_recording(made)
+
+
+def scale_attribute(chain: Sequence[Calibration], before: float = 0.0) -> dict[str, float]:
+    """Return the attribute of a variable that says how uncertain its scale is after these calibrations.
+
+    It is empty where one of them does not say; `before` is the uncertainty of what they are applied to.
+    """
+    known = [one.scale_uncertainty for one in chain if one.scale_uncertainty is not None]
+    return {SCALE_UNCERTAINTY: math.hypot(before, *known)} if chain and len(known) == len(chain) else {}
 
 
 def _warn_beyond(name: str, calibration: Calibration, values: NDArray[np.float64]) -> None:

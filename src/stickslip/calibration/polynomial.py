@@ -26,7 +26,8 @@ class Calibration:
 
     Fields: `coefficients` [order + 1], lowest power first, in y_unit/x_unit^k; `low`, `high`, range of x for
     which it was made; `max_error`, `rms_error`, in y_unit, against the single readings; `residual_deviation`,
-    in y_unit, of the fitted means, with its `degrees_of_freedom`; `covariance` of the coefficients. What a
+    in y_unit, of the fitted means, with its `degrees_of_freedom`; `covariance` of the coefficients;
+    `scale_uncertainty`, relative standard uncertainty of dy/dx, root mean square over the range. What a
     source does not say is None.
     """
 
@@ -42,6 +43,7 @@ class Calibration:
     residual_deviation: float | None = None
     degrees_of_freedom: int | None = None
     covariance: tuple[tuple[float, ...], ...] | None = None
+    scale_uncertainty: float | None = None
 
     @property
     def order(self) -> int:
@@ -151,20 +153,36 @@ def fit_calibration(
         covariance = tuple(tuple(float(c) for c in row) for row in scaled)
     coefficients = tuple(float(c) for c in found * units)
     errors = _polynomial(coefficients, readings) - y[:, None]
+    low, high = float(readings.min()), float(readings.max())
     return Calibration(
         name=name,
         coefficients=coefficients,
         x_unit=x_unit,
         y_unit=y_unit,
-        low=float(readings.min()),
-        high=float(readings.max()),
+        low=low,
+        high=high,
         source=source,
         max_error=float(np.abs(errors).max()),
         rms_error=float(np.sqrt(np.mean(errors**2))),
         residual_deviation=deviation,
         degrees_of_freedom=freedom,
         covariance=covariance,
+        scale_uncertainty=None if covariance is None else _of_slope(coefficients, covariance, low, high),
     )
+
+
+def _of_slope(coefficients: Sequence[float], covariance: ArrayLike, low: float, high: float) -> float:
+    """Return the relative standard uncertainty of the slope, root mean square over a range."""
+    x, powers = np.linspace(low, high, 201), np.arange(1, len(coefficients))
+    # Scaled as in `prediction_band`: powers of x differ by decades.
+    scale = max(abs(low), abs(high), 1e-300)
+    units = scale ** np.arange(len(coefficients))
+    rows = np.zeros((x.size, len(coefficients)))
+    rows[:, 1:] = powers * np.power.outer(x / scale, powers - 1)
+    slopes = rows @ (np.asarray(coefficients) * units)
+    variance = np.einsum("ni,ij,nj->n", rows, np.asarray(covariance) * np.outer(units, units), rows)
+    with np.errstate(divide="ignore"):
+        return float(np.sqrt(np.mean(np.maximum(variance, 0.0) / slopes**2)))
 
 
 def cross_validation(x: ArrayLike, y: ArrayLike, orders: Sequence[int] = range(1, 8)) -> dict[int, float]:

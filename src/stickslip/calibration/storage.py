@@ -95,7 +95,8 @@ def from_text(text: str) -> Calibration:
         if not square or not all(_numbers(row) and len(row) == len(rows) for row in rows):
             raise CalibrationError("'covariance' must be a square of numbers, one row per coefficient")
         content["covariance"] = tuple(tuple(map(float, row)) for row in rows)
-    for key in ("max_error", "rms_error", "residual_deviation", "degrees_of_freedom"):
+    figures = ("max_error", "rms_error", "residual_deviation", "degrees_of_freedom", "scale_uncertainty")
+    for key in figures:
         if content.get(key) is not None and not _numbers([content[key]]):
             raise CalibrationError(f"{key!r} must be a number")
     for key in ("name", "source"):

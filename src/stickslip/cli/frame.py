@@ -223,7 +223,10 @@ def _shown(number: Number) -> str:
 
     if number.low is None or number.high is None:
         return text(number.value)
-    return f"{text(number.value)} ({100 * number.level:g} %: {text(number.low)} to {text(number.high)})"
+    found = f"{100 * number.level:g} %: {text(number.low)} to {text(number.high)}"
+    if number.both is not None:
+        found += f"; with systematic errors: {text(number.both[0])} to {text(number.both[1])}"
+    return f"{text(number.value)} ({found})"
 
 
 def _version(asked: bool) -> None:

@@ -32,6 +32,7 @@ from .tied import Ties
 
 if TYPE_CHECKING:
     from .disturbances import Disturbance
+    from .systematic import Systematic
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -62,6 +63,8 @@ class Fit:
         doubts: sentences on what other checks have against the values; `failures` tells them.
         advice: what the model lacks, where it does not explain its recordings.
         predict: from any recording, seen or not, to the values of that channel by the model, shape (n,).
+        systematics: errors that all data have in common, such as that of a sensor's scale, as far as they are
+            known; `report` and `to_dict` show the intervals that allow for them too.
         unpredicted: why there is no `predict`, and what to use instead; empty where there is one.
         beside: parameters that are fixed or tied to others.
         noise: standard deviation that each recording's data were weighted with, one number or shape (n,), in
@@ -102,6 +105,7 @@ class Fit:
     loss_scale: float = 1.0
     exchangeable: tuple[tuple[str, ...], ...] = ()
     unpredicted: str = ""
+    systematics: tuple[Systematic, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)

@@ -7,6 +7,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from .systematic import systematic_numbers
+
 if TYPE_CHECKING:
     from .result import Fit
 
@@ -17,13 +19,15 @@ CORRELATED = 0.3
 def as_text(fit: Fit, level: float) -> str:
     """A text table of values with units and intervals, goodness of fit, and what is not determined."""
     intervals, errors = fit.confidence_intervals(level), fit.standard_errors
-    values = [("parameter", "value", "standard error", f"{100 * level:g} % interval", "unit")]
+    wider = systematic_numbers(fit, level)
+    more = ("with systematic errors",) if wider else ()
+    heads = ("parameter", "value", "standard error", f"{100 * level:g} % interval", *more, "unit")
+    values: list[tuple[str, ...]] = [heads]
     for p in fit.shown:
-        low, high = intervals[p.name]
+        ends = [intervals[p.name], *([wider[p.name]["both"]] if wider else [])]
         value, error = f"{fit.values[p.name]:.6g}", f"{errors[p.name]:.3g}"
-        values.append(
-            (p.name, value, error, f"{low:.6g} .. {high:.6g}", f"{p.unit or '-'} {p.state}".strip())
-        )
+        shown = (f"{low:.6g} .. {high:.6g}" for low, high in ends)
+        values.append((p.name, value, error, *shown, f"{p.unit or '-'} {p.state}".strip()))
     rows = [("recording", "r^2", "rmse", "unit", "data", "lag-1 correlation of residuals")]
     for g in fit.recordings:
         figures = f"{g.n_data}", f"{g.lag_one_correlation:.3f}"
@@ -43,6 +47,7 @@ def as_text(fit: Fit, level: float) -> str:
         lines.append(
             "the residuals are correlated, which these intervals do not allow for: they are too narrow"
         )
+    lines += [f"systematic: {one.sentence}" for one in fit.systematics]
     return "\n".join([*lines, *fit.undetermined, *fit.remarks])
 
 
@@ -54,6 +59,7 @@ def preformatted(result: Any) -> str:
 def as_dict(fit: Fit, level: float) -> dict[str, Any]:
     """Every number with its unit, ready for JSON; None where a number does not exist."""
     intervals, errors = fit.confidence_intervals(level), fit.standard_errors
+    wider = systematic_numbers(fit, level)
     found = {
         "parameters": {
             p.name: {
@@ -62,6 +68,7 @@ def as_dict(fit: Fit, level: float) -> dict[str, Any]:
                 "standard_error": errors[p.name],
                 "interval": list(intervals[p.name]),
                 "level": level,
+                **({f"interval_{k}": list(v) for k, v in wider[p.name].items()} if wider else {}),
                 "bounds": [p.lower, p.upper],
                 **({"fixed": True} if p.fixed else {"tied": p.tied} if p.tied else {}),
             }
@@ -89,6 +96,10 @@ def as_dict(fit: Fit, level: float) -> dict[str, Any]:
         "lack_of_fit": [{**one._asdict(), "seen": one.seen, "sentence": one.sentence} for one in fit.lack],
         "disturbances": [{**one._asdict(), "sentence": one.sentence} for one in fit.disturbances],
         "failures": list(fit.failures),
+        "systematics": [
+            {"cause": one.cause, "uncertainty": one.uncertainty, "sentence": one.sentence}
+            for one in fit.systematics
+        ],
         "remarks": list(fit.remarks),
         "advice": None if fit.advice is None else fit.advice.to_dict(),
         "minima": [{"values": m.values, "excess": m.excess} for m in fit.minima],

@@ -21,6 +21,7 @@ from ..estimate.parameter import Parameter
 from ..estimate.problem import FitError
 from ..estimate.result import Fit
 from ..estimate.saved import packed, unpacked
+from ..estimate.systematic import Systematic
 from ..friction import is_law
 from ..piezo import Piezo
 from ..recording.replacing import replaced_whole
@@ -36,7 +37,7 @@ FORMAT = "stickslip fit"
 _TYPES: tuple[type, ...] = (
     Actuator, Advice, AmplitudeModel, Chain, Disturbance, Filter, Uncertainty, KnownNoise, Minimum,
     Parameter, Fit, Goodness, LoopPrediction, ModalModel, Piezo, PiezoPrediction, Predictor,
-    StaticPrediction, StepPrediction,
+    StaticPrediction, StepPrediction, Systematic,
 )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from .exports import save_csv as save_csv
 from .exports import save_matlab as save_matlab
+from .schema import SCALE_UNCERTAINTY as SCALE_UNCERTAINTY
 from .schema import SCHEMA_VERSION as SCHEMA_VERSION
 from .schema import STANDARD_NAMES as STANDARD_NAMES
 from .schema import RecordingError as RecordingError

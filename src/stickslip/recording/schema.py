@@ -23,6 +23,8 @@ from ..units import QuantityError, turned
 from .conversion import to_si_unit
 
 SCHEMA_VERSION = 1
+# Attribute of a variable: relative standard uncertainty of its scale, which all its samples have in common.
+SCALE_UNCERTAINTY = "scale_uncertainty"
 
 
 class RecordingError(ValueError):

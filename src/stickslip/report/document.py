@@ -26,7 +26,8 @@ class Number:
     """A value with its unit (SI, "" for a plain number) and, where it is known, how sure it is.
 
     `low` and `high` bound the confidence interval of the `level`; `note` says why a value is missing (NaN),
-    or anything else that has to be known about it.
+    or anything else that has to be known about it. `systematic` are the ends for systematic errors alone,
+    `both` those for these and the statistical ones together.
     """
 
     value: float
@@ -36,6 +37,8 @@ class Number:
     standard_error: float | None = None
     level: float = 0.95
     note: str = ""
+    systematic: tuple[float, float] | None = None
+    both: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.unit, str):

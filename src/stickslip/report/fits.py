@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from ..estimate.advice import Advice
 from ..estimate.disturbances import Disturbance
 from ..estimate.lack import Lack
 from ..estimate.result import Fit
+from ..estimate.systematic import systematic_numbers
 from .document import Column, Number, Table
 
 
 def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:
     """Each parameter with its standard error and confidence interval, which a fixed one has not."""
     errors, intervals = fit.standard_errors, fit.confidence_intervals(level)
-    return {
-        p.name: Number(fit.values[p.name], p.unit)
-        if p.fixed
-        else Number(fit.values[p.name], p.unit, *intervals[p.name], errors[p.name], level)
-        for p in fit.shown
-    }
+    wider = systematic_numbers(fit, level)
+    found = {}
+    for p in fit.shown:
+        value, more = fit.values[p.name], wider.get(p.name)
+        number = Number(value, p.unit, *intervals[p.name], errors[p.name], level)
+        if more is not None:
+            number = replace(number, systematic=more["systematic"], both=more["both"])
+        found[p.name] = Number(value, p.unit) if p.fixed else number
+    return found
 
 
 # A table of more parameters is read by nobody: it shows the first ones, which are the poles of many modes.
@@ -33,18 +38,33 @@ def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
         Column("parameter"),
         Column(f"estimate [{100 * level:g} % interval]"),
         Column("standard error"),
+        *([Column("with systematic errors")] if fit.systematics else []),
     )
     errors, numbers = fit.standard_errors, estimates(fit, level)
     rows = [
-        (f"{p.name} {p.state}".strip(), numbers[p.name], Number(errors[p.name], p.unit, note="at its bound"))
+        (
+            f"{p.name} {p.state}".strip(),
+            numbers[p.name],
+            Number(errors[p.name], p.unit, note="at its bound"),
+            *([_wider(numbers[p.name])] if fit.systematics else []),
+        )
         for p in fit.shown[: len(fit.shown) if len(fit.shown) <= MOST_ROWS else FIRST_ROWS]
     ]
     left = len(fit.shown) - len(rows)
     more = f"{left} further parameters are in results.json." if left else ""
     state = f"{'Converged' if fit.converged else 'NOT CONVERGED'}: {fit.message}."
     searches = f"{fit.starts_agreeing} of {fit.starts} searches ended here." if fit.starts > 1 else ""
-    said = (more, state, searches, *map(_sentence, (fit.other_minima, *fit.undetermined, *doubts(fit))))
+    scales = [one.sentence for one in fit.systematics]
+    told = (fit.other_minima, *scales, *fit.undetermined, *doubts(fit))
+    said = (more, state, searches, *map(_sentence, told))
     return Table(caption, columns, rows, notes=" ".join(filter(None, said)))
+
+
+def _wider(number: Number) -> Number | None:
+    """Return the value with the interval that allows for systematic errors too."""
+    if number.both is None:
+        return None
+    return Number(number.value, number.unit, *number.both, level=number.level)
 
 
 def doubts(fit: Fit) -> tuple[str, ...]:
@@ -94,6 +114,10 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
             f"disturbance_{i}": disturbance_numbers(one) for i, one in enumerate(fit.disturbances, start=1)
         },
         "failures": list(fit.failures),
+        "systematics": {
+            one.cause: {"uncertainty": Number(one.uncertainty, ""), "sentence": one.sentence}
+            for one in fit.systematics
+        },
         "remarks": list(fit.remarks),
         "advice": advice_numbers(fit.advice),
     }

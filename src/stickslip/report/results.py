@@ -48,6 +48,9 @@ def _number(number: Number) -> dict[str, Any]:
         found |= {"low": number.low, "high": number.high, "level": number.level}
     if number.standard_error is not None:
         found["standard_error"] = number.standard_error
+    for name, ends in (("systematic", number.systematic), ("both", number.both)):
+        if ends is not None:
+            found[name] = {"low": ends[0], "high": ends[1], "level": number.level}
     if number.note:
         found["note"] = number.note
     return _quantity(found)

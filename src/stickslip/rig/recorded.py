@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from ..calibration import Calibration
-from ..calibration.applying import calibration_attribute
+from ..calibration.applying import calibration_attribute, scale_attribute
 from ..calibration.storage import from_text, to_text
 from ..electronics import Filter, filtered
 from ..recording import make_recording
@@ -80,6 +80,8 @@ class Making(NamedTuple):
             calibration=calibration_attribute(texts),
             processing="; ".join(self._steps()),
         )
+        for name, channel in self.channels.items():
+            made[name].attrs.update(scale_attribute(channel.calibration))
         made.attrs.update(self.texts)
         made.attrs["capture"] = json.dumps(_plain(self.capture))
         made.attrs["limits"] = json.dumps(

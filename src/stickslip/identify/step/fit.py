@@ -30,6 +30,7 @@ from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
 from ..recorded.known_noise import resolution
 from ..recorded.screen import Moved, refuse_noise, refuse_swapped, said_gain
+from ..scales import ByKnown, model_values, with_scales
 from .at_piezo import check_known
 from .at_piezo import response as piezo_response
 from .first_look import Look, Response, common_look, first_look
@@ -146,7 +147,15 @@ def identify_step(
         ),
         predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed, piezo).predict,
     )
-    return with_disturbances(fit)
+    return with_disturbances(with_scales(fit, recordings_of(recordings), _by_drive))
+
+
+def _by_drive(fit: Fit) -> ByKnown:
+    """Return the derivative by the scale of the drive: all that the model shows but offsets and drifts."""
+    assert fit.jacobian is not None
+    level = [i for i, p in enumerate(fit.parameters) if p.name.startswith(("offset_", "drift_"))]
+    own = fit.jacobian[:, level] @ [fit.values[fit.parameters[i].name] for i in level]
+    return ByKnown(model_values(fit) - own)
 
 
 def _screen(recordings: Sequence[xr.Dataset], observed: str) -> None:

@@ -41,6 +41,7 @@ from ..recorded.channels import names_of, recordings_of, unit_of
 from ..recorded.drives import taken_drives, warn_of_other_drive
 from ..recorded.known_noise import known_noise, said_unjudged
 from ..recorded.screen import Moved, driven, refuse_walk
+from ..scales import with_scales
 from .diagnosis import diagnosed
 from .displacement import Displacement, has_slopes
 from .first_guess import early_samples
@@ -234,6 +235,7 @@ def identify_friction(
     reacting = with_reaction(fit, walks, max_evaluations) if hops and going else None
     fit = with_reaction_asked(fit, reacting)
     fit = _completed(walks.budget.told(fit), walks, slew_rate, tolerance)
+    fit = with_scales(fit, found, walks.by_known, stage)
     if not (diagnose and going):
         return fit
 

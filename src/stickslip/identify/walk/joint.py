@@ -49,6 +49,7 @@ from ...simulation.varied import with_values
 from ...waveform.signal import Waveform
 from ..free import value_of
 from ..recorded.channels import names_of
+from ..scales import ByKnown, with_scales
 from .displacement import Displacement
 from .position_channel import CHANNEL, OBSERVED
 from .prediction import Predictor
@@ -139,7 +140,8 @@ def jointly(
         if not isinstance(settled, Fit):
             settled = weighted.with_whole(lowest([found, weighted.with_noise(weighted.search(settled))]))
         found = settled
-    return with_disturbances(weighted.told(found, fit, slew_rate))
+    told = weighted.told(found, fit, slew_rate)
+    return with_disturbances(with_scales(told, recordings, weighted.by_known, stage))
 
 
 def _spread(near: Values) -> list[Values]:
@@ -298,6 +300,15 @@ class _Weighted:
         alone = fit_least_squares(self.problem(held), settled=NEAR, max_evaluations=MOST_EVALUATIONS)
         alone = self.with_noise(alone)
         return alone, alone
+
+    def by_known(self, fit: Fit) -> ByKnown:
+        """Derivatives for `with_scales`: values of the stage, which are free here, move as its fit says."""
+        assert fit.jacobian is not None
+        values = self.known.values
+        gain = (
+            value_of(fit.model, "gain")[0] * slopes_of(self.motions, self.varied, ["gain"])(fit.values)[:, 0]
+        )
+        return ByKnown(gain, dict.fromkeys(values, np.zeros(len(fit.jacobian))))
 
     def told(self, found: Fit, before: Fit, slew_rate: float | None) -> Fit:
         """A fit of this problem, its residuals and goodness those of the positions, as `before`."""

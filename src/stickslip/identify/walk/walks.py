@@ -24,6 +24,7 @@ from ...progress import Progress
 from ...simulation.varied import with_values
 from ..free import exchangeable, value_of
 from ..recorded.known_noise import white_noise
+from ..scales import ByKnown
 from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement, has_slopes
 from .position_channel import CHANNEL
@@ -205,6 +206,18 @@ class Walks:
         by = position_slopes(self.motions, here, names)
         slopes = [stage.parameters[i].slope(stage.values[n]) for i, n in zip(kept, names, strict=True)]
         return with_inherited(fit, by * slopes, stage.uncertainty.covariance[np.ix_(kept, kept)])
+
+    def by_known(self, fit: Fit) -> ByKnown:
+        """Derivatives of all residuals of a completed fit by what it takes as known: see `with_scales`.
+
+        The scale of the drive acts as the gain does.
+        """
+        stage = self.stage
+        kept = [] if stage is None else [stage.parameters[i] for i in stage_beside(stage, fit)]
+        names = list(dict.fromkeys(["gain", *(p.name for p in kept)]))
+        by = dict(zip(names, position_slopes(self.motions, fit, names).T, strict=True))
+        of_stage = {p.name: by[p.name] * p.slope(stage.values[p.name]) for p in kept} if stage else {}
+        return ByKnown(fit.model.gain * by["gain"], of_stage)
 
 
 def stage_beside(stage: Fit, fit: Fit) -> list[int]:

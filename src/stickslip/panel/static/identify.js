@@ -147,13 +147,15 @@ export async function mount(element, app) {
   function resultCards() {
     const { fit } = state;
     const estimates = (found) => Object.entries(found.parameters).filter(([name]) => !/^(lag|(offset|drift)_\d+)$/.test(name)).map(([name, p]) => [form.labelOf(name), formatQuantity(p.value, p.unit, digitsOf(p)),
-      formatInterval(...p.interval, p.unit), p.standard_error === null ? "at its bound" : formatQuantity(p.standard_error, p.unit, 2)]);
-    const heads = ["parameter", "estimate", "95 % interval", "standard error"];
+      formatInterval(...p.interval, p.unit), p.standard_error === null ? "at its bound" : formatQuantity(p.standard_error, p.unit, 2),
+      ...(found.systematics?.length ? [p.interval_both ? formatInterval(...p.interval_both, p.unit) : ""] : [])]);
+    const heads = (found) => ["parameter", "estimate", "95 % interval", "standard error", ...(found.systematics?.length ? ["with systematic errors"] : [])];
     const sentences = fit.undetermined.length ? fit.undetermined : ["The recordings determine every parameter that was free."];
     const names = new RegExp(`\\b(${Object.keys(fit.parameters).join("|")})\\b`);
     const said = sentences.map((text) => make("li", { className: fit.undetermined.length ? "weak" : "" }, ...text.split(names).flatMap((part, i) => (i % 2 ? form.labelOf(part) : [part]))));
     for (const one of fit.lack_of_fit ?? []) if (one.seen) said.push(make("li", { className: "weak", textContent: `${one.sentence}.` }));
     for (const text of state.verification?.statements ?? []) said.push(make("li", { className: "weak", textContent: `${text}.` }));
+    for (const one of fit.systematics ?? []) said.push(make("li", { textContent: `${one.sentence[0].toUpperCase()}${one.sentence.slice(1)}.` }));
     if (!fit.converged) said.push(make("li", { className: "weak", textContent: `The fit did not converge: ${fit.message}.` }));
     const advised = [];
     if (fit.advice) said.push(make("li", { className: "weak", textContent: `${fit.advice.sentence[0].toUpperCase()}${fit.advice.sentence.slice(1)}.` }));
@@ -164,11 +166,11 @@ export async function mount(element, app) {
     const notes = (state.notes ?? []).map((text) => make("li", { textContent: text }));
     const remarks = notes.length ? [make("details", { className: "soft" }, make("summary", { textContent: "Notes on the recordings" }), make("ul", { className: "identify-said" }, ...notes))] : [];
     const found = make("section", { className: "card" }, make("h2", { textContent: "Parameters" }),
-      table("Estimates with 95 % confidence intervals", heads, estimates(fit)),
+      table("Estimates with 95 % confidence intervals", heads(fit), estimates(fit)),
       make("ul", { className: "identify-said" }, ...said), ...advised, ...remarks,
-      ...(state.stage ? [table("The stage, from the clamped steps", heads, estimates(state.stage))] : []),
+      ...(state.stage ? [table("The stage, from the clamped steps", heads(state.stage), estimates(state.stage))] : []),
       ...(state.hysteresis ? [make("p", { textContent: `${state.hysteresis_said[0].toUpperCase()}${state.hysteresis_said.slice(1)}.` }),
-        make("details", {}, make("summary", { textContent: "Hysteresis and creep, from the loops" }), table("Plays by ascending threshold, creep per decade", heads, estimates(state.hysteresis)))] : []));
+        make("details", {}, make("summary", { textContent: "Hysteresis and creep, from the loops" }), table("Plays by ascending threshold, creep per decade", heads(state.hysteresis), estimates(state.hysteresis)))] : []));
     const goodness = (recordings, role) => Object.entries(recordings).map(([name, g]) => [calledShortly(name), role, g.r_squared === null ? "–" : g.r_squared.toFixed(5), formatQuantity(g.rmse, unit), String(g.n_data)]);
     const seen = [...goodness(state.hysteresis?.recordings ?? {}, "loops"), ...goodness(state.stage?.recordings ?? {}, "step"), ...goodness(fit.recordings, "fitted"), ...goodness(state.verification?.recordings ?? {}, "predicted")];
     const links = make("p", { className: "identify-links" });

@@ -1,0 +1,84 @@
+"""Systematic errors of a fit, which no statistics of its data show, and intervals that allow for them.
+
+The scale of a sensor is wrong by the same share in all samples. A quantity like this moves the searched
+coordinates q by
+
+.. math:: \\Delta q = u \\, d\\hat q / d\\ln s
+
+with its relative standard uncertainty u. The squares of all such moves and of the half of the statistical
+interval add up: the errors have nothing in common.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+from .quantiles import reach
+
+if TYPE_CHECKING:
+    from .result import Fit
+
+Interval = tuple[float, float]
+
+
+class Systematic(NamedTuple):
+    """Error that all data have in common: its `cause`, its relative standard `uncertainty`, and by how much
+    the searched coordinates q move with one standard uncertainty (`moves`, by parameter; others stay)."""
+
+    cause: str
+    uncertainty: float
+    moves: Mapping[str, float]
+
+    @property
+    def sentence(self) -> str:
+        """What it is, and how great."""
+        return f"{self.cause} has a relative standard uncertainty of {100 * self.uncertainty:.2g} %"
+
+
+def systematic_errors(fit: Fit) -> dict[str, float]:
+    """Return the standard deviation of each coordinate q by systematic errors alone; empty without any."""
+    if not fit.systematics:
+        return {}
+    squares = {p.name: 0.0 for p in fit.shown}
+    for one in fit.systematics:
+        moved = {
+            p.name: p.value(p.coordinate(fit.values[p.name]) + one.moves.get(p.name, 0.0))
+            for p in fit.parameters
+        }
+        there = fit.ties({**fit.values, **moved})
+        for p in fit.shown:
+            if not p.fixed:
+                squares[p.name] += (p.coordinate(there[p.name]) - p.coordinate(fit.values[p.name])) ** 2
+    return {name: math.sqrt(square) for name, square in squares.items()}
+
+
+def intervals_with_systematics(fit: Fit, level: float = 0.95) -> dict[str, Interval]:
+    """Return the intervals for statistical and systematic errors together; empty without systematic ones."""
+    errors, statistical = systematic_errors(fit), fit.confidence_intervals(level)
+    if not errors:
+        return {}
+    t, found = reach(level, None), {}
+    for p in fit.shown:
+        (low, high), error = statistical[p.name], t * errors[p.name]
+        if error == 0.0:
+            found[p.name] = low, high
+            continue
+        q = p.coordinate(fit.values[p.name])
+        below = math.hypot(q - p.coordinate(low), error)
+        above = math.hypot(p.coordinate(high) - q, error)
+        found[p.name] = max(p.value(q - below), p.least), min(p.value(q + above), p.most)
+    return found
+
+
+def systematic_numbers(fit: Fit, level: float = 0.95) -> dict[str, dict[str, Interval]]:
+    """Return for each parameter `systematic`, the interval for systematic errors alone, and `both`, for these
+    and the statistical ones; empty without systematic errors."""
+    errors, both = systematic_errors(fit), intervals_with_systematics(fit, level)
+    t, found = reach(level, None), {}
+    for p in fit.shown if errors else ():
+        q, error = p.coordinate(fit.values[p.name]), t * errors[p.name]
+        alone = (p.value(q - error), p.value(q + error)) if error else (fit.values[p.name],) * 2
+        found[p.name] = {"systematic": alone, "both": both[p.name]}
+    return found

@@ -1,0 +1,123 @@
+"""Scales of the channels that a fit takes as exact, and what their errors do to its values.
+
+A sensor whose scale is wrong by a share s shows (1 + s) times the motion. Least squares then give other
+values, linearised as for all that a fit takes as known (`estimate.moves`). What was identified through the
+same sensor before, such as a stage, moves with it. If nothing else is known in the sensor's unit, each value
+moves by the power of that unit in its own: a gain in m/V or a force by s, a damping ratio not at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..estimate.covariance import decomposed
+from ..estimate.moves import over_noise, tangent
+from ..estimate.result import Fit
+from ..estimate.systematic import Systematic
+from ..recording import SCALE_UNCERTAINTY, RecordingError
+from .recorded.channels import names_of
+
+DRIVE = "drive_voltage"
+
+Array = NDArray[np.float64]
+
+
+def scale_uncertainty(recordings: Sequence[xr.Dataset], name: str) -> float:
+    """Return the relative standard uncertainty of a channel's scale, the largest of all recordings; 0 where
+    one of them does not say it.
+
+    Raises:
+        RecordingError: one says something that is no such number.
+    """
+    found = []
+    for one, where in zip(recordings, names_of(recordings), strict=True):
+        said = one[name].attrs.get(SCALE_UNCERTAINTY, 0.0) if name in one else 0.0
+        if isinstance(said, str) or not 0.0 <= said < 1.0:
+            raise RecordingError(
+                f"{name} of {where}: its attribute {SCALE_UNCERTAINTY} = {said!r} must be a share from 0 to 1"
+            )
+        found.append(float(said))
+    return max(found) if min(found) > 0.0 else 0.0
+
+
+def cause_of(name: str) -> str:
+    """Return what an error of a channel's scale is called."""
+    return f"the scale of {name}"
+
+
+def model_values(fit: Fit) -> Array:
+    """Return what the model shows of all recordings, joined, without their noise."""
+    return np.concatenate([x + r for x, r in zip(fit.measured, fit.residuals, strict=True)])
+
+
+class ByKnown(NamedTuple):
+    """Derivatives of all residuals of a fit, joined: by the logarithm of the drive's scale (`driven`), and by
+    the coordinates of the values that are from a fit before (`by_stage`)."""
+
+    driven: Array
+    by_stage: Mapping[str, Array] = MappingProxyType({})
+
+
+def with_scales(
+    fit: Fit,
+    recordings: Sequence[xr.Dataset],
+    derivatives: Callable[[Fit], ByKnown],
+    stage: Fit | None = None,
+) -> Fit:
+    """Return the fit with the systematic errors of its channels' scales, and those that its stage has.
+
+    Args:
+        fit: of the channel `observed`, complete.
+        recordings: of the fit; a variable's attribute `scale_uncertainty` says what is known of its scale.
+        derivatives: called with the fit, where anything is known.
+        stage: the fit that values taken as known are from.
+    """
+    shares = {
+        cause_of(name): share
+        for name in (fit.observed, DRIVE)
+        if (share := scale_uncertainty(recordings, name)) > 0.0
+    }
+    of_stage = {one.cause: one for one in (stage.systematics if stage else ())}
+    if fit.jacobian is None or not fit.measured or not (shares or of_stage):
+        return replace(fit, systematics=())
+    by = derivatives(fit)
+    columns = {cause_of(fit.observed): -model_values(fit), cause_of(DRIVE): by.driven}
+    names = {p.name for p in fit.parameters}
+    found = []
+    for cause in dict.fromkeys([*shares, *of_stage]):
+        column = shares.get(cause, 0.0) * columns.get(cause, np.zeros(len(fit.jacobian)))
+        moves = of_stage[cause].moves if cause in of_stage else {}
+        for name, slope in by.by_stage.items():
+            if name not in names:
+                column = column + slope * moves.get(name, 0.0)
+        known = {name: moves.get(name, 0.0) for name in by.by_stage if name in names}
+        share = shares.get(cause) or of_stage[cause].uncertainty
+        found.append(Systematic(cause, share, moved(fit, column, known)))
+    return replace(fit, systematics=tuple(found))
+
+
+def moved(fit: Fit, column: Array, known: Mapping[str, float]) -> dict[str, float]:
+    """Return how the searched coordinates q move with a quantity that moves the residuals by `column`.
+
+    Those that are `known` move as they say, those at a bound stay there, and the others as least squares let
+    them.
+    """
+    rows, target = tangent(fit), over_noise(fit, column[:, None])[:, 0]
+    fixed = {i: known[p.name] for i, p in enumerate(fit.parameters) if p.name in known}
+    rest = [i for i in range(len(fit.parameters)) if i not in fixed and not fit.uncertainty.bounded[i]]
+    for i, move in fixed.items():
+        target = target + rows[:, i] * move
+    result = dict(known)
+    if rest:
+        directions, root, _ = decomposed(rows[:, rest])
+        steps = -root @ (directions.T @ target)
+        result |= {fit.parameters[i].name: float(step) for i, step in zip(rest, steps, strict=True)}
+    return {name: move for name, move in result.items() if math.isfinite(move)}
