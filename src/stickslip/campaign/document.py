@@ -13,6 +13,7 @@ from ..analysis.alignment import POSITION, Aligned, said_drives, said_to_drift
 from ..analysis.priors import with_priors
 from ..analysis.verification import verification_numbers
 from ..estimate.lack import said
+from ..estimate.systematic import intervals_with_systematics
 from ..experiment import Recorded
 from ..figures.campaign import Trace, walks
 from ..figures.style import svg
@@ -41,11 +42,18 @@ def campaign_document(
 ) -> Document:
     """What was done, what came out, and how sure it is."""
     friction, seen = found.friction, found.verification
+    both = intervals_with_systematics(friction, intervals=found.budget.intervals)
     numbers: dict[str, Any] = {
         "friction": {
             **fit_numbers(friction, "m"),
             "parameters_with_all_errors": {
-                name: Number(friction.values[name], unit_of(friction, name), *ends, found.budget.total[name])
+                name: Number(
+                    friction.values[name],
+                    unit_of(friction, name),
+                    *ends,
+                    found.budget.total[name],
+                    both=both.get(name),
+                )
                 for name, ends in found.budget.intervals.items()
             },
         },
@@ -96,12 +104,13 @@ def campaign_document(
     if lacking and found.additional.choice is not None:
         lacking.append(f"of the models compared, {found.additional.choice.best} predicts unseen walks best")
     lacking += [*said_to_drift(found.walks), *found.additional.failures]
+    scales = [one.sentence for one in friction.systematics]
     document = Document(
         title=file.title,
         summary=(
             f"Friction fitted to {len(found.walks) - unseen} of {len(found.walks)} walks, r² "
             f"{near_one(friction.r_squared)}; over all walks r² is {near_one(least)} or more{steps}."
-            + "".join(f" {text[0].upper()}{text[1:]}." for text in lacking)
+            + "".join(f" {text[0].upper()}{text[1:]}." for text in (*lacking, *scales))
         ),
         sections=sections,
         highlights=[

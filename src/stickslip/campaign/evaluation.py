@@ -17,6 +17,7 @@ from ..estimate.influence import PriorInfluence, prior_influence
 from ..estimate.lack import said
 from ..estimate.result import Fit
 from ..identify.recorded.screen import Moved, driven, refuse_inverted, refuse_walk
+from ..identify.scales import scale_uncertainty
 from ..identify.step.fit import identify_step, step_formula_errors
 from ..identify.walk.displacement import has_slopes
 from ..identify.walk.explained import Explained, explained
@@ -99,7 +100,8 @@ def evaluate(
     if file.reference is not None:
         steps = [one for one in recordings if one.use == "step"]
         scale = scale_of(steps, file.reference, file.settling)
-        recordings = [scaled(one, scale.value) for one in recordings]
+        share = scale_uncertainty([one.recording for one in steps], file.reference)
+        recordings = [scaled(one, scale.value, share) for one in recordings]
     recordings = [without_drift(one) if one.use in WALKS else one for one in recordings]
     _refuse_inverted(recordings, model)
     hysteresis, stage, formulas, model = _stage(file, recordings, model, progress, kept)

@@ -19,7 +19,7 @@ from ..experiment.running import record_experiment
 from ..identify.recorded.channels import channel
 from ..input_file import InputFileError
 from ..progress import Progress
-from ..recording import RecordingError
+from ..recording import SCALE_UNCERTAINTY, RecordingError
 from ..units import QuantityError
 from ..waveform.signal import Waveform
 from .file import CampaignFile, OwnSpec
@@ -131,7 +131,12 @@ def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> Scale
     return Scale(float(np.mean(ratios)), error, tuple(ratios))
 
 
-def scaled(one: Aligned, scale: float) -> Aligned:
-    """The recording with its position divided by the scale."""
-    position = one.recording[POSITION].values / scale
-    return one._replace(recording=with_position(one.recording, position), noise=one.noise / scale)
+def scaled(one: Aligned, scale: float, share: float = 0.0) -> Aligned:
+    """Return the recording with its position divided by the scale.
+
+    What is known of the position's scale is then `share`, that of the reference; 0 where nothing is.
+    """
+    recording = with_position(one.recording, one.recording[POSITION].values / scale)
+    attrs = {k: v for k, v in recording[POSITION].attrs.items() if k != SCALE_UNCERTAINTY}
+    recording[POSITION].attrs = attrs | ({SCALE_UNCERTAINTY: share} if share else {})
+    return one._replace(recording=recording, noise=one.noise / scale)

@@ -54,13 +54,18 @@ def systematic_errors(fit: Fit) -> dict[str, float]:
     return {name: math.sqrt(square) for name, square in squares.items()}
 
 
-def intervals_with_systematics(fit: Fit, level: float = 0.95) -> dict[str, Interval]:
-    """Return the intervals for statistical and systematic errors together; empty without systematic ones."""
-    errors, statistical = systematic_errors(fit), fit.confidence_intervals(level)
+def intervals_with_systematics(
+    fit: Fit, level: float = 0.95, intervals: Mapping[str, Interval] | None = None
+) -> dict[str, Interval]:
+    """Return the intervals for statistical and systematic errors together; empty without systematic ones.
+
+    The statistical `intervals` are those of the fit, unless others are given.
+    """
+    errors, statistical = systematic_errors(fit), intervals or fit.confidence_intervals(level)
     if not errors:
         return {}
     t, found = reach(level, None), {}
-    for p in fit.shown:
+    for p in (p for p in fit.shown if p.name in statistical):
         (low, high), error = statistical[p.name], t * errors[p.name]
         if error == 0.0:
             found[p.name] = low, high

@@ -26,6 +26,7 @@ from ..recording import SCALE_UNCERTAINTY, RecordingError
 from .recorded.channels import names_of
 
 DRIVE = "drive_voltage"
+DIFFERENCE = 1e-3  # relative change of a scale, for a derivative by differences
 
 Array = NDArray[np.float64]
 
@@ -59,10 +60,10 @@ def model_values(fit: Fit) -> Array:
 
 
 class ByKnown(NamedTuple):
-    """Derivatives of all residuals of a fit, joined: by the logarithm of the drive's scale (`driven`), and by
-    the coordinates of the values that are from a fit before (`by_stage`)."""
+    """Derivatives of all residuals of a fit, joined: by the logarithm of the scale of each channel that the
+    model takes as known (`inputs`), and by the coordinates of the values that are from a fit before."""
 
-    driven: Array
+    inputs: Mapping[str, Array]
     by_stage: Mapping[str, Array] = MappingProxyType({})
 
 
@@ -71,6 +72,7 @@ def with_scales(
     recordings: Sequence[xr.Dataset],
     derivatives: Callable[[Fit], ByKnown],
     stage: Fit | None = None,
+    known: str = DRIVE,
 ) -> Fit:
     """Return the fit with the systematic errors of its channels' scales, and those that its stage has.
 
@@ -79,17 +81,19 @@ def with_scales(
         recordings: of the fit; a variable's attribute `scale_uncertainty` says what is known of its scale.
         derivatives: called with the fit, where anything is known.
         stage: the fit that values taken as known are from.
+        known: channel that the model takes as known.
     """
     shares = {
         cause_of(name): share
-        for name in (fit.observed, DRIVE)
+        for name in (fit.observed, known)
         if (share := scale_uncertainty(recordings, name)) > 0.0
     }
     of_stage = {one.cause: one for one in (stage.systematics if stage else ())}
     if fit.jacobian is None or not fit.measured or not (shares or of_stage):
         return replace(fit, systematics=())
     by = derivatives(fit)
-    columns = {cause_of(fit.observed): -model_values(fit), cause_of(DRIVE): by.driven}
+    columns = {cause_of(name): column for name, column in by.inputs.items()}
+    columns[cause_of(fit.observed)] = -model_values(fit)
     names = {p.name for p in fit.parameters}
     found = []
     for cause in dict.fromkeys([*shares, *of_stage]):
@@ -98,10 +102,24 @@ def with_scales(
         for name, slope in by.by_stage.items():
             if name not in names:
                 column = column + slope * moves.get(name, 0.0)
-        known = {name: moves.get(name, 0.0) for name in by.by_stage if name in names}
+        free = {name: moves.get(name, 0.0) for name in by.by_stage if name in names}
         share = shares.get(cause) or of_stage[cause].uncertainty
-        found.append(Systematic(cause, share, moved(fit, column, known)))
+        found.append(Systematic(cause, share, moved(fit, column, free)))
     return replace(fit, systematics=tuple(found))
+
+
+def by_prediction(recordings: Sequence[xr.Dataset], name: str) -> Callable[[Fit], ByKnown]:
+    """Return what `with_scales` takes, by differences of predictions with another scale of a channel."""
+
+    def of(fit: Fit) -> ByKnown:
+        assert fit.predict is not None
+        sides = [
+            np.concatenate([fit.predict(one.assign({name: one[name] * (1.0 + h)})) for one in recordings])
+            for h in (-DIFFERENCE, DIFFERENCE)
+        ]
+        return ByKnown({name: (sides[1] - sides[0]) / (2.0 * DIFFERENCE)})
+
+    return of
 
 
 def moved(fit: Fit, column: Array, known: Mapping[str, float]) -> dict[str, float]:

@@ -15,6 +15,7 @@ from stickslip.estimate.systematic import intervals_with_systematics
 from stickslip.identify.saved import load_fit, save_fit
 from stickslip.identify.step.fit import identify_step
 from stickslip.identify.walk.friction import identify_friction
+from stickslip.identify.walk.joint import jointly
 from stickslip.report.fits import estimates, parameter_table
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
 from stickslip.simulation import simulate
@@ -134,5 +135,8 @@ def test_the_first_fit_of_the_shipped_bench_holds_its_truth() -> None:
     for name in ("sigma_0", "sigma_1", "coulomb_force"):
         low, high = both[name]
         assert low <= getattr(law, name) <= high, name
-    (systematic,) = fit.systematics
-    assert systematic.moves["coulomb_force"] == pytest.approx(systematic.uncertainty, rel=0.02)
+    joint = jointly(fit, [walked], [None], stage, slew, truth, hops=0)
+    for one in (fit, joint):
+        (systematic,) = one.systematics
+        assert systematic.moves["coulomb_force"] == pytest.approx(systematic.uncertainty, rel=0.02)
+    assert systematic.moves["gain"] == stage.systematics[0].moves["gain"]

@@ -52,6 +52,7 @@ from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import white_noise
 from ..recorded.screen import refuse_loop, said_far
+from ..scales import by_prediction, with_scales
 from .first import with_first
 from .misfit import alike, said_minima
 from .missing import Slope, left_over, missing, viscous_slope
@@ -191,7 +192,7 @@ def identify_loops(
         noticed, doubts = [*noticed, *said], [*doubts, *beyond]
     doubts = [*doubts, *said_minima(fit, measured)]
     sizes = {p.name: p.start for p in given if p.name not in CHANNEL and p.log and not p.shift}
-    return replace(
+    fit = replace(
         fit,
         model=with_values(model, own_of(fit.values)),
         observed=OBSERVED,
@@ -199,6 +200,7 @@ def identify_loops(
         doubts=(*fit.doubts, *doubts),
         remarks=(*fit.remarks, *noticed, *said_far(sizes, fit.values)),
     )
+    return with_scales(fit, found, by_prediction(found, "position"), known="position")
 
 
 def _lowest(

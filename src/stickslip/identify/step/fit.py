@@ -30,7 +30,7 @@ from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
 from ..recorded.known_noise import resolution
 from ..recorded.screen import Moved, refuse_noise, refuse_swapped, said_gain
-from ..scales import ByKnown, model_values, with_scales
+from ..scales import DRIVE, ByKnown, model_values, with_scales
 from .at_piezo import check_known
 from .at_piezo import response as piezo_response
 from .first_look import Look, Response, common_look, first_look
@@ -155,7 +155,7 @@ def _by_drive(fit: Fit) -> ByKnown:
     assert fit.jacobian is not None
     level = [i for i, p in enumerate(fit.parameters) if p.name.startswith(("offset_", "drift_"))]
     own = fit.jacobian[:, level] @ [fit.values[fit.parameters[i].name] for i in level]
-    return ByKnown(model_values(fit) - own)
+    return ByKnown({DRIVE: model_values(fit) - own})
 
 
 def _screen(recordings: Sequence[xr.Dataset], observed: str) -> None:

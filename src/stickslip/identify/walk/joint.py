@@ -49,7 +49,7 @@ from ...simulation.varied import with_values
 from ...waveform.signal import Waveform
 from ..free import value_of
 from ..recorded.channels import names_of
-from ..scales import ByKnown, with_scales
+from ..scales import DRIVE, ByKnown, with_scales
 from .displacement import Displacement
 from .position_channel import CHANNEL, OBSERVED
 from .prediction import Predictor
@@ -308,7 +308,7 @@ class _Weighted:
         gain = (
             value_of(fit.model, "gain")[0] * slopes_of(self.motions, self.varied, ["gain"])(fit.values)[:, 0]
         )
-        return ByKnown(gain, dict.fromkeys(values, np.zeros(len(fit.jacobian))))
+        return ByKnown({DRIVE: gain}, dict.fromkeys(values, np.zeros(len(fit.jacobian))))
 
     def told(self, found: Fit, before: Fit, slew_rate: float | None) -> Fit:
         """A fit of this problem, its residuals and goodness those of the positions, as `before`."""

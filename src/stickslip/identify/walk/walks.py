@@ -24,7 +24,7 @@ from ...progress import Progress
 from ...simulation.varied import with_values
 from ..free import exchangeable, value_of
 from ..recorded.known_noise import white_noise
-from ..scales import ByKnown
+from ..scales import DRIVE, ByKnown
 from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement, has_slopes
 from .position_channel import CHANNEL
@@ -217,7 +217,7 @@ class Walks:
         names = list(dict.fromkeys(["gain", *(p.name for p in kept)]))
         by = dict(zip(names, position_slopes(self.motions, fit, names).T, strict=True))
         of_stage = {p.name: by[p.name] * p.slope(stage.values[p.name]) for p in kept} if stage else {}
-        return ByKnown(fit.model.gain * by["gain"], of_stage)
+        return ByKnown({DRIVE: fit.model.gain * by["gain"]}, of_stage)
 
 
 def stage_beside(stage: Fit, fit: Fit) -> list[int]:
