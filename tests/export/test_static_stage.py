@@ -30,8 +30,8 @@ STATIC = ss.Actuator(
 KNOTS = ss.PeriodicKnots((0.0, 0.00304, 0.00726, 0.01328), (48.33, 75.24, 56.1, 13.58), 0.0384, periods=1)
 
 
-def told(made: Any, put: Any, got: Any, volts: np.ndarray, slopes: bool, step: float = H) -> np.ndarray:
-    """Positions of the end-effector while an FMU is told the voltages, and their slopes, of lines between."""
+def driven(made: Any, put: Any, got: Any, volts: np.ndarray, slopes: bool, step: float = H) -> np.ndarray:
+    """Positions of the end-effector while an FMU gets voltages, and the slopes of the lines between them."""
     put("voltage", float(volts[0]))
     put("step", step)
     made.exitInitializationMode()
@@ -47,19 +47,19 @@ def told(made: Any, put: Any, got: Any, volts: np.ndarray, slopes: bool, step: f
 
 def test_an_fmu_goes_along_lines_and_refuses_a_stair(tmp_path: Path) -> None:
     fmu = export_fmu(STATIC, tmp_path / "fmu", fmi=2)
-    times = np.arange(1921) * H
+    times = np.arange(1921, dtype=np.float64) * H
     volts = KNOTS.value(times)
     truth = ss.simulate(STATIC, ss.Sampled(times, volts), times=times, tolerance=1e-9).end_effector_position
     said: list[str] = []
     for step in (H, 0.2 * H):
         made, put, got = instance(fmu, tmp_path / f"{step}", 2, said)
-        off = told(made, put, got, volts, True, step) - truth.values
+        off = driven(made, put, got, volts, True, step) - truth.values
         made.terminate()
         assert np.max(np.abs(off)) < 0.5e-9
         assert not said
         made, put, got = instance(fmu, tmp_path / f"{step} held", 2, said)
         with pytest.raises(Exception, match=r"failed|error|status"):
-            told(made, put, got, volts, False, step)
+            driven(made, put, got, volts, False, step)
         assert ["the voltage jumps" in text and "natural_frequency" in text for text in said] == [True]
         assert "'step'" not in said.pop()
 
@@ -107,11 +107,11 @@ def test_a_waveform_that_jumps_is_refused_wherever_it_does(tmp_path: Path) -> No
     """The one of an export without a waveform joins; so do the lines of its table, at every step."""
     for jumping in (
         ss.Sawtooth(65.0, 20.0, periods=3),
-        ss.Sampled((0.0, 0.01, 0.02), (0.0, 5.0, 0.0), "hold"),
+        ss.Sampled(np.array([0.0, 0.01, 0.02]), np.array([0.0, 5.0, 0.0]), "hold"),
     ):
         with pytest.raises(QuantityError, match="static stage jumps"):
             export_c(STATIC, tmp_path / "c", waveform=jumping)
     export_c(STATIC.replace(friction=ss.Coulomb(0.392)), tmp_path / "slides", waveform=jumping)
-    for step in (H, 3.7e-5):  # its fall begins and ends within a step
+    for step in (H, 3.7e-5):  # its fall starts and ends within a step
         found = walk(STATIC, tmp_path / f"{step}", step=step)
         assert np.ptp(found["end_effector_position"]) > 1e-6
