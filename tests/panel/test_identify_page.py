@@ -25,6 +25,7 @@ pytestmark = pytest.mark.browser
 LONG = 2e3 * PATIENCE  # ms: the first fit on a machine compiles
 TRUTH = {"sigma_0": 1.1e6, "coulomb_force": 0.62}
 NOISE = 5e-9  # m
+SHARE = 0.02  # relative standard uncertainty of the sensor's scale
 
 
 def save_walk(path: Path, volts: float, seed: int) -> None:
@@ -39,6 +40,7 @@ def save_walk(path: Path, volts: float, seed: int) -> None:
     walk["end_effector_position"] = walk["end_effector_position"].copy(
         data=walk["end_effector_position"].values + noise
     )
+    walk["end_effector_position"].attrs["scale_uncertainty"] = SHARE
     ss.save_recording(walk[["drive_voltage", "end_effector_position"]], path)
 
 
@@ -114,7 +116,11 @@ def test_a_fit_from_start_to_report(
     table = identify.locator(".identify-results table").first
     row = table.locator("tr", has_text="Coulomb friction")
     expect(row.locator("td").first).to_have_text(re.compile(r"6\d\d\.\d+ mN"))
-    expect(identify.locator(".identify-said").first).not_to_be_empty()
+    expect(table.locator("th", has_text="with systematic errors")).to_be_visible()
+    expect(row.locator("td")).to_have_count(4)
+    low, high = found["coulomb_force"]["interval_both"]
+    assert high - low > 2.0 * (found["coulomb_force"]["interval"][1] - found["coulomb_force"]["interval"][0])
+    expect(identify.locator(".identify-said").first).to_contain_text("relative standard uncertainty of 2 %")
     verified = identify.locator(".identify-results tr", has_text="walk_75V.nc")
     expect(verified).to_contain_text("predicted")
     assert float(verified.locator("td").nth(1).inner_text()) > 0.999
