@@ -24,6 +24,7 @@ from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import first_change, more_than_white, resolution, white_noise
 from ..recorded.levels import converter_step
 from ..recorded.screen import Moved, refuse_against, refuse_noise, refuse_swapped, said_gain
+from ..scales import DRIVE, by_prediction, with_scales
 from .choice import ENOUGH, Choice, Shape, chosen, left_of_all, range_of
 from .columns import (
     Columns,
@@ -159,10 +160,9 @@ def identify_piezo(
             fit, remarks = _fitted(seen, choice := other, unit)
     timing = Timing(fit.values["delay"], fit.values["lag"])
     prediction = _predicting(fit, choice.grid, timing, seen, observed)
-    gain, piezo = prediction.gain, prediction.piezo
-    return replace(
+    fit = replace(
         fit,
-        model=model.replace(gain=gain, piezo=piezo) if model else piezo,
+        model=model.replace(gain=prediction.gain, piezo=prediction.piezo) if model else prediction.piezo,
         observed=observed,
         predict=prediction.predict,
         doubts=tuple(_unexplained(fit, seen)),
@@ -170,9 +170,10 @@ def identify_piezo(
             *choice.remarks,
             *remarks,
             *_left(fit, seen),
-            *said_gain(gain, unit, model and model.gain),
+            *said_gain(prediction.gain, unit, model and model.gain),
         ),
     )
+    return with_scales(fit, found, by_prediction(found, DRIVE))
 
 
 def _explains_more(seen: Sequence[Observed], choice: Choice, other: Choice) -> bool:
