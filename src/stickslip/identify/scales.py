@@ -22,8 +22,7 @@ from ..estimate.covariance import decomposed
 from ..estimate.moves import over_noise, tangent
 from ..estimate.result import Fit
 from ..estimate.systematic import Systematic
-from ..recording import SCALE_UNCERTAINTY, RecordingError
-from .recorded.channels import names_of
+from ..recording import SCALE_UNCERTAINTY
 
 DRIVE = "drive_voltage"
 DIFFERENCE = 1e-3  # relative change of a scale, for a derivative by differences
@@ -33,19 +32,8 @@ Array = NDArray[np.float64]
 
 def scale_uncertainty(recordings: Sequence[xr.Dataset], name: str) -> float:
     """Return the relative standard uncertainty of a channel's scale, the largest of all recordings; 0 where
-    one of them does not say it.
-
-    Raises:
-        RecordingError: one says something that is no such number.
-    """
-    found = []
-    for one, where in zip(recordings, names_of(recordings), strict=True):
-        said = one[name].attrs.get(SCALE_UNCERTAINTY, 0.0) if name in one else 0.0
-        if isinstance(said, str) or not 0.0 <= said < 1.0:
-            raise RecordingError(
-                f"{name} of {where}: its attribute {SCALE_UNCERTAINTY} = {said!r} must be a share from 0 to 1"
-            )
-        found.append(float(said))
+    one of them does not say it."""
+    found = [float(one[name].attrs.get(SCALE_UNCERTAINTY, 0.0)) if name in one else 0.0 for one in recordings]
     return max(found) if min(found) > 0.0 else 0.0
 
 

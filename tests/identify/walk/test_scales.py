@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from stickslip.actuator import load_actuator
+from stickslip.analysis.file import RecordingFile
 from stickslip.calibration import load_calibration
+from stickslip.cli.frame import _shown
 from stickslip.electronics import Filter
 from stickslip.estimate.systematic import intervals_with_systematics
 from stickslip.identify.saved import load_fit, save_fit
 from stickslip.identify.step.fit import identify_step
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.identify.walk.joint import jointly
+from stickslip.recording import RecordingError, save_recording
 from stickslip.report.fits import estimates, parameter_table
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
 from stickslip.simulation import simulate
@@ -36,7 +40,7 @@ def walk() -> xr.Dataset:
     return made.assign({POSITION: made[POSITION] + noise}).assign_attrs(made.attrs)
 
 
-def scaled(recording: xr.Dataset, by: float, share: float = SHARE, of_drive: float = 0.0) -> xr.Dataset:
+def scaled(recording: xr.Dataset, by: float, share: float | str = SHARE, of_drive: float = 0.0) -> xr.Dataset:
     """The recording with another scale of its sensor, and what is known of that and of the drive's."""
     said = {**recording[POSITION].attrs, "units": "m", "long_name": "position"}
     said |= {"scale_uncertainty": share} if share else {}
@@ -140,3 +144,22 @@ def test_the_first_fit_of_the_shipped_bench_holds_its_truth() -> None:
         (systematic,) = one.systematics
         assert systematic.moves["coulomb_force"] == pytest.approx(systematic.uncertainty, rel=0.02)
     assert systematic.moves["gain"] == stage.systematics[0].moves["gain"]
+
+
+def test_a_scale_is_said_in_a_file(walk, tmp_path) -> None:
+    save_recording(scaled(walk[["drive_voltage", POSITION]], 1.0, share=0.0), tmp_path / "walk.nc")
+    one = RecordingFile(file="walk.nc", scale_uncertainty={POSITION: 0.02}).read(tmp_path)
+    assert one[POSITION].attrs["scale_uncertainty"] == 0.02
+    with pytest.raises(RecordingError, match=r"no variable 'positon'; there are drive_voltage"):
+        RecordingFile(file="walk.nc", scale_uncertainty={"positon": 0.02}).read(tmp_path)
+    with pytest.raises(RecordingError, match=r"scale_uncertainty = '2 %' must be a share"):
+        identify_friction(scaled(walk, 1.0, share="2 %"), MODEL, HOMOGENEOUS, **QUICK)
+    with pytest.raises(RecordingError, match=r"scale_uncertainty = 2.0 must be a share"):
+        identify_friction(scaled(walk, 1.0, share=2.0), MODEL, HOMOGENEOUS, **QUICK)
+
+
+def test_the_terminal_tells_both_intervals(walk) -> None:
+    fit = identify_friction(scaled(walk, 1.0), MODEL, HOMOGENEOUS, **QUICK)
+    assert re.search(
+        r"\(95 %: .* to .*; with systematic errors: .* to .*\)", _shown(estimates(fit)["coulomb_force"])
+    )

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...recording import STANDARD_NAMES, RecordingError
+from ...recording import SCALE_UNCERTAINTY, STANDARD_NAMES, RecordingError
 from ...recording.schema import refuse_unit
 from ...waveform.signal import Waveform
 from .levels import converter_step
@@ -33,7 +33,8 @@ def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Data
     """One recording, or several, as a list.
 
     Raises:
-        RecordingError: there is none, or one of them is no recording.
+        RecordingError: there is none, one of them is no recording, or the scale of a channel has an
+            uncertainty that is no number from 0 to 1.
     """
     if hasattr(recordings, "columns"):  # of pandas, which would be a list of names
         raise RecordingError(f"a {type(recordings).__name__} is no recording: make_recording makes one")
@@ -43,6 +44,13 @@ def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Data
     for i, recording in enumerate(found, start=1):
         if not isinstance(recording, xr.Dataset):
             raise RecordingError(f"recording {i} is a {type(recording).__name__}, not an xarray.Dataset")
+        for name, variable in recording.variables.items():
+            said = variable.attrs.get(SCALE_UNCERTAINTY, 0.0)
+            if isinstance(said, str) or not 0.0 <= said < 1.0:
+                raise RecordingError(
+                    f"{name} of recording {i}: its attribute {SCALE_UNCERTAINTY} = {said!r} must be a share "
+                    "from 0 to 1: the relative standard uncertainty of its scale"
+                )
     _refuse_twice(found)
     return found
 
