@@ -13,14 +13,16 @@ from ..actuator import Actuator
 from ..analysis.alignment import POSITION, Aligned, on_level, without_drift
 from ..chain import Chain
 from ..electronics import Filter
+from ..estimate.disturbed import lack_beside_faults
 from ..estimate.influence import PriorInfluence, prior_influence
 from ..estimate.lack import said
 from ..estimate.result import Fit
 from ..identify.recorded.screen import Moved, driven, refuse_inverted, refuse_walk
 from ..identify.scales import scale_uncertainty
 from ..identify.step.fit import identify_step, step_formula_errors
+from ..identify.walk.diagnosis import correlated, with_advice_of
 from ..identify.walk.displacement import has_slopes
-from ..identify.walk.explained import Explained, explained
+from ..identify.walk.explained import Explained, diagnosed_together, explained
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.joint import jointly
 from ..identify.walk.prediction import Predictor
@@ -110,7 +112,8 @@ def evaluate(
     for one in walks:
         refuse_walk(moved(one), model)
     fitted = [one for one in walks if one.use == "fit"]
-    alone = friction = kept.stage("friction", partial(_friction, file, fitted, model, stage))
+    of_one = partial(_friction, file, fitted, model, stage, diagnose=len(walks) == len(fitted))
+    alone = friction = kept.stage("friction", of_one)
     widened = stage
     if hysteresis is not None and stage is not None:
         widened = hysteresis.widened(stage)
@@ -132,9 +135,14 @@ def evaluate(
     if len(walks) > len(fitted):
         everything = kept.stage("all-walks", partial(_explained, file, alone, walks, stage, stages))
     lacking = dict.fromkeys(said((*friction.lack, *everything.lacks)))
+    if len(walks) > len(fitted) and (lacking or correlated(everything.known)):
+        progress("looking for what the model lacks", 0.71)
+        together = kept.stage("advice", partial(_advised, file, everything, walks))
+        alone, friction = (with_advice_of(one, together) for one in (alone, friction))
+    law_lacks = bool(said((*lack_beside_faults(friction), *everything.lacks_beside_faults)))
     also = stage or scale or stages or any(one.drift for one in fitted)
     taken = inherited(friction, fitted, widened, rate, stages) if also else None
-    more = additional(file, alone, walks, stage, bool(lacking), folder, progress, kept)
+    more = additional(file, alone, walks, stage, law_lacks, folder, progress, kept)
     failed = [*more.failures]
     influence = partial(_influence, file, fitted, model, stage, alone)
     priors = attempted("the fit without priors", partial(kept.stage, "priors", influence), failed)
@@ -254,6 +262,18 @@ def _explained(
         file.free,
         stage=stage,
         stages=stages,
+        slew_rate=file.known_slew_rate,
+        bounds=file.bounds,
+    )
+
+
+def _advised(file: CampaignFile, found: Explained, walks: Sequence[Aligned]) -> Fit:
+    """The fit to all walks with advice on what its model lacks."""
+    return diagnosed_together(
+        found,
+        [one.recording for one in walks],
+        [one.drive for one in walks],
+        file.free,
         slew_rate=file.known_slew_rate,
         bounds=file.bounds,
     )

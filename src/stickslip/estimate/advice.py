@@ -25,7 +25,7 @@ class Advice(NamedTuple):
         shown: the added values as text.
         tried: causes that were fitted; `seconds` of CPU time were spent, and `stopped` says whether the limit
             of them ended the search.
-        equal: other causes that describe the recordings as well, as far as the noise tells.
+        equal: advice on other terms that describe the recordings as well, as far as the noise tells.
     """
 
     cause: str
@@ -33,39 +33,53 @@ class Advice(NamedTuple):
     before: float
     after: float
     unit: str
-    free: tuple[str, ...]
-    added: tuple[str, ...]
-    bounds: Mapping[str, tuple[float, float]]
-    change: Mapping[str, Any]
-    untied: tuple[str, ...]
-    values: Mapping[str, float]
-    shown: str
-    tried: tuple[str, ...]
-    seconds: float
-    stopped: bool
-    equal: tuple[str, ...]
+    free: tuple[str, ...] = ()
+    added: tuple[str, ...] = ()
+    bounds: Mapping[str, tuple[float, float]] = {}
+    change: Mapping[str, Any] = {}
+    untied: tuple[str, ...] = ()
+    values: Mapping[str, float] = {}
+    shown: str = ""
+    tried: tuple[str, ...] = ()
+    seconds: float = 0.0
+    stopped: bool = False
+    equal: tuple[Advice, ...] = ()
 
     @property
     def sentence(self) -> str:
         """Return what is missing, what it would change, and what to write."""
         if not self.cause:
             return f"nothing that was tried explains the recordings: {', '.join(self.tried)}{self._limit}"
+        left = [with_prefix(x, self.unit, 3) if self.unit else f"{x:.3g}" for x in (self.after, self.before)]
+        left[1] += "" if self.unit else " x the noise"
+        residual = f"residual {left[0]} instead of {left[1]}"
+        if self.equal:
+            every = (self, *self.equal)
+            verdict = f"{' or '.join(one.cause for one in every)}: the recordings do not tell which"
+            verdict += " explains them" if self.explains else " helps most, and neither explains them"
+            written = "; ".join(f"for {one.cause}{one._found} write {one._written}" for one in every)
+            other = "a walk with another frequency or amplitude may tell"
+            choose = f"Choose by what is known of the actuator, or {other}"
+            return f"{verdict}; {residual}. {choose}: {written}{self._limit}"
         if self.explains:
             verdict = f"{self.cause} explains the recordings"
         else:
             verdict = f"{self.cause} helps most, but does not explain the recordings"
-        others = f"; so does, as well: {' or '.join(self.equal)}" if self.equal else ""
         found = f"; then {self.shown}" if self.shown else ""
-        left = [with_prefix(x, self.unit, 3) if self.unit else f"{x:.3g}" for x in (self.after, self.before)]
-        left[1] += "" if self.unit else " x the noise"
-        return (
-            f"{verdict}: residual {left[0]} instead of {left[1]}{found}{others}. "
-            f"Write {self.line} in the file, or {self.argument} in Python{self._limit}"
-        )
+        return f"{verdict}: {residual}{found}. Write {self._written}{self._limit}"
+
+    @property
+    def _found(self) -> str:
+        return f" (then {self.shown})" if self.shown else ""
+
+    @property
+    def _written(self) -> str:
+        return f"{self.line} in the file, or {self.argument} in Python"
 
     def to_dict(self) -> dict[str, Any]:
         """Return every field, ready for JSON, with what to write."""
         found = {k: dict(v) if isinstance(v, Mapping) else v for k, v in self._asdict().items()}
+        found["equal"] = [one.to_dict() for one in self.equal]
         return {**found, "sentence": self.sentence, "line": self.line, "argument": self.argument}
 
     @property

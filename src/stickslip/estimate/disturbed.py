@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .disturbances import MOVES, Disturbance, disturbances
+from .lack import Lack, lacks_of
 from .moves import moves
 from .result import Fit
 
@@ -49,6 +50,38 @@ def with_disturbances(fit: Fit) -> Fit:
         doubts=(*fit.doubts, *doubts),
         remarks=(*fit.remarks, *remarks),
     )
+
+
+def lack_beside_faults(fit: Fit) -> tuple[Lack, ...]:
+    """Return what each recording says of the model once the faults of instruments are taken off."""
+    if len(fit.known) != len(fit.residuals):
+        return fit.lack
+    left = left_beside_faults(fit)
+    sizes = [r.size for r in fit.residuals]
+    parts = np.split(left, np.cumsum(sizes)[:-1])
+    names = [one.name for one in fit.recordings]
+    found = lacks_of(parts, fit.known, names, len(fit.parameters) / left.size)
+    # Less than all is left: what was explained before is explained still.
+    return tuple(now if was.seen else was for was, now in zip(fit.lack, found, strict=True))
+
+
+def left_beside_faults(fit: Fit) -> Array:
+    """Return the residuals of all recordings, joined, less the faults of instruments and what the values of
+    the fit do beside them, linearised."""
+    r = np.concatenate(fit.residuals)
+    ends = np.cumsum([part.size for part in fit.residuals])
+    columns = [] if fit.jacobian is None else [np.where(np.isfinite(fit.jacobian), fit.jacobian, 0.0)]
+    for i, (t, part, _) in enumerate(_parts(fit)):
+        for shape in (one.shapes(t) for one in fit.disturbances if one.name == fit.recordings[i].name):
+            column = np.zeros((r.size, shape.shape[1]))
+            column[ends[i] - part.size : ends[i]] = shape
+            columns.append(column)
+    if not fit.disturbances or not columns:
+        return r
+    every = np.concatenate(columns, axis=1)
+    norms = np.linalg.norm(every, axis=0)
+    every = every[:, norms > 0.0] / norms[norms > 0.0]
+    return np.asarray(r - every @ np.linalg.lstsq(every, r, rcond=1e-9)[0])
 
 
 def _without(fit: Fit) -> Fit:

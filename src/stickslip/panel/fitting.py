@@ -281,9 +281,10 @@ def _told(fit: Fit, stage: Fit | None) -> dict[str, Any]:
 
 
 def _advised(request: FitRequest, fit: Fit) -> dict[str, Any] | None:
-    """The request with what the fit's advice adds; None without advice."""
+    """The request with what the fit's advice adds; None without advice, or if several terms explain the walks
+    equally well: the user chooses."""
     advice = fit.advice
-    if advice is None or not advice.cause:
+    if advice is None or not advice.cause or advice.equal:
         return None
     more = {
         "free": list(dict.fromkeys([*request.free, *advice.added])),

@@ -130,6 +130,7 @@ def advice_numbers(advice: Advice | None) -> dict[str, Any] | None:
     return {
         "cause": advice.cause,
         "explains": advice.explains,
+        "equal": [one.cause for one in advice.equal],
         "tried": list(advice.tried),
         "file": advice.line,
         "python": advice.argument,

@@ -12,13 +12,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...estimate.advice import Advice
 from ...estimate.disturbances import MOVES
+from ...estimate.disturbed import lack_beside_faults
 from ...estimate.lack import independent_samples
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
@@ -44,6 +45,8 @@ SECONDS = 20.0
 MOST = 0.5
 # Evaluations of each such search; it begins near its end.
 EVALUATIONS = 60
+# Standard deviations of the difference of two terms' chi-squared; fewer do not tell these apart.
+DEVIATIONS = 2.0
 # Small steps along a term, relative: of models that take the steps of the motion itself, and of others.
 NEIGHBOUR = 1e-6
 
@@ -78,7 +81,7 @@ class Tried(NamedTuple):
     @property
     def explains(self) -> bool:
         """Whether no recording shows a lack of fit, nor, where nothing is known of the noise, a memory."""
-        return not lacking(self.fit) and (_judged(self.fit) or not _smooth(self.fit))
+        return not lacking(self.fit) and (_judged(self.fit) or not correlated(self.fit))
 
 
 def lacking(fit: Fit) -> bool:
@@ -99,8 +102,10 @@ def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
         afar: a search of parameters that begins anywhere.
     """
     lacks = lacking(fit)
-    if fit.loss != "linear" or not (lacks or _smooth(fit)):
+    if fit.loss != "linear" or not (lacks or correlated(fit)):
         return fit
+    if lacks and not any(one.seen for one in lack_beside_faults(fit)):
+        return fit  # a fault of the instrument is the cause, and its sentence is there
     terms = scored(fit, walks)
     if not lacks:
         terms = [one for one in terms if one.does.share > MOST]
@@ -119,13 +124,24 @@ def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
     return replace(fit, advice=advice, doubts=(*fit.doubts, said))
 
 
+def with_advice_of(fit: Fit, other: Fit) -> Fit:
+    """Return the fit with the advice of another fit of the same model, to more walks."""
+    advice = other.advice
+    if advice is None:
+        return fit
+    remarks, doubts = (
+        tuple(s for s in said if advice.sentence in s) for said in (other.remarks, other.doubts)
+    )
+    return replace(fit, advice=advice, remarks=(*fit.remarks, *remarks), doubts=(*fit.doubts, *doubts))
+
+
 def _judged(fit: Fit) -> bool:
     """Whether every recording shows what its noise is."""
     return bool(fit.lack) and not any(math.isnan(one.ratio) for one in fit.lack)
 
 
-def _smooth(fit: Fit) -> bool:
-    """Whether the residuals of a recording are correlated."""
+def correlated(fit: Fit) -> bool:
+    """Return whether the residuals of a recording are correlated."""
     return not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])
 
 
@@ -230,47 +246,57 @@ def _ahead(parameters: Sequence[Parameter], moves: Array) -> Values:
 def _verdict(fit: Fit, tried: Sequence[Tried], seconds: float) -> Advice:
     """What of all that was fitted to advise."""
     names, stopped = tuple(dict.fromkeys(one.cause for one in tried)), seconds > SECONDS
-    before = _left(fit, fit)
     better = [one for one in tried if _lower(fit, one.fit) > CLEAR]
     explaining = [one for one in better if one.explains]
     ranked = sorted(explaining or better, key=lambda one: one.fit.bic)
     if not ranked:
-        none: dict[str, Any] = {
-            "free": (),
-            "added": (),
-            "bounds": {},
-            "change": {},
-            "untied": (),
-            "values": {},
-        }
-        none |= {"shown": "", "tried": names, "seconds": seconds, "stopped": stopped, "equal": ()}
-        return Advice("", False, before, before, _unit(fit), **none)
-    best = ranked[0]
-    close = [one.cause for one in ranked[1:] if abs(_lower(best.fit, one.fit)) < CLEAR]
-    equal = tuple(dict.fromkeys(cause for cause in close if cause != best.cause))
+        left = _left(fit, fit)
+        return Advice("", False, left, left, _unit(fit), tried=names, seconds=seconds, stopped=stopped)
+    best, equal = ranked[0], dict[str, Tried]()
+    for one in ranked[1:]:
+        if one.cause != best.cause and not _told_apart(best.fit, one.fit):
+            equal.setdefault(one.cause, one)
+    others = tuple(_advice_of(fit, one) for one in equal.values())
+    advice = _advice_of(fit, best)
+    return advice._replace(tried=names, seconds=seconds, stopped=stopped, equal=others)
+
+
+def _advice_of(fit: Fit, one: Tried) -> Advice:
+    """The advice to add one term."""
+    found = one.fit
     shown = ", ".join(
-        f"{p.name} = {p.shown(best.fit.values[p.name], 3)}"
-        for p in best.fit.parameters
-        if p.name in best.added or p.name not in CHANNEL
+        f"{p.name} = {p.shown(found.values[p.name], 3)}"
+        for p in found.parameters
+        if p.name in one.added or p.name not in CHANNEL
     )
     return Advice(
-        best.cause,
-        best.explains,
-        before,
-        _left(best.fit, fit),
+        one.cause,
+        one.explains,
+        _left(fit, fit),
+        _left(found, fit),
         _unit(fit),
-        tuple(p.name for p in best.fit.parameters if p.name not in CHANNEL),
-        best.added,
-        dict(best.bounds),
-        dict(best.change),
-        best.untied,
-        {p.name: best.fit.values[p.name] for p in best.fit.parameters},
-        shown,
-        names,
-        seconds,
-        stopped,
-        equal,
+        free=tuple(p.name for p in found.parameters if p.name not in CHANNEL),
+        added=one.added,
+        bounds=dict(one.bounds),
+        change=dict(one.change),
+        untied=one.untied,
+        values={p.name: found.values[p.name] for p in found.parameters},
+        shown=shown,
     )
+
+
+def _told_apart(fit: Fit, other: Fit) -> bool:
+    """Whether the recordings tell which of two fits is the better one.
+
+    Noise moves the difference of their chi-squared by twice the distance of what they simulate, one standard
+    deviation (Vuong's test).
+    """
+    left = np.concatenate(fit.residuals)
+    apart = np.concatenate(other.residuals) - left
+    share = independent_samples(left) / left.size
+    variance = float(left @ left) / max(fit.degrees_of_freedom, 1)
+    noise = 2.0 * math.sqrt(share * float(apart @ apart) / variance)
+    return abs(_lower(fit, other)) > max(CLEAR, DEVIATIONS * noise)
 
 
 def _lower(fit: Fit, other: Fit) -> float:

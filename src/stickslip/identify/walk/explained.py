@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from ...actuator import Actuator
+from ...estimate.disturbed import lack_beside_faults, left_beside_faults
 from ...estimate.lack import LEAST_RATIO, Lack, left_over
 from ...estimate.marginal import values_at
 from ...estimate.parameter import Values
@@ -40,6 +41,17 @@ class Explained(NamedTuple):
     free: Fit
     known: Fit
     lacks: tuple[Lack, ...]
+
+    @property
+    def lacks_beside_faults(self) -> tuple[Lack, ...]:
+        """The same once the faults of instruments are taken off the residuals."""
+        found = lack_beside_faults(self.free)
+        if len(self.lacks) == len(found) or not self.lacks[-1].seen:
+            return (*found, *self.lacks[len(found) :])
+        known, free = left_beside_faults(self.known), left_beside_faults(self.free)
+        fitted = len(self.free.parameters)
+        more = fitted - len(self.known.parameters)
+        return (*found, left_over(TOGETHER, float(known @ known), free, more, fitted))
 
 
 def explained(
@@ -93,6 +105,30 @@ def explained(
     allowed = _allowed(known, walks, drives, slew_rate, stage, stages, loose.rmse)
     together = left_over(TOGETHER, allowed, np.concatenate(loose.residuals), len(more), len(loose.parameters))
     return Explained(loose, known, (*loose.lack, together))
+
+
+def diagnosed_together(
+    found: Explained,
+    walks: Sequence[xr.Dataset],
+    drives: Sequence[Waveform | None],
+    free: Sequence[str],
+    **options: Any,
+) -> Fit:
+    """Return the fit to all walks, with the stage as it is known, with advice on what the model lacks.
+
+    One walk may hardly show the missing term, and another term then explains that walk as well.
+
+    Args:
+        found: the fits to all walks.
+        walks, drives, free: what `found` is of; see `explained`.
+        options: of `identify_friction`.
+    """
+    known = found.known
+    begin = {name: known.values[name] for name in CHANNEL if name in known.values}
+    free = [*free, *(name for name in begin if name not in free)]
+    settings: dict[str, Any] = {"channel": (), "begin": begin, "correlated": False, "averaged": False}
+    settings |= {"settled": NEAR, "tied": known.tied, "hops": 0, **options}
+    return identify_friction(walks, known.model, free, drive=drives, **settings)
 
 
 def _ahead(fit: Fit, known: Values) -> Values:
