@@ -19,16 +19,20 @@ KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
 FORCE, SIGMA_0, SIGMA_1 = 0.49, 1.3e6, 42.0
 REST = 0.06  # s before the drive begins
 # The walk at 5 Hz is fitted: alone it hardly shows viscous friction.
-WALKS = [(65.0, 5.0, 3, "fit"), (80.0, 20.0, 6, "verify"), (50.0, 20.0, 6, "verify")]
+OF_ADVICE = [(65.0, 5.0, 3, "fit"), (80.0, 20.0, 6, "verify"), (50.0, 20.0, 6, "verify")]
+# A hum of 50 Hz repeats in each period of these.
+OF_HUM = [(65.0, 10.0, 8, "fit"), (80.0, 10.0, 8, "verify")]
+
+Walks = list[tuple[float, float, int, str]]
 
 
-def written(folder: Path, noise: float, hum: float = 0.0, **law: float) -> Path:
+def written(folder: Path, walks: Walks, noise: float, hum: float = 0.0, **law: float) -> Path:
     """A campaign file of walks whose truth has the values of the law; the model is without `sigma_2`."""
     random = np.random.default_rng(5)
     friction = KANG.friction._replace(sigma_0=SIGMA_0, sigma_1=SIGMA_1, coulomb_force=FORCE)
     truth = KANG.replace(friction=friction._replace(stiction_force=FORCE, **law))
     recordings = []
-    for volts, frequency, periods, use in WALKS:
+    for volts, frequency, periods, use in walks:
         drive = ss.Sawtooth(volts, frequency, periods=periods)
         lasts = drive.duration + 0.02
         moved = ss.waveform.Sequence(ss.waveform.Rest(REST), (drive, lasts))
@@ -71,7 +75,7 @@ def run(file: Path) -> Document:
 
 
 def test_the_line_to_write_explains_the_walks(tmp_path: Path) -> None:
-    file = written(tmp_path, 50e-9, sigma_2=9.0)
+    file = written(tmp_path, OF_ADVICE, 50e-9, sigma_2=9.0)
     advice = run(file).numbers["friction"]["advice"]
     assert advice["cause"] == "viscous friction"
     assert advice["explains"]
@@ -103,8 +107,10 @@ def test_a_hum_is_no_reason_to_compare_laws(tmp_path: Path, monkeypatch: pytest.
 
     monkeypatch.setattr(additional, "compare_walks", never)
     monkeypatch.setattr(evaluation, "additional", seen)
-    document = run(written(tmp_path, 8e-9, hum=12e-9))
-    assert any("hum of 50 Hz" in text for text in document.numbers["friction"]["remarks"] + document.failures)
+    document = run(written(tmp_path, OF_HUM, 8e-9, hum=20e-9))
+    said = [*document.numbers["friction"]["remarks"], *document.failures]
+    assert any("has a hum of" in text for text in said)
+    assert any("does not explain" in text for text in document.failures)
     assert document.numbers["friction"]["advice"] is None
     assert lacks == [False]
     assert not any("laws were compared" in text for text in document.failures)
