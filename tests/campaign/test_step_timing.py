@@ -15,6 +15,7 @@ from identify.step.test_own_timing import GAIN, VOLTS, recorded
 from stickslip.campaign.evaluation import _stage
 from stickslip.campaign.file import CampaignFile
 from stickslip.campaign.gathering import gather
+from stickslip.campaign.kept import Kept
 from stickslip.campaign.stage import stage_section
 from stickslip.progress import unheard
 
@@ -32,7 +33,7 @@ def test_the_stage_of_a_campaign(tmp_path: Path, hertz: float, zeta: float, last
         {"title": "x", "recordings": [{**step, "use": "step"}, {**step, "name": "again", "use": "fit"}]}
     )
     gathered, _ = gather(file, tmp_path, tmp_path / "out", unheard)
-    found = _stage(file, gathered[:1], ss.load_actuator("kang2007"), unheard)
+    found = _stage(file, gathered[:1], ss.load_actuator("kang2007"), unheard, Kept())
     assert found.fit is not None
     assert found.fit.failures == ()
     assert found.fit.values["damping_ratio"] == pytest.approx(zeta, rel=2e-3)

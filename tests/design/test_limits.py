@@ -128,7 +128,7 @@ def test_a_step_between_the_tolerance_and_what_counts_is_none() -> None:
     drive, hertz = ss.Sawtooth(0.39, 5.0), np.geomspace(1.0, 100.0, 65)
     steps = ss.step_map(KANG, drive, frequency=hertz, tolerance=design.stepping.TOLERANCE).net_step.values
     assert 1.0 < np.abs(steps).max() / design.stepping.TOLERANCE < 2.0
-    with pytest.raises(SimulationError, match=r"there is no step from 1 Hz to 100 Hz: at most 151\.\d pm"):
+    with pytest.raises(SimulationError, match=r"there is no step from 1 Hz to 100 Hz: at most 15\d\.\d pm"):
         design.stepping_frequency_limit(KANG, drive, max_frequency=100.0)
 
 

@@ -91,7 +91,7 @@ def aligned(
                     "channel when it begins"
                 )
             try:
-                begin = begin_of(whole, drive, name)
+                begin = begin_of(whole, _at_piezo(drive, slew_rate), name)
             except RecordingError:
                 _refuse_other_range(whole, drive, name)
                 raise
@@ -109,9 +109,8 @@ def aligned(
     # Of time that begins with the recording's: a waveform begins at zero.
     moved = recording.assign_coords(time=("time", time - time[0], recording["time"].attrs))
     begin -= float(time[0])
-    at_piezo = drive if math.isinf(slew_rate) else Slewed(drive, slew_rate)
     length = float(time[-1] - time[0])
-    wanted, given = _from(drive, begin, length), _from(at_piezo, begin, length)
+    wanted, given = _from(drive, begin, length), _from(_at_piezo(drive, slew_rate), begin, length)
     refuse_sampling(moved["time"].values, wanted, name)
     parts = drive.parts if isinstance(drive, Sequence) else ()
     forward = begin + parts[0][1] if len(parts) > 1 else None
@@ -137,6 +136,11 @@ def said_drives(walks: Iterable[Aligned]) -> list[str]:
 def with_position(recording: xr.Dataset, position: np.ndarray) -> xr.Dataset:
     """The recording with other values of its position, in the same unit."""
     return recording.assign({POSITION: ("time", position, recording[POSITION].attrs)})
+
+
+def _at_piezo(drive: Waveform, slew_rate: float) -> Waveform:
+    """Return a drive as an amplifier of that slew rate [V/s] follows it."""
+    return drive if math.isinf(slew_rate) else Slewed(drive, slew_rate)
 
 
 def _before(time: np.ndarray, begin: float) -> np.ndarray:

@@ -65,7 +65,7 @@ from .starts import loop_starts, stribeck_starts
 NOTICED = ("drift", "asymmetry", "contact_offset")
 LOAD_EXPONENTS = (0.2, 2.0)
 # A contact whose force grows with its load, and that holds in both directions.
-LIMITS = {"load_exponent": (0.0, math.inf), "asymmetry": (-1.0, 1.0)}
+LIMITS = {"load_exponent": (0.0, math.inf), "asymmetry": (-0.99, 0.99)}
 # How often a search begins again at a stiffness that leaves less by this share.
 CLIMBS, SAME_COST = 3, 1e-6
 # Relative; the response to it is far above the error of a simulation at 1e-9 m.

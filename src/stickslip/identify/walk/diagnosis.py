@@ -43,6 +43,8 @@ FEWEST_FITTED = 4
 SECONDS = 20.0
 # Of the sum of squares: a term that explains more of correlated residuals is missing, whatever the noise is.
 MOST = 0.5
+# Largest residual that errors of simulations may leave, in tolerances: recordings may be simulated too.
+SIMULATED = 3.0
 # Evaluations of each such search; it begins near its end.
 EVALUATIONS = 60
 # Standard deviations of the difference of two terms' chi-squared; fewer do not tell these apart.
@@ -102,7 +104,7 @@ def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
         afar: a search of parameters that begins anywhere.
     """
     lacks = lacking(fit)
-    if fit.loss != "linear" or not (lacks or correlated(fit)):
+    if fit.loss != "linear" or not (lacks or (correlated(fit) and fit.rmse > _error_of_simulation(walks))):
         return fit
     if lacks and not any(one.seen for one in lack_beside_faults(fit)):
         return fit  # a fault of the instrument is the cause, and its sentence is there
@@ -116,7 +118,7 @@ def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
         return fit  # the cause is a fault of the instrument, which is said
     if lacks:
         return replace(fit, advice=advice, remarks=(*fit.remarks, advice.sentence))
-    if not advice.cause or advice.after > math.sqrt(1.0 - MOST) * advice.before:
+    if not advice.explains or advice.after > math.sqrt(1.0 - MOST) * advice.before:
         return fit
     said = (
         f"the model leaves more than noise: {advice.sentence}; without it the intervals are not to be trusted"
@@ -138,6 +140,11 @@ def with_advice_of(fit: Fit, other: Fit) -> Fit:
 def _judged(fit: Fit) -> bool:
     """Whether every recording shows what its noise is."""
     return bool(fit.lack) and not any(math.isnan(one.ratio) for one in fit.lack)
+
+
+def _error_of_simulation(walks: Walks) -> float:
+    """Return the residual, in the unit of the positions, that errors of the simulations may leave."""
+    return SIMULATED * max(motion.tolerance for motion in walks.motions)
 
 
 def correlated(fit: Fit) -> bool:
