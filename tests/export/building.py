@@ -51,9 +51,13 @@ def _object(folder: Path, source: str, how: list[str]) -> Path:
     return made
 
 
-@functools.cache
 def packaged_fmu(fmi: int, mode: Mode = "plant") -> Path:
-    """Of kang2007 in steps of 20 us, made once."""
+    """Return kang2007 in steps of 20 us, made once."""
+    return _packaged(fmi, mode)
+
+
+@functools.cache
+def _packaged(fmi: int, mode: Mode) -> Path:
     return export_fmu("kang2007", OBJECTS / f"{mode}{fmi}", fmi=fmi, mode=mode)
 
 

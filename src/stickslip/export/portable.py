@@ -18,6 +18,7 @@ from ..electronics import Amplifier, StrainGauge
 from ..records import of_kind
 from ..simulation.drives import checked_drive
 from ..simulation.jumps import cannot_jump, refuse_jumps
+from ..simulation.two_port import driven_by_voltage
 from ..units import QuantityError, optional_si, to_si, unit_for
 from ..waveform.periodic import Sawtooth, Sine
 from ..waveform.signal import Waveform
@@ -31,7 +32,7 @@ from .writing import whole
 C = Path(__file__).parent / "c"
 # Hz, of an amplifier of which only the slew rate is known.
 AT_ONCE = 1e7
-# Part of a period in which the default sawtooth of a stage that cannot jump falls: 0.4 ms, 20 default steps.
+# Part of a period in which the default sawtooth of a model that cannot jump falls: 0.4 ms, 20 default steps.
 FALL = 0.002
 CORE = ("stickslip.c", "stickslip.h", "stickslip_real.h", "stickslip_player.h")
 LICENCE = Path(__file__).parent / "c" / "LICENSE.txt"
@@ -60,7 +61,8 @@ def export_c(
         out: the folder to make.
         step: s, of the example programs and of the observer's gain; the code takes any.
         waveform: that the example plays; left out, a sawtooth of 65 V (or what the actuator takes) and 5 Hz,
-            which falls in 0.4 ms where the model cannot follow a jump (a static stage with a presliding law).
+            which falls in 0.4 ms where the model cannot follow a jump (a static stage with a presliding law,
+            a `MaxwellCapacitor`).
         duration: s, of it; left out, its own, or eight periods.
         motion: that the feedforward example follows, a waveform in m; left out, a sine of a tenth of the
             stroke.
@@ -236,7 +238,7 @@ def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform
         return Sawtooth(1e-4, 1.0, periods=4, unit="m")
     if amplifier is not None:
         return Sawtooth((min(65.0, model.max_voltage) - amplifier.offset) / amplifier.gain, 5.0, periods=8)
-    rise = 1.0 - FALL if cannot_jump(model) else 1.0
+    rise = 1.0 - FALL if cannot_jump(model) or driven_by_voltage(model) else 1.0
     return Sawtooth(min(65.0, model.max_voltage), 5.0, rise, periods=8, offset=max(0.0, model.min_voltage))
 
 
