@@ -166,6 +166,18 @@ def test_a_mistake_is_named(tmp_path: Path, content: dict[str, Any], said: str) 
     assert not (tmp_path / "out").exists()
 
 
+def test_a_map_behind_an_output_is_that_of_the_call(tmp_path: Path) -> None:
+    asked = {"voltage": [60.0], "frequency": [70.0, 1300.0], "limits": {"slew_rate": "300 kV/s"}}
+    done = run(
+        written(tmp_path, {"model": "kang2007", "map": {**asked, "generator": {"update_rate": "20 kHz"}}})
+    )
+    assert done.exit_code == 0, done.output
+    told = json.loads((tmp_path / "out" / "results.json").read_bytes())["numbers"]["map"]["net_step"]["value"]
+    output = ss.electronics.OutputStage(20e3, slew_rate=300e3)
+    of_call = ss.step_map(KANG, voltage=[60.0], frequency=[70.0, 1300.0], output=output).net_step.values
+    np.testing.assert_array_equal(told, of_call)
+
+
 def test_what_was_done_before_a_mistake_is_kept(tmp_path: Path) -> None:
     asked = {"map": {"voltage": [60.0], "frequency": 20.0}, "optimise": {}, "plan": PLAN}
     done = run(written(tmp_path, {"model": "kang2007", **asked}))

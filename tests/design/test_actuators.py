@@ -100,6 +100,7 @@ def test_the_best_of_several():
         minimum_speed="1 mm/s",
         free={"end_effector_mass": ("50 g", "0.2 kg")},
         output={"as identified": OutputStage(), "harder": OutputStage(slew_rate=1e6)},
+        budget=2000,  # for a search that ends at the bound, and not just before it
     )
     assert list(found.choices.index) == list(models)
     assert found.choices["value"].idxmin() == found.name  # current: less is better

@@ -25,7 +25,17 @@ from ..records import quantities_within
 from ..report import Column, Number, Picture, Section, Table
 from ..units import unit_for
 from ..waveform.knots import PeriodicKnots
-from .design_given import GeneratorSpec, Given, Goal, Made, Quantity, SearchSpec, arrays, goal_of
+from .design_given import (
+    GeneratorSpec,
+    Given,
+    Goal,
+    Made,
+    Quantity,
+    SearchSpec,
+    arrays,
+    goal_of,
+    output_stage,
+)
 from .walk import changed
 
 # Conditions that a table shows, the worst ones, and points of a front: all of them are in results.json.
@@ -48,8 +58,7 @@ class OptimiseSpec(SearchSpec):
     def made(self, given: Given) -> Made:
         """Search, and say what was found; raises QuantityError."""
         common = self.common(given)
-        if self.generator is not None:
-            common["output"] = self.generator.onto(common["output"], given.folder)
+        common["output"] = output_stage(self.limits, self.generator, given.folder)
         found = optimise_waveform(
             given.model,
             goal=goal_of(self.goal, given.model),

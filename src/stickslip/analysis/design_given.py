@@ -147,6 +147,12 @@ class GeneratorSpec(Strict):
         return output.with_converter(bench.output(self.points))  # type: ignore[arg-type]
 
 
+def output_stage(limits: LimitsSpec | None, generator: GeneratorSpec | None, folder: Path) -> OutputStage:
+    """Return the output stage of limits and a generator; raises QuantityError."""
+    output = OutputStage() if limits is None else limits.output(folder)
+    return output if generator is None else generator.onto(output, folder)
+
+
 class ScenarioSpec(Strict):
     """A condition: `change` are values of fields of the actuator or its law, `factors` on those they have."""
 
@@ -176,7 +182,7 @@ class SearchSpec(Strict):
             "max_voltage": self.max_voltage,
             "min_voltage": self.min_voltage,
             "frequency": self.frequency,
-            "output": OutputStage() if self.limits is None else self.limits.output(given.folder),
+            "output": output_stage(self.limits, None, given.folder),
             "scenarios": [one.scenario() for one in self.scenarios],
             "seed": self.seed,
             "progress": given.progress,

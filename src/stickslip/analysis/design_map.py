@@ -17,7 +17,7 @@ from ..input_file import Strict
 from ..report import Column, Number, Picture, Section, Table
 from ..units import to_si, unit_for
 from .axis import AxisSpec
-from .design_given import Given, Made
+from .design_given import GeneratorSpec, Given, LimitsSpec, Made, output_stage
 
 AXES = {"voltage": "V", "frequency": "Hz", "load": "N"}
 # Fields of a drive that each point of the map sets.
@@ -41,7 +41,8 @@ Values = MapAxisSpec | float | str | list[float | str]
 
 
 class MapSpec(Strict):
-    """As `step_map`: `drive` as in an experiment file, a sawtooth if left out."""
+    """As `step_map`: `drive` as in an experiment file, a sawtooth if left out; `limits` and `generator` are
+    its `output`, the drive itself if both are left out."""
 
     drive: PartSpec | None = None
     voltage: Values | None = None
@@ -50,6 +51,8 @@ class MapSpec(Strict):
     direction: list[Literal[1, -1]] | Literal[1, -1] | None = None
     parameters: dict[str, list[float | str] | float | str] = Field(default_factory=dict)
     quantities: list[Literal["backlash", "ringing", "ripple"]] = Field(default_factory=list)
+    limits: LimitsSpec | None = None
+    generator: GeneratorSpec | None = None
     tolerance: float | str = 1e-10
     draws: Annotated[int, Field(ge=40, le=100_000)] = 200
 
@@ -81,12 +84,17 @@ class MapSpec(Strict):
         stopped = f"stopped: {left} of {size} points are not computed" if left else ""
         return Made(section, said, map_numbers(found), highlights, stopped=stopped)
 
+    @property
+    def _behind(self) -> bool:
+        return (self.limits or self.generator) is not None
+
     def _drive_words(self) -> str:
+        behind = ["behind limits and generator of the file"] if self._behind else []
         if self.drive is None:
-            return "sawtooth with a jump"
+            return ", ".join(["sawtooth with a jump", *behind])
         shape = self.drive.shape or f"{self.drive.variable} of {self.drive.file}"
         own = {name.replace("_", " "): v for name, v in self.drive.fields.items() if name not in AT_EACH}
-        return ", ".join([shape, *(f"{name} {value}" for name, value in own.items())])
+        return ", ".join([shape, *(f"{name} {value}" for name, value in own.items()), *behind])
 
     def _computed(self, given: Given) -> xr.Dataset:
         axes: dict[str, Any] = {}
@@ -101,6 +109,7 @@ class MapSpec(Strict):
             direction=self.direction,
             parameters=self.parameters or None,
             quantities=self.quantities,
+            output=output_stage(self.limits, self.generator, given.folder) if self._behind else None,
             tolerance=self.tolerance,
             fit=given.uncertainty,
             draws=self.draws,

@@ -13,11 +13,12 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
+from ..electronics import OutputStage
 from ..electronics.stack import Stack
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
 from ..progress import Progress, unheard
-from ..records import whole
+from ..records import of_kind, whole
 from ..simulation.demand import UNITS, electrical_demand
 from ..simulation.errors import SimulationWarning
 from ..simulation.steady_members import CONVERGED
@@ -62,6 +63,7 @@ def step_map(
     direction: ArrayLike | None = None,
     parameters: Mapping[str, ArrayLike] | None = None,
     quantities: Iterable[Extra] = (),
+    output: OutputStage | None = None,
     stack: Stack | None = None,
     fit: Fit | Posterior | Mapping[str, ArrayLike] | None = None,
     draws: int = 200,
@@ -92,6 +94,9 @@ def step_map(
         parameters: values of other fields of the model, its law or the waveform, by name ("incline",
             "end_effector_mass", "sigma_0", "rise_fraction"), as for `steady_steps`.
         quantities: "backlash", "ringing" and "ripple" cost about as much again; see `design.motion`.
+        output: converter and amplifier that the drive of each point passes (`OutputStage.behind`). The period
+            is then the nearest whole number of updates, in the speed too. Left out, the drive reaches the
+            piezo as it is.
         stack: the piezo's numbers, for current, energy and heat; the drive must not jump.
         fit: of `identify_friction` or `identify_step` with the model's values, a `posterior`, or arrays by
             name (``prior.draws(500)`` of a contact): how far its uncertainty lets the step be off, by `draws`
@@ -125,9 +130,12 @@ def step_map(
     extras = _extras(quantities)
     given = dict(zip(AXES, (voltage, frequency, load, direction), strict=True))
     grid = grid_of(model, waveform, given, parameters)
+    played = grid.frequency
+    if output is not None:
+        played = 1.0 / of_kind(output, OutputStage, "output").played_period(1.0 / played)
     drawn = {} if fit is None else _drawn(fit, model, grid, draws, seed)
-    demand = {} if stack is None else _demand(grid, stack)
-    common = (model, grid.waveform, grid.columns, tolerance, normal_load, threads)
+    demand = {} if stack is None else _demand(grid, stack, output)
+    common = (model, grid.waveform, grid.columns, tolerance, normal_load, threads, output)
     stored = _stored(store, scheduler, extras)
     share = 1.0 / (1.0 + (draws if drawn else 0))
 
@@ -137,7 +145,7 @@ def step_map(
     found = solved(*common, points, extras) if stored is None else solved_in_store(common, stored, points)
     values: dict[str, Any] = {
         "net_step": found.steps,
-        "speed": found.steps * grid.frequency,
+        "speed": found.steps * played,
         **found.beside,
         **demand,
         "error_estimate": found.errors,
@@ -154,7 +162,7 @@ def step_map(
             of_draws = solved_in_store(common, stored, rest, drawn)
             (low, high, count), interrupted = ends(of_draws.steps), of_draws.interrupted
         values |= {"net_step_low": low, "net_step_high": high}
-        values |= {"speed_low": low * grid.frequency, "speed_high": high * grid.frequency}
+        values |= {"speed_low": low * played, "speed_high": high * played}
         values["draws_converged"] = count
     made = _dataset(grid, found, values, tolerance).assign_attrs(
         title=f"map of the step of {model.name or type(model).__name__}",
@@ -162,6 +170,8 @@ def step_map(
         tolerance=tolerance,
         interrupted=int(interrupted),
     )
+    if output is not None:
+        made.attrs["output"] = repr(output)
     if drawn:
         made.attrs["draws"] = draws
     labelled_for(model, made)
@@ -197,8 +207,9 @@ def _drawn(fit: Any, model: Actuator, grid: Grid, draws: int, seed: int) -> dict
     return drawn
 
 
-def _demand(grid: Grid, stack: Stack) -> dict[str, Array]:
-    return electrical_demand(grid.waveform, grid.columns, stack, next(iter(grid.columns.values())).size)
+def _demand(grid: Grid, stack: Stack, output: OutputStage | None) -> dict[str, Array]:
+    count = next(iter(grid.columns.values())).size
+    return electrical_demand(grid.waveform, grid.columns, stack, count, output)
 
 
 def _dataset(grid: Grid, found: Solved, values: Mapping[str, Array], tolerance: float) -> xr.Dataset:

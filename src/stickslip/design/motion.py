@@ -86,7 +86,7 @@ def sample_times(breaks: Array, period: float, rate: float) -> Array:
     since = np.append(first, later)
     ends = np.append(breaks[1:], period)
     parts = [b + since[since < e - b] for b, e in zip(breaks, ends, strict=True)]
-    before = ends[ends < period] * (1.0 - 1e-12)
+    before = ends[ends < period] - 1e-12 * period  # the same for all jumps, whose speeds are compared
     found = np.unique(np.concatenate([*parts, before, [period * (1.0 - 1e-12)]]))
     return found[found < period]
 

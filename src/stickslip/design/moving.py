@@ -92,7 +92,7 @@ def _solved(
     extras: tuple[str, ...],
 ) -> Moved:
     """Of each member."""
-    found = solved(model, drive, members, tolerance, 1.0, threads, unheard, extras)
+    found = solved(model, drive, members, tolerance, 1.0, threads, None, unheard, extras)
     if found.interrupted:
         raise KeyboardInterrupt
     return Moved(found.steps, found.beside.get("ripple", np.full(found.steps.size, np.nan)))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
+from ..electronics import OutputStage
 from ..progress import Progress
 from ..simulation.members import Columns, Members, checked_columns
 from ..simulation.steady_members import CONVERGED, orbit_blocks
@@ -27,8 +28,8 @@ AT_ONCE = 4096
 ENOUGH = 0.9
 LEVEL = 0.95
 
-# Model, drive, columns, tolerance [m], normal force over its reference, threads.
-Common = tuple[Actuator, Waveform, Mapping[str, Array], float, Any, int | None]
+# Model, drive, columns, tolerance [m], normal force over its reference, threads, output of the drive.
+Common = tuple[Actuator, Waveform, Mapping[str, Array], float, Any, int | None, OutputStage | None]
 
 
 class Solved(NamedTuple):
@@ -49,6 +50,7 @@ def solved(
     tolerance: float,
     normal_load: Waveform | float,
     threads: int | None,
+    output: OutputStage | None,
     progress: Progress,
     extras: tuple[str, ...] = (),
 ) -> Solved:
@@ -67,7 +69,7 @@ def solved(
         return within_a_period(model, of, part, found, states == CONVERGED, tolerance, extras)
 
     blocks = orbit_blocks(
-        model, waveform, columns, tolerance, normal_load, threads, moved if extras else None
+        model, waveform, columns, tolerance, normal_load, threads, moved if extras else None, output
     )
     try:
         for start, block in blocks:
@@ -89,7 +91,7 @@ def intervals(
 ) -> tuple[Array, Array, NDArray[np.int64], bool]:
     """Both ends of the 95 % intervals of the net step, how many draws of each point have one, and whether it
     was stopped: the draws so far count, if they are enough."""
-    model, waveform, columns, tolerance, normal_load, threads = common
+    model, waveform, columns, tolerance, normal_load, threads, output = common
     points, draws = next(iter(columns.values())).size, next(iter(drawn.values())).size
     together = max(1, AT_ONCE // points)
     steps, interrupted = np.full((draws, points), np.nan), False
@@ -106,6 +108,7 @@ def intervals(
             tolerance,
             normal_load,
             threads,
+            output,
             lambda doing, part, begin=begin, share=share: progress(doing, begin / draws + share * part),
         )
         steps[some] = found.steps.reshape(size, points)

@@ -17,6 +17,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
+from ..electronics import OutputStage
 from ..friction import breakaway, elements, rate
 from ..friction import element as element_of
 from ..progress import Progress, unheard
@@ -49,6 +50,7 @@ def minimum_voltage(
     load: float | str = 0.0,
     direction: Literal[1, -1] = 1,
     max_voltage: float | str | None = None,
+    output: OutputStage | None = None,
     tolerance: float | str = 1e-3,
     threads: int | None = None,
     progress: Progress = unheard,
@@ -61,7 +63,7 @@ def minimum_voltage(
 
     Args:
         model: the actuator.
-        waveform: as for `step_map`.
+        waveform, output: as for `step_map`.
         frequency: Hz; may be left out with a waveform.
         step: m, in the direction of the walk, > 0; 10 nm by default, the least step that stick-slip
             actuators are sold with. Smaller ones are mostly creep of the contact.
@@ -92,6 +94,7 @@ def minimum_voltage(
             frequency=frequency,
             load=load,
             direction=direction,
+            output=output,
             tolerance=fine,
             threads=threads,
         )
@@ -125,6 +128,7 @@ def blocking_force(
     waveform: Waveform,
     *,
     max_load: float | str | None = None,
+    output: OutputStage | None = None,
     tolerance: float | str = 1e-5,
     threads: int | None = None,
     progress: Progress = unheard,
@@ -135,7 +139,7 @@ def blocking_force(
     where it does again.
 
     Args:
-        model, waveform: as for `step_map`.
+        model, waveform, output: as for `step_map`.
         max_load: N, how far to look; by default what the contact holds at rest at most, and the weight.
         tolerance: N: with a load that is less by this, it still walks.
 
@@ -147,7 +151,7 @@ def blocking_force(
     unit, length = unit_for(model, "N"), unit_for(model, "m")
     newton, most = _positive(tolerance, unit, "tolerance"), optional_si(max_load, unit, "max_load")
     most = _held(model) if most is None else _positive(most, unit, "max_load")
-    common: dict[str, Any] = {"tolerance": TOLERANCE, "threads": threads}
+    common: dict[str, Any] = {"output": output, "tolerance": TOLERANCE, "threads": threads}
     free = float(step_map(model, waveform, load=0.0, **common)["net_step"])
     if not abs(free) > TOLERANCE:
         raise SimulationError(f"without a load it does not walk: its step is {with_prefix(free, length)}")
@@ -192,6 +196,7 @@ def stepping_frequency_limit(
     *,
     min_frequency: float | str = 1.0,
     max_frequency: float | str | None = None,
+    output: OutputStage | None = None,
     tolerance: float | str = 0.1,
     threads: int | None = None,
     progress: Progress = unheard,
@@ -204,7 +209,7 @@ def stepping_frequency_limit(
     that counts. Nothing is said of gaps below: a map shows them.
 
     Args:
-        model, waveform: as for `step_map`.
+        model, waveform, output: as for `step_map`.
         share: of the greatest step, 0 <= share < 1.
         min_frequency, max_frequency: Hz, where to look; up to ten times the natural frequency of the stage by
             default.
@@ -227,7 +232,9 @@ def stepping_frequency_limit(
         raise QuantityError(f"share = {share!r} is out of range: it must be >= 0 and < 1")
 
     def steps(frequency: Array) -> Array:
-        found = step_map(model, waveform, frequency=frequency, tolerance=TOLERANCE, threads=threads)
+        found = step_map(
+            model, waveform, frequency=frequency, output=output, tolerance=TOLERANCE, threads=threads
+        )
         return found["net_step"].values
 
     at = np.geomspace(least, most, SCANNED)
@@ -263,7 +270,7 @@ def load_speed_curve(
     Args:
         model, waveform: as for `step_map`.
         loads: N, positive towards +x.
-        options: of `step_map`: fit, stack, quantities, tolerance, ...
+        options: of `step_map`: fit, stack, output, quantities, tolerance, ...
     """
     made = step_map(model, waveform, load=loads, **options)
     power = -made["speed"] * made["load"]

@@ -32,11 +32,11 @@ def solved_in_store(
     Raises:
         StudyDiffers, StudyError: see `run_study`.
     """
-    model, waveform, columns, tolerance, normal_load, threads = common
+    model, waveform, columns, tolerance, normal_load, threads, output = common
     points = [Draws(columns, "point")] if drawn is None else [Draws(drawn), Draws(columns, "point")]
     study = Study(
         points,
-        SteadySteps(model, waveform, tolerance, normal_load),
+        SteadySteps(model, waveform, tolerance, normal_load, output),
         keep=("net_step", "error_estimate"),
         title="points of a map of the step" if drawn is None else "draws of a map of the step",
     )

@@ -76,7 +76,9 @@ def step_table(step_map: xr.Dataset) -> StepTable:
         if not c.dims
     ]
     title = str(step_map.attrs.get("title", "steps"))
-    drive = str(step_map.attrs.get("waveform", ""))
+    drive = "; behind ".join(
+        step_map.attrs[name] for name in ("waveform", "output") if name in step_map.attrs
+    )
     unit = str(step_map["net_step"].attrs.get("units", "m"))
     return StepTable(volts, steps, low, high, error, "; ".join([*fixed, drive]), title, unit)
 

@@ -6,12 +6,12 @@ Step tables, loops and searches for drives know the hardware by this record alon
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
 from ..records import Quantity, record
-from ..units import QuantityError, to_si
+from ..units import QuantityError, to_si, with_prefix
 from ..waveform.sampled import Sampled
 from ..waveform.signal import Waveform
 from .amplifier import Amplifier, limits
@@ -92,11 +92,17 @@ class OutputStage(NamedTuple):
             return 0.0
         return float(limits(self.amplifier, self.capacitance).tau)
 
+    def played_period(self, period: Any) -> Any:
+        """Return periods [s] as the converter plays them, each the nearest whole number of updates."""
+        if not self.updates:
+            return period
+        return np.maximum(np.rint(np.asarray(period) * self.update_rate), 1.0) / self.update_rate
+
     def played(self, waveform: Waveform, low: float, high: float) -> Sampled:
         """Return one period as the converter plays it, for ever: the nearest whole number of updates long,
         with the nearest steps within the voltages."""
         period = float(waveform.period)  # type: ignore[attr-defined]
-        count = max(1, round(period * self.update_rate))
+        count = round(self.played_period(period) * self.update_rate)
         at = np.arange(count) * (period / count)
         volts = np.clip(waveform.value(at), low, high)  # type: ignore[attr-defined]
         if self.step:
@@ -116,8 +122,20 @@ class OutputStage(NamedTuple):
         return driven_period(Amplifier(1.0, 0.0, _INF, self.slope, _INF, -_FAR, _FAR), waveform, farad)
 
     def behind(self, waveform: Waveform) -> Waveform:
-        """Return the voltage at the piezo when a program plays an endless periodic waveform."""
-        return self.at_piezo(self.played(waveform, *waveform.range()) if self.updates else waveform)
+        """Return the voltage at the piezo when a program plays an endless periodic waveform; raises
+        QuantityError for a period of too few updates, or too many."""
+        if not self.updates:
+            return self.at_piezo(waveform)
+        low, high = waveform.range()
+        half = 0.5 * self.step  # a converter gives the nearest step, not the nearest within the drive
+        played = self.played(waveform, low - half, high + half)
+        count, period = played.times.size, float(waveform.period)  # type: ignore[attr-defined]
+        if not FEWEST <= count <= self.points:
+            raise QuantityError(
+                f"a period of {with_prefix(period, 's')} has {count} updates at {self.update_rate:g} Hz, and "
+                f"the output plays {FEWEST} to {self.points:g}: take another frequency"
+            )
+        return self.at_piezo(played)
 
 
 def output_of(given: OutputStage | float | str) -> OutputStage:

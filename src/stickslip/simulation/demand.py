@@ -23,9 +23,11 @@ from numpy.typing import NDArray
 from ..actuator import Actuator
 from ..electronics.cycles import half_cycles
 from ..electronics.lines import jumps, lines_of
+from ..electronics.output import OutputStage
 from ..electronics.stack import Stack
 from ..units import QuantityError, with_prefix
 from ..waveform.signal import Waveform
+from .drives import endless
 from .varied import put_in, record_names
 
 Array = NDArray[np.float64]
@@ -57,13 +59,18 @@ def refuse_stack(model: Any, stack: Any) -> None:
 
 
 def electrical_demand(
-    waveform: Waveform, columns: Mapping[str, Array], stack: Stack, count: int
+    waveform: Waveform,
+    columns: Mapping[str, Array],
+    stack: Stack,
+    count: int,
+    output: OutputStage | None = None,
 ) -> dict[str, Array]:
     """`UNITS` of each member; NaN where its fields make no waveform.
 
     Args:
         columns: what varies, by name, [members]; of it the fields of the waveform count.
         count: of the members.
+        output: that the drives pass; behind one, a drive is another curve at each frequency.
 
     Raises:
         QuantityError: a drive that has no period, or that jumps, which takes an infinite current.
@@ -77,15 +84,19 @@ def electrical_demand(
     # Knots are stretched with their period, so their times say no more than that does.
     stretched = "period" in columns
     shapes = [
-        n for n in columns if n not in ("frequency", "period") and not (stretched and n.startswith("time_"))
+        n
+        for n in columns
+        if output is not None
+        or (n not in ("frequency", "period") and not (stretched and n.startswith("time_")))
     ]
     periods = 1.0 / columns["frequency"] if "frequency" in columns else columns.get("period")
+    periods = None if output is not None else periods
     made = np.full((len(UNITS), count), np.nan)
     table = np.column_stack([columns[n] for n in shapes]) if shapes else np.zeros((count, 1))
     _, first, which = np.unique(table, axis=0, return_index=True, return_inverse=True)
     which = which.reshape(-1)
     for kind, member in enumerate(first.tolist()):
-        one = _with_fields(waveform, {n: float(c[member]) for n, c in columns.items()})
+        one = _with_fields(waveform, {n: float(c[member]) for n, c in columns.items()}, output)
         if one is None:
             continue
         rows = np.flatnonzero(which == kind)
@@ -102,10 +113,12 @@ def electrical_demand(
     return dict(zip(UNITS, made, strict=True))
 
 
-def _with_fields(waveform: Any, values: Mapping[str, float]) -> Any:
-    """The waveform with all of these at once; None where its record refuses them."""
+def _with_fields(waveform: Any, values: Mapping[str, float], output: OutputStage | None) -> Any:
+    """The waveform with all of these at once, behind the output; None where that or its record refuses
+    them."""
     try:
-        return type(waveform)(**put_in(waveform, values)) if values else waveform
+        one = type(waveform)(**put_in(waveform, values)) if values else waveform
+        return one if output is None else output.behind(endless(one))
     except QuantityError:
         return None
 
@@ -124,7 +137,8 @@ def _of_one_period(waveform: Any, stack: Stack) -> tuple[float, float, float, fl
     if np.abs(jumped).max() > 2.0 * tolerance:
         raise QuantityError(
             f"{type(waveform).__name__} jumps by {with_prefix(float(np.abs(jumped).max()), 'V')}, which "
-            "takes an infinite current: give it a fall that takes time (rise_fraction < 1)"
+            "takes an infinite current: give it a fall that takes time (rise_fraction < 1), or an amplifier "
+            "(output)"
         )
     change, stored = np.diff(volts), 0.5 * np.diff(volts**2)
     top = int(np.argmax(volts[:-1]))
@@ -136,13 +150,18 @@ def _of_one_period(waveform: Any, stack: Stack) -> tuple[float, float, float, fl
 
 
 def labelled_demand(
-    model: Actuator, waveform: Waveform, columns: Mapping[str, Array], stack: Stack | None, count: int
+    model: Actuator,
+    waveform: Waveform,
+    columns: Mapping[str, Array],
+    stack: Stack | None,
+    count: int,
+    output: OutputStage | None = None,
 ) -> dict[str, Any]:
     """`electrical_demand` as variables over "member"; none without a stack."""
     if stack is None:
         return {}
     refuse_stack(model, stack)
-    found = electrical_demand(waveform, columns, stack, count)
+    found = electrical_demand(waveform, columns, stack, count, output)
     return {
         name: ("member", values, dict(zip(("units", "long_name"), UNITS[name], strict=True)))
         for name, values in found.items()

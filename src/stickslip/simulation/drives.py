@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..actuator import Actuator, PulledSlider
+from ..electronics.output import OutputStage
 from ..piezo.model import Piezo
 from ..plant.at_piezo import at_piezo, tabulated
 from ..solve.periods import LONGEST_CYCLE
@@ -29,6 +32,11 @@ def refuse_no_waveform(waveform: Waveform) -> None:
     """Raise TypeError for what is not a drive at all."""
     if not hasattr(waveform, "drive"):
         raise TypeError(f"the drive is a waveform (Sawtooth, Sampled, ...), not a {type(waveform).__name__}")
+
+
+def endless(waveform: Any) -> Any:
+    """Return the waveform for ever, where it has a number of periods."""
+    return waveform._replace(periods=None) if math.isfinite(waveform.duration) else waveform
 
 
 class Driven(NamedTuple):
@@ -135,3 +143,27 @@ def out_of_range(model: Actuator, low: float, high: float, minimum: float, maxim
         f"drive voltage from {low:g} V to {high:g} V is out of range: "
         f"{model.name or 'the actuator'} takes {minimum:g} V to {maximum:g} V"
     )
+
+
+def behind(output: OutputStage, rows: list[Any], reasons: list[str]) -> list[Any]:
+    """Return the voltages at the piezo, each drive's once; adds what the output refuses to the reasons."""
+    made: dict[Any, Any] = {}
+    for m, row in enumerate(rows):
+        if reasons[m] or row in made:
+            continue
+        try:
+            made[row] = output.behind(row)
+        except QuantityError as error:
+            reasons[m] = str(error)
+    return [made.get(row, row) for row in rows]
+
+
+def refuse_voltages(model: Actuator, rows: list[Any], scale: NDArray[np.float64], reasons: list[str]) -> None:
+    """Add to the reasons which waveforms, times their factors, leave the range of the actuator."""
+    lows, highs = (np.broadcast_to(v, len(rows)) for v in (model.min_voltage, model.max_voltage))
+    for m, row in enumerate(rows):
+        if reasons[m]:
+            continue
+        low, high = (float(scale[m]) * value for value in row.range())
+        if low < lows[m] or high > highs[m]:
+            reasons[m] = out_of_range(model, low, high, float(lows[m]), float(highs[m]))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
+from ..electronics.output import OutputStage
 from ..piezo.model import Piezo
 from ..plant.generated import with_values as plant_with
 from ..plant.system import Plant, values_of
@@ -22,7 +23,7 @@ from ..waveform.drive import Drive
 from ..waveform.members import Drives, stacked
 from ..waveform.members import common as common_drive
 from ..waveform.signal import Waveform
-from .drives import Driven, Scaled, out_of_range, table_precision
+from .drives import Driven, Scaled, behind, refuse_voltages, table_precision
 from .jumps import cannot_jump, refuse_jumps
 from .load import refuse_other_periods
 from .models import System, contact_load
@@ -157,7 +158,14 @@ def in_blocks(
             yield first, future.result()
 
 
-def block_size(model: Actuator, waveform: Waveform, columns: Columns, end: float, most: int = BLOCK) -> int:
+def block_size(
+    model: Actuator,
+    waveform: Waveform,
+    columns: Columns,
+    end: float,
+    most: int = BLOCK,
+    output: OutputStage | None = None,
+) -> int:
     """How many members make a block whose tables are not too large."""
     varied = waveform_columns(waveform, columns)
     if not varied and not {*columns} & {"drive_scale", *drive_names(model)}:
@@ -167,6 +175,10 @@ def block_size(model: Actuator, waveform: Waveform, columns: Columns, end: float
         per_period = [c / getattr(waveform, "frequency", 1.0) for n, c in varied.items() if n == "frequency"]
         per_period += [getattr(waveform, "period", 1.0) / c for n, c in varied.items() if n == "period"]
         quicker = max([1.0, *(float(np.nanmax(c[np.isfinite(c)], initial=1.0)) for c in per_period)])
+        if output is not None and output.updates:
+            slower = [float(np.nanmax(1.0 / c[c > 0.0], initial=1.0)) for c in per_period]
+            segments = max(segments, end * max([1.0, *slower]) * output.update_rate)
+            quicker = 1.0  # one period of each
     return int(np.clip(LARGEST_TABLES / (5.0 * segments * quicker), 1, most))
 
 
@@ -179,6 +191,7 @@ def prepared(
     end: float | None,
     tolerance: float,
     periodic: bool = False,
+    output: OutputStage | None = None,
 ) -> Members:
     """A block of members.
 
@@ -187,6 +200,7 @@ def prepared(
             their own.
         end: s; None: of each member the duration of its waveform, or with `periodic` its period.
         tolerance: m, of the position, for the tables.
+        output: that periodic drives pass; of it no `common` knows.
     """
     count = next(iter(columns.values())).size
     model = with_normal_force(model, columns)
@@ -199,7 +213,9 @@ def prepared(
     members = tuple.__new__(Actuator, (model._asdict() | own | {"friction": law}).values())
     if common is None:
         rows = _waveforms(waveform, waveform_columns(waveform, columns), reasons)
-        _refuse_voltages(members, rows, scale, reasons)
+        if output is not None:
+            rows = behind(output, rows, reasons)
+        refuse_voltages(members, rows, scale, reasons)
         if "drive_scale" in columns and bends(model):  # before the piezo; else the plants have it
             rows = [Scaled(row, factor) for row, factor in zip(rows, scale, strict=True)]
             scale = np.ones(count)
@@ -208,7 +224,7 @@ def prepared(
         drives, which, ends = _tables(members, driven, waveform, columns, reasons, end, periodic)
     else:
         if "drive_scale" in columns:
-            _refuse_voltages(members, [waveform] * count, scale, reasons)
+            refuse_voltages(members, [waveform] * count, scale, reasons)
         stroke = table_precision(model, 1.0) / table_precision(members, 1.0) * _largest(scale)
         drives, which = common_drive(common(tolerance / stroke)), np.zeros(count, np.int64)
         ends = np.full(count, _end(waveform, periodic) if end is None else end)
@@ -265,7 +281,7 @@ def _tables(
     if not fine.size:
         return common_drive(waveform.drive(1e-9)), which, ends
     ends[fine] = [end or _end(rows[m], periodic) for m in fine.tolist()]
-    if hasattr(waveform, "drives") and model.piezo is None:
+    if hasattr(rows[fine[0]], "drives") and model.piezo is None:
         varied = waveform_columns(waveform, columns)
         fields = put_in(waveform, {name: c[fine] for name, c in varied.items()})
         drives = tuple.__new__(type(waveform), fields.values()).drives(ends[fine])
@@ -299,18 +315,6 @@ def _waveforms(waveform: Any, columns: Columns, reasons: list[str]) -> list[Any]
         except QuantityError as error:
             reasons[m] = str(error)
     return made
-
-
-def _refuse_voltages(
-    model: Actuator, rows: list[Any], scale: NDArray[np.float64], reasons: list[str]
-) -> None:
-    lows, highs = (np.broadcast_to(v, len(rows)) for v in (model.min_voltage, model.max_voltage))
-    for m, row in enumerate(rows):
-        if reasons[m]:
-            continue
-        low, high = (float(scale[m]) * value for value in row.range())
-        if low < lows[m] or high > highs[m]:
-            reasons[m] = out_of_range(model, low, high, float(lows[m]), float(highs[m]))
 
 
 def _values(of: Any, scale: NDArray[np.float64], count: int) -> NDArray[np.float64]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from typing import Any
 
@@ -14,7 +13,7 @@ from ..solve.periodic import STABLE, Orbit, find_orbit
 from ..units import QuantityError, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
-from .drives import tables
+from .drives import endless, tables
 from .errors import NotPeriodicError, SimulationError, SimulationWarning
 from .load import refuse_other_period
 from .models import contact_load
@@ -75,11 +74,6 @@ def period_of(waveform: Waveform) -> float:
             f"steady stepping needs a periodic waveform; {type(waveform).__name__} has no period"
         )
     return float(period)
-
-
-def endless(waveform: Any) -> Any:
-    """The waveform for ever, where it has a number of periods."""
-    return waveform._replace(periods=None) if math.isfinite(waveform.duration) else waveform
 
 
 def stable(largest: Any) -> Any:

@@ -14,7 +14,7 @@ from ..solve.periodic import has_neighbours
 from ..units import QuantityError
 from ..waveform.drive import Drive, value_slope_curvature
 from ..waveform.signal import Waveform
-from .drives import tables
+from .drives import endless, tables
 from .errors import NotPeriodicError
 from .models import System, contact_load
 from .sensitivity import (
@@ -29,7 +29,7 @@ from .sensitivity import (
     until_settled,
     warn_unsettled,
 )
-from .steady import endless, period_of, steady_orbit
+from .steady import period_of, steady_orbit
 from .trajectory import checked_tolerance
 from .varied import value_of
 

@@ -11,16 +11,18 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
+from ..electronics.output import OutputStage
 from ..electronics.stack import Stack
 from ..plant.at_piezo import tabulated
 from ..progress import Progress, unheard
+from ..records import of_kind
 from ..solve.outcome import DONE
 from ..solve.periodic import NOT_FOUND, Found, has_neighbours, orbits, room_for
 from ..units import labelled_for
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .demand import labelled_demand
-from .drives import tables
+from .drives import endless, tables
 from .errors import SimulationWarning
 from .load import refuse_other_period
 from .members import (
@@ -32,10 +34,11 @@ from .members import (
     labelled,
     own_tables,
     prepared,
+    waveform_columns,
 )
 from .models import contact_load, refuse_places
 from .refinement import FINER
-from .steady import MAX_PERIODS, NOT_FOLLOWED, endless, not_found, period_of, stable, unstable
+from .steady import MAX_PERIODS, NOT_FOLLOWED, not_found, period_of, stable, unstable
 from .trajectory import checked_tolerance
 
 CONVERGED, STOPPED, MISSED, UNSTABLE, REFUSED = range(5)
@@ -56,6 +59,7 @@ class _Task(NamedTuple):
     load: Waveform | float
     tolerance: float
     beside: Beside | None
+    output: OutputStage | None
 
 
 class OrbitBlock(NamedTuple):
@@ -74,6 +78,7 @@ def steady_steps(
     parameters: Mapping[str, ArrayLike],
     tolerance: float | str = 1e-10,
     load: Waveform | float = 1.0,
+    output: OutputStage | None = None,
     stack: Stack | None = None,
     threads: int | None = None,
     progress: Progress = unheard,
@@ -87,6 +92,8 @@ def steady_steps(
         tolerance: m, on the net step.
         load: normal force over its reference, for all members: a number, or a waveform as for `steady_orbit`;
             members into whose own period it does not fit are refused.
+        output: converter and amplifier that each drive passes (`OutputStage.behind`); left out, the drive
+            reaches the piezo as it is.
         stack: that each periodic drive charges; then there are also peak_current and rms_current (A),
             energy_per_step (J, per period), heat (W) and temperature_rise (K), see `demand`.
         threads: how many; all processors if left out.
@@ -103,8 +110,8 @@ def steady_steps(
     tolerance = checked_tolerance(model, tolerance)
     columns = checked_columns(model, waveform, parameters)
     count, blocks = next(iter(columns.values())).size, []
-    demand = labelled_demand(model, waveform, columns, stack, count)
-    for start, block in orbit_blocks(model, waveform, columns, tolerance, load, threads):
+    demand = labelled_demand(model, waveform, columns, stack, count, output)
+    for start, block in orbit_blocks(model, waveform, columns, tolerance, load, threads, output=output):
         blocks.append(block)
         progress("solving for periodic motion", (start + block.status.size) / count)
     made = labelled_for(model, _dataset(model, waveform, columns, blocks).assign(demand))
@@ -126,6 +133,7 @@ def orbit_blocks(
     load: Waveform | float = 1.0,
     threads: int | None = None,
     beside: Beside | None = None,
+    output: OutputStage | None = None,
 ) -> Iterator[tuple[int, OrbitBlock]]:
     """Orbits of members, block after block, with the number of the first member of each.
 
@@ -133,19 +141,23 @@ def orbit_blocks(
         columns: as `members.checked_columns` gives them; the others as for `steady_steps`.
         beside: what to make of each block besides; its `Members.states` are on the orbits, each at the begin
             of a period.
+        output: that the drives pass.
 
     Raises:
         QuantityError: see `steady_orbit`.
     """
     period, waveform = period_of(waveform), endless(waveform)
+    if output is not None and not waveform_columns(waveform, columns):  # one drive for all
+        waveform, output = of_kind(output, OutputStage, "output").behind(waveform), None
+        period = period_of(waveform)
     tolerance = checked_tolerance(model, tolerance)
     contact_load(load, period)  # what is wrong with it is said at once
     refuse_other_period(load, _common_period(period, columns))
     refuse_places(model)
-    own = own_tables(model, waveform, columns)
+    own = output is not None or own_tables(model, waveform, columns)
     by_tolerance = None if own else tables(model, waveform, period, periodic=True)
-    task = _Task(model, waveform, by_tolerance, load, tolerance, beside)
-    size = block_size(model, waveform, columns, period, BLOCK)
+    task = _Task(model, waveform, by_tolerance, load, tolerance, beside, output)
+    size = block_size(model, waveform, columns, period, BLOCK, output)
     return in_blocks(lambda part: _block(task, part), columns, size, threads)
 
 
@@ -187,7 +199,7 @@ def _orbits(
     """Members whose drives are tabulated for a tolerance [m], and their orbits, looked for from the states or
     from rest."""
     rows = task.model, task.waveform, task.tables, task.load, columns
-    of = prepared(*rows, None, tolerance, periodic=True)
+    of = prepared(*rows, None, tolerance, periodic=True, output=task.output)
     if states is not None:
         of.states[:] = states
     found, plant = room_for(*of.states.shape), of.of.plant

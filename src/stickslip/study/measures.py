@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
+from ..electronics.output import OutputStage
 from ..simulation.ensemble import simulate_ensemble
 from ..simulation.errors import SimulationWarning
 from ..simulation.members import checked_columns, labelled
@@ -32,12 +33,14 @@ class SteadySteps:
         model, waveform: what the members vary, in all fields that `steady_steps` takes.
         tolerance: m (rad), on the net step.
         load: normal force over its reference, for all members, as for `steady_steps`.
+        output: converter and amplifier that each drive passes.
     """
 
     model: Actuator
     waveform: Waveform
     tolerance: float | str = 1e-10
     load: Waveform | float = 1.0
+    output: OutputStage | None = None
 
     def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
         """Values of a name in SI, and its attributes; raises QuantityError."""
@@ -52,6 +55,7 @@ class SteadySteps:
                 parameters=columns,
                 tolerance=to_si(self.tolerance, unit_for(self.model, "m"), "tolerance"),
                 load=self.load,
+                output=self.output,
                 threads=1,
             )
         )
