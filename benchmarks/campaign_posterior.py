@@ -23,6 +23,7 @@ from stickslip.campaign.additional import additional
 from stickslip.campaign.evaluation import evaluate
 from stickslip.campaign.file import read_campaign
 from stickslip.campaign.gathering import gather
+from stickslip.campaign.kept import Kept
 from stickslip.progress import unheard
 from stickslip.units import with_prefix
 
@@ -53,7 +54,7 @@ def main(most: int) -> None:
         found = evaluate(file, model, gathered, unheard)
     cpu, wall = time.process_time(), time.perf_counter()
     samples = additional(
-        file, found.friction, found.walks, found.stage, False, path.parent, unheard
+        file, found.friction, found.walks, found.stage, False, path.parent, unheard, Kept()
     ).posterior
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     assert samples is not None

@@ -27,14 +27,15 @@ SECOND = ss.Actuator(
     external_force=0.1,
 )
 CASES: dict[str, tuple[Any, Any, float, dict[str, Any]]] = {
-    "periods are copied": (KANG, ss.Sawtooth(65.0, 5.0), 2.0, {}),
+    # At this tolerance the whole and its parts are refined alike; only then are the steps the same.
+    "periods are copied": (KANG, ss.Sawtooth(65.0, 5.0), 2.0, {"tolerance": 3e-9}),
     "a smooth drive": (KANG, ss.Sine(40.0, 31.0, offset=50.0), 0.3, {}),
     "a static law": (KANG.replace(friction=ss.Coulomb(0.54)), ss.Sawtooth(65.0, 50.0, 0.9), 0.1, {}),
     "branches and a normal force": (
         SECOND,
         ss.Sine(30.0, 71.0),
         0.1,
-        {"load": ss.Sine(0.3, 40.0, offset=1.0)},
+        {"load": ss.Sine(0.3, 41.0, offset=1.0)},
     ),
     "a sequence": (KANG, ss.Sawtooth(65.0, 40.0, 0.95, periods=3), 0.2, {}),
     "a pulled slider": (

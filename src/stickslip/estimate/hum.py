@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +100,9 @@ def _refined(r: Array, number: int) -> Line:
         return float(np.sum((r - basis @ sizes) ** 2)), np.asarray(sizes, dtype=float)
 
     limits = (number - 1.0, number + 1.0)
-    found = minimize_scalar(lambda c: left(c)[0], bounds=limits, method="bounded", options={"xatol": 1e-3})
+    found: Any = minimize_scalar(
+        lambda c: left(c)[0], bounds=limits, method="bounded", options={"xatol": 1e-3}
+    )
     return Line(float(found.x) / r.size, float(np.hypot(*left(float(found.x))[1])))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -93,7 +93,7 @@ def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
     trials = np.clip(interval * (lag + np.linspace(-1.5, 1.5, 31)), 0.0, None)
     coarse = float(min(trials, key=difference))
     near = (max(coarse - 0.2 * interval, 0.0), coarse + 0.2 * interval)
-    fine = minimize_scalar(difference, bounds=near, method="bounded", options={"maxiter": 15})
+    fine: Any = minimize_scalar(difference, bounds=near, method="bounded", options={"maxiter": 15})
     begin = min(coarse, float(fine.x), key=difference)
     return begin, difference(begin)
 

@@ -29,7 +29,7 @@ FINEST = 1e-5
 # The error over what a finer integration moves: two that err alike by chance are not rare. So it is not
 # believed to fall faster than the root of the engine's tolerances: a quarter from one to the next but one
 # (errors fell as their power 0.6 on stages of 20 kHz with a damping ratio of 0.03).
-PER_MOVE = 4.0
+PER_MOVE = 6.0
 # Newton's method may go this many times as far as the motion itself has been: where a period hardly changes
 # the state it would point to where nothing moves like this.
 FARTHEST = 4.0

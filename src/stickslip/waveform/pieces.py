@@ -107,7 +107,7 @@ def by_periods(drive: Drive, period: float | None, duration: float) -> Drive:
     until = min(duration, float(drive.start[1])) if drive.start.size > 1 else duration
     plain = drive.start.size <= 2 and len(waves) > 0 and not np.any(waves[:, 3])
     plain = plain and not np.any(drive.polynomial[0, 1:]) and drive.start[0] == 0.0
-    if period is None or not plain or not 2.0 * period <= until <= MOST_PERIODS * period / len(waves):
+    if period is None or not plain or not until <= MOST_PERIODS * period / len(waves):
         return drive
     one = drive._replace(start=drive.start[:1], polynomial=drive.polynomial[:1], first=drive.first[:2])
     table = repeat_table(one._replace(harmonic=waves), period, None, until)
