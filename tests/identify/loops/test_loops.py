@@ -303,7 +303,6 @@ def test_a_clipped_force_is_refused_and_a_plateau_is_not(noise: float, step: flo
         (["stiffness_3"], {}, "cannot be free"),
         (["bias", "bias"], {}, "free twice"),
         (["bias"], {"drift": (0, 1)}, "'drift', which is not free"),
-        (["sigma_2"], {}, r"sigma_2 starts at 0 N s/m: .* needs bounds"),
         (["strength_1"], {"strength_1": ("1 m", "2 m")}, "lower bound of strength_1.*expected N"),
         (["strength_1"], {"strength_1": ("2 N", "3 N")}, "start must be finite and within"),
     ],

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...estimate.fit import fit_least_squares
 from ...estimate.identifiability import LOOSE_RATIO
-from ...estimate.minima import Minimum, still_fits
+from ...estimate.minima import Minimum, bound, still_fits
 from ...estimate.parameter import Parameter
 from ...estimate.problem import FitError, Problem
 from ...estimate.result import Fit
@@ -26,7 +26,9 @@ NAME, POINTS = "stribeck_velocity", 7
 # The stiffness of a wrong law is fixed elsewhere too: by half a decade a rung, over three decades either way.
 RUNG, RUNGS = math.sqrt(10.0), 6
 ROUGHLY = 1e-4  # of the sum of squares: far less than by what minima of a wrong law differ
-FURTHEST = RUNG**RUNGS * (1.0 - 1e-9)
+# Two rungs fit alike whose chi-squared differs by less than this share of what rejects one. Above what the
+# samples show of presliding a stiffness has no effect, and the stiffest take longest to simulate.
+FLAT = 0.05
 
 
 def profile_points(
@@ -65,7 +67,7 @@ def ladder(
     parameters: Sequence[Parameter],
     described: Callable[[Sequence[Parameter]], Problem],
 ) -> tuple[Fit, ...]:
-    """Fits with one value fixed on either side, rung by rung, until two in turn are rejected.
+    """Fits with one value fixed on either side, until two rungs in turn are rejected, or upwards fit alike.
 
     Args:
         fit: of all parameters.
@@ -74,19 +76,20 @@ def ladder(
         parameters, described: as for `profile_points`.
     """
     variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
-    found = []
+    found, flat = [], FLAT * bound(len(fit.parameters))
     for side in (-1, 1):
-        begin, rejected = fit, 0
+        begin, rejected, last = fit, 0, math.inf
         for rung in range(1, RUNGS + 1):
             value = fit.values[name] * RUNG ** (side * rung)
             one = _fixed(begin, name, value, parameters, described, ROUGHLY)
             if one is None:
                 break
             found.append(one)
-            fits = still_fits((one.cost - fit.cost) / variance / less, len(fit.parameters))
-            begin, rejected = one, 0 if fits else rejected + 1
-            if rejected > 1:
+            excess = (one.cost - fit.cost) / variance / less
+            rejected = 0 if still_fits(excess, len(fit.parameters)) else rejected + 1
+            if rejected > 1 or (side > 0 and abs(excess - last) < flat):
                 break
+            begin, last = one, excess
     return tuple(found)
 
 
@@ -129,6 +132,10 @@ def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float 
     p = fit.parameters[place]
     variance = 1.0 if fit.noise_known else fit.reduced_chi_squared
     others = []
+    if name == NAME:
+        ends = (p.lower, p.upper)
+    else:  # a ladder ends where two rungs are rejected; where the last one fits, those beyond it do
+        ends = min(tried := [one.values[name] for one in (fit, *points)]), max(tried)
     for one in points:
         # Where it is fixed, the fit has no prior of it.
         value = one.values[name]
@@ -138,8 +145,7 @@ def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float 
             known = one.uncertainty
             covariance = np.insert(np.insert(known.covariance, place, 0.0, axis=0), place, 0.0, axis=1)
             columns = [
-                np.insert(x, place, of)
-                for x, of in zip(known[1:4], _beyond(p, value, fit.values[name]), strict=True)
+                np.insert(x, place, of) for x, of in zip(known[1:4], _beyond(p, value, ends), strict=True)
             ]
             others.append(
                 Minimum(
@@ -153,9 +159,8 @@ def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float 
     return fit.with_minima([*fit.minima, *others]) if others else fit
 
 
-def _beyond(p: Parameter, value: float, best: float) -> tuple[int, float, float]:
-    """Side, push and variance of a value at the end of the search: what fits there may fit beyond it too."""
-    low, high = (best / FURTHEST, best * FURTHEST) if p.name != NAME else (p.lower, p.upper)
-    if p.limits is None or low < value < high:
+def _beyond(p: Parameter, value: float, ends: tuple[float, float]) -> tuple[int, float, float]:
+    """Return side, push and variance of a value; what fits at the end of the search may fit beyond it too."""
+    if p.limits is None or ends[0] < value < ends[1]:
         return 0, 0.0, 0.0
-    return (-1 if value <= low else 1), math.inf, 1.0
+    return (-1 if value <= ends[0] else 1), math.inf, 1.0

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.parameter import Values
-from ...friction import elements
+from ...friction import element, elements, rate
 from ...recording.noise import noise_level
 from ...simulation import SimulationError
 from ...simulation.prescribed import prescribed_once
@@ -36,6 +36,9 @@ UNLOADED = 0.02
 SAME = 4.0
 # Of the stroke: a tolerance that is greater bends short strokes by more than the noise.
 FINEST = 1e-6
+# Largest error of the law's force in a step, over the range of the recorded force. A stiff contact slips
+# after less than the tolerance: its force would be the error of the simulation, with a minimum anywhere.
+FORCE_ERROR = 1e-6
 
 
 class LoopPrediction(NamedTuple):
@@ -65,7 +68,9 @@ def response_of(
     velocity = np.gradient(position, time, edge_order=2)
     fine, path, at = between(time, position, velocity)
     tolerance = min(tolerance, FINEST * float(np.ptp(position)))
-    first = float(np.median(channel(recording, OBSERVED, name)[: at_rest(position)]))
+    force_shown = channel(recording, OBSERVED, name)
+    first = float(np.median(force_shown[: at_rest(position)]))
+    most = FORCE_ERROR * float(np.ptp(force_shown))
     load = np.ones(time.size)
     if reference is not None:  # a measured one, with noise: no contact is pulled
         load = np.maximum(channel(recording, "normal_force", name) / reference, 0.0)
@@ -83,7 +88,7 @@ def response_of(
                 law,
                 fine,
                 path,
-                tolerance,
+                _within(law, most, tolerance),
                 initial_force=begin,
                 initial_velocity=float(velocity[0]) if begin else 0.0,
             )
@@ -96,6 +101,15 @@ def response_of(
         return bias + strength * (values.get("contact_offset", 0.0) + force + uneven)
 
     return response
+
+
+def _within(law: Any, error: float, tolerance: float) -> float:
+    """Return the tolerance of deflections [m], or less where a deflection changes the force by more than the
+    error [N]."""
+    stiffest = 0.0
+    for one in (element(law, e) for e in range(elements(law))):
+        stiffest = max(stiffest, (rate(one, 0.0, tolerance)[0] - rate(one, 0.0, 0.0)[0]) / tolerance)
+    return min(tolerance, error / stiffest) if stiffest > 0.0 and error > 0.0 else tolerance
 
 
 def at_rest(position: NDArray[np.float64]) -> int:
