@@ -381,7 +381,8 @@ def test_cite(names: list[str], words: list[str]) -> None:
 def test_a_warning_is_one_line_and_among_the_assumptions(tmp_path: Path) -> None:
     """The samples of a drive do not show its jumps; that is no traceback and no line of source."""
     actuator = load_actuator("kang2007").replace(stage_reaction=False)
-    save_recording(simulate(actuator, Sawtooth(65.0, 20.0), 0.12, tolerance=1e-10), tmp_path / "walk.nc")
+    walk = simulate(actuator, Sawtooth(65.0, 20.0), 0.12, tolerance=1e-10)
+    save_recording(walk, tmp_path / "walk.nc")
     file = (
         "kind: walk\ntitle: A walk\nmodel: kang2007\nchange: {stage_reaction: false}\n"
         "free: [sigma_0]\nstarts: 1\nrecordings: [{file: walk.nc}]\n"

@@ -114,7 +114,7 @@ def said_waveform(waveform: Any) -> str:
     said = [
         f"{getattr(waveform, field):.6g} {unit}"
         for field, unit in (("amplitude", "V"), ("frequency", "Hz"), ("periods", "periods"))
-        if field in fields and math.isfinite(getattr(waveform, field))
+        if field in fields and math.isfinite(getattr(waveform, field) or math.inf)
     ]
     offset = getattr(waveform, "offset", 0.0) if "offset" in fields else 0.0
     said += [f"offset {offset:.6g} V"] if offset else []
