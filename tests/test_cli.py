@@ -20,7 +20,7 @@ from stickslip import __version__
 from stickslip.actuator import load_actuator
 from stickslip.cli import app
 from stickslip.cli.frame import check_output, progress_bar
-from stickslip.recording import open_recording, save_recording
+from stickslip.recording import make_recording, open_recording, save_recording
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth
 
@@ -381,15 +381,19 @@ def test_cite(names: list[str], words: list[str]) -> None:
 def test_a_warning_is_one_line_and_among_the_assumptions(tmp_path: Path) -> None:
     """The samples of a drive do not show its jumps; that is no traceback and no line of source."""
     actuator = load_actuator("kang2007").replace(stage_reaction=False)
-    walk = simulate(actuator, Sawtooth(65.0, 20.0), 0.12, tolerance=1e-10)
-    save_recording(walk, tmp_path / "walk.nc")
+    walk = simulate(actuator, Sawtooth(65.0, 5.0, rise_fraction=0.998), 0.45, tolerance=1e-10)
+    volts = walk["drive_voltage"].drop_attrs().assign_attrs(units="V")
+    position = walk["end_effector_position"].drop_attrs().assign_attrs(units="m")
+    channels = {"drive_voltage": volts, "end_effector_position": position}
+    shown = make_recording(walk.time.values, {name: (x.values, x.units) for name, x in channels.items()})
+    save_recording(shown, tmp_path / "walk.nc")
     file = (
         "kind: walk\ntitle: A walk\nmodel: kang2007\nchange: {stage_reaction: false}\n"
         "free: [sigma_0]\nstarts: 1\nrecordings: [{file: walk.nc}]\n"
     )
     (tmp_path / "walk.yaml").write_text(file, "utf-8")
     done = run("identify", str(tmp_path / "walk.yaml"), "--out", str(tmp_path / "out"))
-    assert done.exit_code == 0, done.stderr
+    assert done.exit_code == 1, done.stderr  # what is found is wrong, and said to be
     said = [line for line in done.stderr.splitlines() if "drive_voltage" in line]
     assert [line.split(":")[0] for line in said] == ["Warning"]
     assert said[0].removeprefix("Warning: ") in html.unescape(
