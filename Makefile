@@ -4,7 +4,7 @@
 #   make test       all tests, compiled; then those of the kernels as plain Python; the lines that both have seen
 #   make check      lint, format, types, layers
 #   make drivers    others' drivers of controllers in an environment of their own, for the tests
-#   make mutation   flips signs in the physics and asks the tests to notice; SINCE=--since-record for what changed
+#   make mutation   flips signs in the physics and asks the tests to notice; SAMPLE=100 for that many, FILES=solve/ for some
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
 #   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)
 #   make lowest     a core of the tests with the lowest versions that pyproject.toml allows; PYTHON= one of them
@@ -31,7 +31,6 @@ COVERAGE ?= 94
 LOCK_FLAGS ?=
 # Of trajectory, steady, ensemble, fit, accuracy, startup; all of them if empty.
 PART ?=
-SINCE ?=
 # Where another version of a dependency shows: units, data, files, the command line, figures, reports, fits.
 LOWEST_TESTS := tests/test_records.py tests/test_units.py tests/test_registry.py tests/test_known.py tests/test_cli.py \
   tests/test_mistyped_keys.py tests/parameters tests/recording tests/calibration tests/figures \
@@ -109,7 +108,7 @@ format: $(READY)
 	$(BIN)/ruff format
 
 mutation: $(READY)
-	$(BIN)/python tools/mutate.py $(SINCE)
+	$(BIN)/python tools/mutate.py $(if $(SAMPLE),--sample $(SAMPLE)) $(FILES)
 
 bench: $(READY) peers
 	$(BIN)/python -m benchmarks $(PART)

@@ -1,6 +1,6 @@
 """The mutation check: would the tests notice a wrong sign in the physics?
 
-    python tools/mutate.py [--list] [--since-record] [--jobs N] [FILE ...]
+    python tools/mutate.py [--list] [--sample N] [--jobs N] [FILE ...]
 
 One at a time, in a copy of the package: + becomes - and back, the first term of a sum is negated, a unary
 minus is dropped, a comparison is turned round, a returned value is negated; where equations are text, in that
@@ -12,9 +12,7 @@ from __future__ import annotations
 
 import argparse
 import ast
-import hashlib
 import importlib
-import json
 import multiprocessing
 import os
 import random
@@ -27,13 +25,10 @@ from collections.abc import Iterator, Sequence
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkProcess
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "stickslip"
-RECORD = ROOT / "tools" / "mutation.json"
-# Of the mutants that the record vouches for, so many run all the same, others each time.
-SAMPLE = 60
 
 
 class Target(NamedTuple):
@@ -350,40 +345,6 @@ def all_mutants(only: Sequence[str]) -> list[Mutant]:
     return [mutant for group in found.values() for mutant in group]
 
 
-def digests(queue: list[Mutant]) -> dict[str, str]:
-    """What the record knows each file by: its mutants, their tests, and what these share with other tests."""
-    found: dict[str, Any] = {}
-    for mutant in queue:
-        if mutant.file not in found:
-            tests = {ROOT / test.split("::")[0] for test in mutant.tests}
-            beside = {
-                file
-                for folder in {ROOT / "tests", *(t.parent for t in tests)}
-                for file in folder.glob("*.py")
-            }
-            shared = {file for file in beside if not file.name.startswith("test_")}
-            texts = [(PACKAGE / mutant.file).read_bytes(), *(f.read_bytes() for f in sorted(tests | shared))]
-            found[mutant.file] = hashlib.sha256(repr((mutant.tests, texts)).encode())
-        found[mutant.file].update(mutant.source.encode())
-    return {file: of.hexdigest()[:16] for file, of in found.items()}
-
-
-def since_record(queue: list[Mutant], recorded: dict[str, str]) -> list[Mutant]:
-    """The mutants of files that changed since they were recorded, and a sample of the others."""
-    same = {file for file, digest in digests(queue).items() if recorded.get(file) == digest}
-    known = [mutant for mutant in queue if mutant.file in same]
-    sample = random.sample(known, min(SAMPLE, len(known)))
-    return [*(mutant for mutant in queue if mutant.file not in same), *sample]
-
-
-def record(queue: list[Mutant], missed: set[str]) -> None:
-    """Write down the files of which all mutants ran and were noticed; forget those that are no target now."""
-    recorded = json.loads(RECORD.read_text()) if RECORD.exists() else {}
-    recorded |= digests(queue)
-    there = {file: of for file, of in recorded.items() if file not in missed and (PACKAGE / file).exists()}
-    RECORD.write_text(json.dumps(there, indent=2, sort_keys=True) + "\n")
-
-
 def run_tests(copy: Path, tests: tuple[str, ...]) -> None:
     """In a process of its own: run the tests over the copy of the package and exit with pytest's status."""
     import pytest
@@ -468,12 +429,12 @@ def main() -> None:
     )
     parser.add_argument("files", nargs="*", help="only files whose path in the package contains this")
     parser.add_argument("--list", action="store_true", help="print the mutants and run nothing")
-    parser.add_argument("--since-record", action="store_true", help="only what changed since, and a sample")
+    parser.add_argument("--sample", type=int, metavar="N", help="only so many, others each time")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     arguments = parser.parse_args()
     queue = all_mutants(arguments.files)
-    if arguments.since_record and RECORD.exists():
-        queue = since_record(queue, json.loads(RECORD.read_text()))
+    if arguments.sample is not None:
+        queue = random.sample(queue, min(arguments.sample, len(queue)))
     if arguments.list:
         for mutant in queue:
             print(f"{mutant.file}:{mutant.line}: {mutant.change}")
@@ -496,8 +457,6 @@ def main() -> None:
             missed.append(mutant)
             print(f"survived: src/stickslip/{mutant.file}:{mutant.line}: {mutant.change}", flush=True)
     took = time.monotonic() - began
-    if not arguments.since_record:
-        record(queue, {mutant.file for mutant in missed})
     count = len(queue)
     print(f"mutation: {count} wrong signs, {count - len(missed)} noticed, {len(missed)} not, in {took:.0f} s")
     sys.exit(1 if missed else 0)

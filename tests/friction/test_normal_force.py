@@ -9,7 +9,7 @@ import pytest
 
 from stickslip._jit import compiled
 from stickslip.friction import NormalForce
-from stickslip.friction.normal_force import along, kept, softening, uniform
+from stickslip.friction.normal_force import along, kept, leaning, softening, uniform
 from stickslip.units import QuantityError
 
 SPRING = NormalForce(slope=40.0)
@@ -25,6 +25,11 @@ def in_kernel(force, x):
 @compiled
 def powers(force, n):
     return softening(force, n), kept(force, n), uniform(force)
+
+
+@compiled
+def of_direction(force, f):
+    return leaning(force, f)
 
 
 def by_hand(p: NormalForce, x: float) -> float:
@@ -77,3 +82,10 @@ def test_what_varies() -> None:
         assert powers(force, 1.0)[2] == same
         assert force.varies == (not same)
     assert TRACK.uniform.factor([0.0, 5e-3]) == pytest.approx(np.ones(2))
+
+
+def test_friction_forward_and_backward() -> None:
+    """Half the sum of both is the friction, half the difference the asymmetry's share of it."""
+    force = NormalForce(asymmetry=0.05)
+    ahead, back = of_direction(force, 2.0), of_direction(force, -2.0)
+    assert (ahead, back) == pytest.approx((1.05, 0.95), rel=1e-15)

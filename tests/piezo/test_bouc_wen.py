@@ -83,6 +83,17 @@ def test_a_table_begins_at_rest_and_has_nothing_after_its_end() -> None:
     assert drive.start[-1] > 0.21 > table.start[-1]
 
 
+def test_a_piece_ends_where_h_changes_its_sign() -> None:
+    """There its slope jumps; pieces are so fine that many lie before it."""
+    one, drive = BoucWen(0.3, 0.05, -0.01), ss.Sawtooth(65.0, 5.0, rise_fraction=0.5).drive(0.4)
+    table = duhem_drive(one, drive, 0.4, 1e-7)
+    at_start = evaluate(drive, table.start)[0] - evaluate(table, table.start)[0]
+    for begin, end in ((0.1, 0.2), (0.2, 0.3), (0.3, 0.4)):
+        within = np.abs(at_start[(table.start > begin + 1e-9) & (table.start < end - 1e-9)])
+        assert within.size > 10
+        assert within.min() < 1e-12
+
+
 def test_a_settled_period_closes() -> None:
     one, drive = BoucWen(0.3, 0.01, 0.002), ss.Sawtooth(65.0, 5.0, rise_fraction=0.9).drive(0.2)
     table = at_piezo(Piezo(one), drive, 0.2, 1e-5, 0.2, settled=True)

@@ -3,6 +3,7 @@ jumping and harmonic drives, and time constants from a thousandth of the period 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple
@@ -10,6 +11,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import reference
@@ -17,6 +19,7 @@ import stickslip as ss
 from stickslip.electronics import Amplifier, driven
 from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii, register_piezo
 from stickslip.plant.at_piezo import at_piezo
+from stickslip.plant.creeping import creeping, weights
 from stickslip.records import Quantity, record
 from stickslip.waveform import Multisine
 from stickslip.waveform.drive import Drive, evaluate
@@ -124,6 +127,29 @@ def test_creep(kind: str, decade: int) -> None:
     made = at_piezo(Piezo(None, creep), given.table, given.end, precision)
     assert apart(made, given, expected) < precision
     assert made.start.size < 3_000
+
+
+@pytest.mark.parametrize("z", [1e-6, 0.3, 1.0, 1.1, 7.0, 300.0])
+def test_creep_of_a_powers_weights(z: float) -> None:
+    """Against the integrals that they stand for."""
+    found = weights(z)
+    for j in range(4):
+        grow = quad(lambda s, j=j: math.exp(-z * (1.0 - s)) * s**j, 0.0, 1.0, epsabs=0.0, epsrel=1e-12)[0]
+        assert found[j] == pytest.approx(grow, rel=1e-10)
+
+
+def test_creep_goes_on_from_its_terms_and_ends_with_the_run() -> None:
+    """A piece is what is left of a segment, half of it, a quarter and so on; none begins at the end."""
+    drive, creep = ss.Sawtooth(60.0, 10.0, rise_fraction=0.9).drive(1.0), Creep((0.02, 0.4), (0.05, 0.1))
+    terms = np.array([3.0, -2.0])
+    made = creeping(creep, drive, 0.55, terms, 1e-6)
+    assert made.before == drive.before + 0.05 * 3.0 - 0.1 * 2.0
+    assert made.start[-1] < 0.55 < drive.start[-1]
+    for begin, stop in itertools.pairwise(drive.start[1:10]):
+        at = made.start[(made.start >= begin) & (made.start < stop)]
+        halved = -np.log2(np.diff(at) / (stop - at[:-1]))
+        assert at.size > 1
+        np.testing.assert_allclose(halved, np.rint(halved), atol=1e-6)
 
 
 @pytest.mark.parametrize("kind", DRIVES)

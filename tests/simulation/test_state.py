@@ -35,7 +35,7 @@ CASES: dict[str, tuple[Any, Any, float, dict[str, Any]]] = {
         SECOND,
         ss.Sine(30.0, 71.0),
         0.1,
-        {"load": ss.Sine(0.3, 41.0, offset=1.0)},
+        {"load": ss.Sine(0.3, 40.0, offset=1.0)},
     ),
     "a sequence": (KANG, ss.Sawtooth(65.0, 40.0, 0.95, periods=3), 0.2, {}),
     "a pulled slider": (

@@ -122,10 +122,8 @@ class Relay:
         QuantityError before the relay is `done`."""
         if not self.done:
             raise QuantityError("the relay has not oscillated for long enough yet")
-        counted = self._turns[_FORGOTTEN:]
-        period = (counted[-1] - counted[0]) / (len(counted) - 1) / self._rate
-        swing = np.array(self._swing[: counted[-1] - counted[0]])
-        swing -= swing.mean()
-        turns = 2.0 * math.pi / (period * self._rate) * np.arange(swing.size)
+        swing = np.array(self._swing)  # whole periods
+        period = swing.size / (self._periods * self._rate)
+        turns = 2.0 * math.pi * self._periods / swing.size * np.arange(swing.size)
         amplitude = 2.0 * abs(float(np.hypot(*(np.mean(swing * f(turns)) for f in (np.cos, np.sin)))))
         return Oscillation(4.0 * self._slope / (math.pi * amplitude), 1.0 / period, amplitude)

@@ -74,8 +74,8 @@ def _of_harmonics(drive, i, at, tau):
 
 
 @compiled
-def _length(lags, shares, c, x, left, most):
-    """Return the length of a piece, s: `left`, or a half of it, a quarter and so on."""
+def _parts(lags, shares, c, x, left, most):
+    """Return into how many parts, 1, 2, 4 and so on, the time `left` [s] is cut: the piece is the first."""
     fourth = 0.0
     for k in range(lags.tau.size):
         tau = lags.tau[k]
@@ -83,10 +83,10 @@ def _length(lags, shares, c, x, left, most):
         curvature = (c[1] - slope) / tau
         third = (2.0 * c[2] - curvature) / tau
         fourth += abs(shares[k] * (6.0 * c[3] - third) / tau)
-    length = left
-    while HERMITE * fourth * length**4 > most:
-        length *= 0.5
-    return length
+    parts = 1.0
+    while HERMITE * fourth * (left / parts) ** 4 > most:
+        parts *= 2.0
+    return parts
 
 
 @kernel
@@ -110,8 +110,9 @@ def creep_pieces(lags, shares, drive, end, x, pieces, most):
             if count == pieces.start.size:
                 return -1
             c = _at(drive, i, a - begin)
-            length = _length(lags, shares, c, x, stop - a, most)
-            b = stop if length == stop - a or not a < a + length < stop else a + length
+            left = stop - a
+            parts = _parts(lags, shares, c, x, left, most)
+            b = stop if parts == 1.0 or not a < a + left / parts else a + left / parts
             length = b - a
             value = c[0] + length * (c[1] + length * (c[2] + length * c[3]))
             first, rise, change, fall = 0.0, 0.0, 0.0, 0.0

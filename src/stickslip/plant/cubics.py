@@ -66,12 +66,13 @@ def filled(fill: Callable[[Array, Cubics], int], state: Array, room: int) -> Cub
 
 def with_cubics(drive: Drive, pieces: Cubics, before: float) -> Drive:
     """Return the drive plus the cubics; its value is `before` until its start."""
-    made = moved_on(drive, pieces.source, pieces.start - drive.start[pieces.source])
+    made = moved_on(drive, pieces.source, pieces.start)
     return Drive(before, pieces.start, made.polynomial + pieces.cubic, made.first, made.harmonic)
 
 
-def moved_on(drive: Drive, source: NDArray[np.int64], tau: Array) -> Drive:
-    """Return the formulas of the segments `source` [n], written from `tau` [n] s after their starts."""
+def moved_on(drive: Drive, source: NDArray[np.int64], start: Array) -> Drive:
+    """Return the formulas of the segments `source` [n], written from `start` [n], s."""
+    tau = start - drive.start[source]
     c0, c1, c2, c3 = drive.polynomial[source].T
     polynomial = np.column_stack(
         [c0 + tau * (c1 + tau * (c2 + tau * c3)), c1 + tau * (2 * c2 + 3 * tau * c3), c2 + 3 * tau * c3, c3]
@@ -82,4 +83,4 @@ def moved_on(drive: Drive, source: NDArray[np.int64], tau: Array) -> Drive:
     amplitude, omega, phase, chirp = drive.harmonic[which].T
     late = np.repeat(tau, rows)
     columns = (amplitude, omega + 2.0 * chirp * late, phase + late * (omega + chirp * late), chirp)
-    return Drive(drive.before, drive.start[source] + tau, polynomial, first, np.column_stack(columns))
+    return Drive(drive.before, start, polynomial, first, np.column_stack(columns))

@@ -122,10 +122,11 @@ def duhem_drive(of: Any, drive: Drive, end: float, precision: float, settled: bo
     def fill(state: Array, pieces: Cubics) -> int:
         return duhem_pieces(of, drive, end, state, pieces, most)
 
-    pieces = filled(fill, state, 64 + 32 * drive.start.size)
+    room = 64 + 32 * drive.start.size
+    pieces = filled(fill, state, room)
     for _ in range(SETTLES if settled else 0):
         before = state[1]
-        pieces = filled(fill, state, 64 + pieces.start.size)
+        pieces = filled(fill, state, room)
         if math.isclose(state[1], before, rel_tol=1e-14, abs_tol=1e-3 * FINEST):
             break
     return with_cubics(drive, pieces, drive.before - rested(of, drive.before))

@@ -207,7 +207,7 @@ def _repeated(pieces: Pieces, drive: Drive, cycle: int, end: float) -> Pieces:
 
 def _table(drive: Drive, pieces: Pieces, before: float) -> Drive:
     """The segment table of pieces."""
-    made = moved_on(drive, pieces.source, pieces.start - drive.start[pieces.source])
+    made = moved_on(drive, pieces.source, pieces.start)
     rows = np.diff(made.first)
     harmonic = made.harmonic.copy()
     owner = np.repeat(np.arange(rows.size), rows)

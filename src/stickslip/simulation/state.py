@@ -15,6 +15,7 @@ from ..friction import element, project
 from ..records import of_kind
 from ..units import QuantityError
 from ..waveform.drive import Drive, evaluate
+from ..waveform.pieces import SLIVER
 from .errors import SimulationWarning
 from .models import Contact, System
 
@@ -99,7 +100,7 @@ def maker(of: System, drive: Drive, load: Drive, tolerance: float, until: float)
     """A mark of all that a trajectory up to a time [s] was computed from."""
     found = hashlib.sha256(repr((of.plant, tolerance)).encode())
     for table in (drive, load):
-        n = int(np.searchsorted(table.start, until))
+        n = int(np.searchsorted(table.start, until * (1.0 - SLIVER)))  # as many as a table up to then has
         parts = (table.start[:n], table.polynomial[:n], table.harmonic[: table.first[n]])
         for part in (np.array(table.before), *parts):
             found.update(np.ascontiguousarray(part).tobytes())
