@@ -41,7 +41,7 @@ OWNERS = {
     "threadpoolctl": {"estimate"},
     "arviz": {"estimate/posterior"},
     "pydantic": {"input_file", "analysis", "experiment", "campaign", "job", "panel"},
-    "yaml": {"input_file"},
+    "yaml": {"input_file", "gate"},
     "pyvisa": {"rig/scpi"},
     "asammdf": {"readers/mdf"},
     "typer": {"cli"},

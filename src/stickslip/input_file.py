@@ -2,43 +2,24 @@
 
 from __future__ import annotations
 
-import codecs
-import io
 import os
 import re
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any
 
 import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
+from .gate.errors import GateError
+from .gate.text import read_file
+from .gate.yaml_text import load_yaml as gate_yaml
 from .records import did_you_mean
 from .units import QuantityError, to_si
 
-LARGEST = 1_000_000  # bytes
-MOST_VALUES = 1_000_000
-_LOOKED_AT = 1000  # bytes, for what text has none of
 _UNKNOWN = "unknown_field"
 _TAG = ("union_tag_invalid", "union_tag_not_found")
 _NAMED = (_UNKNOWN, *_TAG)  # errors that name the key themselves
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast
-
-
-class _Loader(_LOADER):
-    """YAML in which a key that is given twice is an error: the last would win, unsaid."""
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        seen = set()
-        for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
-            if isinstance(key, yaml.ScalarNode) and key.tag != "tag:yaml.org,2002:merge":
-                if key.value in seen:
-                    raise yaml.constructor.ConstructorError(
-                        None, None, f"the key {key.value!r} is given twice", key.start_mark
-                    )
-                seen.add(key.value)
-        return super().construct_mapping(node, deep)
 
 
 class InputFileError(ValueError):
@@ -78,63 +59,33 @@ class Strict(BaseModel):
 
 
 def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The content of a YAML file.
+    """Return the content of a YAML file.
 
     Raises:
-        InputFileError: it cannot be read, is no YAML, or is no mapping.
+        InputFileError: the file cannot be read, is no YAML, or is no mapping.
     """
-    path = Path(path)
     try:
-        if path.exists() and not path.is_file():
-            raise InputFileError(f"{path}: no plain file")
-        if path.stat().st_size > LARGEST:
-            raise InputFileError(f"{path}: {path.stat().st_size / 1e6:.1f} MB; an input file has up to 1 MB")
-        raw = path.read_bytes()
+        raw = read_file(path)
+    except GateError as error:
+        raise InputFileError(str(error)) from error
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror or error}") from error
-    return yaml_mapping(_text(raw, path), str(path))
+    return yaml_mapping(raw, str(path))
 
 
-def _text(raw: bytes, path: Path) -> str:
-    """What the bytes of a file say; raises InputFileError for what is no UTF-8."""
-    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in raw[:_LOOKED_AT]:
-        raise InputFileError(f"{path}: it is in UTF-16, or no text at all; save it as UTF-8")
-    try:
-        return io.TextIOWrapper(io.BytesIO(raw), encoding="utf-8").read()  # with any line ends
-    except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        raise InputFileError(
-            f"{path}: line {line} has a letter that is not in UTF-8, of Latin-1 say; save it as UTF-8"
-        ) from error
-
-
-def yaml_mapping(text: str, source: str) -> dict[str, Any]:
-    """The content of a YAML text; `source` is what errors call it.
+def yaml_mapping(text: bytes | str, source: str) -> dict[str, Any]:
+    """Return the content of a YAML text; `source` is what errors call it.
 
     Raises:
-        InputFileError: it is no YAML, or no mapping.
+        InputFileError: the text is no YAML, or no mapping.
     """
     try:
-        found = yaml.load(text, Loader=_Loader)
-        if _count(found, 0) > MOST_VALUES:
-            raise InputFileError(f"{source}: it stands for more than {MOST_VALUES} values")
-    except InputFileError:
-        raise
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date that does not exist
-        raise InputFileError(f"{source} is no YAML: {' '.join(str(error).split())}") from error
+        found = gate_yaml(text, source)
+    except GateError as error:
+        raise InputFileError(str(error)) from error
     if not isinstance(found, dict):
         raise InputFileError(f"{source}: the file must be a mapping, with 'title' and so on")
     return found
-
-
-def _count(node: Any, so_far: int) -> int:
-    """The values below a node: a file of ten lines that refer to each other can stand for more than there is
-    memory. Counted no further than `MOST_VALUES`."""
-    if so_far > MOST_VALUES or not isinstance(node, dict | list):
-        return so_far + 1
-    for value in node.values() if isinstance(node, dict) else node:
-        so_far = _count(value, so_far)
-    return so_far + 1
 
 
 def yaml_text(content: dict[str, Any]) -> str:

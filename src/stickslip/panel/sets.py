@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from ..actuator import Actuator, load_actuator
+from ..gate.text import MOST_BYTES
 from ..history.index import SETS
-from ..input_file import LARGEST
 from ..parameters import ParameterSetError, available_sets, load_set, read_toml
 from ..registry import check_used
 from ..units import QuantityError
@@ -64,8 +64,8 @@ class Sets:
         if not path.is_file():
             raise ParameterSetError("there is no such file")
         status = path.stat()
-        if status.st_size > LARGEST:
-            raise ParameterSetError(f"the file has more than {LARGEST:,} bytes")
+        if status.st_size > MOST_BYTES:
+            raise ParameterSetError(f"the file has more than {MOST_BYTES:,} bytes")
         check_own(path)
         return _of_file(path, (status.st_mtime_ns, status.st_size))
 

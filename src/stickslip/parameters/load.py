@@ -17,11 +17,12 @@ coefficient of determination for example. A user's own file is read by its path.
 from __future__ import annotations
 
 import os
-import tomllib
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from .. import registry
+from ..gate.errors import GateError
+from ..gate.text import load_toml, read_file
 from ..piezo.model import Piezo
 from ..records import did_you_mean, quantities
 from ..units import QuantityError, to_si
@@ -119,13 +120,13 @@ def load_set(name: str | os.PathLike[str]) -> ParameterSet:
 
 
 def read_toml(file: Path) -> dict[str, Any]:
-    """What a TOML file holds; raises ParameterSetError if it cannot be read, or is none."""
+    """Return the content of a TOML file; raises ParameterSetError if it cannot be read, or is no TOML."""
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        return load_toml(read_file(file), str(file))
     except OSError as error:
         raise ParameterSetError(f"{file} cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:  # not TOML, not UTF-8, a key or table given twice
-        raise ParameterSetError(f"{file} is no valid TOML: {error}") from error
+    except GateError as error:
+        raise ParameterSetError(str(error)) from error
 
 
 def named_file(name: str | os.PathLike[str], folder: Path, noun: str) -> Path:

@@ -1,0 +1,217 @@
+"""Text from outside, parsed within limits: JSON and TOML (YAML: `gate.yaml_text`).
+
+Depth, values and digits are counted on the bytes before a parser builds anything, so a file of a few
+kilobytes can neither exhaust the stack nor the memory. Every failure is a `GateError`: one sentence with the
+name of the file.
+"""
+
+from __future__ import annotations
+
+import codecs
+import gzip
+import io
+import json
+import os
+import re
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .errors import GateError
+
+MOST_BYTES = 1_000_000  # bytes of a file that a person writes: an input file, a parameter set
+MOST_RESULT_BYTES = 32_000_000  # bytes of a JSON that a program wrote: a fit, results
+MOST_DEPTH = 64  # lists and mappings within each other; the package's own files have up to 14
+MOST_VALUES = 1_000_000  # values of a JSON: about 200 bytes of memory each
+MOST_DIGITS = 100  # characters of a number: a float has up to 25, a seed of 128 bits has 39
+_LOOKED_AT = 1000  # bytes at the start of a file in which a text has no zero byte
+_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))  # all other bytes
+# Each text, also one without its end: a pattern that never fails is never tried again from the next quote.
+_JSON_TEXT = re.compile(rb'"(?:[^"\\]++|\\.)*+"?', re.DOTALL)
+_DIGITS = re.compile(rb"(?<![0-9])[0-9]{%d}" % (MOST_DIGITS + 1))
+_HALF_LETTER = re.compile(rb"\\u[dD][89abAB]|\\u[dD][c-fC-F]")
+_TOML_PARTS = re.compile(
+    r"""
+    (?P<text> \"\"\"(?:[^"\\]++|\\.|"(?!""))*+(?:\"{3,5})? | '''(?:[^']++|'(?!''))*+(?:'{3,5})?
+            | "(?:[^"\\\n]++|\\.)*+"? | '[^'\n]*+'? )
+    | (?P<comment> \#[^\n]*+)
+    | (?P<open> [\[{]) | (?P<close> [\]}]) | (?P<word> [\w.+:-]++) | (?P<other> [=,\n])
+    """,
+    re.VERBOSE | re.DOTALL,
+)
+
+
+def read_file(path: str | os.PathLike[str], most: int = MOST_BYTES) -> bytes:
+    """Read a plain file of up to `most` bytes.
+
+    Raises:
+        GateError: no plain file (a folder, a pipe, a device), or a larger one.
+        OSError: the file cannot be read.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_file():  # a pipe may never answer who opens it
+        raise GateError(f"{path}: no plain file")
+    with path.open("rb") as file:
+        raw = file.read(most + 1)
+    if len(raw) > most:
+        size = max(len(raw), path.stat().st_size)
+        raise GateError(f"{path}: {size / 1e6:.1f} MB; such a file has up to {most / 1e6:g} MB")
+    return raw
+
+
+def read_json(path: str | os.PathLike[str], most: int = MOST_RESULT_BYTES) -> Any:
+    """Read a JSON file of up to `most` bytes; raises as `read_file` and `load_json` do."""
+    return load_json(read_file(path, most), str(path))
+
+
+def unzipped(raw: bytes, source: str, most: int = MOST_RESULT_BYTES) -> bytes:
+    """Return the content of gzip data; raises GateError where it is damaged or has more than `most` bytes."""
+    try:
+        found = gzip.GzipFile(fileobj=io.BytesIO(raw)).read(most + 1)
+    except (OSError, EOFError, ValueError) as error:
+        raise GateError(f"{source}: damaged gzip data ({error})") from error
+    except Exception as error:  # zlib.error is an Exception itself
+        raise GateError(f"{source}: damaged gzip data ({error})") from error
+    if len(found) > most:
+        raise GateError(f"{source}: its content has more than {most / 1e6:g} MB")
+    return found
+
+
+def decoded(raw: bytes, source: str) -> str:
+    """Decode UTF-8 text with any line ends; raises GateError that says what else it seems to be."""
+    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in raw[:_LOOKED_AT]:
+        raise GateError(f"{source}: it is in UTF-16, or no text at all; save it as UTF-8")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        raise GateError(
+            f"{source}: line {line} has a letter that is not in UTF-8, of Latin-1 say; save it as UTF-8"
+        ) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def load_json(raw: bytes | str, source: str) -> Any:
+    """Return the content of a JSON text.
+
+    Args:
+        raw: the text, or its bytes in UTF-8.
+        source: what errors call it, the path of a file for example.
+
+    Raises:
+        GateError: no JSON, too deep, too many values, a name given twice, a number of too many digits.
+    """
+    text = decoded(raw, source) if isinstance(raw, bytes) else raw
+    raw = text.encode("utf-8", "surrogatepass")
+    _check_json(raw, source)
+    try:
+        found = json.loads(text, object_pairs_hook=_mapping)
+        if _HALF_LETTER.search(raw):
+            json.dumps(found, ensure_ascii=False).encode("utf-8")
+        elif not raw.isascii():
+            text.encode("utf-8")
+    except UnicodeEncodeError:
+        raise GateError(f"{source}: it holds half a character (a lone surrogate)") from None
+    except (ValueError, RecursionError) as error:
+        raise GateError(f"{source} is no JSON: {error}") from error
+    return found
+
+
+def load_toml(raw: bytes | str, source: str) -> dict[str, Any]:
+    """Return the content of a TOML text; arguments and errors as those of `load_json`."""
+    text = decoded(raw, source) if isinstance(raw, bytes) else raw
+    if len(text) > MOST_BYTES:
+        raise GateError(f"{source}: {len(text) / 1e6:.1f} MB; such a file has up to {MOST_BYTES / 1e6:g} MB")
+    _check_toml(text, source)
+    try:
+        found = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a key or table given twice too
+        raise GateError(f"{source} is no valid TOML: {error}") from error
+    check_depth(found, source)
+    return found
+
+
+def check_depth(content: Any, source: str) -> None:
+    """Raise GateError for lists and mappings that are deeper within each other than `MOST_DEPTH`."""
+    level: list[Any] = [content]
+    for _ in range(MOST_DEPTH + 1):
+        level = [one for part in level for one in _parts(part)]
+        if not level:
+            return
+    raise too_deep(source)
+
+
+def too_deep(source: str, line: int = 0) -> GateError:
+    """Return the error for a text whose parts are too deep within each other."""
+    where = f"line {line}: " if line else ""
+    return GateError(
+        f"{source}: {where}lists and mappings are within each other more than {MOST_DEPTH} deep; "
+        "no file that this program reads is"
+    )
+
+
+def too_many(source: str, most: int) -> GateError:
+    """Return the error for a text of too many values."""
+    return GateError(
+        f"{source}: it holds more than {most:,} values, references counted as often as they are used"
+    )
+
+
+def too_long(source: str, line: int = 0) -> GateError:
+    """Return the error for a number of too many digits."""
+    where = f"line {line} has" if line else "it has"
+    return GateError(f"{source}: {where} a number of more than {MOST_DIGITS} digits")
+
+
+def _parts(content: Any) -> Iterable[Any]:
+    found = content.values() if isinstance(content, dict) else content if isinstance(content, list) else ()
+    return (one for one in found if isinstance(one, dict | list))
+
+
+def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    made = dict(pairs)
+    if len(made) < len(pairs):
+        seen: set[str] = set()
+        name = next(key for key, _ in pairs if key in seen or seen.add(key))
+        raise ValueError(f"the name {name[:60]!r} is given twice")
+    return made
+
+
+def _check_json(raw: bytes, source: str) -> None:
+    """Count values, depth and digits; what is no JSON passes, for the parser to say why."""
+    if raw.count(b'"') > 4 * MOST_VALUES:
+        raise too_many(source, MOST_VALUES)
+    bare = _JSON_TEXT.sub(b"", raw)
+    opened, closed = (sum(map(bare.count, some)) for some in ((b"[", b"{"), (b"]", b"}")))
+    if opened + bare.count(b",") > MOST_VALUES or closed > MOST_VALUES:
+        raise too_many(source, MOST_VALUES)
+    if opened > MOST_DEPTH:
+        brackets = np.frombuffer(bare.translate(None, _BRACKETS), dtype=np.uint8)
+        steps = np.where((brackets == ord("[")) | (brackets == ord("{")), 1, -1)
+        if np.cumsum(steps).max() > MOST_DEPTH:
+            raise too_deep(source)
+    if _DIGITS.search(bare):
+        raise too_long(source)
+
+
+def _check_toml(text: str, source: str) -> None:
+    """Count brackets, the parts of dotted keys and digits; what is no TOML passes, as in `_check_json`."""
+    depth = dots = 0
+    for found in _TOML_PARTS.finditer(text):
+        kind = found.lastgroup
+        if kind == "open":
+            depth, dots = depth + 1, 0
+        elif kind == "close":
+            depth, dots = max(depth - 1, 0), 0
+        elif kind == "other":
+            dots = 0
+        elif kind == "word":
+            word = found[0]
+            dots += word.count(".")
+            if word[0] in "0123456789+-" and len(word) > MOST_DIGITS:
+                raise too_long(source, text.count("\n", 0, found.start()) + 1)
+        if depth > MOST_DEPTH or dots > MOST_DEPTH:  # dotted keys are mappings within each other
+            raise too_deep(source, text.count("\n", 0, found.start()) + 1)
