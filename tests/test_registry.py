@@ -32,6 +32,7 @@ from stickslip.recording.drive import drive_text, named_drive
 from stickslip.registry import RegistryError
 from stickslip.rig.devices import open_device, virtual_device
 from stickslip.rig.hosted import stop_all
+from stickslip.study.own import own_function
 
 LAW = '''
 from typing import Annotated, NamedTuple
@@ -198,13 +199,72 @@ def test_own_law_in_fits_that_are_saved(folder: Path, monkeypatch: pytest.Monkey
     assert type(load_fit(folder / "fit.json").model).__name__ == "ViscousDahl"
 
 
-def test_a_set_written_with_an_own_law_names_its_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_set_in_another_folder_than_its_law_runs_it_where_the_user_has(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     text = parameter_text(ss.load_actuator(folder / "mine.toml"), "Mine", "a fit")
     forget(monkeypatch)
     elsewhere = folder / "sets"
     elsewhere.mkdir()
     (elsewhere / "fitted.toml").write_text(text)
+    with pytest.raises(ValueError, match=r"its own folder only.*stickslip --use .*my_law\.py"):
+        ss.load_actuator(elsewhere / "fitted.toml")
+    ss.registry.use_file(folder / "my_law.py")
     assert ss.load_actuator(elsewhere / "fitted.toml").friction.wear == 5.0
+
+
+EVIL = 'from pathlib import Path\nPath(__file__).with_name("ran").touch()\n'
+
+
+@pytest.mark.parametrize(
+    "name", ["../my_law.py", "{folder}/my_law.py", "sub/../../my_law.py", "link.py", "no.py"]
+)
+def test_python_of_another_folder_is_never_run_for_a_file(name: str, tmp_path: Path) -> None:
+    """By dots, by an absolute path, by a link: in parameter sets, jobs, experiments, studies, readers."""
+    (tmp_path / "my_law.py").write_text(EVIL)
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (inner / "link.py").symlink_to(tmp_path / "my_law.py")
+    name = name.format(folder=tmp_path)
+    said = "cannot be read" if name == "no.py" else "a file names Python of its own folder only"
+    text = parameter_text(KANG.replace(name=""), "Mine", "x").replace('"LuGre"', f'"{name}:Mine"')
+    (inner / "mine.toml").write_text(text)
+    recording = RecordingFile.model_validate({"file": "a.csv", "reader": f"{name}:scope"})
+    fields = {"coulomb_force": 0.5}
+    for act in (
+        lambda: ss.load_actuator(inner / "mine.toml"),
+        lambda: LawSpec.model_validate({"law": f"{name}:Mine", "fields": fields, "free": []}).candidate(
+            inner
+        ),
+        lambda: drive_of([PartSpec.model_validate({"shape": f"{name}:Mine", "fields": {}})], {}, inner),
+        lambda: registry.rigs.find(f"{name}:Mine", inner),
+        lambda: own_function(f"{name}:function", inner),
+        lambda: recording.read(inner),
+    ):
+        with pytest.raises(ValueError, match=said):
+            act()
+    for command in ("simulate",) if name == "no.py" else ("cite", "simulate"):
+        done = run(command, inner / "mine.toml")
+        assert said in done.stderr, done.output
+    assert not (tmp_path / "ran").exists()
+
+
+def test_what_only_reads_runs_no_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "my_law.py").write_text(EVIL + LAW)
+    parameters = ss.parameters.load_set(folder / "mine.toml")
+    assert parameters.law == "my_law.py:ViscousDahl"
+    assert ss.parameters.cite(str(folder / "mine.toml")) == ""
+    for command in (["cite", folder / "mine.toml"], ["runs", folder]):
+        done = run(*command)
+        assert done.exit_code == 0, done.output
+        assert ("my_law.py ... does" in done.output) == (command[0] == "cite")
+    assert run("cite", f"{folder / 'my_law.py'}:ViscousDahl").exit_code == 2
+    with registry.nothing_run(), pytest.raises(RegistryError, match="not run from here"):
+        registry.laws.find("my_law.py:ViscousDahl", folder)
+    assert not (folder / "ran").exists()
+    cited = run("--use", folder / "my_law.py", "cite", folder / "mine.toml")
+    assert "% Parameter set" in cited.output
+    assert (folder / "ran").exists()
 
 
 def test_laws_of_identification_files(folder: Path) -> None:

@@ -5,9 +5,10 @@ package are found in the files of their room: one file adds one. Those of an ins
 entry point, in the group "stickslip.laws", "stickslip.waveforms" and so on. One in a user's own file has the
 name ``path.py:Name``, and its bare name once the file is used (`use_file`).
 
-A user's file is run only where the user names it: in an input file, on the command line, in Python. What
-was written before (results, fits, recordings) holds bare names, and says where a thing was from; it never
-runs it.
+A user's file is run only where the user names it, on the command line or in Python, or where an input file or
+a parameter set names one in its own folder. Another folder's is run only if the user allowed it (`use_file`),
+and nothing is run within `nothing_run`. Results, fits and recordings hold bare names, and say where a thing
+was from; reading them never runs it.
 """
 
 from __future__ import annotations
@@ -17,15 +18,19 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
+from pathlib import Path, PurePath
 from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any, TypeVar
 
+from .gate.errors import GateError
+from .gate.paths import inside
 from .records import did_you_mean
 from .units import QuantityError
 
@@ -34,6 +39,7 @@ T = TypeVar("T")
 _PACKAGE = str(__package__)
 _USING = threading.RLock()
 _USED: dict[str, tuple[str, ModuleType]] = {}  # file -> hash of its content, what it became
+_RUNS: ContextVar[bool] = ContextVar("runs", default=True)  # whether a new file of a user's is run
 
 
 class RegistryError(QuantityError):
@@ -83,18 +89,20 @@ class Kind:
             except RegistryError:
                 continue
 
-    def find(self, text: str, folder: str | os.PathLike[str] = "") -> Any:
-        """What is known by a name, or of a user's file, ``path.py:Name``, which is run for it.
+    def find(self, text: str, folder: str | os.PathLike[str] | None = None) -> Any:
+        """Return what is known by a name, or of a user's file, ``path.py:Name``, which is run for it.
 
         Args:
             text: the name.
-            folder: what the path of a user's file is relative to.
+            folder: that of the file that gives the name; None: the user gives it.
 
         Raises:
-            RegistryError: there is none, there are two, or the file cannot be used.
+            RegistryError: there is none, there are two, or the file may not or cannot be used.
         """
         path, name = own_path(text)
-        return self._of_file(Path(folder, path), name) if path else self._by_name(text)
+        if not path:
+            return self._by_name(text)
+        return self._of_file(Path(path) if folder is None else allowed_file(path, folder), name)
 
     def _of_file(self, path: Path, name: str) -> Any:
         use_file(path)
@@ -201,6 +209,35 @@ def origin(thing: Any) -> str:
     return str(Path(file).resolve()) if file else module
 
 
+@contextmanager
+def nothing_run() -> Iterator[None]:
+    """Keep user's files that were not used before from being run: for what only reads, lists or cites."""
+    before = _RUNS.set(False)
+    try:
+        yield
+    finally:
+        _RUNS.reset(before)
+
+
+def allowed_file(path: str, folder: str | os.PathLike[str]) -> Path:
+    """Return the path of a user's file that a file in a folder names.
+
+    Raises:
+        RegistryError: it is not in that folder, and the user has not used it.
+    """
+    found = Path(folder, path)
+    if str(found.resolve()) in _USED:
+        return found
+    try:
+        inside(folder or ".", PurePath(path).as_posix(), "its folder")
+    except GateError as error:
+        raise RegistryError(
+            f"{error}: a file names Python of its own folder only; if you trust it, name it yourself, "
+            f"stickslip --use {found} ..., or stickslip.registry.use_file({str(found)!r}) in Python"
+        ) from error
+    return found
+
+
 def use_file(path: str | os.PathLike[str]) -> ModuleType:
     """Run a user's own file, once: what it registers is known by name from then on.
 
@@ -222,6 +259,8 @@ def use_file(path: str | os.PathLike[str]) -> ModuleType:
         if before is not None and before[0] == content:
             return before[1]
         made = next((m for m in list(sys.modules.values()) if _is_of(m, str(file))), None)
+        if before is None and made is None and not _RUNS.get():
+            raise RegistryError(_not_run_here(str(path)))
         if before is not None or made is None:
             made = _run(file, path, content)
         _USED[str(file)] = content, made
@@ -237,7 +276,11 @@ def check_used(text: str, folder: str | os.PathLike[str] = "") -> None:
     """Raise RegistryError for a ``path.py:Name`` whose file was not used yet, and shall not be from here."""
     path, _ = own_path(text)
     if path and str(Path(folder, path).resolve()) not in _USED:
-        raise RegistryError(f"{text} is of a file that is not run from here: stickslip --use {path} ... does")
+        raise RegistryError(_not_run_here(text, path))
+
+
+def _not_run_here(text: str, path: str = "") -> str:
+    return f"{text} is of a file that is not run from here: stickslip --use {path or text} ... does"
 
 
 def _run(file: Path, path: str | os.PathLike[str], content: str) -> ModuleType:

@@ -14,7 +14,7 @@ from ..datasets import dataset_path
 from ..input_file import Hertz, InputFileError, Seconds, Strict
 from ..readers import read_recording
 from ..recording import SCALE_UNCERTAINTY, RecordingError
-from ..registry import own_path
+from ..registry import allowed_file, own_path
 
 AnalysisError = InputFileError
 # Of parameters, by name: bounds, or value and standard deviation of priors; in SI, or texts with units.
@@ -85,7 +85,7 @@ class RecordingFile(SourceFile):
             columns or None,
             self.units or None,
             sample_rate=self.sample_rate,
-            reader=f"{folder / own}:{name}" if own else name,
+            reader=f"{allowed_file(own, folder)}:{name}" if own else name,
             rows=self.rows,
             missing=self.missing,
         )

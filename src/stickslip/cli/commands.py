@@ -22,6 +22,7 @@ from .frame import (
     app,
     check_output,
     errors_in_one_line,
+    only_reading,
     progress_bar,
     write,
 )
@@ -316,21 +317,27 @@ def cite(
     show_traceback: Traceback = False,
 ) -> None:
     """Print BibTeX and, for a parameter set, what its source does not say."""
-    with errors_in_one_line(show_traceback):
+    with only_reading(show_traceback):
         typer.echo("\n\n".join(_citation(name) for name in names))
 
 
 def _citation(name: str) -> str:
     from .. import registry
     from ..actuator import load_actuator, load_pulled_slider
-    from ..parameters import available_sets, load_set
+    from ..parameters import available_sets, bibtex, load_set
     from ..parameters import cite as cited
 
     if name in available_sets() or name.endswith(".toml"):  # a set says more than its key
-        kind = load_set(name).kind
-        if kind == "actuator":
+        found = load_set(name)
+        try:
+            for text in (found.law, *(part.model for part in found.piezo.values())):
+                registry.check_used(text, found.file.parent)
+        except registry.RegistryError as error:
+            heading = f"% Parameter set {found.name}: {found.title}."
+            return "\n".join((bibtex(*found.citations), "", heading, f"% More sources may follow: {error}."))
+        if found.kind == "actuator":
             return load_actuator(name).citation
-        if kind == "pulled_slider":
+        if found.kind == "pulled_slider":
             return load_pulled_slider(name).citation
     if name in registry.laws.names() or registry.own_path(name)[0]:
         return cited(registry.laws.find(name))

@@ -86,6 +86,16 @@ def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> I
         raise typer.Exit(2 if isinstance(error, ValueError) else 1) from None
 
 
+@contextmanager
+def only_reading(show_traceback: bool) -> Iterator[None]:
+    """Say errors in one line; of the user's own files, run only those of --use: for commands that read."""
+    with errors_in_one_line(show_traceback):
+        from ..registry import nothing_run
+
+        with nothing_run():
+            yield
+
+
 def _reader_is_gone() -> bool:
     """Whether nobody reads what is printed; else the pipe is one of a rig, say."""
     try:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .frame import Traceback, app, errors_in_one_line
+from .frame import Traceback, app, only_reading
 
 
 @app.command()
@@ -30,7 +30,7 @@ def runs(
     show_traceback: Traceback = False,
 ) -> None:
     """List recordings and fits of a folder: finished, stopped, unreadable; search, compare, tag, delete."""
-    with errors_in_one_line(show_traceback):
+    with only_reading(show_traceback):
         from ..history import Index, differences
         from ..history.describing import annotate
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from . import completion
-from .frame import Traceback, app, errors_in_one_line
+from .frame import Traceback, app, only_reading
 
 
 @app.command()
@@ -23,7 +23,7 @@ def inspect(
     show_traceback: Traceback = False,
 ) -> None:
     """Say what a file holds: columns, units, sampling, gaps, noise; draw it, and print the YAML to paste."""
-    with errors_in_one_line(show_traceback):
+    with only_reading(show_traceback):
         from ..readers.inspection import inspect_file
         from ..recording.replacing import replaced_whole
 
@@ -77,7 +77,7 @@ def new(
     show_traceback: Traceback = False,
 ) -> None:
     """Write a file with comments that runs as it is, to be changed: of your recordings, or of an example."""
-    with errors_in_one_line(show_traceback):
+    with only_reading(show_traceback):
         from ..skeletons import new_file
 
         made = new_file(kind, recordings or (), out)
@@ -101,7 +101,7 @@ def list_known(
     show_traceback: Traceback = False,
 ) -> None:
     """List what is known by name, each with a line of what it is."""
-    with errors_in_one_line(show_traceback):
+    with only_reading(show_traceback):
         from ..known import catalogue
 
         found = catalogue(*(kinds or ()))

@@ -11,6 +11,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from ..gate.errors import GateError
+from ..gate.paths import inside
 from .sharing import Shared
 
 _ABSOLUTE = re.compile(r"(?<![\w.)\]])(?:[A-Za-z]:)?[/\\](?:[^\s'\":;,/\\]+[/\\])+([^\s'\":;,/\\]*)")
@@ -53,17 +55,10 @@ class Folder:
             FolderError: the name leads out of the folder, by dots or by a link, is no plain name, or that of
                 what may never answer who opens it: a pipe, a socket, a device.
         """
-        parts = name.split("/")
-        if not name or len(name) > 400 or not name.isprintable() or any(bad in name for bad in "\\:"):
-            raise FolderError(f"{name[:60]!r} is no name of a file in the panel's folder")
-        if any(part in ("", ".", "..") or part.startswith(".") for part in parts):
-            raise FolderError(f"{name[:60]!r} is no name of a file in the panel's folder")
-        found = Path(os.path.realpath(self.root.joinpath(*parts)))
-        if not found.is_relative_to(self.root):
-            raise FolderError(f"{name[:60]!r} leads out of the panel's folder")
-        if not _is_plain(found):
-            raise FolderError(f"{name[:60]!r} is no plain file")
-        return found
+        try:
+            return inside(self.root, name, "the panel's folder")
+        except GateError as error:
+            raise FolderError(str(error)) from error
 
     def name(self, path: Path) -> str:
         """The name of a file in the folder."""
@@ -118,12 +113,3 @@ class Folder:
         """A message without the paths of this machine: those in the folder are named as inside it."""
         text = text.replace(f"{self.root}{os.sep}", "").replace(str(self.root), "the panel's folder")
         return _ABSOLUTE.sub(r"\1", text)
-
-
-def _is_plain(path: Path) -> bool:
-    """A file, a folder, or nothing yet: asked once, since another may make it between two questions."""
-    try:
-        mode = os.stat(path).st_mode
-    except OSError:
-        return True
-    return stat.S_ISREG(mode) or stat.S_ISDIR(mode)

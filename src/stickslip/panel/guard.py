@@ -13,6 +13,8 @@ from urllib.parse import parse_qs
 
 from starlette.exceptions import HTTPException
 
+from ..registry import nothing_run
+
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -58,6 +60,10 @@ class Guard:
         self._wrong: Counter[str] = Counter()  # wrong tokens that wait for their answer, by address
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        with nothing_run():  # no request runs a file that the panel was not started with
+            await self._guarded(scope, receive, send)
+
+    async def _guarded(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return

@@ -176,10 +176,7 @@ def _read(name: str, file: Path) -> ParameterSet:
         if hint := did_you_mean(key, ["law"]):
             raise ParameterSetError(f"{file}: [friction] {key} is unknown{hint}")
     law = str(friction.pop("law", ""))
-    try:
-        registry.laws.find(law, file.parent)
-    except registry.RegistryError as error:
-        raise ParameterSetError(f"{file}: [friction] law = {law!r}: {error}") from error
+    _known(registry.laws, law, file, "[friction] law")
     apart = ("reported", "piezo", "further_modes", "normal_force")
     reported, piezo, modes, along = (tables.pop(key, {}) for key in apart)
     if content["kind"] == "friction" and tables:
@@ -216,12 +213,33 @@ def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, Part]:
             )
         values = dict(content)
         model = str(values.pop("model", ""))
-        try:
-            registry.piezos.find(model, file.parent)
-        except registry.RegistryError as error:
-            raise ParameterSetError(f"{file}: [piezo.{name}] model = {model!r}: {error}") from error
+        _known(registry.piezos, model, file, f"[piezo.{name}] model")
         parts[name] = Part(model, read_entries(file, f"piezo.{name}.", values))
     return parts
+
+
+def _known(kind: registry.Kind, name: str, file: Path, field: str) -> None:
+    """Check the name of a law or a piezo model; no file of a user's own is run for it.
+
+    Raises:
+        ParameterSetError: there is none of that name, or it is of a file that a set may not name.
+    """
+    path, _ = registry.own_path(name)
+    try:
+        if path:
+            registry.allowed_file(path, file.parent)
+        else:
+            kind.find(name)
+    except registry.RegistryError as error:
+        raise ParameterSetError(f"{file}: {field} = {name!r}: {error}") from error
+
+
+def _run(kind: registry.Kind, name: str, file: Path, field: str) -> Any:
+    """Return a law or a piezo model; a user's own file is run. Raises ParameterSetError."""
+    try:
+        return kind.find(name, file.parent)
+    except registry.RegistryError as error:
+        raise ParameterSetError(f"{file}: {field} = {name!r}: {error}") from error
 
 
 def _entry(where: str, table: Any) -> Entry:
@@ -308,7 +326,7 @@ def build(
 
 def friction_of(parameters: ParameterSet) -> Any:
     """The friction law of a set, as a record; raises ParameterSetError as `build` does."""
-    law = registry.laws.find(parameters.law, parameters.file.parent)
+    law = _run(registry.laws, parameters.law, parameters.file, "[friction] law")
     return build(law, parameters.friction, f"{parameters.file}, [friction]", parameters.rotary)
 
 
@@ -316,7 +334,7 @@ def piezo_of(parameters: ParameterSet) -> Piezo | None:
     """The piezo of a set, None where it has none; raises ParameterSetError as `build` does."""
     made = {
         name: build(
-            registry.piezos.find(part.model, parameters.file.parent),
+            _run(registry.piezos, part.model, parameters.file, f"[piezo.{name}] model"),
             part.values,
             f"{parameters.file}, [piezo.{name}]",
         )

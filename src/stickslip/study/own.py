@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import registry
-from ..registry import RegistryError, origin, own_path, use_file
+from ..registry import RegistryError, allowed_file, origin, own_path, use_file
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,14 @@ class OwnFunction:
         return f"{Path(self.path).name}:{self.name}"
 
 
-def own_function(given: Callable[..., Any] | str | OwnFunction, folder: str | Path = "") -> OwnFunction:
-    """A function, or ``"FILE.py:NAME"``, so that other processes find it.
+def own_function(
+    given: Callable[..., Any] | str | OwnFunction, folder: str | Path | None = None
+) -> OwnFunction:
+    """Return a function, or ``"FILE.py:NAME"``, so that other processes find it.
+
+    Args:
+        given: the function.
+        folder: that of the file that names it; None: the user names it.
 
     Raises:
         RegistryError: it is of no file that can be imported.
@@ -44,7 +50,7 @@ def own_function(given: Callable[..., Any] | str | OwnFunction, folder: str | Pa
         path, name = own_path(given)
         if not path:
             raise RegistryError(f"{given!r}: a function of your own is FILE.py:NAME")
-        path = str(Path(folder, path).resolve())
+        path = str((Path(path) if folder is None else allowed_file(path, folder)).resolve())
     else:
         name = str(getattr(given, "__qualname__", ""))
         module = sys.modules.get(str(getattr(given, "__module__", "")))

@@ -103,12 +103,12 @@ def signal_record(named_tuple: type[T]) -> type[T]:
     return checked
 
 
-def shape(text: str, folder: str | os.PathLike[str] = "") -> Any:
+def shape(text: str, folder: str | os.PathLike[str] | None = None) -> Any:
     """The waveform of that name, a record that is made from its fields.
 
     Args:
         text: its name, or ``path.py:Name``, whose file is run.
-        folder: what that path is relative to.
+        folder: that of the file that gives the name; None: the user gives it.
 
     Raises:
         RegistryError: there is none, or it is made otherwise.
