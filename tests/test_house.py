@@ -44,6 +44,8 @@ OWNERS = {
     "yaml": {"input_file", "gate"},
     "pyvisa": {"rig/scpi"},
     "asammdf": {"readers/mdf"},
+    "h5py": {"gate"},
+    "h5netcdf": {"gate"},
     "typer": {"cli"},
     "fastapi": {"panel"},
     "dask": {"study"},
@@ -102,6 +104,14 @@ def test_imports(file: Path) -> None:
         assert any(f"{room(file)}/".startswith(f"{owner}/") for owner in owners), (
             f"{dependency} is for {owners}"
         )
+
+
+def test_files_of_data_are_opened_by_the_gate() -> None:
+    """HDF5 may name other files: what opens it checks it first (`gate.hdf5`)."""
+    opener = re.compile(r"\b(open_(dataset|dataarray|datatree|mfdataset|groups)|load_(dataset|dataarray))\(")
+    outside = [file for file in SOURCES if not room(file).startswith("gate/")]
+    assert not [room(file) for file in outside if opener.search(file.read_text())]
+    assert opener.search("xr.open_dataset(path)")
 
 
 def test_import_is_light() -> None:

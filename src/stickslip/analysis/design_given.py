@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
@@ -17,6 +16,8 @@ from ..actuator import Actuator
 from ..design import Current, Heat, Noise, Scenario, Speed, StepSize, TipLoad
 from ..electronics import OutputStage, Stack
 from ..experiment.laboratory import own_file
+from ..gate.errors import GateError
+from ..gate.netcdf import netcdf_columns
 from ..input_file import Strict
 from ..progress import Progress
 from ..report import Number, Section
@@ -199,10 +200,10 @@ def draws_of_file(path: Path) -> dict[str, Array]:
     if path.suffix == ".json":
         return _drawn(path)
     try:
-        with xr.open_dataset(path) as samples:
-            found = {str(name): np.ravel(one.values).astype(float) for name, one in samples.data_vars.items()}
-    except (OSError, ValueError) as error:
-        raise AnalysisError(f"{path}: no samples of a posterior: {error}") from error
+        found = netcdf_columns(path)
+    except GateError as error:
+        said = str(error).removeprefix(f"{path}: ")
+        raise AnalysisError(f"{path}: no samples of a posterior: {said}") from error
     return {name: values for name, values in found.items() if name != "log_posterior"}
 
 

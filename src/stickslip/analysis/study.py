@@ -21,12 +21,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import xarray as xr
 from pydantic import Field, ValidationError
 
 from ..actuator import Actuator
 from ..experiment.cells import drive_of
 from ..experiment.file import PartSpec
+from ..gate.netcdf import netcdf_columns
 from ..identify.saved import load_fit
 from ..input_file import Hertz, InputFileError, Seconds, Strict, explain, load_yaml, quantity
 from ..study import Draws, Grid, Own, Random, Range, SteadySteps, Study, WalksFromRest, drawn_parameters
@@ -201,8 +201,8 @@ def _table(path: Path) -> dict[str, Any]:
     """Columns by name."""
     try:
         if path.suffix == ".nc":
-            with xr.open_dataset(path, engine="h5netcdf") as found:
-                return {str(n): v.values.ravel() for n, v in found.items() if n != "log_posterior"}
+            found = netcdf_columns(path)
+            return {name: values for name, values in found.items() if name != "log_posterior"}
         table = np.genfromtxt(path, delimiter=",", names=True, dtype=float, encoding="utf-8", deletechars="")
     except (OSError, ValueError) as error:
         raise InputFileError(f"draws: {path}: {' '.join(str(error).split())}") from error

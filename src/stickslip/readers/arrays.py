@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..gate.errors import GateError
 from ..recording import RecordingError
 from .source import FileChannel, FileContent, Rows
 
@@ -70,5 +71,7 @@ def array_source(
 def _load(name: str, leaf: Leaf) -> np.ndarray:
     try:
         return leaf.load()
+    except GateError:
+        raise
     except (OSError, ValueError) as error:
         raise RecordingError(f"{name!r} cannot be read (damaged?): {error}") from error

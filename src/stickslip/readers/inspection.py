@@ -139,7 +139,7 @@ def inspect_file(path: str | Path) -> Inspection:
     try:
         found = None if find_format(path) == "nc" else look(path)
     except ValueError as error:
-        raise RecordingError(f"{path}: {error}") from error
+        raise RecordingError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
     if found is None:
         return Inspection(path, "recording", False, [], {}, {}, read_recording(path), "")
     taken = [one for one in found["columns"] if one["guess"]]

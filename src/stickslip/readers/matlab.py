@@ -8,26 +8,24 @@ every array of real numbers is a `Leaf`. The names of channels are written as in
 from __future__ import annotations
 
 import codecs
-import math
 import os
 import struct
 import zlib
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import scipy.io
 
+from ..gate.errors import GateError
+from ..gate.hdf5 import SIGNATURE, Hdf5Array, Hdf5Group, hdf5_tree, is_hdf5, read_hdf5_array
+from ..gate.limits import Visits, allowed_bytes, check_size
 from ..recording import RecordingError
 from . import dspace
 from .arrays import Leaf, Part, array_parts, array_source, total_bytes
-from .sizes import allowed_bytes, check_size
 from .source import FileChannel, FileContent, add_format
 
 _HEADER, _COMPRESSED, _PART = 128, 15, 1 << 20  # bytes, the type of a compressed variable, bytes
-_MOST_NODES = 100_000
-_HDF5 = b"\x89HDF\r\n\x1a\n"
 _V73_BLOCK = 512  # MATLAB puts its own header before that of HDF5
 
 
@@ -38,9 +36,9 @@ def read_matlab(path: Path) -> FileContent:
         RecordingError: the file is damaged or of no known version, or holds no numbers.
     """
     try:
-        hdf5 = h5py.is_hdf5(path)
+        hdf5 = is_hdf5(path)
         tree = _tree_of_hdf5(path) if hdf5 else _tree_of_v5(path)
-    except RecordingError:
+    except (RecordingError, GateError):
         raise
     except Exception as error:  # both libraries report damage in a dozen ways, down to zlib.error
         raise RecordingError(f"not a readable MAT file (cut off or damaged?): {error}") from error
@@ -128,67 +126,48 @@ def _v5_node(value: Any) -> Any:
 
 
 def _tree_of_hdf5(path: Path) -> dict[str, Any]:
-    with h5py.File(path, "r") as file:
-        check_size(path, _declared(file))
-        return {name: _hdf5_node(path, file, item) for name, item in file.items() if not name.startswith("#")}
+    with hdf5_tree(path) as tree:
+        visits, root = Visits(path), tree.root.members
+        return {n: _hdf5_node(path, visits, one, 1) for n, one in root.items() if not n.startswith("#")}
 
 
-def _declared(file: h5py.File) -> int:
-    """Bytes of all arrays in the file, as it says."""
-    total = count = 0
-
-    def add(name: str, item: Any) -> None:
-        nonlocal total, count
-        del name
-        count += 1
-        if isinstance(item, h5py.Dataset):
-            total += math.prod(item.shape or (0,)) * max(item.dtype.itemsize, 8)
-        if count > _MOST_NODES:
-            raise RecordingError(f"the file has more than {_MOST_NODES} arrays")
-
-    file.visititems(add)
-    return total
-
-
-def _hdf5_node(path: Path, file: h5py.File, item: Any) -> Any:
-    if isinstance(item, h5py.Group):
-        fields = {name: _hdf5_node(path, file, child) for name, child in item.items()}
+def _hdf5_node(path: Path, visits: Visits, item: Hdf5Group | Hdf5Array, depth: int) -> Any:
+    visits(depth)
+    if isinstance(item, Hdf5Group):
+        fields = {name: _hdf5_node(path, visits, one, depth + 1) for name, one in item.members.items()}
         # MATLAB writes an array of structures field by field: each field a list of references, marked no
         # cell.
         lists = [
-            name for name, child in item.items() if _is_reference(child) and "MATLAB_class" not in child.attrs
+            name
+            for name, one in item.members.items()
+            if isinstance(one, Hdf5Array) and one.kind == "r" and not one.has("MATLAB_class")
         ]
         if not lists:
             return fields
-        count = len(fields[lists[0]])
+        count = min(len(fields[name]) for name in lists)
         return [{name: fields[name][i] for name in lists} for i in range(count)]
-    if _is_reference(item):
-        return [_hdf5_node(path, file, file[reference]) for reference in item[()].T.flat]
-    if "MATLAB_empty" in item.attrs or item.dtype.kind not in "iufb":
+    if item.kind == "r":
+        return [_hdf5_node(path, visits, one, depth + 1) for one in item.targets()]
+    if item.has("MATLAB_empty") or not item.kind:
         return None
-    if item.attrs.get("MATLAB_class") == b"char":
-        return "".join(map(chr, item[()].T.flat))
-    return Leaf(item.shape[::-1], lambda name=item.name: _load_hdf5(path, name))  # stored column by column
-
-
-def _is_reference(item: Any) -> bool:
-    return isinstance(item, h5py.Dataset) and item.dtype == h5py.ref_dtype
+    if item.attribute("MATLAB_class") == "char":
+        return "".join(map(chr, item.read().T.flat))
+    return Leaf(item.shape[::-1], lambda: _load_hdf5(path, item.name))  # stored column by column
 
 
 def _load_hdf5(path: Path, name: str) -> np.ndarray:
-    with h5py.File(path, "r") as file:
-        return file[name][()].T  # type: ignore[index,union-attr]
+    return read_hdf5_array(path, name).T
 
 
 def _is_matlab(head: bytes, ending: str) -> bool:
-    if head.startswith(b"MATLAB 5.0 MAT-file") or head[_V73_BLOCK:].startswith(_HDF5):
+    if head.startswith(b"MATLAB 5.0 MAT-file") or head[_V73_BLOCK:].startswith(SIGNATURE):
         return True
     if ending != ".mat":
         return False
     # Other programs write MAT 7.3 without MATLAB's block; version 4 has no signature.
     text = b"\0" not in head or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     others = (b"\x93NUMPY", b"PK\x03\x04", b"MDF     ", b"UnFinMF ")
-    return head.startswith(_HDF5) or not (text or head.startswith(others))
+    return head.startswith(SIGNATURE) or not (text or head.startswith(others))
 
 
 add_format(read_matlab, "mat", (".mat",), _is_matlab)

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..gate.limits import check_size
 from ..recording import RecordingError
-from .sizes import check_size
 from .source import FileChannel, FileContent, Rows, add_format
 
 _NUMBERS = range(6)  # data types of the standard: integers and reals of either byte order

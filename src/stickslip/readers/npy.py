@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..gate.limits import check_size
 from ..recording import RecordingError
 from .arrays import Leaf, array_parts, array_source, total_bytes
-from .sizes import check_size
 from .source import FileChannel, FileContent, add_format
 
 

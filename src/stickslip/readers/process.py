@@ -17,10 +17,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..gate.errors import GateError
+from ..gate.limits import allowed_bytes, check_regular
 from ..recording import RecordingError
 from ..units import QuantityError
 from .reading import read_recording
-from .sizes import allowed_bytes, check_regular
 
 PATIENCE = 8.0  # s of computing for a file
 STUCK = 8.0  # times as long by the clock: the machine does something else, or the drive does not answer
@@ -66,7 +67,10 @@ class Reader:
             ReaderBusy: it was not tried, or the machine had no time for it.
         """
         path = Path(path)
-        check_regular(path)
+        try:
+            check_regular(path)
+        except GateError as error:
+            raise RecordingError(f"{error}") from None
         status = path.stat()
         key = (str(path), status.st_mtime_ns, status.st_size)
         if not self._places.acquire(blocking=False):

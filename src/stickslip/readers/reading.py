@@ -148,8 +148,8 @@ def _named(path: Path) -> Iterator[None]:
     """Let every error name the file; those below know only lines, samples and columns."""
     try:
         yield
-    except ValueError as error:  # QuantityError, too
-        raise RecordingError(f"{path}: {error}") from error
+    except ValueError as error:  # QuantityError and GateError, too
+        raise RecordingError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
 
 
 def _rate(sample_rate: float | str | None) -> float:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import os
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
+from ..gate.errors import GateError
 from .replacing import replaced_whole
 from .schema import RecordingError, validate_recording, with_schema
-
-_ALWAYS, _RATIO = 256 * 2**20, 20  # bytes that a file may unpack to, and times its own size
 
 
 def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
@@ -54,10 +52,10 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
         raise RecordingError(f"{path}: there is no such file, or it is none")
     try:
         recording = _stored(path)
-    except Exception as error:  # HDF5 reports a damaged file in half a dozen ways
-        raise RecordingError(
-            f"{path}: not a readable NetCDF 4 file (cut off or damaged?): {error}"
-        ) from error
+    except GateError as error:
+        raise RecordingError(f"{error}") from error
+    except (ValueError, TypeError) as error:  # xarray, of axes that do not fit each other
+        raise RecordingError(f"{path}: not a readable NetCDF 4 file (damaged?): {error}") from error
     if "schema_version" not in recording.attrs:
         raise RecordingError(f"{path}: NetCDF, but no stickslip recording (it lacks 'schema_version')")
     try:
@@ -67,26 +65,15 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def _stored(path: Path) -> xr.Dataset:
-    """The variables of the file, as they are; through h5netcdf itself, for xarray's reader around it takes
-    half as long again, which matters to a campaign of many recordings."""
-    import h5netcdf  # not by those who only simulate
-    import h5py
+    """Return the variables of the file as they are, without xarray's reader, which takes several times as
+    long."""
+    from ..gate.netcdf import read_netcdf  # HDF5 is not for those who only simulate
 
-    with h5py.File(path, "r") as opened:
-        # h5netcdf asks this too: failing there, it fails once more when freed.
-        opened.attrs.get("_nc3_strict")
-        file = h5netcdf.File(opened, "r")
-        declared = sum(math.prod(one.shape) * one.dtype.itemsize for one in file.variables.values())
-        if declared > max(_ALWAYS, _RATIO * path.stat().st_size):
-            raise RecordingError(
-                f"it says that it holds {declared / 1e6:.0f} MB, which such a small file cannot"
-            )
-        variables = {
-            name: (one.dimensions, one[...], dict(one.attrs)) for name, one in file.variables.items()
-        }
-        coordinates = {name for name, (dimensions, _, _) in variables.items() if dimensions == (name,)}
-        data = {name: one for name, one in variables.items() if name not in coordinates}
-        return xr.Dataset(data, {name: variables[name] for name in coordinates}, dict(file.attrs))
+    found = read_netcdf(path)
+    whole = {name: (one.axes, one.values, one.attributes) for name, one in found.variables.items()}
+    coordinates = {name: one for name, one in whole.items() if one[0] == (name,)}
+    data = {name: one for name, one in whole.items() if name not in coordinates}
+    return xr.Dataset(data, coordinates, found.attributes)
 
 
 def _storable(name: str, value: object) -> object:

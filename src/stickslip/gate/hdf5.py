@@ -1,0 +1,322 @@
+"""The only opener of HDF5 files: MAT 7.3, NetCDF 4 and others.
+
+HDF5 lets a file name other files: storage outside it, arrays assembled from other files (virtual), links into
+other files, filters loaded from the disk. Such a file would read any file of the user who opens it, so all of
+these are refused before a number is read. The tree of groups and arrays is built once, and counted against
+`LIMITS`; what is not in the tree cannot be reached, not by an object reference either.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5, h5a, h5d, h5f, h5g, h5l, h5o, h5p, h5r, h5s, h5t, h5z  # pyright: ignore[reportAttributeAccessIssue]
+
+from .errors import GateError
+from .hdf5_chunks import check_chunks, filters_of, refuse_packed_names
+from .limits import LIMITS, Visits, check_count, check_regular, check_size
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+_INSIDE = ": a file is read only if all its data are inside it. Save a copy with the data in it"
+_LAYOUTS = {h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED}
+_KINDS = {h5t.INTEGER: "iu", h5t.FLOAT: "f"}
+
+
+class Hdf5Array:
+    """An array of an HDF5 file, checked but not read.
+
+    `kind` is that of NumPy for real numbers ("i", "u", "f", "b"), "r" for references to objects, and "" for
+    everything else, which is not read.
+    """
+
+    def __init__(self, tree: Hdf5Tree, name: str, identifier: Any) -> None:
+        plist = identifier.get_create_plist()
+        layout = plist.get_layout()
+        if layout not in _LAYOUTS:
+            raise GateError(f"{tree.path}: {name!r} is assembled from other files (virtual){_INSIDE}")
+        if plist.get_external_count():
+            raise GateError(f"{tree.path}: the numbers of {name!r} are in another file (external){_INSIDE}")
+        self.name, self._tree, self.identifier = name, tree, identifier
+        shape = identifier.shape
+        self.shape: tuple[int, ...] = (0,) if shape is None else shape
+        stored = identifier.get_type()
+        self.kind = _kind(stored)
+        self.nbytes = math.prod(self.shape) * stored.get_size()
+        self._packed = 0  # bytes of a part that is packed by gzip
+        if layout == h5d.CHUNKED:
+            part = plist.get_chunk()
+            count = math.prod(-(-n // c) for n, c in zip(self.shape, part, strict=True))
+            check_count(tree.path, count, LIMITS.chunks, f"chunks in {name!r}")
+            chunk_bytes = math.prod(part) * stored.get_size()
+            self.nbytes = max(self.nbytes, count * chunk_bytes)
+            if h5z.FILTER_DEFLATE in filters_of(tree.path, name, plist):
+                self._packed = chunk_bytes
+
+    def has(self, attribute: str) -> bool:
+        """Return whether the array has an attribute of that name."""
+        return h5a.exists(self.identifier, attribute.encode())
+
+    def attribute(self, name: str) -> Any:
+        """Return an attribute that is a text or numbers; None if it is missing or anything else."""
+        with _damage(self._tree.path):
+            return self._tree.attribute(self.identifier, name.encode()) if self.has(name) else None
+
+    def read(self) -> np.ndarray:
+        """Return the numbers of the array.
+
+        Raises:
+            GateError: the array is not of real numbers, or a part of it unpacks to more than it declares.
+        """
+        if self.kind not in tuple("iufb"):
+            raise GateError(f"{self._tree.path}: {self.name!r} holds no real numbers")
+        with _damage(self._tree.path):
+            return self._read()
+
+    def targets(self) -> list[Hdf5Array | Hdf5Group]:
+        """Return the objects that an array of references names, in the order of MATLAB (column by column).
+
+        Raises:
+            GateError: a reference names an object that is not in the tree of the file.
+        """
+        check_count(self._tree.path, math.prod(self.shape), LIMITS.visits, f"references in {self.name!r}")
+        with _damage(self._tree.path):
+            return [self._tree.target(one, self.name) for one in self._read().T.flat]
+
+    def _read(self) -> np.ndarray:
+        if self._packed:
+            check_chunks(self._tree.path, self.name, self.identifier, self._packed)
+        found = np.empty(self.shape, self.identifier.dtype)
+        if found.size:
+            self.identifier.read(h5s.ALL, h5s.ALL, found)
+        return found
+
+
+class Hdf5Group:
+    """A group of an HDF5 file, with its members by name, in the order of creation if the file keeps that."""
+
+    def __init__(self, name: str, identifier: Any) -> None:
+        self.name, self.identifier = name, identifier
+        self.members: dict[str, Hdf5Array | Hdf5Group] = {}
+
+
+class Hdf5Tree:
+    """The groups and arrays of an open HDF5 file, all of them checked; see `hdf5_tree`."""
+
+    def __init__(self, path: Path, file: Any) -> None:
+        self.path = path
+        self._file, self._visits = file, Visits(path)
+        self._declared = self._attribute_bytes = 0
+        self._by_address: dict[int, Hdf5Array | Hdf5Group] = {}
+        self.root = Hdf5Group("/", h5g.open(file, b"/"))
+
+    def build(self) -> None:
+        """Visit everything that is in the file.
+
+        Raises:
+            GateError: something names another file, or there is more than `LIMITS` allows.
+        """
+        self._fill(self.root, 1)
+        check_size(self.path, self._declared)
+
+    def array(self, name: str) -> Hdf5Array:
+        """Return one array of a file that was checked before, checking again only what leads to the array.
+
+        Raises:
+            GateError: the array is not there any longer.
+        """
+        found = self.root.identifier
+        for label in name.strip("/").encode().split(b"/"):
+            if found.links.get_info(label).type != h5l.TYPE_HARD:
+                raise GateError(f"{self.path}: {name!r} is a link, perhaps into another file{_INSIDE}")
+            found = h5o.open(found, label)
+        if not isinstance(found, h5d.DatasetID):
+            raise GateError(f"{self.path}: {name!r} is no array any longer")
+        return Hdf5Array(self, name, found)
+
+    def target(self, reference: Any, name: str) -> Hdf5Array | Hdf5Group:
+        """Return the object that a reference of the array `name` names, if it is in the tree.
+
+        Raises:
+            GateError: the object is not in the tree.
+        """
+        found = h5r.dereference(reference, self._file) if reference else None
+        known = None if found is None else self._by_address.get(h5o.get_info(found).addr)
+        if known is None:
+            raise GateError(f"{self.path}: a reference in {name!r} names nothing in the file (damaged?)")
+        return known
+
+    def pairs(self, one: Hdf5Array, name: str) -> list[tuple[Hdf5Array | Hdf5Group, int]]:
+        """Return the objects and numbers that an attribute of pairs (reference, number) lists.
+
+        Raises:
+            GateError: an object is not in the tree, or there are more pairs than `LIMITS` allows.
+        """
+        if not one.has(name):
+            return []
+        with _damage(self.path):
+            opened = h5a.open(one.identifier, name.encode())
+            kind, count = opened.get_type(), math.prod(opened.shape or (0,))
+            check_count(self.path, count, LIMITS.visits, f"references in {one.name!r}")
+            if kind.get_class() != h5t.COMPOUND or kind.get_nmembers() != 2:
+                return []
+            value: Any = np.empty(opened.shape, opened.dtype)
+            opened.read(value)
+            return [(self.target(pair[0], one.name), int(pair[1])) for pair in value.flat]
+
+    def attributes(self, one: Hdf5Array | Hdf5Group, hidden: frozenset[str] = frozenset()) -> dict[str, Any]:
+        """Return the attributes of an object that are texts or numbers, by name, but for the hidden ones.
+
+        Raises:
+            GateError: there are more of them, or they take more bytes, than `LIMITS` allows.
+        """
+        names: list[bytes] = []
+        with _damage(self.path):
+            order = one.identifier.get_create_plist().get_attr_creation_order()
+            h5a.iterate(one.identifier, names.append, index_type=_index(order))
+            shown = [name for name in names if name.decode() not in hidden]
+            found = {name.decode(): self.attribute(one.identifier, name) for name in shown}
+        return {name: value for name, value in found.items() if value is not None}
+
+    def attribute(self, identifier: Any, name: bytes) -> Any:
+        """Return an attribute of an object that is a text or numbers; None if it is anything else."""
+        opened = h5a.open(identifier, name)
+        stored, shape = opened.get_type(), opened.shape
+        kind = stored.get_class()
+        # Each text of variable length may be as long as the file: only one is read at a time.
+        text = kind == h5t.STRING and shape in ((), (1,), None)
+        if not (text or (kind in _KINDS and shape is not None)):
+            return None
+        if shape is None:
+            return ""  # as other programs write an empty text
+        self._count_attribute(stored.get_size() * math.prod(shape))
+        value = np.empty(shape, opened.dtype)
+        opened.read(value)
+        if not text:
+            return value[()] if value.size != 1 else value.reshape(())[()]
+        said = value.reshape(())[()]
+        self._count_attribute(len(said))
+        return said.decode("utf-8", "replace") if isinstance(said, bytes) else str(said)
+
+    def _count_attribute(self, size: int) -> None:
+        self._attribute_bytes += size
+        check_count(self.path, self._attribute_bytes, LIMITS.attribute_bytes, "bytes of attributes")
+
+    def _fill(self, group: Hdf5Group, depth: int) -> None:
+        """Add the members of a group, and those of the groups in it."""
+        identifier = group.identifier
+        refuse_packed_names(self.path, group.name, identifier)
+        check_count(self.path, identifier.get_num_objs(), LIMITS.visits, f"members in {group.name!r}")
+        self._add(group, depth - 1)
+        links: list[tuple[bytes, int]] = []
+        order = identifier.get_create_plist().get_link_creation_order()
+        identifier.links.iterate(
+            lambda name, info: links.append((name, info.type)), idx_type=_index(order), info=True
+        )
+        for label, link in links:
+            name = f"{group.name.rstrip('/')}/{self._name(label)}"
+            if link != h5l.TYPE_HARD:
+                raise GateError(f"{self.path}: {name!r} is a link, perhaps into another file{_INSIDE}")
+            found = h5o.open(identifier, label)
+            if isinstance(found, h5d.DatasetID):
+                member: Hdf5Array | Hdf5Group = Hdf5Array(self, name, found)
+                self._declared += member.nbytes
+                self._add(member, depth)
+            elif isinstance(found, h5g.GroupID):
+                member = Hdf5Group(name, found)
+                self._fill(member, depth + 1)
+            else:
+                continue  # a type by name has no data
+            group.members[self._name(label)] = member
+
+    def _add(self, one: Hdf5Array | Hdf5Group, depth: int) -> None:
+        self._visits(depth)
+        check_count(
+            self.path, h5a.get_num_attrs(one.identifier), LIMITS.attributes, f"attributes of {one.name!r}"
+        )
+        self._by_address[h5o.get_info(one.identifier).addr] = one
+
+    def _name(self, label: bytes) -> str:
+        if len(label) > LIMITS.name:
+            raise GateError(f"{self.path}: a name in it has more than {LIMITS.name:,} characters: shorten it")
+        return label.decode()
+
+
+def _index(order: int) -> int:
+    return h5.INDEX_CRT_ORDER if order & h5p.CRT_ORDER_TRACKED else h5.INDEX_NAME
+
+
+def _kind(stored: Any) -> str:
+    """Return the kind of the elements of an array; see `Hdf5Array`."""
+    known = stored.get_class()
+    if known == h5t.REFERENCE:
+        return "r" if stored.equal(h5t.STD_REF_OBJ) else ""
+    if known == h5t.ENUM:
+        return "b" if stored.get_nmembers() == 2 and stored.dtype == np.bool_ else ""
+    if known not in _KINDS:
+        return ""
+    try:
+        return stored.dtype.kind
+    except (TypeError, ValueError):
+        return ""  # a number that NumPy does not have
+
+
+def is_hdf5(path: Path) -> bool:
+    """Return whether a file is HDF5, at its start or after a block of another program (MATLAB)."""
+    return h5f.is_hdf5(os.fsencode(path))
+
+
+@contextmanager
+def hdf5_tree(path: Path) -> Iterator[Hdf5Tree]:
+    """Open an HDF5 file and give its checked tree, which is valid until the end of the context.
+
+    Raises:
+        GateError: the file is damaged, names other files, or has more structure than `LIMITS` allows.
+    """
+    with _opened(path) as tree:
+        with _damage(path):
+            tree.build()
+        yield tree
+
+
+def read_hdf5_array(path: Path, name: str) -> np.ndarray:
+    """Return the numbers of one array of a file that was looked through before.
+
+    Raises:
+        GateError: the array is not there any longer, or is not what `Hdf5Array` allows.
+    """
+    with _opened(path) as tree:
+        with _damage(path):
+            found = tree.array(name)
+        return found.read()
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Hdf5Tree]:
+    check_regular(path)
+    with _damage(path):
+        opened = h5py.File(path, "r")
+    with opened:
+        with _damage(path):
+            tree = Hdf5Tree(path, opened.id)
+        yield tree
+
+
+@contextmanager
+def _damage(path: Path) -> Iterator[None]:
+    """Turn every error of the HDF5 library into one sentence; it reports damage in half a dozen ways."""
+    try:
+        yield
+    except GateError:
+        raise
+    except (OSError, RuntimeError, LookupError, ValueError, TypeError, MemoryError) as error:
+        said = " ".join(str(error).split())
+        kind = {".nc": "NetCDF 4", ".mat": "MAT"}.get(path.suffix.lower(), "HDF5")
+        raise GateError(f"{path}: not a readable {kind} file (cut off or damaged?): {said}") from error

@@ -1,0 +1,107 @@
+"""Limits of size and structure of data files, checked before anything is built from a file.
+
+A small file can declare or contain far more than it looks: gigabytes of zeros, millions of names, cells
+inside cells. A reader therefore counts structure first, and refuses a file beyond these limits.
+"""
+
+from __future__ import annotations
+
+import stat
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from .errors import GateError
+
+
+class Limits(NamedTuple):
+    """Limits of one data file. Each is far above every recording that a bench makes; reading a file at all
+    limits at once takes below 10 s of computing and 500 MB.
+    """
+
+    # Bytes that a file may unpack to, however small it is: 8 million numbers, an hour of 8 channels, 300 Hz.
+    unpacked: int = 64 * 2**20
+    # Bytes that a large file may unpack to, as a multiple of its size: measurements compress 2 to 10 times.
+    ratio: int = 20
+    # Groups, arrays, cells, structure elements or blocks that are visited, each time that a path leads
+    # there: an object that is reached on many paths counts as often, and a cycle counts without end.
+    visits: int = 20_000
+    # Levels of groups, cells or structures inside each other; a dSPACE capture has 4.
+    depth: int = 32
+    # Signals of a file: columns of a text, rows of a matrix; a large data logger has some hundred.
+    channels: int = 10_000
+    # Characters of a line of text, or of its part that a reader keeps: 10,000 columns of 25 characters.
+    line: int = 2**18
+    # Characters of a name of a column, array or group; headers of instruments have below 100.
+    name: int = 1_000
+    # Attributes of one HDF5 object; a recording has 12.
+    attributes: int = 1_000
+    # Bytes that all attributes of an HDF5 file may take; a recording has some kB of texts.
+    attribute_bytes: int = 16 * 2**20
+    # Chunks of one HDF5 array: each costs a look-up. The largest recordings have some thousand.
+    chunks: int = 100_000
+    # Seconds of computing for the structure of one file: a good file takes milliseconds.
+    seconds: float = 5.0
+    # Bytes of the table of contents of a ZIP archive (NPZ): 20,000 arrays with short names.
+    directory: int = 2**21
+
+
+LIMITS = Limits()
+
+
+def check_regular(path: Path) -> None:
+    """Raise GateError for what is no plain file: a pipe or a device may never end, or never begin."""
+    try:
+        mode = path.stat().st_mode
+    except OSError as error:
+        raise GateError(f"{path}: there is no such file ({error.strerror})") from None
+    if not stat.S_ISREG(mode):
+        raise GateError(f"{path}: no plain file")
+
+
+def allowed_bytes(path: Path) -> int:
+    """Return the bytes that the arrays of a file may take in memory."""
+    return max(LIMITS.unpacked, LIMITS.ratio * path.stat().st_size)
+
+
+def check_size(path: Path, declared: int, what: str = "arrays") -> None:
+    """Raise GateError if a file declares more bytes than it may unpack to."""
+    allowed = allowed_bytes(path)
+    if declared > allowed:
+        raise GateError(
+            f"{path}: its {what} would take {declared / 2**20:,.0f} MiB; a file of "
+            f"{path.stat().st_size:,} bytes may hold {allowed / 2**20:,.0f} MiB ({LIMITS.ratio} times its "
+            f"size, and {LIMITS.unpacked // 2**20} MiB in any case). Split it, or save it uncompressed"
+        )
+
+
+def check_count(path: Path, found: int, most: int, what: str) -> None:
+    """Raise GateError if a file has more of something than a limit allows."""
+    if found > most:
+        raise GateError(f"{path}: it has more than {most:,} {what}; save only the signals that are needed")
+
+
+class Visits:
+    """Counter of the objects of one file that are visited, on every path that leads to them."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._count, self._begun = path, 0, time.thread_time()
+
+    def __call__(self, depth: int) -> None:
+        """Count one object at a depth.
+
+        Raises:
+            GateError: the file has more objects, deeper ones, or takes longer than `LIMITS` allows.
+        """
+        self._count += 1
+        check_count(self._path, self._count, LIMITS.visits, "groups, arrays and cells (or some in a circle)")
+        if depth > LIMITS.depth:
+            raise GateError(
+                f"{self._path}: its parts are inside each other more than {LIMITS.depth} levels deep, or in "
+                "a circle; save only the signals that are needed"
+            )
+        if time.thread_time() - self._begun > LIMITS.seconds:
+            raise GateError(
+                f"{self._path}: its structure takes more than {LIMITS.seconds:g} s to look through; save "
+                "only the signals that are needed"
+            )
