@@ -8,6 +8,7 @@
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
 #   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)
 #   make lowest     a core of the tests with the lowest versions that pyproject.toml allows; PYTHON= one of them
+#   make laws       the C of the friction laws anew, after an edit of their Python functions
 #   make lock       resolve the dependencies anew (LOCK_FLAGS=--upgrade for newer versions)
 
 PYTHON ?= python3
@@ -45,7 +46,7 @@ PEERS := .venv-peers
 DRIVERS := .venv-drivers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test tools drivers check format mutation bench docs peers lowest lock clean
+.PHONY: help setup demo test tools drivers check format mutation bench docs peers lowest laws lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -106,6 +107,9 @@ check: $(READY)
 format: $(READY)
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
+
+laws: $(READY)
+	$(BIN)/python -m tools.generate_laws
 
 mutation: $(READY)
 	$(BIN)/python tools/mutate.py $(if $(SAMPLE),--sample $(SAMPLE)) $(FILES)

@@ -106,16 +106,20 @@ def test_a_law_of_the_user(tmp_path) -> None:
 
 
 REFUSED = {
-    "while": ("    while v > 1.0:\n        v = 0.5 * v\n    return v, v", 19, "While"),
+    "while": (
+        "    while v > 1.0:\n        v = 0.5 * v\n    else:\n        v = 1.0\n    return v, v",
+        19,
+        "loop with else",
+    ),
     "library": ("    import os\n    return v, v", 19, "Import"),
     "list": ("    both = [v, z]\n    return both[0], both[1]", 19, "List"),
-    "truth": ("    return (v if z else 0.0), v", 19, "no condition"),
+    "truth": ("    return (v if law else 0.0), v", 19, "no condition"),
     "text": ("    return 'v', v", 19, "neither a number"),
-    "unbounded": ("    for i in range(int(v)):\n        z += i\n    return z, v", 19, "int is outside"),
+    "half a round": ("    for i in range(v):\n        z += i\n    return z, v", 19, "whole numbers"),
     "half": ("    if v > 0.0:\n        return z, v", 17, "every path"),
     "field": ("    known = law\n    return known.strength * z, v", 20, "known.strength"),
     "recursion": ("    return own(law, v, z)[0], v", 17, "calls itself"),
-    "operator": ("    return z // 1.0, v", 19, "operator"),
+    "operator": ("    return z @ 1.0, v", 19, "operator"),
     "single": ("    return z", None, "must give (force, dz)"),
 }
 

@@ -10,6 +10,17 @@ import numpy as np
 from ..actuator import Actuator, PulledSlider, StageModes
 from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
+from ..engine.translator import (
+    BOOL,
+    INT,
+    REAL,
+    Array,
+    Record,
+    Translation,
+    TranslationError,
+    real,
+    record_type,
+)
 from ..friction import element, elements, rate
 from ..friction.law import _implementation
 from ..mechanism import holding_force, joined, slider_acceleration, stage_acceleration
@@ -27,8 +38,6 @@ from .signal_chain import (
     sensor_after,
     sensor_output,
 )
-from .subset import BOOL, INT, REAL, Array, Record, TranslationError, real, record_type
-from .translation import Translation
 
 # Records whose `_check` is not translated: of the models, of lengths, which cannot change, and of a piezo,
 # whose plays and lags stay bounded whatever their values are.

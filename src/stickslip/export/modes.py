@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .subset import REAL, record_type
-from .translation import Translation
+from ..engine.translator import REAL, Translation, record_type
 
 
 def mode_acceleration(gain, natural_frequency, damping_ratio, per_mass, u, q, w, force):  # type: ignore[no-untyped-def]

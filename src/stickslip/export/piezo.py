@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..engine.translator import REAL, Translation, record_type
 from ..piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
 from ..piezo.bouc_wen import bent
 from ..piezo.creep import lag_change
 from ..piezo.operators import beyond, play
-from .subset import REAL, record_type
-from .translation import Translation
 
 
 def refused(piezo: Piezo | None) -> str:

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from ..engine.translator import real
 from ..units import QuantityError
 from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
-from .subset import real
 
 _MOST_STEPS = 20_000_000
 _MOST_LINES = 20_000

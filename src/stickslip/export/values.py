@@ -6,10 +6,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from ..engine.translator import KEYWORDS, real
 from ..records import quantities
 from .equations import SignalChain
 from .source import Exported, exported_values, meaning
-from .subset import KEYWORDS, real
 
 
 def parameters_c(found: Exported, chain: SignalChain, gain: NDArray[Any]) -> str:

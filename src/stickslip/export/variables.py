@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, Literal, NamedTuple
 
 from ..actuator import Actuator
+from ..engine.translator import KEYWORDS
 from ..units import unit_for
 from .equations import SignalChain
 from .source import Exported, exported_values, meaning
-from .subset import KEYWORDS
 from .values import plain
 
 Mode = Literal["plant", "observer", "feedforward"]

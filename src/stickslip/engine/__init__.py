@@ -1,0 +1,1 @@
+"""The precompiled engine in C: laws translated from Python, the library and its binding."""

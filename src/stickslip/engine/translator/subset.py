@@ -1,0 +1,185 @@
+"""Types of the subset of Python that is translated to C, values with their C text, refusals.
+
+The subset: arithmetic, comparisons and conditionals of numbers, truths and tuples; ``while``, and ``for``
+over ranges, tuples, ``zip`` and ``enumerate``; functions of ``math`` and their namesakes in NumPy; fields of
+records (named tuples), their properties, methods and ``_replace``; other such functions, also local ones. See
+docs/decisions/export.md.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+REAL, INT, BOOL = "real_t", "int64_t", "bool"
+_ORDER = {BOOL: 0, INT: 1, REAL: 2}
+# Precedence of C operators, as far as they are used; a lower number binds stronger.
+ATOM, UNARY, PRODUCT, SUM, COMPARISON, AND, OR, CHOICE = range(8)
+ARRAY_LIMIT = 4096  # most numbers of a table that is written into the C; larger ones belong into a parameter
+
+_KEYWORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int long
+register restrict return short signed sizeof static struct switch typedef union unsigned void volatile
+while bool true false real_t int64_t
+"""
+KEYWORDS = frozenset(_KEYWORDS.split())
+
+
+class TranslationError(ValueError):
+    """A function that cannot be translated to C; names the function, its file and the line."""
+
+
+class Record(NamedTuple):
+    """Type of a record; `fields` are the types of those that C sees (no text, nothing optional)."""
+
+    record_class: type
+    fields: tuple[tuple[str, Any], ...]
+
+    @property
+    def c_name(self) -> str:
+        """Name of the struct."""
+        return f"ss_{self.record_class.__name__}"
+
+
+class Array(NamedTuple):
+    """Type of a field, or of a table of a module, that holds several numbers."""
+
+    length: int
+
+
+class Tuple(NamedTuple):
+    """Type of a tuple with a C variable for each part."""
+
+    types: tuple[Any, ...]
+
+
+class Pair(NamedTuple):
+    """Type of a tuple that a function returns, with the C name of its struct and of its members."""
+
+    c_name: str
+    members: tuple[str, ...]
+    types: tuple[Any, ...]
+
+
+class Value(NamedTuple):
+    """An expression: its C text, type and precedence; its constant, if known now; whether it is a pointer;
+    the parts of a tuple; an upper bound of a whole number that is never negative (a loop's counter)."""
+
+    text: str
+    type: Any
+    level: int = ATOM
+    constant: Any = None
+    pointer: bool = False
+    parts: tuple[Value, ...] = ()
+    below: int = 0
+
+    def within(self, level: int) -> str:
+        """The text as an operand that must bind at least as strongly as `level`."""
+        return self.text if self.level <= level else f"({self.text})"
+
+
+class FunctionSource(NamedTuple):
+    """A Python function as the translator reads it; `outer` is the one around it, of a local function."""
+
+    function: Callable[..., Any]
+    name: str
+    where: str
+    first_line: int
+    tree: ast.FunctionDef
+
+    def error(self, node: ast.AST | None, what: str) -> TranslationError:
+        """Say what is wrong in which line."""
+        line = self.first_line + getattr(node, "lineno", 1) - 1
+        return TranslationError(f"{self.name} ({self.where}, line {line}) cannot be translated to C: {what}")
+
+    def local(self, tree: ast.FunctionDef | ast.Lambda, name: str) -> FunctionSource:
+        """A function that is defined inside this one."""
+        made = with_arguments(tree, []) if isinstance(tree, ast.Lambda) else tree
+        return self._replace(name=f"{self.name}_{name}", tree=made)
+
+
+def with_arguments(tree: ast.FunctionDef | ast.Lambda, names: list[str]) -> ast.FunctionDef:
+    """The function with further arguments, without defaults; of a lambda, one that returns its value."""
+    made = ast.parse("def unnamed(): ...").body[0]
+    assert isinstance(made, ast.FunctionDef)
+    made.args, made.lineno = tree.args, tree.lineno
+    if isinstance(tree, ast.Lambda):
+        made.body = [ast.copy_location(ast.Return(tree.body), tree)]
+    else:
+        arguments = [*tree.args.args, *(ast.arg(name) for name in names)]
+        made.args, made.body = ast.arguments([], arguments, None, [], [], None, []), tree.body
+    return made
+
+
+def source_of(function: Callable[..., Any]) -> FunctionSource:
+    """The source of a plain or compiled function.
+
+    Raises:
+        TranslationError: it has no source that can be read (typed at a prompt, built in).
+    """
+    plain = getattr(function, "py_func", function)
+    name = getattr(plain, "__name__", repr(plain))
+    where = getattr(plain, "__module__", None) or "unknown module"
+    try:
+        lines, first = inspect.getsourcelines(plain)
+        tree = ast.parse(textwrap.dedent("".join(lines))).body[0]
+    except (OSError, TypeError, SyntaxError, IndexError):
+        raise TranslationError(
+            f"{name} ({where}) cannot be translated to C: its source cannot be read"
+        ) from None
+    made = FunctionSource(plain, name, where, first, tree)  # type: ignore[arg-type]
+    if isinstance(tree, ast.Assign | ast.AnnAssign) and isinstance(tree.value, ast.Lambda):
+        return made.local(tree.value, "lambda")._replace(name="unnamed")
+    if not isinstance(tree, ast.FunctionDef):
+        raise made.error(None, "it must be a function that is defined with def")
+    if not name.isascii():
+        raise made.error(None, "C takes names in ASCII only")
+    return made
+
+
+def record_type(record: Any) -> Record:
+    """The type of a record, from one instance: tuples have its lengths, text and None are left out."""
+    found = []
+    annotations = getattr(type(record), "__annotations__", {})
+    for name, value in record._asdict().items():
+        if isinstance(value, bool):
+            found.append((name, BOOL))
+        elif isinstance(value, int) and annotations.get(name) in (int, "int"):
+            found.append((name, INT))
+        elif isinstance(value, int | float):
+            found.append((name, REAL))
+        elif hasattr(value, "_fields"):
+            found.append((name, record_type(value)))
+        elif isinstance(value, tuple) and value and all(isinstance(v, int | float) for v in value):
+            found.append((name, Array(len(value))))
+    return Record(type(record), tuple(found))
+
+
+def joined(one: Any, other: Any) -> Any:
+    """Return the type that holds values of both, or None."""
+    if one is None or one == other:
+        return other
+    if one in _ORDER and other in _ORDER:
+        return max(one, other, key=_ORDER.__getitem__)
+    if isinstance(one, Tuple) and isinstance(other, Tuple) and len(one.types) == len(other.types):
+        both = tuple(joined(a, b) for a, b in zip(one.types, other.types, strict=True))
+        return None if None in both else Tuple(both)
+    return None
+
+
+def kind_of(value: Value) -> Any:
+    """The type of a value, that of a tuple made of its parts."""
+    return Tuple(tuple(kind_of(part) for part in value.parts)) if value.type is None else value.type
+
+
+def real(value: float) -> str:
+    """A number as C writes it."""
+    number = float(value)
+    if number != number:
+        return "R(NAN)"
+    if number in (float("inf"), float("-inf")):
+        return "R(INFINITY)" if number > 0 else "R(-INFINITY)"
+    return f"R({number!r})"

@@ -1,0 +1,135 @@
+"""Functions of the subset, from Python's syntax tree to C: structs, functions and what they call.
+
+A function becomes one C function for each combination of types it is called with. What is known beforehand
+(the length of a tuple, the class of a record) is decided while translating, so no dead branch reaches C.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from .assignments import Retyped
+from .expressions import LocalFunction
+from .statements import CHECK, FunctionBody
+from .subset import Array, Pair, Record, real, source_of
+
+
+class Translation:
+    """The C of some functions and of all that they call: `text()` after calling `function` for each.
+
+    `dispatched` gives the implementation of a function for the record that is its first argument, or None
+    where there is one for all records.
+    """
+
+    def __init__(
+        self, dispatched: Callable[[Callable[..., Any], type], Callable[..., Any] | None] | None = None
+    ) -> None:
+        self._dispatched = dispatched
+        self._records: dict[str, Record] = {}
+        self._pairs: dict[str, Pair] = {}
+        self._functions: dict[tuple[Any, ...], tuple[str, Any]] = {}
+        self._names: dict[str, Any] = {}
+        self._bodies: list[str] = []
+        self._tables: dict[tuple[float, ...], str] = {}
+        self._kept: dict[Any, Any] = {}
+        self._open: list[Any] = []
+
+    def record(self, record: Record) -> str:
+        """The C name of a record's struct, which is declared."""
+        for _, kind in record.fields:
+            if isinstance(kind, Record):
+                self.record(kind)
+        known = self._records.setdefault(record.c_name, record)
+        if known != record:
+            raise ValueError(f"{record.c_name} would be two different structs in C")
+        return record.c_name
+
+    def function(
+        self, function: Any, kinds: tuple[Any, ...], members: tuple[str, ...] = ()
+    ) -> tuple[str, Any]:
+        """The C name and the type of the result of a function called with these types.
+
+        `members` names the parts of the result, if it is a tuple; they are then real numbers.
+
+        Raises:
+            TranslationError: the function, or one that it calls, is outside the subset.
+        """
+        if self._dispatched and kinds and isinstance(kinds[0], Record):
+            function = self._dispatched(function, kinds[0].record_class) or function
+        local = isinstance(function, LocalFunction)
+        plain: Any = function.source.tree if local else getattr(function, "py_func", function)
+        key = (plain, kinds)
+        if key not in self._functions:
+            source = function.source if local else source_of(plain)
+            if plain in self._open:
+                raise source.error(None, "it calls itself; the work per step would have no bound")
+            name = f"ss_{source.name.lstrip('_')}"
+            while self._names.setdefault(name, key) != key:
+                name += "_"
+            self._open.append(plain)
+            try:
+                result, body = self._translated(source, kinds, members, name)
+            finally:
+                self._open.pop()
+            self._functions[key] = (name, result)
+            self._bodies.append(body)
+        return self._functions[key]
+
+    def _translated(
+        self, source: Any, kinds: tuple[Any, ...], members: tuple[str, ...], name: str
+    ) -> tuple[Any, str]:
+        """The type of the result, and the C: again from the start where a variable needs a wider type."""
+        types: dict[str, Any] = {}
+        while True:
+            try:
+                return FunctionBody(self, source, kinds, members, types).translated(name)
+            except Retyped as wider:
+                types[wider.name] = wider.kind
+
+    def check(self, function: Callable[..., Any], kind: Record) -> str:
+        """The C name of a record's ``_check``, in which raising is to return the text of the error."""
+        name, _ = self.function(function, (kind,), CHECK)
+        return name
+
+    def pair(self, name: str, kinds: tuple[Any, ...], members: tuple[str, ...]) -> Pair:
+        """The struct for a tuple that a function returns."""
+        members = members if len(members) == len(kinds) else tuple(f"part_{i}" for i in range(len(kinds)))
+        self._pairs[name] = Pair(f"{name}_result", members, kinds)
+        return self._pairs[name]
+
+    def table(self, name: str, numbers: tuple[float, ...]) -> str:
+        """The C name of a table of numbers."""
+        word = "".join(c if c.isalnum() and c.isascii() else "_" for c in name)
+        return self._tables.setdefault(numbers, f"ss_table_{len(self._tables)}_{word}")
+
+    def kept(self, key: Any, make: Callable[[], Any]) -> Any:
+        """Return what was made for a key, made at most once: each local function is translated once."""
+        if key not in self._kept:
+            self._kept[key] = make()
+        return self._kept[key]
+
+    def c_type(self, kind: Any) -> str:
+        """Return the C declaration of a type."""
+        return kind.c_name if isinstance(kind, Record | Pair) else str(kind)
+
+    def text(self) -> str:
+        """All structs and tables, then all functions, callees first."""
+        structs = [self._struct(record.c_name, record.fields) for record in self._records.values()]
+        structs += [
+            self._struct(p.c_name, tuple(zip(p.members, p.types, strict=True))) for p in self._pairs.values()
+        ]
+        structs += [
+            f"static const real_t {name}[{len(numbers)}] = {{{', '.join(map(real, numbers))}}};\n"
+            for numbers, name in self._tables.items()
+        ]
+        return "\n".join([*structs, *self._bodies])
+
+    def _struct(self, name: str, fields: tuple[tuple[str, Any], ...]) -> str:
+        lines = [
+            f"    real_t {field}[{kind.length}];"
+            if isinstance(kind, Array)
+            else f"    {self.c_type(kind)} {field};"
+            for field, kind in fields
+        ]
+        return "\n".join(["typedef struct {", *lines, f"}} {name};", ""])

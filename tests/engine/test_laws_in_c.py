@@ -1,0 +1,203 @@
+"""The laws of the package in C beside their Python functions, on many random inputs."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stickslip.engine import laws
+from stickslip.engine.translator import Translation, TranslationError
+from stickslip.friction import normal_force
+
+C = Path(laws.__file__).parent / "c"
+N = 10_000
+WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
+# Above the rounding of the C library's exponential and power in either place; relative to the largest term.
+WITH_EXPONENTIALS = 1e-14
+# No function of these calls an exponential, power or sine for the parameters below.
+EXACT = {"Coulomb", "CoulombViscous", "StictionCoulombViscous", "ResetIntegrator"}
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    made = tmp_path_factory.mktemp("laws") / "laws.so"
+    source = str(Path(__file__).with_name("laws.c"))
+    flags = ["-O2", "-ffp-contract=off", "-shared", "-fPIC", f"-I{C}"]
+    subprocess.run(
+        ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", *flags, source, "-o", str(made), "-lm"], check=True
+    )
+    found = ctypes.CDLL(str(made))
+    found.name_of.restype = ctypes.c_char_p
+    return found
+
+
+def spread(rng: np.random.Generator, low: float, high: float, n: int = N) -> np.ndarray:
+    return np.exp(rng.uniform(math.log(low), math.log(high), n))
+
+
+def parameters(law: type, rng: np.random.Generator) -> np.ndarray:
+    """Rows of parameters over decades; some velocities are infinite, some stiction is Coulomb friction."""
+    share = {
+        "sigma_0": spread(rng, 1e4, 1e8),
+        "sigma_1": spread(rng, 1e-1, 1e3),
+        "sigma_2": np.where(rng.random(N) < 0.2, 0.0, spread(rng, 1e-2, 1e2)),
+        "coulomb_force": spread(rng, 1e-2, 1e2),
+        "stribeck_velocity": spread(rng, 1e-5, 1e-1),
+        "exponent": rng.choice([1.0, 2.0, 0.5, 1.5, 0.7], N),
+        "damping_velocity": np.where(rng.random(N) < 0.5, np.inf, spread(rng, 1e-3, 1.0)),
+        "stiction_excess": np.where(rng.random(N) < 0.5, 0.0, rng.uniform(0, 1, N)),
+        "attraction_rate": spread(rng, 1, 1e4),
+    }
+    share["stiction_force"] = share["coulomb_force"] * np.where(rng.random(N) < 0.3, 1.0, spread(rng, 1, 3))
+    share["breakaway_deflection"] = share["coulomb_force"] / share["sigma_0"] * rng.uniform(0.01, 0.99, N)
+    share |= {
+        "stiffness": share["sigma_0"],
+        "strength": share["coulomb_force"],
+        "stiction": share["stiction_force"],
+    }
+    return np.ascontiguousarray(np.array([share[name] for name in law._fields]).T)
+
+
+def inputs(law: type, p: np.ndarray, rng: np.random.Generator) -> list[np.ndarray]:
+    """Velocities with 0 among them, their growth, states up to beyond their bounds and on them."""
+    v = rng.choice([-1.0, 1.0], N) * spread(rng, 1e-10, 1.0)
+    v[rng.random(N) < 0.02] = 0.0
+    growth = rng.choice([-1.0, 1.0], N) * spread(rng, 1e-8, 1e3)
+    if "breakaway" in laws.functions(law):
+        return [v, growth, rng.choice([-1.0, 1.0], N)]
+    column = {name: p[:, i] for i, name in enumerate(law._fields)}
+    stiff = column.get("sigma_0", column.get("stiffness"))
+    bound = column.get("coulomb_force", column.get("strength"))
+    limit = column["breakaway_deflection"] if bound is None else bound / stiff
+    z = rng.choice([-1.0, 1.0], N) * limit * np.where(rng.random(N) < 0.1, 1.0, rng.uniform(0, 1.6, N))
+    return [v, growth, z]
+
+
+def pointer(array: np.ndarray) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def in_python(law: type, role: str, p: np.ndarray, given: list[np.ndarray], branch: np.ndarray) -> np.ndarray:
+    function = laws.functions(law)[role]
+    records = [tuple.__new__(law, one) for one in p.tolist()]
+    v, growth, z = (one.tolist() for one in given)
+    order: dict[str, tuple[Any, ...]] = {
+        "rate": (records, v, z),
+        "breakaway": (records,),
+        "project": (records, z),
+        "choose": (records, v, growth, z),
+        "branch_rate": (records, v, z, branch.tolist()),
+        "left": (records, v, growth, z, branch.tolist()),
+    }
+    return np.array([function(*one) for one in zip(*order[role], strict=True)], dtype=float)
+
+
+@pytest.mark.parametrize("law", laws.packaged(), ids=lambda law: law.__name__)
+def test_every_function_of_a_law_is_the_same_in_c(law: Any, library: ctypes.CDLL) -> None:
+    rng = np.random.default_rng(len(law.__name__))
+    names = [library.name_of(i).decode() for i in range(len(laws.packaged()))]
+    i = names.index(law.__name__)
+    assert library.parameters_of(i) == len(law._fields)
+    p = parameters(law, rng)
+    given = inputs(law, p, rng)
+    branch = rng.integers(0, 2 if law.__name__ == "ResetIntegrator" else 3, N).astype(np.int32)
+    for number, role in enumerate(laws.ROLES):
+        mine = [np.abs(given[0]) if number > 3 else given[0], *given[1:]]
+        found = np.full((2, N), np.nan)
+        columns = [pointer(np.ascontiguousarray(one)) for one in mine]
+        there = library.evaluate(i, number, N, pointer(p), *columns, pointer(branch), *map(pointer, found))
+        assert bool(there) == (role in laws.functions(law))
+        if not there:
+            continue
+        expected = in_python(law, role, p, mine, branch)
+        found = found.T if expected.ndim == 2 else found[0]
+        if law.__name__ in EXACT or role == "choose":
+            differs = found != expected
+            assert not np.any(differs), (role, np.count_nonzero(differs))
+        else:
+            scale = np.maximum(np.abs(expected), terms(law, role, p, mine, expected.ndim))
+            assert np.all(np.abs(found - expected) <= WITH_EXPONENTIALS * scale), role
+
+
+def terms(law: Any, role: str, p: np.ndarray, given: list[np.ndarray], dimensions: int) -> np.ndarray:
+    """The size of the terms that a result is the difference of."""
+    column = {name: p[:, i] for i, name in enumerate(law._fields)}
+    speed, z = np.abs(given[0]), np.abs(given[2])
+    stiff = column.get("sigma_0", column.get("stiffness", 1.0))
+    fade = column.get("sigma_1", 0.0)
+    limit = column.get("coulomb_force", column.get("strength", 1.0)) / stiff
+    rate = speed * (1.0 + z / limit)
+    if "attraction_rate" in column:
+        rate = rate + (column["attraction_rate"] * limit + speed / 1e-8 * (role == "branch_rate")) * (
+            1.0 + z / limit
+        )
+    force = stiff * z + fade * rate + column.get("sigma_2", 0.0) * speed
+    if role == "left":
+        return 1.0 + z / limit
+    return np.array([force, rate]).T if dimensions == 2 else np.abs(z)
+
+
+def test_the_normal_force_along_the_stroke_is_the_same_in_c(library: ctypes.CDLL) -> None:
+    rng = np.random.default_rng(5)
+    columns = [rng.normal(0, 100, N), rng.choice([1.0, -2.0, 0.0, 2.5], N), rng.uniform(0, 0.5, N)]
+    columns += [spread(rng, 1e-4, 1e-2), rng.normal(0, 2, N), rng.normal(0, 1e-3, N)]
+    columns += [rng.choice([1.0, 1.0 / 3.0, 0.0], N), rng.uniform(-0.5, 0.5, N)]
+    p, x = np.ascontiguousarray(np.array(columns).T), rng.normal(0, 5e-3, N)
+    found = np.empty((N, 7))
+    library.press(N, pointer(p), pointer(x), pointer(found))
+    records = [tuple.__new__(normal_force.NormalForce, one) for one in p.tolist()]
+    expected = []
+    for record, at in zip(records, x.tolist(), strict=True):
+        along, softening = normal_force._along(record, at), normal_force._softening(record, at)
+        kept = normal_force._kept(record, at) if at > 0.0 else math.nan
+        leaning, uniform = normal_force._leaning(record, at), normal_force._uniform(record)
+        expected.append([*along, softening, kept, leaning, float(uniform)])
+    wanted = np.array(expected)
+    known = np.isfinite(wanted)
+    assert np.array_equal(known[:, :3], np.isfinite(found[:, :3]))
+    # The slopes are differences of terms of the sizes that the ripple gives them.
+    scale = np.maximum(np.abs(wanted), [1.0, 2e4, 4e9, 1.0, 1.0, 1.0, 1.0])
+    assert np.all(np.abs(found - wanted)[known] <= WITH_EXPONENTIALS * scale[known])
+
+
+def test_the_c_files_are_those_of_the_laws() -> None:
+    for name, text in laws.generated().items():
+        assert (C / name).read_text("ascii") == text, f"{name} is out of date: run make laws"
+
+
+@pytest.mark.parametrize("flag", ["-DSTICKSLIP_DOUBLE", "-DSTICKSLIP_FLOAT"])
+def test_the_c_files_compile_without_warnings(flag: str, tmp_path: Path) -> None:
+    source = tmp_path / "all.c"
+    source.write_text(
+        '#include "laws.h"\n#include "normal_force.h"\nconst struct law *law(int i);\n'
+        "const struct law *law(int i) { return packaged_laws[i]; }\n"
+    )
+    command = [
+        "gcc",
+        *WARNINGS,
+        "-Wdouble-promotion",
+        flag,
+        f"-I{C}",
+        "-c",
+        str(source),
+        "-o",
+        str(tmp_path / "all.o"),
+    ]
+    subprocess.run(command, check=True)
+
+
+def calls_what_is_refused(x: float) -> float:
+    return sorted((x,))[0]
+
+
+def test_a_refusal_is_the_same_a_second_time() -> None:
+    made = Translation()
+    for _ in range(2):
+        with pytest.raises(TranslationError, match="sorted is outside the subset"):
+            made.function(calls_what_is_refused, ("real_t",))
