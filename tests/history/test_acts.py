@@ -9,6 +9,8 @@ import pytest
 from stickslip.history import read_acts
 from stickslip.history.acts import FILE, note_act
 
+NOW = "2026-01-05T10:00:00+00:00"
+
 
 def told(folder: Path) -> list[tuple[str, str]]:
     return [(one["act"], one["name"]) for one in read_acts(folder)]
@@ -30,7 +32,7 @@ def test_damaged_lines_are_passed_over_and_one_is_waited_for(tmp_path: Path) -> 
     note_act(tmp_path, "exported", "a.nc")
     path = tmp_path / FILE
     with path.open("a") as file:
-        file.write("no act\n[1]\n" + '{"act": "exported"}\n' + '{"act": "exported", "na')
+        file.write("no act\n[1]\n" + '{"act": "exported"}\n' + f'{{"time": "{NOW}", "act": "exported", "na')
     assert told(tmp_path) == [("exported", "a.nc")]
     with path.open("a") as file:
         file.write('me": "b.nc"}')

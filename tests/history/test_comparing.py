@@ -13,6 +13,7 @@ import stickslip as ss
 from stickslip.history import differences
 from stickslip.history.comparing import DRIVE, TRIGGER, common_zeros, comparable
 from stickslip.history.describing import described
+from stickslip.history.storable import storable_row
 from stickslip.history.wording import worded
 
 LEVEL = {"signal": "drive_voltage", "level": 1.0, "edge": "rising"}
@@ -81,7 +82,8 @@ def test_a_damaged_capture_is_as_none(text: str) -> None:
 def test_what_differs_is_said_in_words_with_units() -> None:
     def row(*args: object, **capture: object) -> dict:
         made = walk(0.2, {"pre_trigger": 0.1, "trigger": LEVEL, **capture}, *args)  # type: ignore[arg-type]
-        return described(made.assign_attrs(actuator="Actuator(name='kang2007')" if not args else ""))
+        of = "Actuator(name='kang2007')" if not args else ""
+        return storable_row(described(made.assign_attrs(actuator=of)))
 
     rows = [row(), row(False, 5e-4, trigger={**LEVEL, "level": 2.5}, pre_trigger=0.2)]
     said = {one["what"]: one for one in worded(differences(rows), rows)}

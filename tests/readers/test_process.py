@@ -11,6 +11,7 @@ import pytest
 
 import stickslip as ss
 from damaged import hanging
+from stickslip.gate import process as fence
 from stickslip.history import Index
 from stickslip.readers import process
 from stickslip.readers.process import Reader, ReaderBusy
@@ -33,9 +34,9 @@ def test_a_machine_without_time_for_it_is_no_damage(
     tmp_path: Path, read: Reader, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = walk(tmp_path)
-    read._ready()
-    monkeypatch.setattr(process, "STUCK", 0.05)
-    read._process.send_signal(signal.SIGSTOP)  # it gets no time at all
+    read._fence._start()
+    monkeypatch.setattr(fence, "STUCK", 0.05)
+    read._fence._process.send_signal(signal.SIGSTOP)  # it gets no time at all
     with Index(tmp_path, read) as index:
         (row,) = index.rows()
         assert "a busy machine or drive?" in row["problem"]
@@ -49,10 +50,10 @@ def test_what_computes_for_too_long_is_given_up(
     tmp_path: Path, read: Reader, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(process, "PATIENCE", 1.0)
-    monkeypatch.setattr(process, "STUCK", 100.0)  # beside other processes a second of computing takes many
+    monkeypatch.setattr(fence, "STUCK", 100.0)  # beside other processes a second of computing takes many
     path = hanging(tmp_path / "damaged.nc")
     for _ in range(2):
         with pytest.raises(ss.recording.RecordingError, match="within 1 s of computing") as refused:
             read(path)
         assert not isinstance(refused.value, ReaderBusy)
-        monkeypatch.setattr(process, "STUCK", 0.0)  # it is not even tried again
+        monkeypatch.setattr(fence, "STUCK", 0.0)  # it is not even tried again

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -33,6 +34,7 @@ def runs(
     with only_reading(show_traceback):
         from ..history import Index, differences
         from ..history.describing import annotate
+        from ..history.storable import real_name
 
         if len(compare) == 1:
             raise ValueError(f"--compare {compare[0]}: with what? Give --compare twice, or more often")
@@ -46,7 +48,7 @@ def runs(
                     raise ValueError(f"--{what} {text}: write NAME=TEXT")
                 if text:
                     new: dict[str, Any] = {what: value.split(",") if what == "tags" else value}
-                    annotate(index.folder / name, **new)
+                    annotate(index.folder / real_name(name), **new)
             if rebuild:
                 index.rebuild()
             equal = dict(_pair(one) for one in where)
@@ -69,8 +71,10 @@ def runs(
 
 def _check_present(folder: Path, names: list[str]) -> None:
     """That all are there, and each is named once, before the first is moved."""
+    from ..history.storable import real_name
+
     for name in names:
-        if name.startswith(".") or not (folder / name).exists():
+        if name.startswith(".") or not os.path.lexists(folder / real_name(name)):
             raise ValueError(f"--to-bin {name}: there is no such run in {folder}; nothing is moved")
         if names.count(name) > 1:
             raise ValueError(f"--to-bin {name}: it is named twice; nothing is moved")
@@ -84,7 +88,10 @@ def _pair(text: str) -> tuple[str, str]:
 
 
 def _line(row: dict[str, Any]) -> str:
-    when = datetime.fromtimestamp(row["changed"]).strftime("%Y-%m-%d %H:%M:%S")
+    try:
+        when = datetime.fromtimestamp(row["changed"]).strftime("%Y-%m-%d %H:%M:%S")
+    except (OverflowError, ValueError, OSError):  # of a file with a time beyond all calendars
+        when = "-" * 19
     said = row["problem"] or row["outcome"] or "-"
     shown = f"{when}  {row['kind']:9}  {row['name']}  {said}"
     more = " · ".join(one for one in (row["title"], row["operator"], row["tags"]) if one)

@@ -27,8 +27,7 @@ def inside(root: str | os.PathLike[str], name: str, called: str = "the folder") 
     """
     shown = repr(name[:_SHOWN])
     parts = name.split("/")
-    printable = name.isprintable() and not any(bad in name for bad in _NOT_PLAIN)
-    if not printable or len(name) > LONGEST_NAME or any(not one or one.startswith(".") for one in parts):
+    if not all(map(is_name, parts)) or len(name) > LONGEST_NAME:
         raise GateError(f"{shown} is no name of a file in {called}")
     top = os.path.realpath(root)
     try:
@@ -40,6 +39,12 @@ def inside(root: str | os.PathLike[str], name: str, called: str = "the folder") 
     except OSError as error:  # a part that is too long for the file system, say
         raise GateError(f"{shown} is no name of a file in {called}: {error.strerror}") from error
     return found
+
+
+def is_name(part: str) -> bool:
+    """Return whether a name without slashes is one that a file or folder may be asked for by."""
+    plain = part.isprintable() and not any(bad in part for bad in _NOT_PLAIN)
+    return plain and part != "" and not part.startswith(".")
 
 
 def is_plain(path: Path) -> bool:

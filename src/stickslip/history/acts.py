@@ -10,7 +10,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..gate.text import load_json
+from .storable import storable
+
 FILE = "acts.jsonl"  # in the folder: one line an act, in plain words
+MOST_BYTES = 32_000_000  # bytes that are read at a time; a line has about 120
 
 
 def note_act(folder: Path, act: str, name: str, **more: Any) -> dict[str, Any]:
@@ -19,9 +23,10 @@ def note_act(folder: Path, act: str, name: str, **more: Any) -> dict[str, Any]:
     Raises:
         OSError: the folder cannot be written.
     """
-    line = {"time": datetime.now(UTC).isoformat(timespec="seconds"), "act": act, "name": name, **more}
+    time = datetime.now(UTC).isoformat(timespec="seconds")
+    line = storable({"time": time, "act": act, "name": name, **more})
     path = folder / FILE
-    if path.exists() and not path.is_file():  # a pipe would keep who writes to it waiting
+    if path.is_symlink() or (path.exists() and not path.is_file()):  # a pipe would keep who writes waiting
         raise FileExistsError(errno.EEXIST, "no plain file", str(path))
     with path.open("a", encoding="utf-8") as file:
         file.write(json.dumps(line, ensure_ascii=False) + "\n")
@@ -29,7 +34,7 @@ def note_act(folder: Path, act: str, name: str, **more: Any) -> dict[str, Any]:
 
 
 class _Known(NamedTuple):
-    """What was read of a file: as far as `end`, where `tail` stands before."""
+    """Acts as a file tells them, up to the byte `end`; `tail` are the bytes before it."""
 
     end: int
     tail: bytes
@@ -42,7 +47,7 @@ _TAIL = 200  # bytes, of different times and names in any two files
 
 
 def read_acts(folder: Path) -> list[dict[str, Any]]:
-    """All acts, the oldest first, with the names that the runs have now; damaged lines are passed over.
+    """Return all acts, the oldest first, with the names that the runs have now; damaged lines are left out.
 
     The file only grows, and so only what is new is read.
     """
@@ -50,50 +55,54 @@ def read_acts(folder: Path) -> list[dict[str, Any]]:
     with _READING:
         known = _KNOWN.get(path, _Known(0, b"", []))
         try:
-            if not path.is_file():
+            if path.is_symlink() or not path.is_file():
                 raise FileNotFoundError(path)
             with path.open("rb") as file:
                 file.seek(max(known.end - len(known.tail), 0))
                 if file.read(len(known.tail)) != known.tail:  # another file
                     known = _Known(0, b"", [])
                     file.seek(0)
-                new = file.read()
+                new = file.read(MOST_BYTES)
         except OSError:
             _KNOWN.pop(path, None)
             return []
         whole = new[: new.rfind(b"\n") + 1]
-        acts = [*known.acts]
-        for line in whole.decode("utf-8", "replace").splitlines():
-            _take(acts, line)
+        acts = [*known.acts, *_told(whole.split(b"\n"))]
         _KNOWN[path] = _Known(known.end + len(whole), (known.tail + whole)[-_TAIL:], acts)
-        rest = [*acts]
-        _take(rest, new[len(whole) :].decode("utf-8", "replace"))  # a line without its end, for now
-        return rest
+        return _with_present_names([*acts, *_told([new[len(whole) :]])])  # a line without its end too
 
 
-def _take(acts: list[dict[str, Any]], line: str) -> None:
-    """Add the act that a line tells, if it does."""
-    try:
-        one = json.loads(line)
-    except (ValueError, RecursionError):
-        return
-    if not isinstance(one, dict) or not all(isinstance(one.get(key), str) for key in ("act", "name")):
-        return
-    if one["act"] == "renamed":
-        acts[:] = [{**earlier, "name": _after(earlier["name"], one)} for earlier in acts]
-    acts.append(one)
+def present_names(acts: Iterable[dict[str, Any]]) -> dict[str, str]:
+    """Return the present names of runs that were renamed, by each name that they had; of `read_acts`."""
+    found: dict[str, str] = {}
+    for one in acts:
+        if one["act"] == "renamed":
+            found.setdefault(one["was"], one["name"])
+    return found
 
 
-def present_names(names: Iterable[str], acts: Iterable[dict[str, Any]]) -> list[str]:
-    """Names that files had, as they are called now."""
-    renamed = [one for one in acts if one["act"] == "renamed"]
-    made = []
-    for name in names:
-        for one in renamed:
-            name = _after(name, one)
-        made.append(name)
-    return made
+def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
+    """Return the acts that lines tell."""
+    found = []
+    for line in filter(None, lines):
+        try:
+            one: dict[str, Any] = storable(load_json(line.decode("utf-8", "replace"), FILE))
+            datetime.fromisoformat(one["time"])
+            texts = ["act", "name", *(["was"] if one["act"] == "renamed" else [])]
+            if all(isinstance(one[key], str) for key in texts):
+                found.append(one)
+        except (ValueError, TypeError, LookupError):  # no act
+            continue
+    return found
 
 
-def _after(name: str, renamed: dict[str, Any]) -> str:
-    return renamed["name"] if name == renamed.get("was") else name
+def _with_present_names(acts: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return acts, each with the name that its run has after all renamings that follow."""
+    later: dict[str, str] = {}  # name -> name after the acts that were seen: from the last one backwards
+    found = []
+    for one in reversed(acts):
+        name: str = later.get(one["name"], one["name"])
+        found.append({**one, "name": name} if name != one["name"] else one)
+        if one["act"] == "renamed":
+            later[one["was"]] = name
+    return found[::-1]

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from ..gate.text import load_json
 from ..recording import RecordingError
 from ..recording.shown_drive import drive_begins
 
@@ -93,7 +94,7 @@ def _events(recording: xr.Dataset) -> dict[str, float]:
 def _capture(recording: xr.Dataset) -> dict[str, Any]:
     """The capture that a rig recorded it with; nothing for somebody's own file, or where it is damaged."""
     try:
-        found = json.loads(str(recording.attrs.get("capture") or "{}"))
+        found = load_json(str(recording.attrs.get("capture") or "{}"), "capture")
         float(found.get("pre_trigger", 0.0))
     except (ValueError, AttributeError, TypeError):
         return {}

@@ -11,16 +11,20 @@ from typing import Any
 
 import xarray as xr
 
+from ..gate.paths import inside
+from ..gate.text import load_json, read_json
 from ..parameters.load import load_set
 from ..recording import RecordingError, open_recording
 from ..recording.replacing import replaced_whole
 from ..recording.storage import save_recording
+from .storable import links_of, storable
 
 RECORDINGS = (".nc", ".csv", ".mat", ".npz", ".npy", ".tsv", ".txt", ".mf4")
 
 MOST_LISTED = 50  # values of a list that an entry holds
 
-NOTES = ("notes.json", "links.json")  # in a fit's folder: somebody's words, and what it was made of
+NOTE, LINKS = "notes.json", "links.json"  # in a fit's folder: somebody's words, and what it was made of
+NOTES = (NOTE, LINKS)
 
 
 def described(recording: xr.Dataset) -> dict[str, Any]:
@@ -55,42 +59,52 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
         "seconds": float(time[-1] - time[0]),
         "samples": int(time.size),
         "channels": ", ".join(str(name) for name in recording.data_vars),
-        "settings": json.dumps(settings, ensure_ascii=False),
+        "settings": settings,
         **({"kind": "prediction"} if attrs.get("links") else {}),
-        "links": str(attrs.get("links", "")),
+        "links": load_json(str(attrs.get("links") or "{}"), "its links"),
     }
 
 
 def described_fit(path: Path) -> dict[str, Any]:
-    """The columns of a fit: a folder with results.json, and, of the panel, what was asked for.
+    """Return the columns of a fit from its results.json, and, of the panel, what was asked for.
 
     `links` are the recordings that it was made from, those that verified it, and steps of the stage.
+
+    Raises:
+        GateError: a file of the folder cannot be read, or leads out of it.
+        RecordingError: a file of the folder is not as it must be.
     """
-    results = json.loads((path / "results.json").read_text(encoding="utf-8"))
-    shown = path / "shown.json"
-    state = json.loads(shown.read_text(encoding="utf-8")) if shown.is_file() else {}
-    request = state.get("request", {})
+    results, state, linked, said = (
+        _mapping(path.parent, name) for name in (path.name, "shown.json", LINKS, NOTE)
+    )
+    request, failures = state.get("request", {}), results.get("failures", [])
+    if not isinstance(request, dict):
+        raise RecordingError("shown.json: its request is no mapping")
     links = {
         "fitted": request.get("recordings", []),
         "verified": request.get("others", []),
         "steps": request.get("steps", []),
     }
-    linked, said = (
-        json.loads((path / one).read_text(encoding="utf-8")) if (path / one).is_file() else {}
-        for one in ("links.json", "notes.json")
-    )
-    links |= linked.get("links", {})
     return {
-        "kind": str(linked.get("kind", "fit")),
-        "begun": str(results.get("made") or results.get("created", "")),
-        "title": str(results.get("title", "")),
-        "notes": str(said.get("notes") or " ".join(str(results.get("summary", "")).split())[:500]),
-        "tags": str(said.get("tags", "")),
-        "parameter_set": str(request.get("set", "")),
-        "outcome": _outcome(str(state.get("phase", "done")), results.get("failures", [])),
-        "settings": json.dumps(results.get("numbers", {}), ensure_ascii=False),
-        "links": json.dumps({name: given for name, given in links.items() if given}, ensure_ascii=False),
+        "kind": linked.get("kind", "fit"),
+        "begun": results.get("made") or results.get("created", ""),
+        "title": results.get("title", ""),
+        "notes": said.get("notes") or " ".join(str(results.get("summary", "")).split())[:500],
+        "tags": said.get("tags", ""),
+        "parameter_set": request.get("set", ""),
+        "outcome": _outcome(str(state.get("phase", "done")), failures),
+        "settings": results.get("numbers", {}),
+        "links": links | links_of(linked.get("links", {})),
     }
+
+
+def _mapping(folder: Path, name: str) -> dict[str, Any]:
+    """Return the content of a JSON file of a folder; empty if there is none."""
+    path = inside(folder, name)
+    found = read_json(path) if path.is_file() else {}
+    if not isinstance(found, dict):
+        raise RecordingError(f"{name} holds no mapping")
+    return found
 
 
 def _outcome(phase: str, failures: Any) -> str:
@@ -113,7 +127,7 @@ def _brief(value: Any) -> Any:
 
 def _read(text: object) -> Any:
     try:
-        return json.loads(str(text))
+        return load_json(str(text), "")
     except ValueError:
         return str(text)
 
@@ -128,8 +142,8 @@ def described_set(path: Path) -> dict[str, Any]:
         "title": found.title,
         "parameter_set": path.stem,
         "outcome": "complete",
-        "settings": json.dumps(settings, ensure_ascii=False),
-        "links": json.dumps({"fit": sorted(fits)}) if fits else "",
+        "settings": settings,
+        "links": {"fit": sorted(fits)},
     }
 
 
@@ -142,7 +156,7 @@ def annotate(
     """Change the notes or the tags that a recording, or the folder of a fit, keeps; all of it or nothing.
 
     Raises:
-        RecordingError: it is neither a .nc file nor a fit, or cannot be read.
+        RecordingError, GateError: it is neither a .nc file nor a fit, or cannot be read.
     """
     new: dict[str, str] = {}
     if notes is not None:
@@ -150,10 +164,9 @@ def annotate(
     if tags is not None:
         new["tags"] = ", ".join(sorted({tag.strip() for tag in tags} - {""}))
     if (path / "results.json").is_file():
-        kept = path / NOTES[0]
-        said = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
-        with replaced_whole(kept) as temporary:
-            temporary.write_text(json.dumps({**said, **new}, ensure_ascii=False), encoding="utf-8")
+        said = storable({**_mapping(path, NOTE), **new})
+        with replaced_whole(path / NOTE) as temporary:
+            temporary.write_text(json.dumps(said, ensure_ascii=False), encoding="utf-8")
         return
     if path.suffix != ".nc":
         raise RecordingError(f"{path}: notes and tags are kept in .nc files; save it as one first")

@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sqlite3
-import stat
-from collections.abc import Callable, Iterator
-from contextlib import closing, suppress
+import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from ..readers.process import Reader, ReaderBusy
-from ..recording import RecordingError
 from ..recording.replacing import BIN, to_bin
 from .acts import present_names, read_acts
-from .describing import NOTES, RECORDINGS, described, described_fit, described_set
+from .describing import described, described_fit, described_set
+from .storable import real_name, shown_name, storable_row, storable_text
+from .walking import SETS as SETS
+from .walking import Entry, entries
 
-VERSION = 4
+VERSION = 5
 COLUMNS = (
     "name", "kind", "changed", "bytes", "begun", "title", "notes", "tags", "operator", "rig", "parameter_set",
     "outcome", "seconds", "samples", "channels", "settings", "links", "problem",
 )  # fmt: skip
 _NUMBERS = {"changed": "REAL", "bytes": "INTEGER", "seconds": "REAL", "samples": "INTEGER"}
 TEXTS = tuple(column for column in COLUMNS if column not in _NUMBERS)  # what a search looks at
-SETS = "parameters"  # the folder of parameter sets that fits were saved as
 _FOLDER = ".stickslip"
+READING = 20.0  # s in which a request of a page reads new files; one file may take another `STUCK` times 8 s
 
 
 class Index:
@@ -33,18 +35,22 @@ class Index:
 
     Args:
         folder: the lab's.
-        read: reads a file, and gives what a function makes of it; by default a process that can be ended.
+        read: the process that reads files; left out, one of its own.
+        patience: s in which one question reads new files; the rest are listed as not read yet.
 
     Raises:
         OSError: the folder is missing. (Where it cannot be written, the index is kept in memory.)
     """
 
-    def __init__(self, folder: str | os.PathLike[str], read: Callable[..., Any] | None = None) -> None:
+    def __init__(
+        self, folder: str | os.PathLike[str], read: Reader | None = None, patience: float = math.inf
+    ) -> None:
         self.folder = Path(folder).resolve()
         if not self.folder.is_dir():
             raise NotADirectoryError(20, "there is no such folder", str(folder))
+        self._patience = patience
         self._own = Reader() if read is None else None
-        self._read: Callable[..., Any] = read or self._own  # type: ignore[assignment]
+        self._read: Reader = read or self._own  # type: ignore[assignment]
 
     def __enter__(self) -> Index:
         return self
@@ -76,42 +82,40 @@ class Index:
                 raise ValueError(f"there is no column {column!r}; there are {', '.join(COLUMNS)}")
         try:
             rows = self._found(search, equal)
-        except sqlite3.DatabaseError:  # damaged somewhere inside
+        except (sqlite3.DatabaseError, ValueError, RecursionError):  # damaged somewhere inside
             self.rebuild()
             rows = self._found(search, equal)
         acts = read_acts(self.folder)
         of = {one["name"]: str(one["of"]) for one in acts if "of" in one}
-        renamed = [one for one in acts if one["act"] == "renamed"]
+        renamed = present_names(acts)
         for row in rows:
-            if not row["links"] and row["name"] not in of:
-                continue
-            links = json.loads(row["links"] or "{}")
+            links = row["links"]
             if row["name"] in of:
                 links["prediction"] = [of[row["name"]]]
-            for kind, names in links.items():
-                links[kind] = present_names(names, renamed)
-            row["links"] = json.dumps(links, ensure_ascii=False) if links else ""
+            now = {kind: [renamed.get(name, name) for name in names] for kind, names in links.items()}
+            row["links"] = json.dumps(now, ensure_ascii=False) if now else ""
         return rows
 
     def _found(self, search: str, equal: dict[str, str]) -> list[dict[str, Any]]:
-        """The rows of `rows`, as the index has them."""
+        """Return the rows of `rows`, as the index has them, links as a mapping."""
         with closing(self._opened()) as database:
             self._update(database)
             where, given = ["1"], list[str]()
             for column, text in equal.items():
                 where.append(f"substr({column}, 1, ?) = ?")
-                given += [str(len(text)), text]
+                given += [str(len(text)), storable_text(text)]
             for word in search.split():
                 where.append(
                     "instr(lower(" + " || ' ' || ".join(f"coalesce({c}, '')" for c in TEXTS) + "), ?)"
                 )
-                given.append(word.lower())
+                given.append(storable_text(word.lower()))
             # When a run began; of somebody's own file, when it was changed last.
             made = "coalesce(CAST(strftime('%s', nullif(begun, '')) AS REAL), changed)"
             chosen = (
                 f"SELECT * FROM runs WHERE {' AND '.join(where)} ORDER BY {made} DESC, changed DESC, name"
             )
-            return [dict(row) for row in database.execute(chosen, given)]
+            rows = [dict(row) for row in database.execute(chosen, given)]
+        return [{**row, "links": json.loads(row["links"] or "{}")} for row in rows]
 
     def binned(self) -> list[str]:
         """Names of what is in the bin, the last one first."""
@@ -119,8 +123,8 @@ class Index:
         moved = [path.parent for path in root.rglob("results.json")]
         moved += [p for p in root.rglob("*") if p.is_file() and not any(p.is_relative_to(m) for m in moved)]
         return [
-            path.relative_to(root).as_posix()
-            for path in sorted(moved, key=lambda one: one.stat().st_ctime_ns, reverse=True)
+            shown_name(path.relative_to(root).as_posix())
+            for path in sorted(moved, key=lambda one: one.lstat().st_ctime_ns, reverse=True)
         ]
 
     def restore(self, name: str) -> str:
@@ -130,10 +134,9 @@ class Index:
             ValueError: there is no such thing in the bin, or another one has its place.
         """
         root = self.folder / BIN
-        source = root / name
-        if not source.resolve().is_relative_to(root.resolve()) or name not in self.binned():
+        if name not in self.binned():
             raise ValueError(f"{name!r} is not in the bin of {self.folder}")
-        target = self.folder / name
+        source, target = root / real_name(name), self.folder / real_name(name)
         if target.exists():
             raise ValueError(f"{name!r} is there already: rename it, then restore the other")
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -146,15 +149,18 @@ class Index:
         Raises:
             ValueError: there is no such run.
         """
-        source = self.folder / name
-        if not source.exists() or not source.resolve().is_relative_to(self.folder) or name.startswith("."):
+        source = self.folder / real_name(name)
+        inside = source.parent.resolve().is_relative_to(self.folder) and source != self.folder
+        if not inside or not os.path.lexists(source) or name.startswith("."):
             raise ValueError(f"{name!r} is no run of {self.folder}")
-        return to_bin(self.folder, name)
+        return to_bin(self.folder, real_name(name))
 
     def _opened(self) -> sqlite3.Connection:
         path = self.folder / _FOLDER / "runs.sqlite"
         columns = ", ".join(f"{one} {_NUMBERS.get(one, 'TEXT')}" for one in COLUMNS)
-        for place in (str(path), str(path), ":memory:"):
+        # A link that leads elsewhere would have another program's database changed.
+        own = not path.is_symlink() and not path.parent.is_symlink()
+        for place in ((str(path), str(path)) if own else ()) + (":memory:",):
             try:
                 if place != ":memory:":
                     path.parent.mkdir(exist_ok=True)
@@ -172,60 +178,70 @@ class Index:
         raise OSError(f"no index can be made of {self.folder}")
 
     def _update(self, database: sqlite3.Connection) -> None:
-        """Read what is new or was changed, forget what is gone."""
+        """Read what is new or was changed, forget what is gone. Rows of files that were not read for now are
+        not committed: they are part of this answer only."""
         known = {
             row["name"]: (row["changed"], row["bytes"])
             for row in database.execute("SELECT name, changed, bytes FROM runs")
         }
-        found = dict(self._files())
+        found = {self._name(entry): entry for entry in entries(str(self.folder))}
         gone = [(name,) for name in known.keys() - found.keys()]
         database.executemany("DELETE FROM runs WHERE name = ?", gone)
-        for name, size in found.items():
-            if known.get(name) == size:
-                continue
-            row = {"name": name, "changed": size[0], "bytes": size[1], **self._row(name)}
-            values = [row.get(column, "") for column in COLUMNS]
-            marks = ", ".join("?" * len(COLUMNS))
-            database.execute(f"INSERT OR REPLACE INTO runs VALUES ({marks})", values)
-            database.commit()
         database.commit()
+        busy, until = [], time.monotonic() + self._patience
+        for name, entry in found.items():
+            if known.get(name) == (entry.changed, entry.bytes):
+                continue
+            try:
+                if time.monotonic() > until:
+                    raise ReaderBusy("not read yet, for there is much that is new: ask again")
+                self._store(database, self._row(name, entry))
+                database.commit()
+            except ReaderBusy as error:
+                busy.append(self._with_problem(name, entry, error))
+        for row in busy:
+            self._store(database, row)
 
-    def _row(self, name: str) -> dict[str, Any]:
-        path = self.folder / name
-        kind = "fit" if path.is_dir() else "parameters" if path.suffix == ".toml" else "recording"
+    def _store(self, database: sqlite3.Connection, row: dict[str, Any]) -> None:
+        values = [row.get(column, "") for column in COLUMNS]
+        marks = ", ".join("?" * len(COLUMNS))
+        database.execute(f"INSERT OR REPLACE INTO runs VALUES ({marks})", values)
+
+    def _row(self, name: str, entry: Entry) -> dict[str, Any]:
+        """Return the row of an entry. No other way leads from a file to the table: what is returned can be
+        stored, and whatever fails is the row's problem.
+
+        Raises:
+            ReaderBusy: the file was not read for now.
+        """
+        path = Path(entry.path)
         try:
-            if kind == "fit":
-                return {"kind": kind, **described_fit(path)}
-            if kind == "parameters":
-                return {"kind": kind, **described_set(path)}
-            return {"kind": kind, **self._read(path, described)}
-        except (RecordingError, OSError, ValueError, LookupError, AttributeError, RecursionError) as error:
-            said = str(error).removeprefix(f"{path}: ").replace(str(path), path.name)
-            row: dict[str, Any] = {"kind": kind, "problem": " ".join(said.split())}
-            return {**row, "bytes": 0} if isinstance(error, ReaderBusy) else row  # which is tried again
+            if entry.problem:
+                raise ValueError(entry.problem)
+            if entry.kind == "fit":
+                found = self._read.apply(described_fit, path / "results.json")
+            elif entry.kind == "parameters":
+                found = self._read.apply(described_set, path)
+            else:
+                found = self._read(path, described)
+            row = {"kind": entry.kind, **found, "name": name, "changed": entry.changed, "bytes": entry.bytes}
+            if "\\" in name:
+                row["problem"] = "its name has letters that cannot be shown: give it another name"
+            return storable_row(row)
+        except ReaderBusy:
+            raise
+        except Exception as error:
+            return self._with_problem(name, entry, error)
 
-    def _files(self) -> Iterator[tuple[str, tuple[float, int]]]:
-        """Names of recordings and of folders of fits, with time of change and size."""
-        for folder, folders, names in os.walk(self.folder):
-            store = "zarr.json" in names  # of a study, whose chunks are no recordings
-            folders[:] = [] if store else sorted(one for one in folders if not one.startswith("."))
-            if "results.json" in names and "report.html" in names and "experiment.log" not in names:
-                files = [path for one in ("results.json", *NOTES) if (path := Path(folder, one)).is_file()]
-                parts = [path.stat() for path in files]
-                if Path(folder) != self.folder and Path(folder, "results.json") in files:
-                    size = max(one.st_mtime for one in parts), sum(one.st_size for one in parts)
-                    yield Path(folder).relative_to(self.folder).as_posix(), size
-            for name in names:  # as texts: it is asked again and again, of thousands of them
-                path, suffix = os.path.join(folder, name), os.path.splitext(name)[1]
-                own = suffix == ".toml" and folder == os.path.join(self.folder, SETS)
-                if (not own and suffix.lower() not in RECORDINGS) or name.startswith("."):
-                    continue
-                with suppress(OSError):
-                    one = os.lstat(path)
-                    if stat.S_ISLNK(one.st_mode):
-                        if not Path(path).resolve().is_relative_to(self.folder):
-                            continue
-                        one = os.stat(path)
-                    if stat.S_ISREG(one.st_mode):
-                        inside = path[len(os.path.join(self.folder, "")) :].replace(os.sep, "/")
-                        yield inside, (one.st_mtime, one.st_size)
+    def _with_problem(self, name: str, entry: Entry, error: Exception) -> dict[str, Any]:
+        """Return the row of an entry that cannot be read."""
+        said = str(error) or type(error).__name__
+        for path, shown in ((entry.path, name.rpartition("/")[2]), (f"{self.folder}{os.sep}", "")):
+            said = said.removeprefix(f"{path}: ").replace(path, shown)
+        row = entry._asdict() | {"name": name, "problem": " ".join(said.split())}
+        del row["path"]
+        return storable_row(row)
+
+    def _name(self, entry: Entry) -> str:
+        """Return the name of an entry in the folder, as it is shown."""
+        return shown_name(entry.path[len(os.path.join(self.folder, "")) :].replace(os.sep, "/"))

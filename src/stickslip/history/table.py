@@ -37,5 +37,5 @@ def runs(folder: str | os.PathLike[str], search: str = "", **equal: str) -> pd.D
         found = pd.DataFrame(index.rows(search, **equal), columns=pd.Index(COLUMNS))
     for column in ("settings", "links"):
         found[column] = [json.loads(text) if text else {} for text in found[column]]
-    found["changed"] = pd.to_datetime(found["changed"], unit="s", utc=True)
+    found["changed"] = pd.to_datetime(found["changed"], unit="s", utc=True, errors="coerce")
     return found

@@ -7,8 +7,11 @@ import multiprocessing
 import threading
 import time
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
+from ..gate.text import read_file, read_json
+from ..history.storable import storable
 from ..registry import used_files
 from .fit_process import Begin, Prepare, work
 from .fitting import FitRequest
@@ -21,6 +24,7 @@ RUNNING = "running"
 # What is prepared before anybody asks: the law of the thesis.
 USUAL_LAW = "LuGre"
 _SHOWN = "shown.json"  # beside a report: what the page showed of that fit
+MOST_CURVES = 32_000_000  # bytes of a file of curves: the page is sent 2,000 points of each channel
 
 
 class Fitting:
@@ -189,15 +193,21 @@ def _keep(folder: Folder, out: str, state: dict[str, Any], frames: dict[str, byt
 
 
 def _last(folder: Folder) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """What the page showed of the newest fit in the folder."""
+    """Return what the page showed of the newest fit in the folder that is whole."""
     for path in sorted(folder.root.glob(f"{REPORTS}/*/{_SHOWN}"), reverse=True):
         try:
-            inside = folder.path(folder.name(path))
-            state = json.loads(inside.read_text(encoding="utf-8"))
-            FitRequest.model_validate(state["request"])
-            found = [folder.path(folder.name(one)) for one in path.parent.glob("shown_*.bin")]
-            frames = {one.stem.removeprefix("shown_"): one.read_bytes() for one in found}
-            return state, frames
-        except (ValueError, KeyError, TypeError, OSError):
-            continue  # of another version, or not ours
+            return _saved(folder, path)
+        except Exception:  # of another version, or not ours: the panel starts, whatever is wrong with it
+            continue
     return {"phase": "none"}, {}
+
+
+def _saved(folder: Folder, path: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Return the state and the curves of a fit that is done; any exception if they are not as `_keep` wrote
+    them."""
+    state = storable(read_json(folder.path(folder.name(path))))
+    FitRequest.model_validate(state["request"])
+    if state["phase"] != "done":  # nothing else is kept, and one that runs would keep others from starting
+        raise ValueError(f"{path}: the fit is not done")
+    curves = (folder.path(folder.name(one)) for one in sorted(path.parent.glob("shown_*.bin")))
+    return state, {one.stem.removeprefix("shown_"): read_file(one, MOST_CURVES) for one in curves}

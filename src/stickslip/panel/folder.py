@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..gate.errors import GateError
-from ..gate.paths import inside
+from ..gate.paths import LONGEST_NAME, inside, is_name
 from .sharing import Shared
 
 _ABSOLUTE = re.compile(r"(?<![\w.)\]])(?:[A-Za-z]:)?[/\\](?:[^\s'\":;,/\\]+[/\\])+([^\s'\":;,/\\]*)")
@@ -65,15 +65,17 @@ class Folder:
         return path.resolve().relative_to(self.root).as_posix()
 
     def files(self, *suffixes: str) -> list[File]:
-        """All files with these endings, the newest first; links that lead out are left out."""
+        """Return all files with these endings, the newest first, but not links that lead out, nor files whose
+        names `path` refuses."""
         return [*self._shared(suffixes, lambda: self._files(suffixes))]
 
     def _files(self, suffixes: tuple[str, ...]) -> list[File]:
         found = []
         for name, link in self._walk(""):
             path = f"{self.root}/{name}"
-            if os.path.splitext(name)[1] in suffixes and not (link and self._leads_out(path)):
-                with suppress(FileNotFoundError):  # it went in between
+            wanted = os.path.splitext(name)[1] in suffixes and len(name) <= LONGEST_NAME
+            if wanted and not (link and self._leads_out(path)):
+                with suppress(OSError):  # it went in between, or is a link to itself
                     status = os.stat(path)
                     if stat.S_ISREG(status.st_mode):
                         found.append(File(name, status.st_mtime, status.st_size))
@@ -83,7 +85,9 @@ class Folder:
         return not Path(os.path.realpath(path)).is_relative_to(self.root)
 
     def _walk(self, inside: str) -> Iterator[tuple[str, bool]]:
-        with suppress(FileNotFoundError, NotADirectoryError):
+        if len(inside) > LONGEST_NAME:  # nothing in there can be asked for
+            return
+        with suppress(OSError):
             content = self._content(inside)
             if inside and (STORE, False) in content.files:  # its chunks are no files of the lab
                 yield inside + STORE, False
@@ -101,7 +105,7 @@ class Folder:
         if known is not None and known.changed == changed:
             return known
         with os.scandir(path) as entries:
-            shown = [one for one in entries if not one.name.startswith(".")]
+            shown = [one for one in entries if is_name(one.name)]
         folders = [one.name for one in shown if one.is_dir(follow_symlinks=False)]
         files = [(one.name, one.is_symlink()) for one in shown if not one.is_dir(follow_symlinks=False)]
         content = _Content(changed, folders, files)

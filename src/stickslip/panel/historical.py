@@ -14,6 +14,7 @@ from pydantic import Field
 from ..history import Index, differences, note_act, read_acts
 from ..history.comparing import Zero, common_zeros, comparable, on_one_clock
 from ..history.describing import annotate
+from ..history.index import READING
 from ..history.wording import worded
 from ..input_file import Strict
 from ..readers.process import Reader
@@ -70,7 +71,7 @@ def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> 
         words, where = search[:200], {name: text for name, text in equal.items() if text}
 
         def found() -> list[dict[str, Any]]:
-            with Index(folder.root, read) as index:
+            with Index(folder.root, read, READING) as index:
                 return index.rows(words, **where)
 
         return shared((words, *where.items()), found)

@@ -13,6 +13,7 @@ import xarray as xr
 from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import FileResponse
 
+from ..history.storable import storable
 from ..identify.recorded.channels import edges
 from ..identify.walk.position_channel import OBSERVED
 from ..input_file import Strict
@@ -113,7 +114,7 @@ def _described(root: Path, recording: xr.Dataset) -> dict[str, Any]:
     not)."""
     time_ = recording["time"].values
     missing = [name for name in (OBSERVED, "drive_voltage") if name not in recording]
-    return {
+    found = {
         "jumps": "drive_voltage" in recording and bool(edges(recording["drive_voltage"].values).any()),
         "bench": bool(recording.attrs.get("capture")),  # recorded by a rig, not somebody's own file
         "seconds": float(time_[-1] - time_[0]),
@@ -123,6 +124,7 @@ def _described(root: Path, recording: xr.Dataset) -> dict[str, Any]:
         "problem": f"no channel {' and '.join(missing)}" if missing else "",
         **_told_of_the_rig(root, recording.attrs),
     }
+    return storable(found)
 
 
 def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:

@@ -18,8 +18,9 @@ from pydantic import Field
 
 from ..actuator import Actuator
 from ..analysis.verification import results_model
+from ..gate.text import read_json
 from ..history import Index, note_act
-from ..history.index import SETS
+from ..history.index import READING, SETS
 from ..input_file import Strict
 from ..parameters.writing import parameter_text, write_parameters
 from ..readers.process import Reader
@@ -104,8 +105,8 @@ def path_routes(
     def save(asked: Save) -> dict[str, str]:
         results = _results(folder, asked.fit)
         model = results_model(results)
-        numbers = json.loads(results.read_text(encoding="utf-8"))["numbers"]
-        errors = {k: float(p["standard_error"]) for k, p in _parameters(numbers).items() if _known(p)}
+        parameters = _parameters(read_json(results))
+        errors = {k: float(p["standard_error"]) for k, p in parameters.items() if _known(p)}
         text = parameter_text(model, asked.name, f"fit {asked.fit}", errors)
         path = folder.path(f"{SETS}/{asked.name}.toml")
         try:
@@ -147,7 +148,7 @@ def path_routes(
         _verified(folder, asked, folder.path(out))
         links = {"kind": "verification", "links": {"fit": [asked.fit], "of": asked.recordings}}
         folder.path(f"{out}/links.json").write_text(json.dumps(links), encoding="utf-8")
-        results = json.loads(folder.path(f"{out}/results.json").read_text(encoding="utf-8"))
+        results = read_json(folder.path(f"{out}/results.json"))
         return {**_made(out, f"{asked.fit}: verified"), "summary": str(results.get("summary", ""))}
 
     def _made(name: str, said: str) -> dict[str, str]:
@@ -160,7 +161,7 @@ def path_routes(
 
 def _linked(folder: Folder, read: Reader, name: str) -> dict[str, Any]:
     """What was made of a fit so far: parameter sets, predictions, recordings, verifications."""
-    with Index(folder.root, read) as index:
+    with Index(folder.root, read, READING) as index:
         rows = index.rows()
     links = {row["name"]: json.loads(row["links"] or "{}") for row in rows}
 
@@ -194,9 +195,12 @@ def _results(folder: Folder, fit: str) -> Path:
     return path
 
 
-def _parameters(numbers: dict[str, Any]) -> dict[str, Any]:
-    found = numbers.get("parameters", {})
-    return {name: one for name, one in found.items() if isinstance(one, dict)}
+def _parameters(results: Any) -> dict[str, Any]:
+    try:
+        found = results["numbers"].get("parameters", {}).items()
+    except (LookupError, TypeError, AttributeError):
+        raise QuantityError("its results.json holds no mapping of parameters") from None
+    return {name: one for name, one in found if isinstance(one, dict)}
 
 
 def _known(parameter: dict[str, Any]) -> bool:

@@ -16,6 +16,8 @@ from fastapi import APIRouter, Request
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ..gate.text import read_json
+from ..history.storable import storable
 from ..input_file import Strict
 from ..recording.replacing import replaced_whole
 from ..rig.measurement import DRIVE, POSITION
@@ -201,7 +203,7 @@ class Statistics:
 
     def _kept(self) -> list[Alarm]:
         try:
-            return Alarms.model_validate_json(self._file.read_text(encoding="utf-8")).alarms
+            return Alarms.model_validate(storable(read_json(self._file))).alarms
         except (OSError, ValueError):
             return []
 

@@ -178,7 +178,7 @@ def _found(folder: Folder) -> tuple[list[str], list[str]]:
         if name.endswith(f"/{STORE}"):
             stores.append(name.removesuffix(f"/{STORE}"))
         elif not name.endswith(".json"):
-            with contextlib.suppress(OSError), open(folder.path(name), "rb") as file:
+            with contextlib.suppress(OSError, FolderError), open(folder.path(name), "rb") as file:
                 if _KIND.search(file.read(_LOOKED)):
                     files.append(name)
     return files, stores

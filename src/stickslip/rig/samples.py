@@ -144,9 +144,9 @@ def recover(folder: Path) -> list[Path]:
     made = []
     for path in sorted(folder.glob(f".*{_SUFFIX}")):
         name, process = path.name[1:].removesuffix(_SUFFIX).rpartition(".")[::2]
-        if not name or not process.isdecimal() or is_running(int(process)):
+        if not name or not process.isdecimal() or is_running(int(process)) or not path.is_file():
             continue
-        with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        with suppress(Exception):  # whatever the file holds, others are looked at, and the program starts
             target = folder / f"{name}.nc"
             last = path.stat().st_mtime
             own = re.compile(re.escape(name) + r"(-\d+)?\.nc")

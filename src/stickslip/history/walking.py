@@ -1,0 +1,100 @@
+"""Walk through a lab's folder: which files and folders are runs, without reading one."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from .describing import NOTES, RECORDINGS
+
+SETS = "parameters"  # the folder of parameter sets that fits were saved as
+MOST_LEVELS = 40  # folders within each other that are searched; a lab's have up to 6
+
+
+class Entry(NamedTuple):
+    """A run, or what has the name of one: path, kind ("recording", "fit", "parameters", "folder"), time of
+    change [s], size [bytes], and why it is not read, "" if it can be."""
+
+    path: str
+    kind: str
+    changed: float
+    bytes: int
+    problem: str = ""
+
+
+def entries(root: str) -> Iterator[Entry]:
+    """Yield the runs of a folder and of those in it, but not hidden ones and those in a study's store."""
+    waiting = [(root, 0)]
+    while waiting:
+        folder, level = waiting.pop()
+        try:
+            with os.scandir(folder) as found:
+                there = sorted(found, key=lambda one: one.name)
+        except OSError as error:
+            if folder != root:
+                yield Entry(folder, "folder", 0.0, 0, f"it cannot be listed: {error.strerror}")
+            continue
+        names = {one.name for one in there}
+        yield from _fit(root, folder, names)
+        for one in there:
+            if kind := _kind(root, folder, one):
+                yield from _looked_at(root, one.path, kind)
+        if folder != root and "zarr.json" in names:  # a study's store, whose chunks are no recordings
+            continue
+        below = [one.path for one in there if not one.name.startswith(".") and _is_folder(one)]
+        if below and level == MOST_LEVELS:
+            text = f"its folders are not searched: they are more than {MOST_LEVELS} levels deep"
+            yield Entry(folder, "folder", 0.0, 0, text)
+        else:
+            waiting += [(path, level + 1) for path in reversed(below)]
+
+
+def _kind(root: str, folder: str, entry: os.DirEntry[str]) -> str:
+    suffix = os.path.splitext(entry.name)[1]
+    if entry.name.startswith(".") or _is_folder(entry):
+        return ""
+    if suffix == ".toml" and folder == os.path.join(root, SETS):
+        return "parameters"
+    return "recording" if suffix.lower() in RECORDINGS else ""
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir(follow_symlinks=False)
+    except OSError:
+        return False
+
+
+def _fit(root: str, folder: str, names: set[str]) -> Iterator[Entry]:
+    """Yield the folder, if it is that of a fit: its time of change is the last of all files read."""
+    if folder == root or not {"results.json", "report.html"} <= names or "experiment.log" in names:
+        return
+    files = ["results.json", *(one for one in NOTES if one in names)]
+    parts = [part for one in files for part in _looked_at(root, os.path.join(folder, one), "fit")]
+    if parts:
+        problem = next((f"{one.problem} ({os.path.basename(one.path)})" for one in parts if one.problem), "")
+        changed, size = max(one.changed for one in parts), sum(one.bytes for one in parts)
+        yield Entry(folder, "fit", changed, size, problem)
+
+
+def _looked_at(root: str, path: str, kind: str) -> Iterator[Entry]:
+    """Yield a file, with the reason if it must not be read; nothing if it is gone by now."""
+    try:
+        one = os.lstat(path)
+    except OSError:
+        return
+    problem = ""
+    if stat.S_ISLNK(one.st_mode):
+        try:
+            there = os.stat(path)
+            if os.path.commonpath([root, os.path.realpath(path)]) == root:
+                one = there
+            else:
+                problem = "a link that leads out of the folder: it is not followed"
+        except OSError as error:  # of a link to nothing, or to itself
+            problem = f"a link that leads nowhere: {error.strerror}"
+    if not problem and not stat.S_ISREG(one.st_mode):
+        problem = "no plain file"
+    yield Entry(path, kind, one.st_mtime, one.st_size, problem)

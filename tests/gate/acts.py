@@ -1,0 +1,57 @@
+"""Functions of a file that end the process in which they run, or its patience."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+
+class Odd(Exception):
+    """An error that cannot be sent."""
+
+    def __init__(self, first: int, second: int) -> None:
+        super().__init__(first)
+
+
+def size(path: Path) -> int:
+    return path.stat().st_size
+
+
+def slow_size(path: Path) -> int:
+    time.sleep(0.1)
+    return path.stat().st_size
+
+
+def compute(path: Path) -> None:
+    while True:
+        pass
+
+
+def allocate(path: Path) -> bytearray:
+    return bytearray(2**30)
+
+
+def refused(path: Path) -> None:
+    raise MemoryError
+
+
+def end(path: Path, number: int) -> None:
+    os.kill(os.getpid(), number)
+    time.sleep(10.0)
+
+
+def leave(path: Path) -> None:
+    os._exit(3)
+
+
+def missing(path: Path) -> None:
+    raise FileNotFoundError(2, "gone", str(path))
+
+
+def odd(path: Path) -> None:
+    raise Odd(5, 6)
+
+
+def process(path: Path) -> int:
+    return os.getpid()
