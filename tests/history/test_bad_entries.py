@@ -165,3 +165,13 @@ def test_a_reader_that_was_killed_is_no_problem_of_the_file(tmp_path: Path, reco
     again = rows(tmp_path, reader)
     reader.close()
     assert [row["problem"] for row in again.values()] == ["", ""]
+
+
+def test_a_question_ends_though_much_is_new(tmp_path: Path, read: Reader, recording: xr.Dataset) -> None:
+    for i in range(3):
+        ss.save_recording(recording, tmp_path / f"{i}.nc")
+    with Index(tmp_path, read) as index:
+        index.patience = 0.0
+        assert ["not read yet" in row["problem"] for row in index.rows()] == [True] * 3
+        index.patience = 60.0
+        assert [row["problem"] for row in index.rows()] == [""] * 3

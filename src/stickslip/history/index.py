@@ -36,19 +36,16 @@ class Index:
     Args:
         folder: the lab's.
         read: the process that reads files; left out, one of its own.
-        patience: s in which one question reads new files; the rest are listed as not read yet.
 
     Raises:
         OSError: the folder is missing. (Where it cannot be written, the index is kept in memory.)
     """
 
-    def __init__(
-        self, folder: str | os.PathLike[str], read: Reader | None = None, patience: float = math.inf
-    ) -> None:
+    def __init__(self, folder: str | os.PathLike[str], read: Reader | None = None) -> None:
         self.folder = Path(folder).resolve()
         if not self.folder.is_dir():
             raise NotADirectoryError(20, "there is no such folder", str(folder))
-        self._patience = patience
+        self.patience = math.inf  # s in which one question reads new files; others are listed as not read yet
         self._own = Reader() if read is None else None
         self._read: Reader = read or self._own  # type: ignore[assignment]
 
@@ -188,7 +185,7 @@ class Index:
         gone = [(name,) for name in known.keys() - found.keys()]
         database.executemany("DELETE FROM runs WHERE name = ?", gone)
         database.commit()
-        busy, until = [], time.monotonic() + self._patience
+        busy, until = [], time.monotonic() + self.patience
         for name, entry in found.items():
             if known.get(name) == (entry.changed, entry.bytes):
                 continue

@@ -71,7 +71,8 @@ def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> 
         words, where = search[:200], {name: text for name, text in equal.items() if text}
 
         def found() -> list[dict[str, Any]]:
-            with Index(folder.root, read, READING) as index:
+            with Index(folder.root, read) as index:
+                index.patience = READING
                 return index.rows(words, **where)
 
         return shared((words, *where.items()), found)

@@ -161,7 +161,8 @@ def path_routes(
 
 def _linked(folder: Folder, read: Reader, name: str) -> dict[str, Any]:
     """What was made of a fit so far: parameter sets, predictions, recordings, verifications."""
-    with Index(folder.root, read, READING) as index:
+    with Index(folder.root, read) as index:
+        index.patience = READING
         rows = index.rows()
     links = {row["name"]: json.loads(row["links"] or "{}") for row in rows}
 
