@@ -29,7 +29,7 @@ _NUMBER = re.compile(
 # pint evaluates powers, so "m^9^9^9^9" would keep it busy for ever: it only sees what has this form.
 _TERM = r"\(*[A-Za-zµμΩÅ°%_]+(?:(?:\*\*|\^)[+-]?\d{1,2}|⁻?[¹²³⁴])?\)*"
 _UNIT = re.compile(rf"1?|(?:1?\s*/\s*)?{_TERM}(?:(?:\s*[/*·⋅.]\s*|\s+){_TERM})*")
-_LONGEST_UNIT = 60
+LONGEST_UNIT = 60  # characters; the longest unit of an instrument has about 20
 
 
 @cache
@@ -41,8 +41,8 @@ def _registry() -> Any:
 
 @cache
 def _units(text: str) -> Any:
-    if len(text) > _LONGEST_UNIT or _UNIT.fullmatch(text) is None:
-        raise QuantityError(f"has no readable unit ({text[:_LONGEST_UNIT]!r})")
+    if len(text) > LONGEST_UNIT or _UNIT.fullmatch(text) is None:
+        raise QuantityError(f"has no readable unit ({text[:LONGEST_UNIT]!r})")
     written = text.replace("µ", "u").replace("μ", "u")
     try:
         return _registry().parse_units("1" + written if written.startswith("/") else written)
@@ -196,7 +196,7 @@ def optional_si(value: float | str | None, unit: str, field: str) -> float | Non
 
 def _shortened(value: Any) -> str:
     text = repr(value)
-    return text if len(text) <= _LONGEST_UNIT else f"{text[:_LONGEST_UNIT]}..."
+    return text if len(text) <= LONGEST_UNIT else f"{text[:LONGEST_UNIT]}..."
 
 
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}

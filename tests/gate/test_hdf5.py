@@ -5,13 +5,14 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5netcdf
 import h5py
 import numpy as np
 import pytest
 import xarray as xr
-from h5py import h5g, h5p  # pyright: ignore[reportAttributeAccessIssue]
+from h5py import h5g, h5i, h5p  # pyright: ignore[reportAttributeAccessIssue]
 
 from stickslip.analysis.design_given import draws_of_file
 from stickslip.analysis.study import _table
@@ -72,7 +73,7 @@ def unlinked(file: h5py.File, folder: Path) -> None:
 OUTSIDE = [external, virtual, virtual_same, link, link_in_a_group, soft_link_into_link, unlinked]
 
 
-def made(folder: Path, fill: Callable, name: str = "bad.mat", **how: int) -> Path:
+def made(folder: Path, fill: Callable, name: str = "bad.mat", **how: Any) -> Path:
     (folder / "secret.bin").write_bytes(SECRET)
     with h5py.File(folder / "other.h5", "w") as other:
         other["y"] = TIME + 7000.0
@@ -138,7 +139,7 @@ def test_a_packed_table_of_names_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     with h5py.File(path, "w") as file:
         plist = h5p.create(h5p.GROUP_CREATE)
-        h5py.h5i.inc_ref(plist)
+        h5i.inc_ref(plist)
         h5p.PropDCID(plist.id).set_deflate(9)
         group = h5g.create(file.id, b"g", gcpl=plist)
         assert group.valid

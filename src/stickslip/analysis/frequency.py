@@ -17,6 +17,8 @@ from ..figures.frequency import Response
 from ..figures.frequency import frequency_response as frequency_response_figure
 from ..figures.identification import Estimates, parameter_intervals
 from ..figures.style import svg
+from ..gate.archives import read_npy
+from ..gate.errors import GateError
 from ..identify.frequency.in_time import identify_in_time
 from ..identify.frequency.modal import ModalModel, identify_frequency, modal_response, steady_response
 from ..identify.frequency.response import frequency_response
@@ -177,9 +179,9 @@ class _Level(NamedTuple):
 def _array(source: SourceFile, folder: Path) -> NDArray[np.float64]:
     path = source.path(folder)
     try:
-        array = np.load(path, allow_pickle=False)
-    except (OSError, ValueError) as error:
-        raise AnalysisError(f"{path}: {error}") from error
+        array = read_npy(path)
+    except GateError as error:
+        raise AnalysisError(f"{error}") from error
     if array.ndim != 4:
         raise AnalysisError(
             f"{path} has the shape {array.shape}, not (samples, channels, realisations, periods)"

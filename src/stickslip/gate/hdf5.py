@@ -44,11 +44,14 @@ class Hdf5Array:
             raise GateError(f"{tree.path}: {name!r} is assembled from other files (virtual){_INSIDE}")
         if plist.get_external_count():
             raise GateError(f"{tree.path}: the numbers of {name!r} are in another file (external){_INSIDE}")
-        self.name, self._tree, self.identifier = name, tree, identifier
+        self.name, self._tree = name, tree
         shape = identifier.shape
         self.shape: tuple[int, ...] = (0,) if shape is None else shape
         stored = identifier.get_type()
+        tree.visits(1, _parts(stored))
         self.kind = _kind(stored)
+        # Of an array that is not read, nothing is kept: its type may be large.
+        self.identifier: Any = identifier if self.kind else None
         self.nbytes = math.prod(self.shape) * stored.get_size()
         self._packed = 0  # bytes of a part that is packed by gzip
         if layout == h5d.CHUNKED:
@@ -62,7 +65,7 @@ class Hdf5Array:
 
     def has(self, attribute: str) -> bool:
         """Return whether the array has an attribute of that name."""
-        return h5a.exists(self.identifier, attribute.encode())
+        return bool(self.kind) and h5a.exists(self.identifier, attribute.encode())
 
     def attribute(self, name: str) -> Any:
         """Return an attribute that is a text or numbers; None if it is missing or anything else."""
@@ -112,7 +115,7 @@ class Hdf5Tree:
 
     def __init__(self, path: Path, file: Any) -> None:
         self.path = path
-        self._file, self._visits = file, Visits(path)
+        self._file, self.visits = file, Visits(path)
         self._declared = self._attribute_bytes = 0
         self._by_address: dict[int, Hdf5Array | Hdf5Group] = {}
         self.root = Hdf5Group("/", h5g.open(file, b"/"))
@@ -214,7 +217,7 @@ class Hdf5Tree:
         identifier = group.identifier
         refuse_packed_names(self.path, group.name, identifier)
         check_count(self.path, identifier.get_num_objs(), LIMITS.visits, f"members in {group.name!r}")
-        self._add(group, depth - 1)
+        self._add(group, identifier, depth - 1)
         links: list[tuple[bytes, int]] = []
         order = identifier.get_create_plist().get_link_creation_order()
         identifier.links.iterate(
@@ -228,7 +231,7 @@ class Hdf5Tree:
             if isinstance(found, h5d.DatasetID):
                 member: Hdf5Array | Hdf5Group = Hdf5Array(self, name, found)
                 self._declared += member.nbytes
-                self._add(member, depth)
+                self._add(member, found, depth)
             elif isinstance(found, h5g.GroupID):
                 member = Hdf5Group(name, found)
                 self._fill(member, depth + 1)
@@ -236,12 +239,11 @@ class Hdf5Tree:
                 continue  # a type by name has no data
             group.members[self._name(label)] = member
 
-    def _add(self, one: Hdf5Array | Hdf5Group, depth: int) -> None:
-        self._visits(depth)
-        check_count(
-            self.path, h5a.get_num_attrs(one.identifier), LIMITS.attributes, f"attributes of {one.name!r}"
-        )
-        self._by_address[h5o.get_info(one.identifier).addr] = one
+    def _add(self, one: Hdf5Array | Hdf5Group, identifier: Any, depth: int) -> None:
+        self.visits(depth)
+        count = h5a.get_num_attrs(identifier)
+        check_count(self.path, count, LIMITS.attributes, f"attributes of {one.name!r}")
+        self._by_address[h5o.get_info(identifier).addr] = one
 
     def _name(self, label: bytes) -> str:
         if len(label) > LIMITS.name:
@@ -251,6 +253,16 @@ class Hdf5Tree:
 
 def _index(order: int) -> int:
     return h5.INDEX_CRT_ORDER if order & h5p.CRT_ORDER_TRACKED else h5.INDEX_NAME
+
+
+def _parts(stored: Any) -> int:
+    """Return how many types are in the type of an array: fields, and what they are made of."""
+    kind = stored.get_class()
+    if kind == h5t.ENUM:
+        return int(stored.get_nmembers())
+    if kind == h5t.COMPOUND:
+        return sum(1 + _parts(stored.get_member_type(k)) for k in range(stored.get_nmembers()))
+    return 1 + _parts(stored.get_super()) if kind in (h5t.ARRAY, h5t.VLEN) else 0
 
 
 def _kind(stored: Any) -> str:

@@ -87,13 +87,13 @@ class Visits:
     def __init__(self, path: Path) -> None:
         self._path, self._count, self._begun = path, 0, time.thread_time()
 
-    def __call__(self, depth: int) -> None:
-        """Count one object at a depth.
+    def __call__(self, depth: int, count: int = 1) -> None:
+        """Count an object at a depth, or so many of them.
 
         Raises:
             GateError: the file has more objects, deeper ones, or takes longer than `LIMITS` allows.
         """
-        self._count += 1
+        self._count += count
         check_count(self._path, self._count, LIMITS.visits, "groups, arrays and cells (or some in a circle)")
         if depth > LIMITS.depth:
             raise GateError(

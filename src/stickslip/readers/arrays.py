@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..gate.errors import GateError
+from ..gate.limits import LIMITS
 from ..recording import RecordingError
 from .source import FileChannel, FileContent, Rows
 
@@ -40,11 +41,25 @@ class Part(NamedTuple):
         return [*texts[: self.axis], ":", *texts[self.axis :]]
 
 
-def array_parts(name: str, shape: tuple[int, ...]) -> list[Part]:
-    """The channels of an array. Time runs along its longest axis, the first of them if two are as long."""
-    axis = int(np.argmax(shape))
-    others = shape[:axis] + shape[axis + 1 :]
-    return [Part(name, axis, index, alone=max(others, default=1) == 1) for index in np.ndindex(*others)]
+def array_parts(leaves: Mapping[str, Leaf]) -> list[Part]:
+    """Return the channels of arrays by name, array by array. Time runs along the longest axis of an array,
+    the first of them if two are as long.
+
+    Raises:
+        RecordingError: there are more channels than `LIMITS` allows.
+    """
+    found: list[Part] = []
+    for name, leaf in leaves.items():
+        axis = int(np.argmax(leaf.shape))
+        others = leaf.shape[:axis] + leaf.shape[axis + 1 :]
+        if len(found) + math.prod(others) > LIMITS.channels:
+            raise RecordingError(
+                f"with the array {name!r} of the shape {leaf.shape} it has more than {LIMITS.channels:,} "
+                "channels; save only the signals that are needed"
+            )
+        alone = max(others, default=1) == 1
+        found += [Part(name, axis, index, alone) for index in np.ndindex(*others)]
+    return found
 
 
 def array_source(

@@ -24,7 +24,7 @@ class Counting(NamedTuple):
     blank: bool = False
 
 
-_SAID = re.compile(r"\s*(?P<name>t0|tInc)\s*=\s*(?P<number>[-+]?\d+\.?\d*([eE][-+]?\d+)?)\s*")
+_SAID = re.compile(r"\s*(?P<name>t0|tInc)\s*=\s*(?P<number>[-+]?\d+(\.\d*)?([eE][-+]?\d+)?)\s*")
 
 
 def counted(rows: dict[int, list[str]], width: int) -> tuple[dict[int, list[str]], Counting | None]:

@@ -15,6 +15,8 @@ from typing import Any, TextIO
 import numpy as np
 import pandas as pd
 
+from ..gate.errors import GateError
+from ..gate.limits import LIMITS
 from ..recording import RecordingError
 from .layout import LINE_END, MISSING, TextLayout, find_layout
 from .progress import reading_progress
@@ -79,7 +81,7 @@ def _read_columns(
         for _ in range(layout.first_line):
             file.readline()
         try:
-            for chunk in _chunks(file, layout, indices, rows.stop):
+            for chunk in _chunks(_Lines(path, file), layout, indices, rows.stop):
                 kept = slice(max(rows.start - position, 0), None)
                 position += len(chunk)
                 values = [_numbers(chunk[i].iloc[kept], layout.kinds[i], epoch) for i in indices]
@@ -92,6 +94,8 @@ def _read_columns(
                     column[filled:end] = new
                 filled = end
                 show_progress(raw.tell())
+        except GateError:
+            raise
         except (ValueError, OverflowError, pd.errors.ParserError) as error:
             raise _explained(path, layout, indices, error) from error
     for column in columns:
@@ -99,7 +103,30 @@ def _read_columns(
     return columns
 
 
-def _chunks(file: TextIO, layout: TextLayout, indices: list[int], stop: int | None) -> Iterator[pd.DataFrame]:
+class _Lines:
+    """A text file, as pandas reads one, in which no line is longer than `LIMITS.line`."""
+
+    def __init__(self, path: Path, file: TextIO) -> None:
+        self._path, self._file, self._run = path, file, 0
+
+    def read(self, size: int = -1) -> str:
+        """Return the next part of the text.
+
+        Raises:
+            GateError: a line is too long.
+        """
+        part = self._file.read(size)
+        end = max(part.rfind("\n"), part.rfind("\r"))
+        self._run = self._run + len(part) if end < 0 else len(part) - end - 1
+        if self._run > LIMITS.line:
+            raise GateError(f"{self._path}: a line has more than {LIMITS.line:,} characters: no numbers")
+        return part
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(lambda: self._file.readline(LIMITS.line), "")
+
+
+def _chunks(file: Any, layout: TextLayout, indices: list[int], stop: int | None) -> Iterator[pd.DataFrame]:
     # A column that nobody asked for is kept as one byte per row: were it left out by ``usecols``, pandas
     # would not see rows that are too long.
     types: dict[Hashable, Any] = dict.fromkeys(range(len(layout.kinds)), "S1")
@@ -153,7 +180,7 @@ def _is_date(text: str) -> bool:
 def _rows(path: Path, layout: TextLayout) -> Iterator[tuple[int, str]]:
     """Number (from 1) and text of each line of data: the slow way, to say where an error is."""
     with path.open(encoding=layout.encoding, errors="replace") as file:
-        for number, line in enumerate(file, 1):
+        for number, line in enumerate(_Lines(path, file), 1):
             if number > layout.first_line and layout.is_data(line):
                 yield number, line.split(layout.comment)[0] if layout.comment else line
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..gate.limits import LIMITS
 from ..recording import RecordingError
 from .arrays import Leaf, Part, array_parts
 from .source import FileChannel
@@ -41,8 +42,10 @@ def _flat(trace_x: Leaf, trace_y: Leaf, tree: dict[str, Any]) -> Capture:
         raise RecordingError(f"trace_y has the shape {trace_y.shape}, trace_x {samples} samples")
     # A square capture, as many signals as samples, is in rows as all others are.
     axis = 1 if trace_y.shape[1] == samples else 0
-    channels = [(array_parts("trace_x", trace_x.shape)[0], FileChannel("trace_x", "s", ("trace_x", 0), 0))]
+    channels = [(array_parts({"trace_x": trace_x})[0], FileChannel("trace_x", "s", ("trace_x", 0), 0))]
     count = trace_y.shape[1 - axis]
+    if count > LIMITS.channels:
+        raise RecordingError(f"trace_y has {count:,} signals; {LIMITS.channels:,} are read")
     names, units = (_texts(tree.get(key), count) for key in ("trace_names", "trace_units"))
     for row in range(count):
         name = f"trace_y({row + 1},:)" if axis == 1 else f"trace_y(:,{row + 1})"
@@ -67,7 +70,7 @@ def _structure(clocks: list[dict[str, Any]], signals: list[dict[str, Any]]) -> C
             name = _text(element.get("Name")) or array
             clock = k if letter == "X" else _clock_of(element, clocks)
             unit = _text(element.get("Unit")) or ("s" if letter == "X" else "")
-            part = array_parts(array, element["Data"].shape)[0]
+            part = array_parts({array: element["Data"]})[0]
             channels.append((part, FileChannel(name, unit, (letter, k), clock)))
     return leaves, channels
 

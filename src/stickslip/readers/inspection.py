@@ -16,7 +16,7 @@ from ..recording.taken_drive import taken_drive
 from ..units import with_prefix
 from .formats import find_format
 from .preview import LOOKED_AT, look
-from .reading import read_recording
+from .reading import read_recording, said
 
 # A pause is a step of the clock longer than this many usual ones.
 PAUSE = 1.5
@@ -139,7 +139,7 @@ def inspect_file(path: str | Path) -> Inspection:
     try:
         found = None if find_format(path) == "nc" else look(path)
     except ValueError as error:
-        raise RecordingError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
+        raise RecordingError(said(path, error)) from error
     if found is None:
         return Inspection(path, "recording", False, [], {}, {}, read_recording(path), "")
     taken = [one for one in found["columns"] if one["guess"]]

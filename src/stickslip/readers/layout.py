@@ -14,13 +14,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from ..gate.limits import LIMITS, check_count
 from ..recording import RecordingError
 from .counted import Counting, counted
 from .file_units import is_unit, is_unit_of, to_si_unit
 from .headers import said_units, with_said_units
 from .source import FileChannel, is_clock
 
-HEAD = 1 << 18  # bytes to look at
 SAMPLE = 100  # lines, at least and spread over the head, that settle the delimiter
 BESIDE = 40  # lines of data beside which the settings of an instrument may stand
 SPACE = r"\s+"
@@ -43,19 +43,19 @@ MISSING = (
     "INF",
 )
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+# Regular expressions here read a text in one pass: none has two ways to take the same signs, for a field may
+# be as long as a line.
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d([T ]\d\d:\d\d(:\d\d([.,]\d*)?)?)?\s*(Z|[+-]\d\d:?\d\d)?")
 _COMMENT = re.compile(r"\s*(#|%|//)+")
-_NAME_AND_UNIT = re.compile(
-    r"(?P<name>.+?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\)|\s/\s(?P<slash>\S+))\s*$"
-)
+_OVER_UNIT = re.compile(r"\s/\s(\S+)$")
 # "Zeit/ms" and "Time, s": only of units that look like none but units, for "I/O" and "max/min" are names.
 _TIGHT = re.compile(
     r"(?P<name>[^/,]*[^/,\s])\s*[/,]\s*(?P<unit>[pnuµμmckMG]?(?:[smVNAWJ]|Hz|Pa|rad)(?:/s)?|sec|deg)\s*"
 )
 # As a row below the names has it: "[ms]", "(ms)", "<ms>", "{ms}", "'ms'", "in ms".
 _UNIT_ALONE = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>|\{([^{}]*)\}|'([^']*)'|in\s+(.+)")
-_HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")  # "Time [s]" is one word
+_HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]{0,60}\]|\([^)]{0,60}\)))?")  # "Time [s]" is one word
 
 
 class TextLayout(NamedTuple):
@@ -95,17 +95,14 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
     Raises:
         RecordingError: there are no numbers, or what should be the first row of data cannot be read.
     """
-    with path.open("rb") as file:
-        head = file.read(HEAD)
-    encoding = _encoding(head)
-    text = head.decode(encoding, errors="replace")
-    lines = LINE_END.split(text)  # str.splitlines breaks at more signs than text files do
+    encoding, head, lines = _head(path)
     data = [i for i in range(skip, len(lines)) if lines[i].strip() and not _COMMENT.match(lines[i])]
     sample = [lines[i] for i in data[:: max(len(data) // SAMPLE, 1)]]
     asked_decimal = decimal
     kinds, delimiter, decimal = _judge(sample, _ways(delimiter, decimal))
     if not kinds:
         raise RecordingError(f"there are no rows of numbers in the first {len(lines)} lines")
+    check_count(path, len(kinds), LIMITS.channels, "columns")
     split = [_split(line, delimiter) for line in sample]
     if asked_decimal is None:
         _refuse_thousands([row for row in split if len(row) == len(kinds)], kinds, decimal)
@@ -137,6 +134,19 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
         kinds,
         counting,
     )
+
+
+def _head(path: Path) -> tuple[str, bytes, list[str]]:
+    """Return the encoding of a text, its first bytes, and their lines."""
+    with path.open("rb") as file:
+        head = file.read(LIMITS.line)
+        more = len(head) == LIMITS.line and file.read(1) != b""
+    encoding = _encoding(head)
+    # str.splitlines breaks at more signs than text files do
+    lines = LINE_END.split(head.decode(encoding, errors="replace"))
+    if len(lines) == 1 and more:
+        raise RecordingError(f"its first line has more than {LIMITS.line:,} characters: no table of numbers")
+    return encoding, head, lines
 
 
 def _encoding(head: bytes) -> str:
@@ -225,11 +235,11 @@ def _split(line: str, delimiter: str) -> list[str]:
         return [field.strip('"') for field in line.split()]
     if '"' not in line:
         return [field.strip() for field in line.split(delimiter)]
-    return [
-        field.strip()
-        for row in csv.reader([line], delimiter=delimiter, skipinitialspace=True)
-        for field in row
-    ]
+    rows = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
+    try:
+        return [field.strip() for row in rows for field in row]
+    except csv.Error as error:
+        raise RecordingError(f"a line with quotes cannot be read: {error}") from None
 
 
 def _kinds(fields: Sequence[str], decimal: str) -> str:
@@ -316,19 +326,28 @@ def _all_units(units: Sequence[str], columns: Sequence[FileChannel]) -> bool:
 
 def _channel(header: str) -> FileChannel:
     """Name and unit: "Position [mm]" is in mm, but "Force (left)" is in no unit."""
-    found = _NAME_AND_UNIT.match(header)
-    if not found:
+    name, unit, certain = _name_and_unit(header)
+    if not name:
         tight = _TIGHT.fullmatch(header)
         if tight and is_unit(header) and not (tight["name"] == "t" or _of_one(tight["name"], header)):
             tight = None  # "N/m"
         return FileChannel(tight["name"], tight["unit"], header=header) if tight else FileChannel(header)
-    unit = (found["square"] or found["round"] or found["slash"] or "").strip()
-    certain = found["square"] is not None
-    return (
-        FileChannel(found["name"], unit, header=header)
-        if certain or is_unit_of(found["name"], unit)
-        else FileChannel(header)
-    )
+    known = certain or is_unit_of(name, unit)
+    return FileChannel(name, unit, header=header) if known else FileChannel(header)
+
+
+def _name_and_unit(header: str) -> tuple[str, str, bool]:
+    """Return the name and the unit in "name [unit]", "name (unit)" or "name / unit", and whether the brackets
+    are square; empty texts if the header is none of these."""
+    text = header.rstrip()
+    opening = {"]": "[", ")": "("}.get(text[-1:], "")
+    at = text.rfind(opening) if opening else -1
+    if at > 0 and text[-1] in text[at + 1 : -1]:
+        at = -1
+    over = _OVER_UNIT.search(text)
+    if over and (at < 1 or over.start() < at):
+        return text[: over.start()].rstrip(), over[1], False
+    return (text[:at].rstrip(), text[at + 1 : -1].strip(), opening == "[") if at > 0 else ("", "", False)
 
 
 def _of_one(name: str, unit: str) -> bool:

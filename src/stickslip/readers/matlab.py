@@ -8,9 +8,6 @@ every array of real numbers is a `Leaf`. The names of channels are written as in
 from __future__ import annotations
 
 import codecs
-import os
-import struct
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +16,13 @@ import scipy.io
 
 from ..gate.errors import GateError
 from ..gate.hdf5 import SIGNATURE, Hdf5Array, Hdf5Group, hdf5_tree, is_hdf5, read_hdf5_array
-from ..gate.limits import Visits, allowed_bytes, check_size
+from ..gate.limits import Visits, check_size
+from ..gate.matlab5 import check_matlab5
 from ..recording import RecordingError
 from . import dspace
 from .arrays import Leaf, Part, array_parts, array_source, total_bytes
 from .source import FileChannel, FileContent, add_format
 
-_HEADER, _COMPRESSED, _PART = 128, 15, 1 << 20  # bytes, the type of a compressed variable, bytes
 _V73_BLOCK = 512  # MATLAB puts its own header before that of HDF5
 
 
@@ -55,9 +52,7 @@ def read_matlab(path: Path) -> FileContent:
 def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[Part, FileChannel]]]:
     leaves: dict[str, Leaf] = {}
     _collect("", tree, leaves)
-    named = [
-        (part, matlab_name(part)) for name, leaf in leaves.items() for part in array_parts(name, leaf.shape)
-    ]
+    named = [(part, matlab_name(part)) for part in array_parts(leaves)]
     if not named:
         raise RecordingError("the MAT file holds no arrays of real numbers")
     channels = [(part, FileChannel(name, key=(part.array, *part.others))) for part, name in named]
@@ -84,31 +79,9 @@ def matlab_name(part: Part) -> str:
 
 
 def _tree_of_v5(path: Path) -> dict[str, Any]:
-    check_size(path, _unpacked(path), "compressed variables")
+    check_matlab5(path)
     variables = scipy.io.loadmat(path, appendmat=False)
     return {name: _v5_node(value) for name, value in variables.items() if not name.startswith("__")}
-
-
-def _unpacked(path: Path) -> int:
-    """Bytes that the compressed variables of a MAT 5 file unpack to; counted no further than they may be."""
-    most, total = allowed_bytes(path), 0
-    with path.open("rb") as file:
-        head = file.read(_HEADER)
-        order = {b"IM": "<", b"MI": ">"}.get(head[126:128])
-        if order is None:
-            return 0  # version 4 is not compressed
-        while total <= most and len(tag := file.read(8)) == 8:
-            kind, length = struct.unpack(f"{order}II", tag)
-            if kind != _COMPRESSED:
-                file.seek(length, os.SEEK_CUR)
-                continue
-            unpack, end = zlib.decompressobj(), file.tell() + length
-            while total <= most and (part := file.read(min(_PART, end - file.tell()))):
-                while part and total <= most:
-                    total += len(unpack.decompress(part, _PART))
-                    part = unpack.unconsumed_tail
-            file.seek(end)
-    return total
 
 
 def _v5_node(value: Any) -> Any:
@@ -148,7 +121,7 @@ def _hdf5_node(path: Path, visits: Visits, item: Hdf5Group | Hdf5Array, depth: i
         return [{name: fields[name][i] for name in lists} for i in range(count)]
     if item.kind == "r":
         return [_hdf5_node(path, visits, one, depth + 1) for one in item.targets()]
-    if item.has("MATLAB_empty") or not item.kind:
+    if not item.kind or item.has("MATLAB_empty"):
         return None
     if item.attribute("MATLAB_class") == "char":
         return "".join(map(chr, item.read().T.flat))

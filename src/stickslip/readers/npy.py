@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 
-import numpy as np
-
+from ..gate import archives as gate
 from ..gate.limits import check_size
 from ..recording import RecordingError
 from .arrays import Leaf, array_parts, array_source, total_bytes
@@ -23,10 +21,7 @@ def read_npy(path: Path) -> FileContent:
     Raises:
         RecordingError: the file is damaged, holds objects, or a single number.
     """
-    try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except Exception as error:  # the header is a piece of Python, which is wrong in a dozen ways
-        raise RecordingError(f"not a readable NPY file (cut off or damaged?): {error}") from error
+    array = gate.read_npy(path, mapped=True)
     return _source(path, "npy", {"": Leaf(array.shape, lambda: array)})
 
 
@@ -36,19 +31,7 @@ def read_npz(path: Path) -> FileContent:
     Raises:
         RecordingError: the file is damaged or holds objects.
     """
-    try:
-        with zipfile.ZipFile(path) as archive:
-            declared = sum(one.file_size for one in archive.infolist())
-    except Exception as error:
-        raise RecordingError(f"not a readable NPZ file (cut off or damaged?): {error}") from error
-    check_size(path, declared)
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            members = {name: archive[name] for name in archive.files}
-    except Exception as error:  # from zlib.error to a header that is no Python
-        raise RecordingError(f"not a readable NPZ file (cut off or damaged?): {error}") from error
-    # NumPy hands over the bytes of what it did not write; a workbook (.xlsx) is such an archive too.
-    arrays = {name: array for name, array in members.items() if isinstance(array, np.ndarray)}
+    arrays = gate.read_npz(path)
     if not arrays:
         raise RecordingError("a ZIP archive without NumPy arrays (a table of a workbook is read as CSV)")
     leaves = {
@@ -59,13 +42,14 @@ def read_npz(path: Path) -> FileContent:
 
 def _source(path: Path, reader: str, leaves: dict[str, Leaf]) -> FileContent:
     check_size(path, total_bytes(leaves.values()))
-    channels = []
     for name, leaf in leaves.items():
         if not leaf.shape or 0 in leaf.shape:
             raise RecordingError(f"the array {name!r} of the shape {leaf.shape} holds no samples")
-        for part in array_parts(name, leaf.shape):
-            label = name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
-            channels.append((part, FileChannel(label, key=(name, *part.others) if name else part.others)))
+    channels = []
+    for part in array_parts(leaves):
+        name = part.array
+        label = name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
+        channels.append((part, FileChannel(label, key=(name, *part.others) if name else part.others)))
     return array_source(reader, leaves, channels)
 
 

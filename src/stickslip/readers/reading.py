@@ -30,6 +30,7 @@ from .unlikely import refuse_unlikely, warn_of_unsaid
 # No recording runs for three years: a clock beyond this counts from 1970.
 _SINCE_1970 = 1e8
 _LAST_DATE = 1e11  # the year 5138
+_LONGEST_MESSAGE = 1500  # characters; a field of a file, or its names, may be as long as a line
 
 
 def read_recording(
@@ -149,7 +150,14 @@ def _named(path: Path) -> Iterator[None]:
     try:
         yield
     except ValueError as error:  # QuantityError and GateError, too
-        raise RecordingError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
+        raise RecordingError(said(path, error)) from error
+
+
+def said(path: Path, error: ValueError) -> str:
+    """Return the message of an error with the name of the file before it; of a long text, only its ends."""
+    text = str(error).removeprefix(f"{path}: ")
+    cut = text if len(text) <= _LONGEST_MESSAGE else f"{text[: _LONGEST_MESSAGE - 300]} ... {text[-300:]}"
+    return f"{path}: {cut}"
 
 
 def _rate(sample_rate: float | str | None) -> float:

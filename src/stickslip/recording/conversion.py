@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
-from ..units import QuantityError, to_si
+from ..units import LONGEST_UNIT, QuantityError, to_si
 
 # Units that turn, with any prefix.
 _ANGLE = re.compile(r"\w*?(rad(ian)?s?|deg(ree)?s?|arcsec(ond)?s?|arcmin(ute)?s?|turns?|revolutions?)")
@@ -40,6 +40,8 @@ def to_si_unit(unit: str) -> Conversion:
     Raises:
         QuantityError: the unit is not known, or of a dimension that no recording holds.
     """
+    if len(unit) > LONGEST_UNIT:
+        raise QuantityError(f"the unit {unit[:LONGEST_UNIT]!r}... is not known here")
     text = _SPELLINGS.get(unit.strip(), unit.strip())
     if text in SI_UNITS:
         return Conversion(text, 1.0, 0.0)

@@ -1,0 +1,215 @@
+"""Structure of MAT files of the versions 4, 5 and 7, counted before SciPy builds it.
+
+SciPy follows cells inside cells without a limit, and reserves memory for as many of them as a file says. The
+same bytes are therefore read here first, in the same order, without keeping them.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import struct
+import zlib
+from pathlib import Path
+from typing import BinaryIO
+
+from .errors import GateError
+from .limits import LIMITS, Visits, allowed_bytes, check_count, check_size
+
+_HEADER = 128  # bytes before the first variable of version 5
+_MATRIX, _COMPRESSED = 14, 15  # types of elements
+_CELL, _STRUCTURE, _OBJECT, _CHARACTERS, _SPARSE = range(1, 6)  # classes of matrices; numbers follow
+_LAST_NUMBERS, _FUNCTION, _OPAQUE = 15, 16, 17
+_COMPLEX = 1 << 11
+_MOST_AXES = 32
+_PART = 1 << 20  # bytes that are unpacked at once
+_SIZES = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}  # bytes of a number of version 4, by its code
+
+
+class _End(Exception):
+    """The bytes end, or are no MAT file: SciPy says what is wrong."""
+
+
+class _Bytes:
+    """The bytes of a file from its position on, or of one packed variable in it; unpacked bytes are
+    counted."""
+
+    def __init__(self, path: Path, file: BinaryIO, order: str) -> None:
+        self.path, self.order, self.visits = path, order, Visits(path)
+        self.unpacked = 0
+        self._file, self._most = file, allowed_bytes(path)
+        self._packed = 0  # bytes of the file that are left of a packed variable
+        self._unpack: zlib._Decompress | None = None  # pyright: ignore[reportPrivateUsage]
+        self._ready = b""
+
+    def begin_packed(self, length: int) -> None:
+        """Read what is packed in the next bytes of the file."""
+        self._packed, self._unpack, self._ready = length, zlib.decompressobj(), b""
+
+    def end_packed(self) -> None:
+        """Read and count the rest of a packed variable."""
+        while self._more():
+            pass
+        self._unpack = None
+
+    def take(self, count: int) -> bytes:
+        """Return so many bytes."""
+        if count > _PART:
+            raise _End
+        if self._unpack is None:
+            found = self._file.read(count)
+        else:
+            while len(self._ready) < count and (part := self._more()):
+                self._ready += part
+            found, self._ready = self._ready[:count], self._ready[count:]
+        if len(found) < count:
+            raise _End
+        return found
+
+    def skip(self, count: int) -> None:
+        """Leave out so many bytes."""
+        if self._unpack is None:
+            self._file.seek(count, os.SEEK_CUR)
+            return
+        while count > len(self._ready):
+            count -= len(self._ready)
+            self._ready = self._more()
+            if not self._ready:
+                raise _End
+        self._ready = self._ready[count:]
+
+    def _more(self) -> bytes:
+        assert self._unpack is not None
+        while not self._unpack.eof:
+            packed = self._unpack.unconsumed_tail
+            if not packed:
+                packed = self._file.read(min(_PART, self._packed))
+                self._packed -= len(packed)
+                if not packed:
+                    return b""
+            found = self._unpack.decompress(packed, _PART)
+            self.unpacked += len(found)
+            if self.unpacked > self._most:
+                check_size(self.path, self.unpacked, "compressed variables")
+            if found:
+                return found
+        self._file.seek(self._packed, os.SEEK_CUR)
+        self._packed = 0
+        return b""
+
+    def element(self) -> bytes:
+        """Return the bytes of a short element (names, sizes)."""
+        length, after = self.tag()
+        found = self.take(length)
+        self.skip(after)
+        return found
+
+    def pass_element(self) -> int:
+        """Leave out an element (numbers, letters) and return its length in bytes."""
+        length, after = self.tag()
+        self.skip(length + after)
+        return length
+
+    def tag(self) -> tuple[int, int]:
+        """Return the length of the next element, and of the bytes that fill it up."""
+        (first,) = struct.unpack(f"{self.order}I", self.take(4))
+        if first >> 16:  # at most four bytes stand in the tag itself
+            return min(first >> 16, 4), 4 - min(first >> 16, 4)
+        (length,) = struct.unpack(f"{self.order}I", self.take(4))
+        return length, -length % 8
+
+
+def check_matlab5(path: Path) -> None:
+    """Refuse a MAT file of the versions 4 to 7 that SciPy would not read in bounded time and memory.
+
+    Raises:
+        GateError: the file has more variables or cells, deeper ones, or unpacks to more than `LIMITS` allows.
+    """
+    with path.open("rb") as file:
+        head = file.read(_HEADER)
+        try:
+            if 0 in head[:4]:
+                file.seek(0)
+                _check_4(path, file)
+            else:
+                _check_5(_Bytes(path, file, "<" if head[126:128] == b"IM" else ">"), file)
+        except (_End, struct.error, zlib.error):
+            return
+
+
+def _check_5(data: _Bytes, file: BinaryIO) -> None:
+    while tag := file.read(8):
+        kind, length = struct.unpack(f"{data.order}II", tag)
+        after = file.tell() + length
+        if kind == _COMPRESSED:
+            data.begin_packed(length)
+            data.take(8)
+        if length:
+            _check_matrix(data, 1)
+        if kind == _COMPRESSED:
+            data.end_packed()
+        file.seek(after)
+
+
+def _check_matrix(data: _Bytes, depth: int) -> None:
+    """Read one matrix behind its tag, and the matrices in it."""
+    data.visits(depth)
+    data.take(8)
+    flags, _ = struct.unpack(f"{data.order}II", data.take(8))
+    kind, inside = flags & 0xFF, 0
+    if kind == _OPAQUE:
+        for _ in range(3):
+            data.element()
+        _check_inner(data, 1, depth)
+        return
+    sizes = data.element()
+    count = math.prod(struct.unpack(f"{data.order}{len(sizes) // 4}i", sizes))
+    if len(sizes) > 4 * _MOST_AXES or count < 0:
+        raise _End
+    if len(data.element()) > LIMITS.name:
+        raise GateError(f"{data.path}: a name in it has more than {LIMITS.name:,} characters: shorten it")
+    if kind == _CELL:
+        inside = count
+    elif kind in (_STRUCTURE, _OBJECT):
+        if kind == _OBJECT:
+            data.element()
+        (length,) = struct.unpack(f"{data.order}i", data.element())
+        fields = len(data.element()) // max(length, 1)
+        check_count(data.path, fields, LIMITS.channels, "fields of a structure")
+        inside = count * max(fields, 1)
+    elif kind == _CHARACTERS:
+        if count > max(data.pass_element(), LIMITS.line):
+            raise GateError(f"{data.path}: it declares {count:,} characters that are not there (damaged?)")
+    elif kind == _FUNCTION:
+        inside = 1
+    elif kind <= _LAST_NUMBERS:
+        for _ in range((3 if kind == _SPARSE else 1) + (1 if flags & _COMPLEX else 0)):
+            data.pass_element()
+    _check_inner(data, inside, depth)
+
+
+def _check_inner(data: _Bytes, count: int, depth: int) -> None:
+    check_count(data.path, count, LIMITS.visits, "cells")
+    for _ in range(count):
+        kind, length = struct.unpack(f"{data.order}II", data.take(8))
+        if kind != _MATRIX:
+            raise _End
+        if length:
+            _check_matrix(data, depth + 1)
+        else:
+            data.visits(depth + 1)
+
+
+def _check_4(path: Path, file: BinaryIO) -> None:
+    visits = Visits(path)
+    while head := file.read(20):
+        kind, rows, columns, imaginary, name = struct.unpack("<5i", head)
+        if not 0 <= kind <= 5000:
+            kind, rows, columns, imaginary, name = struct.unpack(">5i", head)
+        visits(1)
+        size = _SIZES.get(kind % 100 // 10, 8) * rows * columns * (2 if imaginary else 1)
+        if rows < 0 or columns < 0 or name < 0:
+            raise GateError(
+                f"{path}: not a readable MAT file (damaged?): a variable of {rows} x {columns} numbers"
+            )
+        file.seek(name + size, os.SEEK_CUR)
