@@ -109,7 +109,7 @@ format: $(READY)
 	$(BIN)/ruff format
 
 laws: $(READY)
-	$(BIN)/python -m tools.generate_laws
+	$(BIN)/python -m tools.generate_engine
 
 mutation: $(READY)
 	$(BIN)/python tools/mutate.py $(if $(SAMPLE),--sample $(SAMPLE)) $(FILES)

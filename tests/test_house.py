@@ -32,7 +32,7 @@ BUILT = {".pyc", ".so", ".o", ".nbi", ".nbc", ".coverage", ".egg-info", ".whl"}
 
 # The rooms that may import a heavy dependency; everything else reaches it through them.
 OWNERS = {
-    "numba": {"_jit", "solve/cuda"},
+    "numba": {"_jit", "solve/cuda", "engine/numba_laws"},
     "pint": {"units"},
     "pandas": {"readers/csv", "recording/schema", "history/table", "study/exports"},
     "matplotlib": {"figures"},

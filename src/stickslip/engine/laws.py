@@ -78,9 +78,8 @@ def law_c(made: Translation, kind: Record) -> str:
         lines = [f"const {struct} law = {fill};", *(["(void)p;"] if not numbers(kind) else []), *body]
         text = "\n    ".join(lines)
         parts.append(f"static {kind_of} law_{role}_{name}({head})\n{{\n    {text}\n}}\n")
-    period = _place(kind, "period") if "tick" in given else -1
-    smooth = int(registered.is_smooth(law_type))
-    members = [f'"{name}"', f"{numbers(kind)}", f"{smooth}", f"{period}"]
+    period = place_of_period(kind) if "tick" in given else -1
+    members = [f'"{name}"', f"{numbers(kind)}", f"{smooth(law_type)}", f"{period}"]
     members += [f"law_{role}_{name}" if role in given else "NULL" for role in ROLES]
     pairs = zip(("name", "parameters", "smooth", "period", *ROLES), members, strict=True)
     lines = "\n".join(f"    .{member} = {text}," for member, text in pairs)
@@ -95,10 +94,15 @@ def numbers(kind: Any) -> int:
     return kind.length if isinstance(kind, Array) else 1
 
 
-def _place(kind: Record, field: str) -> int:
-    """Return the index of a field's first number in a row of parameters."""
+def place_of_period(kind: Record) -> int:
+    """Return which number of a row of parameters is the period of a sampled element."""
     names = [name for name, _ in kind.fields]
-    return sum(numbers(inner) for _, inner in kind.fields[: names.index(field)])
+    return sum(numbers(inner) for _, inner in kind.fields[: names.index("period")])
+
+
+def smooth(law_type: type) -> int:
+    """Return 1 for an element without a kink at v = 0, 0 for a contact."""
+    return int(registered.is_smooth(law_type))
 
 
 def _filled(kind: Any, places: Iterator[int]) -> str:

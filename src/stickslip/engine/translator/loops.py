@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from .assignments import unpack
@@ -60,19 +61,53 @@ def _breaks(statements: list[ast.stmt]) -> bool:
 
 def _for(body: FunctionBody, node: ast.For) -> None:
     call = node.iter
-    if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id not in body.variables:
-        function = outside(body, call.func)
-        if function is range:
-            _range(body, node, call)
-            return
-        if function in (zip, enumerate) and not call.keywords:
-            values: list[Value | None] = [expression(body, one) for one in call.args]
-            _over(body, node, values if function is zip else [None, *values])
-            return
-    value = expression(body, call)
+    if isinstance(call, ast.Call) and _called(body, call) is range:
+        _range(body, node, call)
+        return
+    counter = body.hoisted(INT)
+    length, picked = _rows(body, call)
+    part = picked(Value(counter, INT, below=length))
+    body.line(f"for ({counter} = 0; {counter} < {length}; ++{counter}) {{")
+    body.depth += 1
+    if isinstance(node.target, ast.Tuple):
+        unpack(body, node, node.target.elts, part)
+    elif isinstance(node.target, ast.Name):
+        body.set(node, node.target.id, part)
+    else:
+        raise body.source.error(node, f"{ast.unparse(node.target)} is outside the subset")
+    body.depth -= 1
+    body.indented(node.body)
+    body.line("}")
+
+
+def _called(body: FunctionBody, node: ast.expr) -> Any:
+    """Return the function that a name stands for in a call, or None."""
+    if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
+        return None
+    return None if node.func.id in body.variables else outside(body, node.func)
+
+
+def _rows(body: FunctionBody, node: ast.expr) -> tuple[int, Callable[[Value], Value]]:
+    """Return how many rounds a loop has, and what gives the value of the round that is counted."""
+    function = _called(body, node)
+    if function is zip or function is enumerate:
+        assert isinstance(node, ast.Call)
+        parts = [_rows(body, one) for one in node.args]
+        lengths = {length for length, _ in parts}
+        if not parts or (function is enumerate and (len(parts) > 1 or node.keywords)):
+            raise body.source.error(node, f"{ast.unparse(node)} is outside the subset")
+        if node.keywords and len(lengths) > 1:
+            raise body.source.error(node, f"{ast.unparse(node)} has tuples of different lengths")
+
+        def row(counter: Value) -> Value:
+            first = (counter,) if function is enumerate else ()
+            return Value("", None, parts=(*first, *(one(counter) for _, one in parts)))
+
+        return min(lengths), row
+    value = expression(body, node)
     if value.type is not None and not isinstance(value.type, Array):
-        raise body.source.error(node, f"{ast.unparse(call)} is no range, and no tuple either")
-    _over(body, node, [value])
+        raise body.source.error(node, f"{ast.unparse(node)} is no range, and no tuple either")
+    return (len(value.parts) if value.type is None else value.type.length), _column(body, node, value)
 
 
 def _range(body: FunctionBody, node: ast.For, call: ast.Call) -> None:
@@ -122,37 +157,16 @@ def _only_in(body: FunctionBody, node: ast.For, name: str) -> bool:
     return body.stores.count(name) == 1 and all(id(n) in inside for n in seen)
 
 
-def _over(body: FunctionBody, node: ast.For, values: list[Value | None]) -> None:
-    """A loop over tuples side by side; None means the number of the round."""
-    lengths = {len(v.parts) if v.type is None else v.type.length for v in values if v is not None}
-    if not lengths:
-        raise body.source.error(node, f"{ast.unparse(node.iter)} has nothing to run over")
-    counter, inside = body.hoisted(INT), min(lengths)
-    whole = Value(counter, INT, below=inside)
-    parts = [whole if v is None else _picked(body, node, v, whole) for v in values]
-    body.line(f"for ({counter} = 0; {counter} < {inside}; ++{counter}) {{")
-    body.depth += 1
-    several = len(values) > 1
-    if isinstance(node.target, ast.Tuple):
-        unpack(body, node, node.target.elts, Value("", None, parts=tuple(parts)) if several else parts[0])
-    elif isinstance(node.target, ast.Name):
-        body.set(node, node.target.id, Value("", None, parts=tuple(parts)) if several else parts[0])
-    else:
-        raise body.source.error(node, f"{ast.unparse(node.target)} is outside the subset")
-    body.depth -= 1
-    body.indented(node.body)
-    body.line("}")
-
-
-def _picked(body: FunctionBody, node: ast.For, of: Value, counter: Value) -> Value:
-    """The value that a round sees of a tuple: from a table, or tables of the parts of its parts."""
+def _column(body: FunctionBody, node: ast.expr, of: Value) -> Callable[[Value], Value]:
+    """Return what a round sees of a tuple: from a table, or from tables of the parts of its parts."""
     if isinstance(of.type, Array):
-        return Value(f"{of.text}[{counter.text}]", REAL)
+        return lambda counter: Value(f"{of.text}[{counter.text}]", REAL)
     if all(kind_of(part) in NUMBERS for part in of.parts):
         texts = ", ".join(as_real(body, node, part).text for part in of.parts)
-        return Value(f"{body.temporary(Array(len(of.parts)), f'{{{texts}}}')}[{counter.text}]", REAL)
-    rows: list[Any] = [part.parts for part in of.parts]
+        made = body.temporary(Array(len(of.parts)), f"{{{texts}}}")
+        return lambda counter: Value(f"{made}[{counter.text}]", REAL)
+    rows = [part.parts for part in of.parts]
     if not rows or len({len(row) for row in rows}) != 1 or not rows[0]:
-        raise body.source.error(node, f"{ast.unparse(node.iter)} holds values of different types")
-    columns = (Value("", None, parts=tuple(column)) for column in zip(*rows, strict=True))
-    return Value("", None, parts=tuple(_picked(body, node, column, counter) for column in columns))
+        raise body.source.error(node, f"{ast.unparse(node)} holds values of different types")
+    columns = [_column(body, node, Value("", None, parts=column)) for column in zip(*rows, strict=True)]
+    return lambda counter: Value("", None, parts=tuple(column(counter) for column in columns))

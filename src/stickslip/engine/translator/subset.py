@@ -12,7 +12,7 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 REAL, INT, BOOL = "real_t", "int64_t", "bool"
 _ORDER = {BOOL: 0, INT: 1, REAL: 2}
@@ -143,11 +143,11 @@ def source_of(function: Callable[..., Any]) -> FunctionSource:
 def record_type(record: Any) -> Record:
     """The type of a record, from one instance: tuples have its lengths, text and None are left out."""
     found = []
-    annotations = getattr(type(record), "__annotations__", {})
+    annotations = _annotations(type(record))
     for name, value in record._asdict().items():
         if isinstance(value, bool):
             found.append((name, BOOL))
-        elif isinstance(value, int) and annotations.get(name) in (int, "int"):
+        elif isinstance(value, int) and annotations.get(name) is int:
             found.append((name, INT))
         elif isinstance(value, int | float):
             found.append((name, REAL))
@@ -156,6 +156,13 @@ def record_type(record: Any) -> Record:
         elif isinstance(value, tuple) and value and all(isinstance(v, int | float) for v in value):
             found.append((name, Array(len(value))))
     return Record(type(record), tuple(found))
+
+
+def _annotations(record_class: type) -> dict[str, Any]:
+    try:
+        return get_type_hints(record_class)
+    except Exception:  # a name that only a type checker knows
+        return {}
 
 
 def joined(one: Any, other: Any) -> Any:

@@ -1,0 +1,10 @@
+/* The laws of the package, translated from Python. */
+#include "packaged.h"
+
+#include "laws.h"
+
+STICKSLIP_API const struct law *stickslip_packaged_law(int32_t i)
+{
+    const int32_t count = (int32_t)(sizeof packaged_laws / sizeof *packaged_laws);
+    return (0 <= i && i < count) ? packaged_laws[i] : NULL;
+}

@@ -1,0 +1,135 @@
+"""A user's law as the plain Python functions that it is: the engine calls them back.
+
+What such a function raises cannot pass through C. It is kept, the engine is stopped, and `running`
+raises it when the engine has returned.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from ._abi import ffi
+from .laws import ROLES, functions, numbers, place_of_period, smooth
+from .translator import BOOL, INT, Array, Record
+
+_MOST_RECORDS = 256  # rows of parameters whose records are kept
+_THREAD = threading.local()
+
+
+@contextmanager
+def running() -> Iterator[Any]:
+    """Run the engine inside this: give the flag that stops it, and raise at the end what a law raised."""
+    before = getattr(_THREAD, "run", None)
+    flag = ffi.new("int32_t *", 0)
+    _THREAD.run = run = [flag, None]
+    try:
+        yield flag
+    finally:
+        _THREAD.run = before
+    if run[1] is not None:
+        raise run[1]
+
+
+def _failed(error: BaseException, what: str) -> None:
+    run = getattr(_THREAD, "run", None)
+    if run is None:
+        raise error
+    if run[1] is None:
+        error.add_note(f"raised by {what}")
+        run[0][0], run[1] = 1, error
+
+
+def _stopped() -> bool:
+    run = getattr(_THREAD, "run", None)
+    return run is not None and run[1] is not None
+
+
+def law(record: Any, kind: Record) -> tuple[Any, Any]:
+    """A law's ``struct law``, and the callbacks in it."""
+    law_type, count = type(record), numbers(kind)
+    given = functions(law_type)
+    name = ffi.new("char[]", law_type.__name__.encode("ascii", "replace"))
+    made: Any = ffi.new("struct law *")
+    made.name, made.parameters, made.smooth = name, count, smooth(law_type)
+    made.period = place_of_period(kind) if "tick" in given else -1
+    records = _Records(record, kind, count)
+    callbacks = {}
+    for role in ROLES:
+        if role in given:
+            several = role in ("rate", "branch_rate")
+            wrapped = (_of_two if several else _of_one)(law_type.__name__, role, given[role], records)
+            callbacks[role] = ffi.callback(f"law_{role}_fn", wrapped)
+            setattr(made, role, callbacks[role])
+    return made, (made, name, callbacks)
+
+
+class _Records:
+    """Records of one kind by their rows of numbers."""
+
+    def __init__(self, template: Any, kind: Record, count: int) -> None:
+        self._template, self._kind, self._bytes = template, kind, 8 * count
+        self._known: dict[bytes, Any] = {}
+
+    def __call__(self, p: Any) -> Any:
+        raw = ffi.buffer(p, self._bytes)[:] if self._bytes else b""
+        found = self._known.get(raw)
+        if found is None:
+            if len(self._known) >= _MOST_RECORDS:
+                self._known.clear()
+            numbers: Any = ffi.unpack(p, self._bytes // 8) if self._bytes else ()
+            found = self._known[raw] = _filled(self._template, self._kind, iter(numbers))
+        return found
+
+
+def _filled(template: Any, kind: Record, values: Iterator[float]) -> Any:
+    """The template with its numbers replaced; without the checks that a user's record may have."""
+    fields = template._asdict()
+    for name, inner in kind.fields:
+        if isinstance(inner, Record):
+            fields[name] = _filled(fields[name], inner, values)
+        elif isinstance(inner, Array):
+            fields[name] = tuple(next(values) for _ in range(inner.length))
+        else:
+            fields[name] = {BOOL: bool, INT: int}.get(inner, float)(next(values))
+    return tuple.__new__(kind.record_class, tuple(fields.values()))
+
+
+def _of_two(name: str, role: str, function: Callable[..., Any], records: _Records) -> Callable[..., None]:
+    """A callback that writes the force and the rate of the state."""
+
+    def call(p: Any, *given: Any) -> None:
+        *arguments, force, dz = given
+        force[0] = dz[0] = math.nan
+        if _stopped():
+            return
+        try:
+            force[0], dz[0] = function(records(p), *arguments)
+        except BaseException as error:  # KeyboardInterrupt too
+            force[0] = dz[0] = math.nan
+            _failed(error, _said(name, role, arguments))
+
+    return call
+
+
+def _of_one(name: str, role: str, function: Callable[..., Any], records: _Records) -> Callable[..., Any]:
+    """A callback that returns a number."""
+    none: Any = 0 if role == "choose" else math.nan
+
+    def call(p: Any, *arguments: Any) -> Any:
+        if _stopped():
+            return none
+        try:
+            return (int if role == "choose" else float)(function(records(p), *arguments))
+        except BaseException as error:
+            _failed(error, _said(name, role, arguments))
+            return none
+
+    return call
+
+
+def _said(name: str, role: str, arguments: Any) -> str:
+    return f"{role} of the law {name}, called with {', '.join(f'{one:g}' for one in arguments)}"

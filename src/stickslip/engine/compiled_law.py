@@ -1,0 +1,78 @@
+"""A user's law as C that the machine's own compiler has compiled."""
+
+from __future__ import annotations
+
+import functools
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from ._abi import ffi
+from .laws import law_c
+from .translator import Record, Translation, TranslationError
+
+HEADERS = Path(__file__).parent / "c"
+# Rounded as Python rounds: no product is fused with a sum.
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
+LONGEST = 60.0  # s, for a compiler that hangs
+
+
+@functools.cache
+def compiler() -> tuple[str, ...] | None:
+    """Return the command of the machine's C compiler (the variable CC, else cc, gcc or clang), or None."""
+    if sys.platform == "win32":  # cl takes other flags
+        return None
+    given = shlex.split(os.environ.get("CC", ""))
+    for command in (given, ["cc"], ["gcc"], ["clang"]):
+        if command and shutil.which(command[0]):
+            return tuple(command)
+    return None
+
+
+def source(kind: Record) -> str:
+    """The C of a law, with a function that gives its ``struct law``.
+
+    Raises:
+        TranslationError: a function of the law cannot be translated.
+    """
+    made = Translation()
+    law = law_c(made, kind)
+    name = kind.record_class.__name__
+    return "\n".join(
+        [
+            "#include <stddef.h>\n",
+            '#include "law.h"\n',
+            made.text(),
+            law,
+            '__attribute__((visibility("default"))) const struct law *stickslip_packaged_law(int32_t i);',
+            "const struct law *stickslip_packaged_law(int32_t i)\n{",
+            f"    return i == 0 ? &law_{name} : NULL;\n}}\n",
+        ]
+    )
+
+
+def compiled(record: Any, kind: Record) -> tuple[Any, Any] | None:
+    """A law's ``struct law`` and the library that holds it; None without a compiler that takes it."""
+    command = compiler()
+    if command is None:
+        return None
+    try:
+        text = source(kind)
+    except TranslationError:
+        return None
+    # The folder is this user's alone; a library that was opened stays when its file is removed.
+    with tempfile.TemporaryDirectory(prefix="stickslip-", ignore_cleanup_errors=True) as folder:
+        file, library = Path(folder, "law.c"), Path(folder, "law.so")
+        file.write_text(text, encoding="utf-8")
+        run = [*command, *FLAGS, f"-I{HEADERS}", str(file), "-o", str(library), "-lm"]
+        try:
+            subprocess.run(run, check=True, capture_output=True, timeout=LONGEST)
+            opened: Any = ffi.dlopen(str(library))
+        except (OSError, subprocess.SubprocessError):
+            return None
+    return opened.stickslip_packaged_law(0), opened

@@ -1,0 +1,45 @@
+"""The compiled engine, which lies beside this file: built by CMake, opened through cffi."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from pathlib import Path
+from typing import Any
+
+from ._abi import ffi
+
+# Placed there by native/CMakeLists.txt.
+SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+FILE = Path(__file__).with_name(f"_engine{SUFFIX}")
+
+
+class EngineMissingError(ImportError):
+    """The engine was not built, or was built for another machine."""
+
+
+@functools.cache
+def library() -> Any:
+    """Open the engine.
+
+    Raises:
+        EngineMissingError: it was not built, or it does not fit this machine.
+    """
+    try:
+        return ffi.dlopen(str(FILE))
+    except OSError as error:
+        raise EngineMissingError(
+            f"{FILE} cannot be opened ({error}). Install stickslip again on a machine with a C compiler; "
+            "in a checkout, run `make engine`."
+        ) from None
+
+
+@functools.cache
+def packaged_laws() -> dict[str, Any]:
+    """The laws of the package by their names."""
+    found, i = {}, 0
+    while law := library().stickslip_packaged_law(i):
+        name: Any = ffi.string(law.name)
+        found[name.decode()] = law
+        i += 1
+    return found
