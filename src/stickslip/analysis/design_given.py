@@ -3,7 +3,6 @@ generator, conditions; and what each part comes to."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -16,8 +15,9 @@ from ..actuator import Actuator
 from ..design import Current, Heat, Noise, Scenario, Speed, StepSize, TipLoad
 from ..electronics import OutputStage, Stack
 from ..experiment.laboratory import own_file
-from ..gate.errors import GateError
+from ..gate.errors import GateError, damaged
 from ..gate.netcdf import netcdf_columns
+from ..gate.results import results_numbers
 from ..input_file import Strict
 from ..progress import Progress
 from ..report import Number, Section
@@ -208,8 +208,8 @@ def draws_of_file(path: Path) -> dict[str, Array]:
 
 
 def _drawn(path: Path) -> dict[str, Array]:
-    try:
-        numbers = json.loads(path.read_text(encoding="utf-8"))["numbers"]
+    with damaged(AnalysisError, f"{path}: no results of an identification that says how sure it is"):
+        numbers = results_numbers(path)
         parts = [numbers[part] for part in ("friction", "stage") if part in numbers] or [numbers]
         random, found = np.random.default_rng(0), dict[str, Array]()
         for part in parts:
@@ -228,10 +228,6 @@ def _drawn(path: Path) -> dict[str, Array]:
             q = random.multivariate_normal(np.zeros(known_ones.size), spread, DRAWS, method="eigh")
             drawn = np.where(positive, scale * np.exp(q), value[known_ones] + q)
             found |= {names[k]: column for k, column in zip(known_ones, drawn.T, strict=True)}
-    except (KeyError, OSError, TypeError, ValueError, AttributeError) as error:
-        raise AnalysisError(
-            f"{path}: no results of an identification that says how sure it is: {error}"
-        ) from error
     if not found:
         raise AnalysisError(f"{path}: no parameter has a standard error")
     return found

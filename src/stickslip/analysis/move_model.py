@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..actuator import Actuator
 from ..control import PiezoInverse
+from ..gate.results import results_numbers
 from ..piezo import Creep, PrandtlIshlinskii
 from ..simulation.varied import free_names, quantity_of
 from ..units import QuantityError, with_prefix
@@ -56,7 +56,7 @@ def at_ends(model: Actuator, spread: Mapping[str, float]) -> list[Actuator]:
 
 def at_intervals(model: Actuator, results: Path) -> list[Actuator]:
     """The model with each parameter at both ends of the interval that a results.json gives for it."""
-    numbers = json.loads(results.read_text(encoding="utf-8"))["numbers"]
+    numbers = results_numbers(results)
     known, found = free_names(model), []
     for name, interval in _intervals(numbers):
         for end in interval if name in known else ():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -17,6 +16,8 @@ from ..actuator import Actuator
 from ..chain import Chain
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
+from ..gate.errors import damaged
+from ..gate.text import read_json
 from ..identify.results import chain_of, model_numbers, model_of
 from ..identify.saved import FORMAT, load_fit
 from ..identify.walk.prediction import Predictor
@@ -153,22 +154,22 @@ def _of_file(file: ModelOfFile, folder: Path) -> tuple[Actuator, Chain]:
 
 def _results(path: Path) -> tuple[Actuator, Chain]:
     """The actuator of a results.json or of a saved fit, and what a position channel shows of it."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+    said = f"{path}: no results of an identification with a model"
+    with damaged(AnalysisError, said):
+        content = read_json(path)
         if content.get("format") == FORMAT:
             predictor = getattr(load_fit(path).predict, "__self__", None)
             if not isinstance(predictor, Predictor):
                 raise ValueError("it is a saved fit, but of no walk")
             return predictor.model, predictor.chain
-        numbers = content["numbers"]
-        return model_of(numbers["model"]), chain_of(numbers)
-    except KeyError as error:
-        raise AnalysisError(
-            f"{path}: no results of an identification with a model: there is no {error} in it; "
-            "what stickslip identify, campaign or run has written of a walk holds one"
-        ) from error
-    except (OSError, ValueError, TypeError) as error:
-        raise AnalysisError(f"{path}: no results of an identification with a model: {error}") from error
+        try:
+            numbers = content["numbers"]
+            return model_of(numbers["model"]), chain_of(numbers)
+        except KeyError as error:
+            raise AnalysisError(
+                f"{said}: there is no {error} in it; what stickslip identify, campaign or run has written of "
+                "a walk holds one"
+            ) from error
 
 
 def _verified(

@@ -7,12 +7,13 @@ import math
 import os
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..gate.errors import GateError
+from ..gate.text import load_json
 from ..recording import (
     SCALE_UNCERTAINTY,
     STANDARD_NAMES,
@@ -126,9 +127,12 @@ def _warn_beyond(name: str, calibration: Calibration, values: NDArray[np.float64
 
 def calibration_attribute(applied: Mapping[str, Sequence[str]], before: str = "") -> str:
     """What goes into the attribute "calibration" of a recording: JSON, variable -> list of calibrations."""
+    known: Any
     try:
-        known: dict[str, Any] = json.loads(before) if before else {}
-    except ValueError:
+        known = load_json(before, "calibration") if before else {}
+    except GateError:
+        known = None
+    if not isinstance(known, dict):
         known = {"notes": before}  # free text of a reader
     for name, texts in applied.items():
         if not texts:

@@ -9,6 +9,8 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
+from ..gate.errors import GateError
+from ..gate.text import decoded, load_json, read_file
 from ..recording.conversion import SI_UNITS
 from ..recording.replacing import replaced_whole
 from ..records import did_you_mean
@@ -42,8 +44,10 @@ def load_calibration(name: str | os.PathLike[str]) -> Calibration:
             )
         path = _SETS / f"{text}.json"
     try:
-        return from_text(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, CalibrationError) as error:
+        return from_text(decoded(read_file(path), str(path)))
+    except GateError as error:
+        raise CalibrationError(str(error)) from None
+    except (OSError, CalibrationError) as error:
         raise CalibrationError(f"{path}: {error}") from None
 
 
@@ -71,9 +75,9 @@ def to_text(calibration: Calibration, indent: int | None = None) -> str:
 def from_text(text: str) -> Calibration:
     """The calibration of a JSON text; raises CalibrationError if it is none."""
     try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise CalibrationError(f"no JSON: {error}") from None
+        content = load_json(text, "calibration")
+    except GateError as error:
+        raise CalibrationError(str(error)) from None
     if not isinstance(content, dict) or content.pop("kind", None) != _KIND:
         raise CalibrationError(f"no calibration: its 'kind' must be {_KIND!r}")
     for key in content.keys() - _FIELDS:

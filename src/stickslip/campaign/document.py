@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -17,6 +16,7 @@ from ..estimate.systematic import intervals_with_systematics
 from ..experiment import Recorded
 from ..figures.campaign import Trace, walks
 from ..figures.style import svg
+from ..gate.results import json_attribute
 from ..identify.results import chain_numbers, model_numbers
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.document import in_turns
@@ -225,10 +225,7 @@ def _calibration(file: CampaignFile, found: Found) -> Section:
 
 
 def _applied(one: Aligned) -> Mapping[str, Any]:
-    try:
-        found = json.loads(str(one.recording.attrs.get("calibration", "")) or "{}")
-    except ValueError:
-        return {}
+    found = json_attribute(one.recording.attrs, "calibration")
     return {name: chain for name, chain in found.items() if isinstance(chain, list)}
 
 

@@ -23,6 +23,8 @@ from ..estimate.influence import PriorInfluence
 from ..estimate.lack import Lack
 from ..estimate.posterior import Posterior
 from ..estimate.saved import packed, unpacked
+from ..gate.errors import GateError, damaged
+from ..gate.text import MOST_RESULT_BYTES, load_json, read_file, unzipped
 from ..identify.candidates import Comparison
 from ..identify.saved import saved_types
 from ..identify.walk.explained import Explained
@@ -108,11 +110,12 @@ class Kept(NamedTuple):
         """Read a stage; None where there is none, or its file is damaged: then it is computed again."""
         types = {one.__name__: one for one in _TYPES}
         try:
-            content = json.loads(gzip.decompress(path.read_bytes()))
-            if content["key"] != key:
-                return None
-            return (unpacked(content["stage"], saved_types() | types | self.types),)
-        except (OSError, EOFError, ValueError, KeyError, TypeError):
+            with damaged(GateError, str(path)):
+                content = load_json(unzipped(read_file(path, MOST_RESULT_BYTES), str(path)), str(path))
+                if content["key"] != key:
+                    return None
+                return (unpacked(content["stage"], saved_types() | types | self.types),)
+        except GateError:
             return None
 
 

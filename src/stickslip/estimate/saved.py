@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any
+from inspect import ismethod
+from types import UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 import xarray as xr
@@ -49,10 +51,11 @@ def packed(item: Any) -> Any:
 
 
 def unpacked(item: Any, types: Mapping[str, type]) -> Any:
-    """What was packed, made anew of the types that are known by name.
+    """Return what was packed, made again of the types that are known by name; no code of the content is run.
 
     Raises:
-        KeyError: a type is not known.
+        TypeError: a type is not known, or a field is of another kind than its type says. Other damage may raise
+            other errors.
     """
     if isinstance(item, list):
         return tuple(unpacked(one, types) for one in item)
@@ -62,16 +65,78 @@ def unpacked(item: Any, types: Mapping[str, type]) -> Any:
     if kind == "float":
         return float(item["text"])
     if kind == "array":
-        return np.array(_rows(item["rows"]), dtype=item["dtype"])
+        return _array(item)
     if kind == "mapping":
         return {unpacked(k, types): unpacked(v, types) for k, v in item["items"]}
     if kind == "method":
-        return getattr(unpacked(item["owner"], types), item["name"])
+        return _method(unpacked(item["owner"], types), item["name"])
     if kind == "dataset":
         of = {key: _variables(item[key], types) for key in ("data", "coords")}
         return xr.Dataset(of["data"], of["coords"], unpacked(item["attrs"], types))
-    made: Any = types[kind]
-    return made(**{k: unpacked(v, types) for k, v in item.items() if k != TYPE})
+    made: Any = types.get(str(kind))
+    if made is None:
+        raise TypeError(f"the type {kind!r:.60} is not known")
+    fields = {k: unpacked(v, types) for k, v in item.items() if k != TYPE}
+    kinds = _kinds_of(made, types)
+    for name, value in fields.items():
+        if not _is_of(value, kinds.get(name, Any)):
+            raise TypeError(f"{kind}.{name} = {value!r:.60} is not of its kind")
+    return made(**fields)
+
+
+def _array(item: dict[str, Any]) -> Any:
+    """An array of numbers; of texts, as long as they are: a length that the content gives could be any."""
+    kind = np.dtype(str(item["dtype"]))
+    if kind.kind not in "biufcU":
+        raise TypeError(f"an array of {kind} is not one of numbers or texts")
+    return np.array(_rows(item["rows"]), dtype=str if kind.kind == "U" else kind)
+
+
+def _method(owner: Any, name: Any) -> Any:
+    found = getattr(owner, name) if str(name).isidentifier() and not str(name).startswith("_") else None
+    if not ismethod(found):
+        raise TypeError(f"{name!r:.60} is no method of a {type(owner).__name__}")
+    return found
+
+
+def _kinds_of(made: type, types: Mapping[str, type]) -> Mapping[str, Any]:
+    """The kinds of a record's fields; those that cannot be told are left out."""
+    try:
+        return get_type_hints(made, localns={**types, "np": np, "xr": xr})
+    except (NameError, TypeError):
+        return {}
+
+
+def _is_of(value: Any, kind: Any) -> bool:
+    """Return whether a value is of an annotated kind, lists and mappings with all in them."""
+    of, inner = get_origin(kind), get_args(kind)
+    if kind is Any or isinstance(kind, TypeVar | str):
+        return True
+    if of in (Union, UnionType):
+        return any(_is_of(value, one) for one in inner)
+    if of is Annotated:
+        return _is_of(value, inner[0])
+    if of is Literal:
+        return value in inner
+    if of is tuple:
+        if not isinstance(value, tuple):
+            return False
+        if inner[-1:] == (Ellipsis,):
+            return all(_is_of(one, inner[0]) for one in value)
+        return len(value) == len(inner) and all(map(_is_of, value, inner))
+    if isinstance(of, type) and issubclass(of, Mapping):
+        keys, values = inner if len(inner) == 2 else (Any, Any)
+        return isinstance(value, Mapping) and all(
+            _is_of(k, keys) and _is_of(v, values) for k, v in value.items()
+        )
+    if isinstance(of, type) and issubclass(of, Iterable):
+        return isinstance(value, tuple | np.ndarray)
+    kind = of or kind
+    if kind is float:
+        return isinstance(value, float | int) and not isinstance(value, bool)
+    if kind is int:
+        return isinstance(value, int) and not isinstance(value, bool)
+    return isinstance(value, kind) if isinstance(kind, type) else True
 
 
 def _held(variables: Mapping[Any, xr.DataArray]) -> list[Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from contextlib import suppress
@@ -12,6 +11,8 @@ from typing import Any, NamedTuple
 from ..actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
 from ..chain import Chain
 from ..estimate.result import Fit
+from ..gate.errors import GateError, damaged
+from ..gate.results import results_numbers
 from ..identify.results import chain_of, model_of
 from ..parameters import ParameterSetError, load_set
 from ..records import quantities_of
@@ -81,15 +82,15 @@ def _refuse(model: Any) -> None:
 def _of_results(file: Path) -> Exported:
     """The actuator that ``stickslip identify`` wrote into a results.json."""
     try:
-        numbers = json.loads(file.read_text(encoding="utf-8"))["numbers"]
+        numbers = results_numbers(file)
         found = numbers["model"]
     except OSError as error:
         raise ExportError(f"{file} cannot be read: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError):
+    except (GateError, KeyError):
         raise ExportError(
             f"{file} holds no actuator: only the fit of a walk (kind: walk) gives one that can be exported"
         ) from None
-    try:
+    with damaged(ExportError, str(file)):
         model = model_of(found)
         chain = chain_of(numbers) if "signal_chain" in numbers else None
         fitted = {
@@ -97,8 +98,6 @@ def _of_results(file: Path) -> Exported:
             for name, entry in numbers.get("parameters", {}).items()
             if entry.get("standard_error") is not None
         }
-    except (ValueError, TypeError, AttributeError) as error:
-        raise ExportError(f"{file}: {error}") from error
     _refuse(model)
     return Exported(model, _sources(model, fitted), chain)
 

@@ -1,4 +1,11 @@
-"""Errors of the gate."""
+"""Errors of the gate, and how others' errors become one documented sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+_LONGEST = 300  # characters of a message that is quoted
 
 
 class GateError(ValueError):
@@ -7,3 +14,26 @@ class GateError(ValueError):
 
 class GateBusy(GateError):
     """A file that was not read, though nothing is wrong with it as far as known: try again."""
+
+
+@contextmanager
+def damaged(kind: type[Exception], said: str) -> Iterator[None]:
+    """Raise one documented error for whatever damaged content leads to while it is interpreted.
+
+    Content that was changed by hand or on a disk fails in as many ways as Python knows: this is the one place
+    that catches them all. Errors of the given kind pass as they are, and so do a lack of memory and a
+    file that was not read.
+
+    Args:
+        kind: the documented error.
+        said: the file, and what it does not hold: the start of the message.
+    """
+    try:
+        yield
+    except (kind, GateBusy, MemoryError):
+        raise
+    except KeyError as error:
+        raise kind(f"{said}: there is no {str(error)[:_LONGEST]} in it") from error
+    except Exception as error:
+        name = "" if isinstance(error, ValueError | OSError) else f"{type(error).__name__}: "
+        raise kind(f"{said}: {name}{' '.join(str(error).split())[:_LONGEST]}") from error

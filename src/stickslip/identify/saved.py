@@ -23,6 +23,8 @@ from ..estimate.result import Fit
 from ..estimate.saved import packed, unpacked
 from ..estimate.systematic import Systematic
 from ..friction import is_law
+from ..gate.errors import damaged
+from ..gate.text import read_json
 from ..piezo import Piezo
 from ..recording.replacing import replaced_whole
 from .frequency.amplitude import AmplitudeModel
@@ -69,17 +71,17 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
         FitError: the file cannot be read, holds no fit, or one of the user's own law that is not known here.
     """
     types = saved_types()
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    with damaged(FitError, f"{path}: there is no fit in it"):
+        content = read_json(path)
         if content["format"] != FORMAT:
-            raise KeyError(content["format"])
-        if "law_of" in content:
-            types[str(content["law"])] = registry.laws.of_results(content)
+            raise ValueError(f"its format is {content['format']!r:.60}, not {FORMAT!r}")
+        try:
+            if "law_of" in content:
+                types[str(content["law"])] = registry.laws.of_results(content)
+        except registry.RegistryError as error:
+            raise FitError(f"{path}: {error}") from error
         fit = unpacked(content["fit"], types)
-    except registry.RegistryError as error:
-        raise FitError(f"{path}: {error}") from error
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise FitError(f"{path}: there is no fit in it ({type(error).__name__}: {error})") from error
-    if not isinstance(fit, Fit):
-        raise FitError(f"{path}: there is no fit in it, but a {type(fit).__name__}")
-    return fit
+        if not isinstance(fit, Fit):
+            raise TypeError(f"but a {type(fit).__name__}")
+        repr(fit)  # values, uncertainty and parameters belong together, or there is no summary
+        return fit

@@ -22,13 +22,12 @@ from ..readers.process import Reader
 from ..recording import STANDARD_NAMES
 from ..recording.replacing import replaced_whole
 from ..records import quantities, quantities_of
-from ..registry import check_used
+from ..registry import nothing_run
 from ..rig import Capabilities, Limits
 from ..rig.measurement import channel_units
 from ..units import QuantityError, to_si, turned, unit_for
 from .folder import Folder
 from .rigs import asked_rig, facts, fitted
-from .sets import check_own
 
 DEFAULT = Path(__file__).parent / "experiment.yaml"
 MOST_KEPT = 200  # changes that can be taken back
@@ -63,21 +62,19 @@ class BenchDocument:
         self.checked = self._check(load_yaml(DEFAULT))
 
     def _check(self, content: dict[str, Any]) -> Checked:
-        """Raises ValueError or RigError for what cannot be recorded; nothing is put out."""
-        file, laboratory = self._planned(content)
-        found = cells(file, self._folder.root, laboratory, self._read)
-        can = laboratory.capabilities(found[0].actuator)
+        """Raises ValueError or RigError for what cannot be recorded; nothing is put out, no new file run."""
+        with nothing_run():
+            file, laboratory = self._planned(content)
+            found = cells(file, self._folder.root, laboratory, self._read)
+            can = laboratory.capabilities(found[0].actuator)
         limits = limits_of(file.limits, found[0].actuator)
         return Checked(content, file, found, channel_units(can, found[0].channels, limits), can, limits)
 
     def _planned(self, content: dict[str, Any]) -> tuple[ExperimentFile, PlanningLaboratory]:
-        """What it says, none of it a file that was not used, and its laboratory."""
+        """What it says, and its laboratory; raises ValueError for names of files that are not in the folder."""
         file = check_experiment(content)
         for name in _files(file):
-            check_own(self._folder.path(name))
-        for part in (part for run in file.runs for part in run.waveform):
-            check_used(part.shape or "", self._folder.root)
-        check_used(file.rig.kind, self._folder.root)
+            self._folder.path(name)
         return file, PlanningLaboratory(file, self._folder.root)
 
     def check(self, content: dict[str, Any]) -> Checked:
@@ -94,8 +91,9 @@ class BenchDocument:
         with self._lock:
             content = self.checked.content
             content = {**content, "rig": asked_rig(kind, bench, options, content.get("rig", {}))}
-            _, laboratory = self._planned(content)
-            can = laboratory.capabilities(self.checked.cells[0].actuator)
+            with nothing_run():
+                _, laboratory = self._planned(content)
+                can = laboratory.capabilities(self.checked.cells[0].actuator)
             made, left_out = fitted(content, can, self._check)
             self._take(self._check(made))
             return left_out

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import os
-from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
 
 from ..actuator import Actuator, load_actuator
-from ..gate.text import MOST_BYTES
 from ..history.index import SETS
-from ..parameters import ParameterSetError, available_sets, load_set, read_toml
-from ..registry import check_used
+from ..parameters import ParameterSetError, available_sets, load_set
+from ..registry import nothing_run
 from ..units import QuantityError
 from .folder import Folder, FolderError
 
@@ -64,34 +61,8 @@ class Sets:
         if not path.is_file():
             raise ParameterSetError("there is no such file")
         status = path.stat()
-        if status.st_size > MOST_BYTES:
-            raise ParameterSetError(f"the file has more than {MOST_BYTES:,} bytes")
-        check_own(path)
-        return _of_file(path, (status.st_mtime_ns, status.st_size))
-
-
-def check_own(path: Path, above: tuple[Path, ...] = ()) -> None:
-    """Nothing, unless the file is a parameter set or a bench with a law or sensors of a user's own file that
-    the panel was not started with; or names one, as a bench its base.
-
-    Raises:
-        RegistryError: it is.
-        ParameterSetError: it is no plain file, and may never answer who opens it.
-    """
-    named, below = list[Any](), list[Path]()
-    if path.suffix == ".toml" and path not in above:
-        if path.exists() and not path.is_file():
-            raise ParameterSetError(f"{path}: no plain file")
-        with suppress(ParameterSetError, AttributeError):  # who loads it says what is wrong
-            content = read_toml(path)
-            named = [content.get("friction", {}).get("law")]
-            files = [one for one in content.values() if isinstance(one, str) and one.endswith(".toml")]
-            below = [(path.parent / one).resolve() for one in files]
-            named += [one.get("type") for one in content.get("sensor", {}).values()]
-    for text in named:
-        check_used(str(text), path.parent)
-    for one in below:
-        check_own(one, (*above, path))
+        with nothing_run():
+            return _of_file(path, (status.st_mtime_ns, status.st_size))
 
 
 @cache

@@ -14,6 +14,8 @@ from typing import Any
 
 from fastapi import WebSocket, WebSocketDisconnect
 
+from ..gate.errors import GateError
+from ..gate.text import load_json
 from .packing import packed as packed
 
 Message = str | bytes
@@ -128,8 +130,8 @@ def _said(text: str) -> dict[str, Any]:
     if len(text) > LONGEST_MESSAGE:
         return {}
     try:
-        found = json.loads(text)
-    except (ValueError, RecursionError):
+        found = load_json(text, "message")
+    except GateError:
         return {}
     return found if isinstance(found, dict) else {}
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -15,6 +16,9 @@ import numpy as np
 import xarray as xr
 
 from .. import registry
+from ..gate.errors import damaged
+from ..gate.results import json_attribute
+from ..units import QuantityError
 from ..waveform.sequence import Sequence
 from ..waveform.signal import Waveform
 
@@ -27,11 +31,11 @@ def drive_text(waveform: Waveform) -> str:
 def named_drive(recording: xr.Dataset) -> Waveform | None:
     """The waveform from its own begin on; None where the attribute is missing, or names one that is not known
     here (see `registry.use_file`) or cannot be."""
-    try:
-        made = _made(json.loads(str(recording.attrs.get("drive", ""))))
-    except (ValueError, TypeError, KeyError, RecursionError):
-        return None
-    return made if hasattr(made, "drive") else None
+    content = json_attribute(recording.attrs, "drive")
+    with suppress(QuantityError), damaged(QuantityError, "drive"):
+        made = _made(content)
+        return made if hasattr(made, "drive") else None
+    return None
 
 
 def _data(value: Any) -> Any:

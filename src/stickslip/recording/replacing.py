@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from ..gate.text import read_json
 
 BIN = ".bin"
 
@@ -54,10 +55,7 @@ def read_small(path: Path, most: int = 100_000) -> dict[str, Any] | None:
         return None
     if not path.is_file() or path.stat().st_size > most:  # a pipe may never answer who opens it
         raise ValueError(f"no plain file of up to {most} bytes")
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except RecursionError:
-        raise ValueError("no JSON that this program writes: too deep") from None
+    found = read_json(path, most)
     if not isinstance(found, dict):
         raise ValueError("no JSON of names and values")
     return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from ..actuator import load_actuator
 from ..experiment import Recorded
 from ..figures.recordings import recording_detail, recordings_together
 from ..figures.style import svg
+from ..gate.results import json_attribute
 from ..recording import open_recording
 from ..rig import load_bench
 from ..units import with_prefix
@@ -68,7 +68,7 @@ def recorded_assumptions(recorded: Sequence[Recorded]) -> list[str]:
 def _section(run: str, recordings: dict[str, xr.Dataset]) -> Section:
     shown = dict(list(recordings.items())[:_MOST_LINES])
     name, first = next(iter(recordings.items()))
-    capture = json.loads(first.attrs["capture"])
+    capture = json_attribute(first.attrs, "capture")
     trigger = round(capture["pre_trigger"] / capture["interval"]) * capture["interval"]
     begin, end = max(trigger - _BEFORE, 0.0), trigger + max(_AFTER, 10 * capture["interval"])
     variables = list(map(str, first.data_vars))

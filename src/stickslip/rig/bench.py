@@ -39,6 +39,7 @@ from ..units import to_si
 
 T = TypeVar("T")
 
+MOST_BASES = 10  # benches, each the base of the one before
 _BENCHES = Path(__file__).parent / "benches"
 Sensor = StrainGauge | InductiveSensor | Interferometer | Encoder | PositionSensor | Chain
 _PLACES = ("stage", "end_effector")
@@ -113,13 +114,14 @@ def load_bench(name: str | os.PathLike[str]) -> Bench:
         ParameterSetError: there is no such bench, or the file is wrong; names file and field.
     """
     file = named_file(name, _BENCHES, "bench")
-    return _Reading(file, _whole(file)).bench(os.fspath(name))
+    with damaged(ParameterSetError, str(file)):
+        return _Reading(file, _whole(file)).bench(os.fspath(name))
 
 
 def _whole(file: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
     """The content of a file, on that of its base."""
-    if file in above:
-        raise ParameterSetError(f"{file}: base: the bench is its own base")
+    if file in above or len(above) > MOST_BASES:
+        raise ParameterSetError(f"{file}: base: the bench is its own base, or the last of more than {MOST_BASES}")
     content = read_toml(file)
     base = content.pop("base", None)
     if base is None:
@@ -134,8 +136,13 @@ def _whole(file: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
 
 
 def _beside(file: Path, name: str) -> str | Path:
-    """What a file names: a file beside it, or what comes with the package."""
-    return file.parent / name if name.endswith(".toml") else name
+    """What a file names: a file in its folder, or what comes with the package; raises ParameterSetError."""
+    if not name.endswith(".toml"):
+        return name
+    try:
+        return inside(file.parent, PurePath(name).as_posix(), "the folder of the bench")
+    except GateError as error:
+        raise ParameterSetError(f"{file}: {error}") from error
 
 
 class _Reading:

@@ -14,6 +14,7 @@ from ..calibration import Calibration
 from ..calibration.applying import calibration_attribute, scale_attribute
 from ..calibration.storage import from_text, to_text
 from ..electronics import Filter, filtered
+from ..gate.text import load_json
 from ..recording import make_recording
 from ..units import with_prefix
 from .capture import Capture, CaptureError, Trigger, find_trigger, picks, stride
@@ -174,8 +175,8 @@ class Making(NamedTuple):
 
     @classmethod
     def from_text(cls, text: str) -> Making:
-        """Of such a text; raises ValueError, LookupError or TypeError for another."""
-        content = json.loads(text)
+        """Return what such a text says; raises ValueError, LookupError or TypeError for another."""
+        content = load_json(text, "samples that were kept")
         trigger = content["capture"].pop("trigger")
         return cls(
             **content

@@ -29,6 +29,7 @@ from typing import Any
 
 import numpy as np
 
+from ..gate.text import load_json
 from .protocols import Array
 
 LARGEST_HEAD = 1_000_000  # bytes
@@ -64,7 +65,7 @@ def receive(link: socket.socket) -> tuple[dict[str, Any], Array]:
     if length > LARGEST_HEAD:
         raise WireError(f"a head of {length} bytes")
     try:
-        head = json.loads(_exactly(link, length))
+        head = load_json(_exactly(link, length), "message")
         shape = tuple(int(n) for n in head.pop("shape"))
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise WireError(f"no message: {error}") from None

@@ -12,6 +12,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..friction import element, project
+from ..gate.errors import damaged
+from ..gate.text import load_json
 from ..records import of_kind
 from ..units import QuantityError
 from ..waveform.drive import Drive, evaluate
@@ -59,10 +61,16 @@ def final_state(trajectory: xr.Dataset) -> State:
         raise QuantityError(
             "there is no final state: attrs['final_state'] is written by simulate, of a complete trajectory"
         )
-    fields = json.loads(text)
-    for name in ("bristle_deflections", "resume", "further"):
-        fields[name] = tuple(fields[name])
-    return State(**fields)
+    with damaged(QuantityError, "attrs['final_state'] is no final state"):
+        fields = load_json(str(text), "final_state")
+        for name in ("bristle_deflections", "resume", "further"):
+            fields[name] = tuple(map(float, fields[name]))
+        texts = {"made_by": str(fields.pop("made_by"))}
+        return State(**texts, **{name: _number(one) for name, one in fields.items()})
+
+
+def _number(value: Any) -> Any:
+    return value if isinstance(value, tuple) or value is None else float(value)
 
 
 def taken_up(initial_state: State | xr.Dataset | None, model: Any, waveform: Any) -> State | None:

@@ -12,7 +12,6 @@ scatters over the conditions by more than its uncertainty, by Cochran's Q.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ from ...actuator import Actuator
 from ...estimate.lack import independent_samples
 from ...estimate.result import Fit
 from ...estimate.shown import preformatted
+from ...gate.results import json_attribute
 from ...recording import RecordingError
 from ...records import did_you_mean
 from ...units import to_si, with_prefix
@@ -199,8 +199,4 @@ def _values_of(recordings: Sequence[xr.Dataset], by: str, unit: str) -> list[flo
 
 def _variables(recording: xr.Dataset) -> dict[str, Any]:
     """What an experiment file noted; see `variables_attribute`."""
-    try:
-        noted = json.loads(str(recording.attrs.get("variables", "") or "{}"))
-    except ValueError:
-        return {}
-    return noted if isinstance(noted, dict) else {}
+    return json_attribute(recording.attrs, "variables")

@@ -1,0 +1,33 @@
+"""What other files of the package's own say: the numbers of results, the attributes of recordings."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from .errors import GateError
+from .text import load_json, read_json
+
+
+def results_numbers(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the numbers of a results.json.
+
+    Raises:
+        GateError: the file is no such JSON.
+        OSError: it cannot be read.
+    """
+    content = read_json(path)
+    numbers = content.get("numbers") if isinstance(content, dict) else None
+    if not isinstance(numbers, dict):
+        raise GateError(f"{path}: there are no 'numbers' in it: no results.json")
+    return numbers
+
+
+def json_attribute(attributes: Mapping[Any, Any], name: str) -> dict[str, Any]:
+    """Return what an attribute of a recording says as JSON; an empty mapping where it says none."""
+    try:
+        found = load_json(str(attributes.get(name, "")), f"attribute {name}")
+    except GateError:
+        return {}
+    return found if isinstance(found, dict) else {}
