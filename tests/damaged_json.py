@@ -8,10 +8,11 @@ from typing import Any
 
 STRANGE = (
     None, True, 0, -1, 5, 1e308, 1e-320, "", "x", "nan", "../../etc/passwd", "é" * 50, [], {}, [[]], [1, "a"],
-    {"type": "array"}, {"type": "float", "text": "nan"}, {"type": "float", "text": "x"}, {"type": "mapping", "items": [[[], 1]]},
+    {"type": "array"}, {"type": "float", "text": "nan"}, {"type": "float", "text": "x"}, {"type": "Fit"},
+    {"type": "mapping", "items": [[[], 1]]}, {"type": "dataset", "coords": [], "data": []},
     {"type": "array", "dtype": "U1000000000", "rows": ["a"]}, {"type": "array", "dtype": "O", "rows": [1]},
-    {"type": "array", "dtype": "float64", "rows": [[1], [1, 2]]}, {"type": "method", "owner": "a", "name": "__class__"},
-    {"type": "method", "owner": [1], "name": "index"}, {"type": "Fit"}, {"type": "dataset", "coords": [], "data": []},
+    {"type": "array", "dtype": "float64", "rows": [[1], [1, 2]]},
+    {"type": "method", "owner": "a", "name": "__class__"}, {"type": "method", "owner": [1], "name": "index"},
 )  # fmt: skip
 
 
@@ -21,7 +22,7 @@ def mutated(content: Any, draw: random.Random) -> Any:
     for _ in range(draw.randint(1, 3)):
         places = list(_places(made))
         if not places:
-            return draw.choice(STRANGE)
+            return copy.deepcopy(draw.choice(STRANGE))
         # The deep ones are many: a place high up is as likely.
         deepest = max(depth for depth, *_ in places)
         depth = draw.randint(0, deepest)
@@ -43,7 +44,7 @@ def _change(owner: Any, key: Any, draw: random.Random) -> None:
     elif act == 4 and isinstance(owner[key], list) and owner[key]:
         owner[key] = owner[key][: draw.randint(0, len(owner[key]) - 1)]
     else:
-        owner[key] = draw.choice(STRANGE)
+        owner[key] = copy.deepcopy(draw.choice(STRANGE))
 
 
 def _places(content: Any, depth: int = 0) -> Any:

@@ -33,6 +33,7 @@ from stickslip.registry import RegistryError
 from stickslip.rig.devices import open_device, virtual_device
 from stickslip.rig.hosted import stop_all
 from stickslip.study.own import own_function
+from stickslip.units import QuantityError
 
 LAW = '''
 from typing import Annotated, NamedTuple
@@ -321,10 +322,10 @@ def test_the_panel_runs_no_file_that_a_request_names(folder: Path) -> None:
             "fields": {"amplitude": 1, "frequency": 5, "rest": 0.1, "periods": 2},
         }
     ]
-    with pytest.raises(RegistryError, match="not run from here"):
+    with pytest.raises(QuantityError, match="not run from here"):
         bench.check(content)
     own = {**bench.checked.content, "actuator": {"set": "mine.toml"}}
-    with pytest.raises(RegistryError, match="not run from here"):
+    with pytest.raises(QuantityError, match="not run from here"):
         bench.check(own)
     (folder / "parameters").mkdir()
     (folder / "parameters" / "mine.toml").write_text(

@@ -104,7 +104,7 @@ def explain(
         inside: where in the file the content is, "steps.0.".
         content: what was checked: the place is told by its keys, not by the schema's names of alternatives.
     """
-    found = error.errors()
+    found = error.errors(include_url=False)
     first = next((one for one in found if one["type"] == _UNKNOWN), found[0])
     place = _keys(content, first["loc"]) + [
         str(part) for part in first["loc"][-1:] if first["type"] == "missing"

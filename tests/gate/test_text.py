@@ -43,14 +43,14 @@ YAML = {
     "merges": (
         "a0: &a0 {" + ", ".join(f"k{n}: 1" for n in range(10)) + "}\n"
         + "".join(f"a{n}: &a{n} {{<<: [{', '.join([f'*a{n - 1}'] * 10)}]}}\n" for n in range(1, 9)),
-        "more than 200,000 values",
+        "more than 100,000 values",
     ),
     "references": (
         "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1]\n"
         + "".join(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 12)),
-        "more than 200,000 values",
+        "more than 100,000 values",
     ),
-    "many values": ("x: [" + "1," * 400_000 + "]", "more than 200,000 values"),
+    "many values": ("x: [" + "1," * 400_000 + "]", "more than 100,000 values"),
     "itself": ("a: &a [*a]", "line 1: '*a' refers to itself"),
     "nothing": ("a: 1\nb: *c", "line 2: '*c' refers to nothing"),
     "base 60": ("x: 1" + ":59" * 300_000, "line 1 has a number of more than 100 digits"),
@@ -123,7 +123,7 @@ from stickslip.gate.text import load_json, load_toml
 from stickslip.gate.yaml_text import load_yaml
 import resource
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-load_yaml("x: [" + "1, " * 190_000 + "]", "")
+load_yaml("x: [" + "1, " * 90_000 + "]", "")
 load_json("[" + ", ".join(['{{"a": 1}}'] * ({MOST_VALUES} // 2 - 1)) + "]", "")
 load_toml("".join(f"[a{{n}}]\\n" for n in range(90_000)), "")
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import copy
+import json
 import pickle
+import random
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +14,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from damaged_json import mutated
 from stickslip.estimate.result import Fit
 
 from .stops import made_loops
@@ -92,3 +96,37 @@ def test_files_without_a_fit_are_refused(tmp_path: Path) -> None:
             ss.load_fit(tmp_path / "no.json")
     with pytest.raises(ss.estimate.FitError, match="there is no fit"):
         ss.load_fit(tmp_path / "nowhere.json")
+
+
+def test_damaged_files_are_refused_or_are_fits_that_say_themselves(tmp_path: Path) -> None:
+    """500 random changes of types, keys and depth: FitError, or a fit with which all works."""
+    fit, _ = looped()
+    path, draw, refused = tmp_path / "fit.json", random.Random(11), 0
+    ss.save_fit(fit, path)
+    content = json.loads(path.read_text())
+    for _ in range(500):
+        path.write_text(json.dumps(mutated(content, draw)))
+        began = time.process_time()
+        try:
+            found = ss.load_fit(path)
+        except ss.estimate.FitError as error:
+            refused += 1
+            said = str(error)
+        else:
+            with np.errstate(all="ignore"):
+                said = f"{found.report()} {found.to_dict()} {found.confidence_intervals()} fit.json"
+        assert "fit.json" in said
+        assert time.process_time() - began < 2.0
+    assert 250 < refused < 500
+
+
+DEEP = "[" * 500 + "]" * 500
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, f'{{"format": "stickslip fit", "fit": {DEEP}}}', "5", '"x"', "[1]"]
+)
+def test_files_that_are_too_deep_or_no_mapping_are_refused(text: str, tmp_path: Path) -> None:
+    (tmp_path / "no.json").write_text(text, "utf-8")
+    with pytest.raises(ss.estimate.FitError, match=r"no\.json"):
+        ss.load_fit(tmp_path / "no.json")

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..actuator import Actuator
 from ..control import PiezoInverse
+from ..gate.errors import damaged
 from ..gate.results import results_numbers
 from ..piezo import Creep, PrandtlIshlinskii
 from ..simulation.varied import free_names, quantity_of
@@ -56,17 +57,24 @@ def at_ends(model: Actuator, spread: Mapping[str, float]) -> list[Actuator]:
 
 def at_intervals(model: Actuator, results: Path) -> list[Actuator]:
     """The model with each parameter at both ends of the interval that a results.json gives for it."""
-    numbers = results_numbers(results)
-    known, found = free_names(model), []
-    for name, interval in _intervals(numbers):
+    with damaged(QuantityError, f"{results}: no results of an identification"):
+        return list(_at_intervals(model, results))
+
+
+def _at_intervals(model: Actuator, results: Path) -> Iterator[Actuator]:
+    known = free_names(model)
+    for name, interval in _intervals(results_numbers(results)):
         for end in interval if name in known else ():
             if end is None or not _allowed(model, name, end):
                 raise QuantityError(
                     f"{results}: the recordings do not determine {name}, whose interval is open: there is no "
                     "model at its end. Give its spread instead, or identify it from more recordings"
                 )
-            found.append(changed_in(model, {name: float(end)}))
-    return found
+            try:
+                found = changed_in(model, {name: float(end)})
+            except QuantityError as error:
+                raise QuantityError(f"{results}: {error}") from error
+            yield found
 
 
 def _allowed(model: Actuator, name: str, value: float) -> bool:

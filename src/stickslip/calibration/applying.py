@@ -12,8 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..gate.errors import GateError
-from ..gate.text import load_json
+from ..gate.results import json_attribute
 from ..recording import (
     SCALE_UNCERTAINTY,
     STANDARD_NAMES,
@@ -127,13 +126,9 @@ def _warn_beyond(name: str, calibration: Calibration, values: NDArray[np.float64
 
 def calibration_attribute(applied: Mapping[str, Sequence[str]], before: str = "") -> str:
     """What goes into the attribute "calibration" of a recording: JSON, variable -> list of calibrations."""
-    known: Any
-    try:
-        known = load_json(before, "calibration") if before else {}
-    except GateError:
-        known = None
-    if not isinstance(known, dict):
-        known = {"notes": before}  # free text of a reader
+    known = json_attribute({"calibration": before}, "calibration")
+    if before and not known:
+        known["notes"] = before  # free text of a reader
     for name, texts in applied.items():
         if not texts:
             continue

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
+from ..gate.errors import damaged
 from ..parameters import Entry, ParameterSetError, build, named_file, read_entries, read_toml
 from ..records import Quantity, record
 from .material import Bodies, Material
@@ -65,7 +66,9 @@ def load_material(name: str | os.PathLike[str]) -> Material:
     Raises:
         ParameterSetError: there is no such material, or the file is wrong; names file and field.
     """
-    return _material(named_file(name, _MATERIALS, "material"))[0]
+    file = named_file(name, _MATERIALS, "material")
+    with damaged(ParameterSetError, str(file)):
+        return _material(file)[0]
 
 
 def load_pair(name: str | os.PathLike[str]) -> FrictionPair:
@@ -75,6 +78,11 @@ def load_pair(name: str | os.PathLike[str]) -> FrictionPair:
         ParameterSetError: there is no such pair, or the file is wrong; names file and field.
     """
     file = named_file(name, _PAIRS, "friction pair")
+    with damaged(ParameterSetError, str(file)):
+        return _pair(os.fspath(name), file)
+
+
+def _pair(name: str, file: Path) -> FrictionPair:
     head, content = _head(file, "friction pair")
     assumed, bodies, cited = {}, [], list(head["citations"])
     for side in ("first", "second"):
@@ -82,14 +90,17 @@ def load_pair(name: str | os.PathLike[str]) -> FrictionPair:
         if not isinstance(said, str):
             raise ParameterSetError(f"{file}: {side} = {said!r} must be the name of a material, or a file")
         own = file.parent / said if said.endswith(".toml") else said
-        made, entries, sources = _material(named_file(own, _MATERIALS, "material"))
+        try:
+            made, entries, sources = _material(named_file(own, _MATERIALS, "material"))
+        except ParameterSetError as error:
+            raise ParameterSetError(f"{file}: {side}: {error}") from error
         bodies.append(made)
         cited += sources
         assumed |= {f"{side}.{field}": why for field, why in _assumed(entries).items()}
     entries = read_entries(file, "", content)
     friction = build(Sliding, entries, str(file))
     return FrictionPair(
-        os.fspath(name),
+        name,
         head["title"],
         tuple(dict.fromkeys(map(str, cited))),
         Bodies(*bodies),

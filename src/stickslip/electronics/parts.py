@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..gate.errors import damaged
 from ..parameters import Entry, ParameterSetError, build, named_file, read_entries, read_toml
 from .amplifier import Amplifier
 from .stack import Stack
@@ -57,7 +58,11 @@ def load_part(name: str | os.PathLike[str]) -> Part:
         ParameterSetError: there is no such part, or the file is wrong; names file and field.
     """
     file = named_file(name, _PARTS, "part")
-    content = read_toml(file)
+    with damaged(ParameterSetError, str(file)):
+        return _part(os.fspath(name), file, read_toml(file))
+
+
+def _part(name: str, file: Path, content: dict[str, Any]) -> Part:
     head = {}
     for key, wanted in _TOP.items():
         head[key] = content.pop(key, None)
@@ -67,9 +72,7 @@ def load_part(name: str | os.PathLike[str]) -> Part:
         raise ParameterSetError(f"{file}: kind = {head['kind']!r} must be one of {', '.join(_KINDS)}")
     entries = read_entries(file, "", content)
     record = build(_KINDS[head["kind"]], entries, str(file))
-    return Part(
-        os.fspath(name), head["title"], tuple(map(str, head["citations"])), head["kind"], record, entries
-    )
+    return Part(name, head["title"], tuple(map(str, head["citations"])), head["kind"], record, entries)
 
 
 def load_amplifier(name: str | os.PathLike[str]) -> Amplifier:

@@ -54,8 +54,8 @@ def unpacked(item: Any, types: Mapping[str, type]) -> Any:
     """Return what was packed, made again of the types that are known by name; no code of the content is run.
 
     Raises:
-        TypeError: a type is not known, or a field is of another kind than its type says. Other damage may raise
-            other errors.
+        TypeError: a type is not known, or a field is of another kind than its type says. Other damage may
+            raise other errors.
     """
     if isinstance(item, list):
         return tuple(unpacked(one, types) for one in item)

@@ -23,9 +23,10 @@ import numpy as np
 from .errors import GateError
 
 MOST_BYTES = 1_000_000  # bytes of a file that a person writes: an input file, a parameter set
-MOST_RESULT_BYTES = 32_000_000  # bytes of a JSON that a program wrote: a fit, results
+MOST_RESULT_BYTES = 100_000_000  # bytes of a JSON that a program wrote: a fit with 5 million numbers
 MOST_DEPTH = 64  # lists and mappings within each other; the package's own files have up to 14
-MOST_VALUES = 1_000_000  # values of a JSON: about 200 bytes of memory each
+MOST_VALUES = 1_000_000  # lists, mappings and texts of a JSON: up to 250 bytes of memory each
+MOST_NUMBERS = 5_000_000  # values of a JSON in all: 32 bytes of memory each
 MOST_DIGITS = 100  # characters of a number: a float has up to 25, a seed of 128 bits has 39
 _LOOKED_AT = 1000  # bytes at the start of a file in which a text has no zero byte
 _BRACKETS = bytes(set(range(256)) - set(b"[]{}"))  # all other bytes
@@ -104,14 +105,14 @@ def load_json(raw: bytes | str, source: str) -> Any:
     Raises:
         GateError: no JSON, too deep, too many values, a name given twice, a number of too many digits.
     """
+    written = raw if isinstance(raw, bytes) else raw.encode("utf-8", "surrogatepass")
     text = decoded(raw, source) if isinstance(raw, bytes) else raw
-    raw = text.encode("utf-8", "surrogatepass")
-    _check_json(raw, source)
+    _check_json(written, source)
     try:
         found = json.loads(text, object_pairs_hook=_mapping)
-        if _HALF_LETTER.search(raw):
+        if _HALF_LETTER.search(written):
             json.dumps(found, ensure_ascii=False).encode("utf-8")
-        elif not raw.isascii():
+        elif text is raw:
             text.encode("utf-8")
     except UnicodeEncodeError:
         raise GateError(f"{source}: it holds half a character (a lone surrogate)") from None
@@ -186,8 +187,10 @@ def _check_json(raw: bytes, source: str) -> None:
         raise too_many(source, MOST_VALUES)
     bare = _JSON_TEXT.sub(b"", raw)
     opened, closed = (sum(map(bare.count, some)) for some in ((b"[", b"{"), (b"]", b"}")))
-    if opened + bare.count(b",") > MOST_VALUES or closed > MOST_VALUES:
+    if opened > MOST_VALUES or closed > MOST_VALUES:
         raise too_many(source, MOST_VALUES)
+    if bare.count(b",") > MOST_NUMBERS:
+        raise too_many(source, MOST_NUMBERS)
     if opened > MOST_DEPTH:
         brackets = np.frombuffer(bare.translate(None, _BRACKETS), dtype=np.uint8)
         steps = np.where((brackets == ord("[")) | (brackets == ord("{")), 1, -1)

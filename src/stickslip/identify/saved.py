@@ -6,6 +6,8 @@ import json
 import os
 from pathlib import Path
 
+import numpy as np
+
 from .. import registry
 from .._version import __version__
 from ..actuator import Actuator
@@ -24,7 +26,7 @@ from ..estimate.saved import packed, unpacked
 from ..estimate.systematic import Systematic
 from ..friction import is_law
 from ..gate.errors import damaged
-from ..gate.text import read_json
+from ..gate.text import MOST_RESULT_BYTES, read_json
 from ..piezo import Piezo
 from ..recording.replacing import replaced_whole
 from .frequency.amplitude import AmplitudeModel
@@ -52,7 +54,7 @@ def save_fit(fit: Fit, path: str | os.PathLike[str]) -> None:
     """Save a fit as JSON, whole: values, uncertainty, residuals, and what it predicts with.
 
     Raises:
-        FitError: its model is none of the package's.
+        FitError: its model is none of the package's, or the file would be too large to be read again.
     """
     law = getattr(fit.model, "friction", fit.model)
     said = registry.laws.written(type(law)) if is_law(law) else {}
@@ -60,6 +62,11 @@ def save_fit(fit: Fit, path: str | os.PathLike[str]) -> None:
         text = json.dumps({"format": FORMAT, "version": __version__, **said, "fit": packed(fit)})
     except TypeError as error:
         raise FitError(f"{path}: {error}") from error
+    if len(text) > MOST_RESULT_BYTES:
+        raise FitError(
+            f"{path}: the fit has {len(text) / 1e6:.0f} MB as a file, and files of up to "
+            f"{MOST_RESULT_BYTES / 1e6:g} MB are read again: fit fewer samples of each recording"
+        )
     with replaced_whole(Path(path)) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
@@ -83,5 +90,6 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
         fit = unpacked(content["fit"], types)
         if not isinstance(fit, Fit):
             raise TypeError(f"but a {type(fit).__name__}")
-        repr(fit)  # values, uncertainty and parameters belong together, or there is no summary
+        with np.errstate(all="ignore"):
+            repr(fit)  # values, uncertainty and parameters belong together, or there is no summary
         return fit

@@ -71,7 +71,7 @@ class BenchDocument:
         return Checked(content, file, found, channel_units(can, found[0].channels, limits), can, limits)
 
     def _planned(self, content: dict[str, Any]) -> tuple[ExperimentFile, PlanningLaboratory]:
-        """What it says, and its laboratory; raises ValueError for names of files that are not in the folder."""
+        """What it says, and its laboratory; raises ValueError for files that are not in the folder."""
         file = check_experiment(content)
         for name in _files(file):
             self._folder.path(name)

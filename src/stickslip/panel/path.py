@@ -31,7 +31,7 @@ from ..units import QuantityError, unit_for, with_prefix
 from ..waveform.signal import shape
 from .control import Control
 from .document import BenchDocument
-from .folder import Folder, FolderError
+from .folder import MOST_SHOWN_BYTES, Folder, FolderError
 from .journal import Journal
 from .sets import Sets
 from .stream import Hub
@@ -193,6 +193,8 @@ def _results(folder: Folder, fit: str) -> Path:
     path = folder.path(f"{fit}/results.json")
     if not path.is_file():
         raise FolderError(f"{fit[:60]!r} is no fit")
+    if path.stat().st_size > MOST_SHOWN_BYTES:
+        raise FolderError(f"{fit[:60]!r}: its results.json has more than {MOST_SHOWN_BYTES / 1e6:g} MB")
     return path
 
 

@@ -12,7 +12,7 @@ from .. import registry
 from ..attached import attached_devices, known_devices
 from ..input_file import InputFileError, yaml_mapping
 from ..parameters import ParameterSetError
-from ..registry import RegistryError
+from ..registry import RegistryError, nothing_run
 from ..rig import About, Capabilities, Limits, RigError, available_benches, load_bench
 from ..rig.measurement import DRIVE, POSITION
 from ..units import QuantityError

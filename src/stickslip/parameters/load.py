@@ -21,13 +21,15 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from .. import registry
-from ..gate.errors import GateError
+from ..gate.errors import GateError, damaged
 from ..gate.text import load_toml, read_file
 from ..piezo.model import Piezo
 from ..records import did_you_mean, quantities
 from ..units import QuantityError, to_si
 
 T = TypeVar("T")
+
+MOST_SET_BYTES = 100_000  # bytes of a parameter set, a bench, a part: the largest of the package has 7,000
 
 _SETS = Path(__file__).parent / "sets"
 _KINDS = ("actuator", "pulled_slider", "friction")
@@ -122,7 +124,7 @@ def load_set(name: str | os.PathLike[str]) -> ParameterSet:
 def read_toml(file: Path) -> dict[str, Any]:
     """Return the content of a TOML file; raises ParameterSetError if it cannot be read, or is no TOML."""
     try:
-        return load_toml(read_file(file), str(file))
+        return load_toml(read_file(file, MOST_SET_BYTES), str(file))
     except OSError as error:
         raise ParameterSetError(f"{file} cannot be read: {error.strerror}") from error
     except GateError as error:
@@ -148,7 +150,11 @@ def named_file(name: str | os.PathLike[str], folder: Path, noun: str) -> Path:
 
 
 def _read(name: str, file: Path) -> ParameterSet:
-    content = read_toml(file)
+    with damaged(ParameterSetError, str(file)):
+        return _checked(name, file, read_toml(file))
+
+
+def _checked(name: str, file: Path, content: dict[str, Any]) -> ParameterSet:
     for key, kind in _TOP.items():
         if key not in content:
             wrong = next((one for one in content if one not in _TOP and did_you_mean(one, [key])), None)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
 from .. import registry
@@ -33,6 +33,8 @@ from ..electronics import (
     StrainGauge,
 )
 from ..electronics.parts import Part, load_amplifier, load_part, load_stack
+from ..gate.errors import GateError, damaged
+from ..gate.paths import inside
 from ..parameters import Entry, ParameterSetError, build, named_file, read_entries, read_toml
 from ..records import did_you_mean
 from ..units import to_si
@@ -121,7 +123,8 @@ def load_bench(name: str | os.PathLike[str]) -> Bench:
 def _whole(file: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
     """The content of a file, on that of its base."""
     if file in above or len(above) > MOST_BASES:
-        raise ParameterSetError(f"{file}: base: the bench is its own base, or the last of more than {MOST_BASES}")
+        said = f"the bench is its own base, or the last of more than {MOST_BASES}"
+        raise ParameterSetError(f"{file}: base: {said}")
     content = read_toml(file)
     base = content.pop("base", None)
     if base is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterable
@@ -101,10 +100,10 @@ def put_in_use(files: Iterable[tuple[str, bytes]]) -> None:
     this process's own machine; raises RegistryError."""
     for path, text in files:
         content = hashlib.sha256(text).hexdigest()
+        path = _PLACES.get(content, path)
         if not (Path(path).is_file() and content_hash(path) == content):
-            folder = Path(tempfile.gettempdir()) / f"stickslip-own-{os.getpid()}-{content[:16]}"
-            folder.mkdir(mode=0o700, exist_ok=True)
-            path = str(folder / Path(path).name)
+            folder = tempfile.mkdtemp(prefix="stickslip-own-")  # nobody else can have made it before
+            path = str(Path(folder, Path(path).name))
             Path(path).write_bytes(text)
         _PLACES[content] = path
         importlib.invalidate_caches()
