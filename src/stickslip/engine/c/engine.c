@@ -1,0 +1,118 @@
+/* The engine, for all sizes. */
+#include "engine.h"
+
+#include <stdlib.h>
+
+#include "contact.h"
+#include "log.h"
+#include "repeats.h"
+#include "reversal.h"
+
+/* Sizes known at run time: any plant that has room. */
+#define HOT static inline
+#define UNROLL
+#define OF(name) name##_any
+#define ROOM_MODES LARGEST_MODES
+#define ROOM_ELEMENTS LARGEST_ELEMENTS
+#define ROOM_STATES LARGEST_STATES
+#define MODES(P) ((P)->modes)
+#define ELEMENTS(P) ((P)->elements)
+#define STATES(P) ((P)->states)
+#define STATES_OF(P, e) ((P)->element[e].states)
+#define FIRST(P, e) ((P)->element[e].first)
+#define RARE(test) (test)
+#include "size.inl"
+
+/* What every stage of a fixed size calls becomes part of the step, so that its numbers stay in registers. */
+#if defined __clang__
+#define PLAIN_UNROLL _Pragma("clang loop unroll(full)")
+#define PLAIN_HOT static inline __attribute__((always_inline))
+#elif defined __GNUC__
+#define PLAIN_UNROLL _Pragma("GCC unroll 8")
+#define PLAIN_HOT static inline __attribute__((always_inline))
+#else
+#define PLAIN_UNROLL
+#define PLAIN_HOT static inline
+#endif
+
+/* Bristle contacts with one state each, and nothing rarer: sizes that a compiler can unroll. */
+#define PLAIN_MODES 1
+#define PLAIN_ELEMENTS 1
+#include "plain.inl"
+#define PLAIN_MODES 2
+#define PLAIN_ELEMENTS 1
+#include "plain.inl"
+#define PLAIN_MODES 3
+#define PLAIN_ELEMENTS 1
+#include "plain.inl"
+#define PLAIN_MODES 2
+#define PLAIN_ELEMENTS 2
+#include "plain.inl"
+#define PLAIN_MODES 3
+#define PLAIN_ELEMENTS 2
+#include "plain.inl"
+
+/* The last mode that has its bit set in both; -1 if there is none. */
+static int32_t last_mode(int32_t modes, uint32_t felt, uint32_t pushed)
+{
+    for (int32_t m = modes - 1; m >= 0; m--)
+        if ((felt & pushed) >> m & 1u)
+            return m;
+    return -1;
+}
+
+/* What an element adds to the plant. */
+static void compose_element(struct plant *P, struct element *E)
+{
+    bool rare = E->law->smooth || E->law->breakaway != NULL || E->law->choose != NULL || E->law->tick != NULL;
+    bool shares = E->positioned || E->fed || E->follows || E->drive != R(0.0) || E->drive_rate != R(0.0);
+    E->first = P->states;
+    E->place = last_mode(P->modes, ~(uint32_t)0, E->pushed);
+    E->pinned = last_mode(P->modes, E->felt, E->pushed);
+    P->states += E->states;
+    P->statics += E->law->breakaway != NULL;
+    P->loaded |= E->loaded != 0;
+    P->branched |= E->law->choose != NULL;
+    P->sampled |= E->law->tick != NULL;
+    P->follows |= E->follows && !E->law->smooth;
+    P->plain &= !rare && !shares && !E->loaded && E->along == NULL && E->states == 1;
+}
+
+STICKSLIP_API int stickslip_compose(struct plant *P)
+{
+    if (P->modes > LARGEST_MODES || P->elements > LARGEST_ELEMENTS)
+        return DOES_NOT_FIT;
+    P->states = 2 * P->modes;
+    P->statics = P->loaded = P->branched = P->sampled = P->follows = 0;
+    P->plain = 1;
+    for (int e = 0; e < P->elements; e++) {
+        if (P->element[e].states > LARGEST_STATES - P->states)
+            return DOES_NOT_FIT;
+        compose_element(P, &P->element[e]);
+    }
+    return DONE;
+}
+
+STICKSLIP_API int64_t stickslip_resume_size(const struct plant *P)
+{
+    return resume_columns_any(P);
+}
+
+STICKSLIP_API int stickslip_integrate(const struct stickslip_task *task, struct stickslip_result *result)
+{
+    const struct plant *P = task->plant;
+    switch (P->plain ? 10 * P->modes + P->elements : 0) {
+    case 11:
+        return integrate_1_1(task, result);
+    case 21:
+        return integrate_2_1(task, result);
+    case 31:
+        return integrate_3_1(task, result);
+    case 22:
+        return integrate_2_2(task, result);
+    case 32:
+        return integrate_3_2(task, result);
+    default:
+        return integrate_any(task, result);
+    }
+}

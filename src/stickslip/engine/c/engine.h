@@ -1,0 +1,50 @@
+/* The engine: trajectories of plants. What Python, and exported C, call. */
+#ifndef STICKSLIP_ENGINE_H
+#define STICKSLIP_ENGINE_H
+
+#include "plant.h"
+#include "table.h"
+
+#if defined _WIN32
+#define STICKSLIP_API __declspec(dllexport)
+#else
+#define STICKSLIP_API __attribute__((visibility("default")))
+#endif
+
+/* Outcomes of a run. LOG_FULL is no end: the log must be read and emptied before the run goes on; no caller sees it. */
+enum { DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, LOG_FULL, STOPPED, NO_MEMORY, DOES_NOT_FIT };
+
+/* One trajectory. Arrays belong to the caller. */
+struct stickslip_task {
+    const struct plant *plant;      /* composed, see stickslip_compose */
+    const struct table *drive, *load; /* `load`: the normal force over its reference */
+    real_t *state;                  /* [plant->states], at `begin`; becomes the state at the time reached */
+    real_t begin, end;              /* s */
+    real_t tolerance;               /* m, on positions */
+    int64_t max_steps;              /* bound on accepted plus rejected steps */
+    int64_t count;                  /* number of samples */
+    const real_t *times;            /* [count], s, ascending, between begin and end */
+    real_t *samples;                /* [count, states + elements (at least 1)], filled up to the time reached: states and
+                                     * outputs of the elements */
+    real_t *account;                /* [count, 4], the work of the drive (see `log.inl`), or NULL; changes no step */
+    real_t *resume;                 /* [stickslip_resume_size], zeros to start from `state`; or NULL */
+    const volatile int32_t *stop;   /* given up once this is not 0; or NULL */
+    int32_t careful;                /* 1: small vibrations of contacts that stick are not to be lost */
+};
+
+struct stickslip_result {
+    real_t reached;                 /* s */
+    int64_t accepted, rejected;     /* steps */
+};
+
+/* Completes a plant whose modes and elements are filled in. Returns DONE, or DOES_NOT_FIT if it is larger than the
+ * engine's room. */
+STICKSLIP_API int stickslip_compose(struct plant *plant);
+
+/* How many numbers a row of continuation has. */
+STICKSLIP_API int64_t stickslip_resume_size(const struct plant *plant);
+
+/* Integrates one trajectory. Returns an outcome. */
+STICKSLIP_API int stickslip_integrate(const struct stickslip_task *task, struct stickslip_result *result);
+
+#endif

@@ -1,0 +1,266 @@
+/* Further functions of a plant: errors, bounds, events, drift, ticks. Included once per size, after `equations.inl`. */
+
+static inline bool OF(is_contact)(const struct plant *P, int e)
+{
+    return !RARE(P->element[e].law->smooth);
+}
+
+static inline void OF(copy)(const struct plant *P, const real_t *from, real_t *to)
+{
+    for (int c = 0; c < STATES(P); c++)
+        to[c] = from[c];
+}
+
+/* The largest entry of an error vector in metres, or NaN. */
+HOT real_t OF(size)(const struct plant *P, const real_t *r, const real_t *weights)
+{
+    real_t fastest = R(0.0), largest = R(0.0), sum = R(0.0);
+    for (int m = 0; m < MODES(P); m++) {
+        fastest = r_max(fastest, r_abs(r[2 * m + 1]));
+        largest = r_max(largest, r_abs(r[2 * m]));
+    }
+    largest = r_max(fastest / P->rate, largest);
+    for (int c = 2 * MODES(P); c < STATES(P); c++)
+        largest = r_max(largest, r_abs(r[c]) * weights[c]);
+    for (int c = 0; c < STATES(P); c++)
+        sum += r[c];
+    return largest + R(0.0) * sum;
+}
+
+/* Puts each internal state on a bound that it moves towards and is within `local` [m] of. */
+static inline void OF(settle)(const struct plant *P, real_t *q, const real_t *u, real_t local)
+{
+    for (int e = 0; e < ELEMENTS(P); e++) {
+        const struct element *E = &P->element[e];
+        if (!OF(is_contact)(P, e) || E->law->project == NULL || STATES_OF(P, e) == 0)
+            continue;
+        real_t towards = OF(speed)(P, e, q, u) > R(0.0) ? local : -local;
+        for (int i = 0; i < STATES_OF(P, e); i++) {
+            real_t *z = &q[FIRST(P, e) + i];
+            *z = bounded(E->law, parameters_of(E, i), *z, towards);
+        }
+    }
+}
+
+/* By how much the rates of the states of a contact jump in slope at v = 0, at the speed `beyond` [m/s]. */
+static inline real_t OF(kink)(const struct plant *P, int e, const real_t *q, real_t beyond)
+{
+    const struct element *E = &P->element[e];
+    real_t most = R(0.0);
+    if (OF(is_contact)(P, e))
+        for (int i = 0; i < STATES_OF(P, e); i++)
+            most = r_max(most, reversal_kink(E->law, parameters_of(E, i), q[FIRST(P, e) + i], beyond));
+    return most;
+}
+
+/* Brings the input of contact e to a speed, by an impulse of its own. */
+static void OF(bring)(const struct plant *P, real_t *q, const real_t *u, int e, real_t speed)
+{
+    const struct element *E = &P->element[e];
+    real_t gives = OF(own_push)(P, e);
+    if (OF(is_contact)(P, e) && gives != R(0.0)) {
+        real_t impulse = (speed - OF(speed)(P, e, q, u)) / gives;
+        for (int m = 0; m < MODES(P); m++)
+            q[2 * m + 1] += E->push[m] * impulse;
+    }
+    if (OF(is_static)(P, e))
+        OF(pin)(P, e, speed - OF(driven)(P, e, u), q + 1, 2);
+}
+
+/* Puts the bodies of held contacts where they were to each other at the state `begun`, exactly. */
+static void OF(ride)(const struct plant *P, const struct OF(regime) *on, real_t *q, const real_t *u,
+                     const real_t *begun, const real_t *u_begun)
+{
+    for (int e = 0; e < ELEMENTS(P); e++) {
+        if (!OF(is_held)(P, on, e))
+            continue;
+        const struct element *E = &P->element[e];
+        real_t kept = R(0.0);
+        for (int m = 0; m < MODES(P); m++)
+            kept += E->velocity[m] * begun[2 * m];
+        OF(pin)(P, e, kept + E->drive_rate * (u_begun[VALUE] - u[VALUE]), q, 2);
+        OF(pin)(P, e, -OF(driven)(P, e, u), q + 1, 2);
+    }
+}
+
+/* Largest force of a static contact at rest [N]. */
+static inline real_t OF(breakaway)(const struct plant *P, int e, const real_t *q, const real_t *normal)
+{
+    const struct element *E = &P->element[e];
+    struct OF(loading) load = OF(loading)(P, e, q, normal);
+    return E->law->breakaway(E->parameters) * load.n;
+}
+
+/* The largest difference of two states, except in the positions that nothing holds, m. */
+static real_t OF(drift_apart)(const struct plant *P, const real_t *q, const real_t *other)
+{
+    real_t far = R(0.0);
+    for (int m = 0; m < MODES(P); m++) {
+        far = r_max(far, r_abs(q[2 * m + 1] - other[2 * m + 1]) / P->rate);
+        if (P->mode[m].stiffness != R(0.0))
+            far = r_max(far, r_abs(q[2 * m] - other[2 * m]));
+    }
+    for (int c = 2 * MODES(P); c < STATES(P); c++)
+        far = r_max(far, r_abs(q[c] - other[c]));
+    return far;
+}
+
+/* How far the positions that nothing holds have moved; 0 for all else. */
+static void OF(gone)(const struct plant *P, const real_t *q, const real_t *begun, real_t *net)
+{
+    for (int c = 0; c < STATES(P); c++)
+        net[c] = R(0.0);
+    for (int m = 0; m < MODES(P); m++)
+        if (P->mode[m].stiffness == R(0.0))
+            net[2 * m] = q[2 * m] - begun[2 * m];
+}
+
+/* After a jump of the load, which was `ratio` times the new one. */
+static void OF(unload)(const struct plant *P, real_t *q, real_t ratio)
+{
+    for (int e = 0; e < ELEMENTS(P); e++) {
+        const struct element *E = &P->element[e];
+        if (!RARE(E->loaded))
+            continue;
+        real_t factor = E->along != NULL ? kept_along(E->along, ratio) : r_min(ratio, R(1.0));
+        for (int c = FIRST(P, e); c < FIRST(P, e) + STATES_OF(P, e); c++)
+            q[c] *= factor;
+    }
+}
+
+/* The largest share of the drive in the acceleration of a mode. */
+static real_t OF(strongest_drive)(const struct plant *P)
+{
+    real_t most = R(0.0);
+    for (int m = 0; m < MODES(P); m++)
+        most = r_max(most, r_abs(P->mode[m].drive));
+    return most;
+}
+
+/* The largest acceleration, with what the slope of the drive adds to it within 1/rate, m/s^2. */
+static real_t OF(unrest)(const struct plant *P, const real_t *dq, const real_t *u)
+{
+    real_t most = R(0.0);
+    for (int m = 0; m < MODES(P); m++)
+        most = r_max(most, r_abs(dq[2 * m + 1]));
+    return most + OF(strongest_drive)(P) * r_abs(u[SLOPE]) / P->rate;
+}
+
+/* What a change u of the drive and its derivatives adds to an acceleration within 1/rate, m/s^2; infinite if an element
+ * moves with the drive. */
+static real_t OF(jolt)(const struct plant *P, const real_t *u)
+{
+    for (int e = 0; e < ELEMENTS(P); e++)
+        if (RARE(P->element[e].follows))
+            return R(INFINITY);
+    real_t later = (r_abs(u[SLOPE]) + r_abs(u[CURVATURE]) / P->rate) / P->rate;
+    return OF(strongest_drive)(P) * (r_abs(u[VALUE]) + later);
+}
+
+/* Whether a body can be anywhere, so that a period may repeat further on. */
+static bool OF(moves_freely)(const struct plant *P)
+{
+    bool free = false;
+    for (int m = 0; m < MODES(P); m++)
+        free = free || P->mode[m].stiffness == R(0.0);
+    for (int e = 0; e < ELEMENTS(P); e++) {
+        const struct element *E = &P->element[e];
+        if (E->positioned || E->law->tick != NULL || (E->along != NULL && !uniform(E->along)))
+            return false;
+    }
+    return free;
+}
+
+/* Puts each internal state on the branch on which it is at speeds whose rates are given by dq. */
+static void OF(choose_branches)(const struct plant *P, struct OF(regime) *on, const real_t *q, const real_t *u,
+                                const real_t *dq)
+{
+    const real_t u_rates[2] = {u[SLOPE], u[CURVATURE]};
+    for (int e = 0; e < ELEMENTS(P); e++) {
+        const struct element *E = &P->element[e];
+        if (E->law->choose == NULL)
+            continue;
+        on->side[e] = on->side[e] > R(0.0) ? R(1.0) : R(-1.0);
+        real_t v = OF(speed)(P, e, q, u), growth = on->side[e] * OF(speed)(P, e, dq, u_rates);
+        for (int i = 0; i < STATES_OF(P, e); i++) {
+            int c = FIRST(P, e) + i;
+            on->branch[c] = (unsigned char)E->law->choose(parameters_of(E, i), r_abs(v), growth, on->side[e] * q[c]);
+        }
+    }
+}
+
+/* Whether all internal states are still on their branches. */
+static bool OF(branches_hold)(const struct plant *P, const struct OF(regime) *on, const real_t *q, const real_t *u,
+                              const real_t *dq)
+{
+    const real_t u_rates[2] = {u[SLOPE], u[CURVATURE]};
+    for (int e = 0; e < ELEMENTS(P); e++) {
+        const struct element *E = &P->element[e];
+        if (E->law->left == NULL)
+            continue;
+        real_t side = on->side[e], speed = side * OF(speed)(P, e, q, u), growth = side * OF(speed)(P, e, dq, u_rates);
+        for (int i = 0; i < STATES_OF(P, e); i++) {
+            int c = FIRST(P, e) + i;
+            if (!(E->law->left(parameters_of(E, i), speed, growth, side * q[c], on->branch[c]) >= R(0.0)))
+                return false;
+        }
+    }
+    return true;
+}
+
+/* By what part a vibration on the bristles of a contact that sticks decays within a radian, at least; 1 within the time
+ * `lasts` [s]. */
+static real_t OF(decay)(const struct plant *P, real_t lasts)
+{
+    real_t least = R(1.0);
+    for (int e = 0; e < ELEMENTS(P); e++) {
+        const struct element *E = &P->element[e];
+        if (!OF(is_contact)(P, e) || STATES_OF(P, e) == 0 || (E->felt & E->pushed) == 0)
+            continue;
+        real_t p = -OF(own_push)(P, e) * E->normal, k = R(0.0), c = R(0.0);
+        real_t soft = E->along != NULL ? softening(E->along, E->normal) : R(1.0);
+        for (int i = 0; i < STATES_OF(P, e); i++) {
+            struct bristle of = {E->law, parameters_of(E, i), R(1.0), 0};
+            struct law_slopes slopes = OF(slopes_of)(&of, R(0.0), R(0.0));
+            k += p * slopes.force_z * slopes.rate_v * soft;
+            c += p * slopes.force_v;
+        }
+        if (k > R(0.0))
+            least = r_min(least, r_max(R(0.5) * c, R(1.0) / lasts) / r_sqrt(k));
+    }
+    return least;
+}
+
+static inline real_t OF(tick_period)(const struct element *E)
+{
+    return E->parameters[E->law->period];
+}
+
+/* When the next sampled element is due after t, s; infinite if there is none. */
+static inline real_t OF(next_tick)(const struct plant *P, real_t t)
+{
+    real_t at = R(INFINITY);
+    if (RARE(P->sampled))
+        for (int e = 0; e < ELEMENTS(P); e++)
+            if (P->element[e].law->tick != NULL) {
+                real_t period = OF(tick_period)(&P->element[e]);
+                at = r_min(at, (r_floor(t / period + R(1e-9)) + R(1.0)) * period);
+            }
+    return at;
+}
+
+/* The ticks of the sampled elements that are due at t. */
+static void OF(tick)(const struct plant *P, real_t *q, const real_t *u, real_t t)
+{
+    real_t input[ROOM_ELEMENTS];
+    for (int e = 0; e < ELEMENTS(P); e++)
+        input[e] = OF(speed)(P, e, q, u);
+    for (int e = 0; e < ELEMENTS(P); e++) {
+        const struct element *E = &P->element[e];
+        if (E->law->tick == NULL)
+            continue;
+        real_t n = t / OF(tick_period)(E);
+        if (r_abs(n - r_round(n)) < R(1e-6))
+            q[FIRST(P, e)] = E->law->tick(E->parameters, input[e], q[FIRST(P, e)]);
+    }
+}

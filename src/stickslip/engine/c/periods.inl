@@ -1,0 +1,205 @@
+/* Trajectories of a plant: samples, and periods that repeat. Included once per size, after `run.inl`.
+ *
+ * Under a periodic drive the motion becomes periodic. As soon as two periods begin in the same state, within a small part
+ * of the tolerance, those still to come are copies of the last one, moved on by its net step. */
+
+#ifndef PERIODS_CONSTANTS
+#define PERIODS_CONSTANTS
+/* Two periods are the same if what their first states differ by, times the periods to come, is below this part of the
+ * tolerance. */
+#define SAME R(0.02)
+/* Local errors of a careful run, over the tolerance and the decay of a vibration; and the least share of its tolerance. */
+#define CREEPING (R(2.0) / LOCAL)
+#define LEAST_CAREFUL R(1e-4)
+#endif
+
+/* A whole trajectory: the walk, the reading of its log, and its periods. */
+struct OF(journey) {
+    struct OF(walk) walk;
+    struct OF(reading) read;
+    real_t tolerance, t_end;
+    struct cycle cycle;
+    int64_t i;              /* segment of the drive with which the next period begins */
+    bool compared;          /* there is a state a period ago to compare with */
+    real_t before[ROOM_STATES], begun[ROOM_STATES]; /* states a period ago, and at the start of this one */
+    real_t *resume;         /* a row of continuation, or NULL */
+    bool ending;            /* with more time it might have gone on otherwise: the row is not to be changed */
+};
+
+/* The tolerance for steps that do not lose small vibrations of contacts that stick. Under a load a contact creeps by up to
+ * 2/pi times the amplitude of a vibration per radian (docs/decisions/error-estimate.md): one that hardly decays moves it
+ * far, though it is small itself. */
+static real_t OF(careful_tolerance)(const struct plant *P, real_t lasts, real_t tolerance)
+{
+    return tolerance * r_min(R(1.0), r_max(CREEPING * OF(decay)(P, lasts), LEAST_CAREFUL));
+}
+
+/* Reads what the log holds, for times up to `t_end`, `shift` [s] later and `move` further on. */
+static void OF(read)(struct OF(journey) *J, real_t shift, const real_t *move, real_t t_end)
+{
+    if (J->read.account != NULL)
+        OF(read_account)(&J->read, shift, t_end);
+    if (J->read.log->filled > 0)
+        OF(read_samples)(&J->read, shift, move, t_end);
+}
+
+/* Integrates to `stop`, and reads the log as often as it is full. Returns an outcome, and in `flushed` whether the log does
+ * not hold it all. */
+static int OF(run_and_read)(struct OF(journey) *J, real_t stop, bool *flushed)
+{
+    real_t still[ROOM_STATES] = {0};
+    *flushed = false;
+    for (;;) {
+        int outcome = OF(run)(&J->walk, stop);
+        OF(read)(J, R(0.0), still, J->walk.t);
+        if (outcome != LOG_FULL)
+            return outcome;
+        *flushed = true;
+    }
+}
+
+/* Copies the last period `left` times. */
+static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t period_start)
+{
+    struct OF(walk) *w = &J->walk;
+    const struct table *drive = w->drive;
+    real_t net[ROOM_STATES], moved[ROOM_STATES];
+    OF(gone)(w->P, w->q, J->begun, net);
+    for (int64_t p = 1; p <= left; p++) {
+        int64_t after = J->i + J->cycle.segments;
+        real_t end = after < drive->segments ? drive->start[after] : J->t_end;
+        for (int c = 0; c < STATES(w->P); c++)
+            moved[c] = (real_t)p * net[c];
+        OF(read)(J, drive->start[J->i] - period_start, moved, end);
+        J->i = after;
+        w->t = end;
+    }
+    for (int c = 0; c < STATES(w->P); c++)
+        w->q[c] += (real_t)left * net[c];
+    J->ending = true;
+    if (J->i >= drive->segments)
+        J->cycle.segments = 0;
+}
+
+/* After a whole period: copies it as often as it repeats. */
+static void OF(end_period)(struct OF(journey) *J, real_t period_start, real_t stop, bool flushed)
+{
+    struct OF(walk) *w = &J->walk;
+    const struct table *drive = w->drive;
+    J->i += J->cycle.segments;
+    if (J->compared && !flushed) {
+        int64_t left = count_repeats(drive, w->load, J->i, J->cycle, stop - period_start, J->t_end);
+        /* With more time it might have gone on otherwise, unless the drive changes here. */
+        int64_t after = J->i + J->cycle.segments;
+        bool more = after < drive->segments && drive->start[after] < J->t_end;
+        J->ending = J->ending || (left == 0 && !more);
+        if (left > 0 && (real_t)left * OF(drift_apart)(w->P, w->q, J->before) <= SAME * J->tolerance)
+            OF(copy_periods)(J, left, period_start);
+    }
+    J->compared = true;
+    OF(copy)(w->P, w->q, J->before);
+}
+
+/* Follows the trajectory to its end, period by period where drive and load repeat. Returns an outcome. */
+static int OF(follow)(struct OF(journey) *J)
+{
+    struct OF(walk) *w = &J->walk;
+    const struct table *drive = w->drive;
+    while (w->t < J->t_end) {
+        int64_t n = J->cycle.segments;
+        bool ahead = n > 0 && J->i < J->cycle.first, flushed;
+        bool whole = n > 0 && !ahead && J->i + n < drive->segments && drive->start[J->i + n] < J->t_end;
+        real_t stop = J->t_end, period_start = w->t;
+        if (ahead)
+            stop = r_min(drive->start[J->cycle.first], J->t_end);
+        if (whole)
+            stop = drive->start[J->i + n];
+        if (J->resume != NULL && n > 0 && !J->ending)
+            OF(store)(w->P, J->resume, w->t, w->h, w->fresh, J->compared, &w->on, w->q, J->before);
+        OF(copy)(w->P, w->q, J->begun);
+        int outcome = OF(run_and_read)(J, stop, &flushed);
+        if (outcome != DONE)
+            return outcome;
+        if (whole)
+            OF(end_period)(J, period_start, stop, flushed);
+        else if (ahead)
+            J->i = J->cycle.first;
+        else
+            J->cycle.segments = 0;
+    }
+    return DONE;
+}
+
+/* Starts where the row of continuation says. */
+static void OF(take_up)(struct OF(journey) *J)
+{
+    struct OF(walk) *w = &J->walk;
+    const real_t *row = J->resume;
+    w->t = row[RESUME_TIME];
+    w->h = row[RESUME_STEP];
+    w->fresh = row[RESUME_FRESH] > R(0.0);
+    J->compared = row[COMPARED] > R(0.0);
+    const real_t *states = row + RESUME_SIDES + OF(get_regime)(w->P, row + RESUME_SIDES, &w->on);
+    OF(copy)(w->P, states, w->q);
+    OF(copy)(w->P, states + STATES(w->P), J->before);
+}
+
+/* Puts a trajectory to its start: that of the task, or where it is taken up again. */
+static void OF(depart)(struct OF(journey) *J)
+{
+    struct OF(walk) *w = &J->walk;
+    const struct plant *P = w->P;
+    bool resumed = J->resume != NULL && J->resume[VALID] > R(0.0);
+    OF(copy)(P, w->q, J->before);
+    if (resumed)
+        OF(take_up)(J);
+    if (OF(moves_freely)(P))
+        J->cycle = cycle_of(w->drive, w->load);
+    J->i = table_segment_of(w->drive, w->t);
+    int64_t n = J->cycle.segments, first = J->cycle.first;
+    if (n > 0 && ((J->i >= first && (J->i - first) % n != 0) || w->drive->start[J->i] != w->t))
+        J->cycle.segments = n = 0;
+    if (P->sampled && !resumed) {
+        real_t u[DERIVATIVES];
+        table_at(w->drive, J->i, w->t, u);
+        OF(tick)(P, w->q, u, w->t);
+    }
+    if (J->resume != NULL && !resumed)
+        OF(store)(P, J->resume, w->t, w->h, true, false, &w->on, w->q, w->q);
+    w->resume = n > 0 ? NULL : J->resume;
+}
+
+/* One trajectory; see `stickslip_integrate`. */
+static int OF(integrate)(const struct stickslip_task *task, struct stickslip_result *result)
+{
+    const struct plant *P = task->plant;
+    struct log log = {.rows = task->count > 0 ? LOG_ROWS : 0, .columns = OF(log_columns)(P)};
+    struct OF(journey) *J = calloc(1, sizeof *J);
+    if (log.rows > 0)
+        log.values = malloc((size_t)log.rows * (size_t)log.columns * sizeof *log.values);
+    int outcome = NO_MEMORY;
+    if (J != NULL && (log.rows == 0 || log.values != NULL)) {
+        struct OF(walk) *w = &J->walk;
+        real_t tolerance = task->tolerance;
+        if (task->careful)
+            tolerance = OF(careful_tolerance)(P, task->end - task->begin, tolerance);
+        *w = (struct OF(walk)){.P = P, .drive = task->drive, .load = task->load, .t = task->begin, .h = R(INFINITY),
+                               .fresh = true, .local = LOCAL * tolerance, .max_steps = task->max_steps, .log = &log,
+                               .stop = task->stop};
+        J->read = (struct OF(reading)){.P = P, .drive = task->drive, .load = task->load, .log = &log,
+                                       .times = task->times, .count = task->count, .samples = task->samples,
+                                       .columns = STATES(P) + (ELEMENTS(P) > 0 ? ELEMENTS(P) : 1),
+                                       .account = task->account};
+        J->tolerance = tolerance;
+        J->t_end = task->end;
+        J->resume = task->resume;
+        OF(copy)(P, task->state, w->q);
+        OF(depart)(J);
+        outcome = OF(follow)(J);
+        OF(copy)(P, w->q, task->state);
+        *result = (struct stickslip_result){w->t, w->accepted, w->rejected};
+    }
+    free(log.values);
+    free(J);
+    return outcome;
+}

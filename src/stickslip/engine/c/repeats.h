@@ -1,0 +1,129 @@
+/* Periods of drive and load: how many segments make one, and how often they repeat. */
+#ifndef STICKSLIP_REPEATS_H
+#define STICKSLIP_REPEATS_H
+
+#include "table.h"
+
+/* By what part of a period two instants may differ that are the same but for rounding. */
+#define SAME_TIME R(1e-9)
+/* Most segments of a period. */
+#define LONGEST_CYCLE 64
+
+/* A period: its segments of the drive, the one with which the first such period begins, its segments of the load (0: the
+ * load is constant). All are 0 where drive and load do not repeat together. */
+struct cycle {
+    int64_t segments, first, of_load;
+};
+
+/* Whether two segments follow the same formula. */
+static inline bool segments_alike(const struct table *table, int64_t i, int64_t j)
+{
+    int64_t count = table->first[i + 1] - table->first[i];
+    for (int c = 0; c < 4; c++)
+        if (table->polynomial[i][c] != table->polynomial[j][c])
+            return false;
+    if (count != table->first[j + 1] - table->first[j])
+        return false;
+    for (int64_t row = 0; row < count; row++)
+        for (int c = 0; c < 4; c++)
+            if (table->harmonic[table->first[i] + row][c] != table->harmonic[table->first[j] + row][c])
+                return false;
+    return true;
+}
+
+/* Whether the segments after the first `cycle` ones from `begin` on are like these. */
+static inline bool table_is_periodic(const struct table *table, int64_t begin, int64_t cycle)
+{
+    if (begin + cycle >= table->segments)
+        return false;
+    for (int64_t j = begin; j < begin + cycle && j < table->segments - cycle; j++)
+        if (!segments_alike(table, j, j + cycle))
+            return false;
+    return true;
+}
+
+static inline bool table_is_constant(const struct table *table)
+{
+    const real_t *c = table->polynomial[0];
+    bool flat = c[1] == R(0.0) && c[2] == R(0.0) && c[3] == R(0.0);
+    return table->segments == 1 && table->first[1] == 0 && flat;
+}
+
+/* Whether a segment of the load begins with segment i of the drive, but for rounding: 1 if that is segment j, -1 if it is
+ * the next one, which begins a moment later; else 0. */
+static inline int table_meets(const struct table *drive, const struct table *load, int64_t i, int64_t j, real_t period)
+{
+    real_t t = drive->start[i];
+    if (j >= load->segments || load->start[j] > t || table_next_has_begun(load, j, t))
+        return 0;
+    if (t - load->start[j] <= SAME_TIME * period)
+        return 1;
+    return j + 1 < load->segments && load->start[j + 1] - t <= SAME_TIME * period ? -1 : 0;
+}
+
+/* How many segments of the load make a period of the drive; 0 if the load does not repeat with it. */
+static inline int64_t cycle_of_load(const struct table *drive, const struct table *load, int64_t begin, int64_t cycle)
+{
+    real_t period = drive->start[begin + cycle] - drive->start[begin];
+    int64_t j = table_segment_of(load, drive->start[begin]);
+    int64_t after = table_segment_of(load, drive->start[begin + cycle]), count = after - j;
+    int met = table_meets(drive, load, begin, j, period);
+    if (met == 0 || count < 1 || count > LONGEST_CYCLE || !table_is_periodic(load, j, count))
+        return 0;
+    return table_meets(drive, load, begin + cycle, after, period) == met ? count : 0;
+}
+
+/* The period of drive and load. Behind a piezo with hysteresis the first period is unlike the others: the second begins
+ * with a jump, or within the segments of a period. */
+static inline struct cycle cycle_of(const struct table *drive, const struct table *load)
+{
+    bool constant = table_is_constant(load);
+    for (int64_t begin = 0; begin <= LONGEST_CYCLE; begin++) {
+        for (int64_t k = begin > 1 ? begin : 1; k <= LONGEST_CYCLE; k++) {
+            if (!table_is_periodic(drive, begin, k))
+                continue;
+            int64_t of_load = constant ? 0 : cycle_of_load(drive, load, begin, k);
+            if (constant || of_load > 0)
+                return (struct cycle){k, begin, of_load};
+        }
+    }
+    return (struct cycle){0, 0, 0};
+}
+
+/* Whether the segments from i on are like those a period before. */
+static inline bool repeats_once(const struct table *table, int64_t i, int64_t cycle)
+{
+    for (int64_t k = i; k < i + cycle; k++)
+        if (!segments_alike(table, k, k - cycle))
+            return false;
+    return true;
+}
+
+/* How many whole periods from segment i of the drive on, within t_end, repeat the period [s] before i. */
+static inline int64_t count_repeats(const struct table *drive, const struct table *load, int64_t i, struct cycle cycle,
+                                    real_t period, real_t t_end)
+{
+    int64_t count = 0, n = cycle.segments, j = 0;
+    int met = 0;
+    if (cycle.of_load > 0) {
+        j = table_segment_of(load, drive->start[i - n]);
+        met = table_meets(drive, load, i - n, j, period);
+        j += cycle.of_load;
+    }
+    for (; i + n <= drive->segments; i += n, count++) {
+        if (!repeats_once(drive, i, n))
+            return count;
+        if (cycle.of_load > 0) {
+            if (j + cycle.of_load > load->segments || table_meets(drive, load, i, j, period) != met ||
+                !repeats_once(load, j, cycle.of_load))
+                return count;
+            j += cycle.of_load;
+        }
+        real_t end = r_min(i + n < drive->segments ? drive->start[i + n] : t_end, t_end);
+        if (r_abs(end - drive->start[i] - period) > SAME_TIME * period)
+            return count;
+    }
+    return count;
+}
+
+#endif

@@ -1,0 +1,22 @@
+/* The engine for one size. The macros that `equations.inl` names are defined by who includes this, and end here. */
+#include "equations.inl"
+#include "kinematics.inl"
+#include "step.inl"
+#include "starting.inl"
+#include "walk.inl"
+#include "log.inl"
+#include "run.inl"
+#include "periods.inl"
+
+#undef OF
+#undef HOT
+#undef UNROLL
+#undef ROOM_MODES
+#undef ROOM_ELEMENTS
+#undef ROOM_STATES
+#undef MODES
+#undef ELEMENTS
+#undef STATES
+#undef STATES_OF
+#undef FIRST
+#undef RARE

@@ -1,0 +1,90 @@
+/* Drive and load: tables of segments (see `stickslip/waveform/drive.py`), as a step needs them. */
+#ifndef STICKSLIP_TABLE_H
+#define STICKSLIP_TABLE_H
+
+#include <stdint.h>
+
+#include "rodas5p.h"
+
+/* On segment i, from start[i] on, with the local time tau: a cubic, and the harmonics first[i] .. first[i + 1] - 1, each
+ * amplitude * sin(phase + omega * tau + chirp * tau^2). The last segment has no end. */
+struct table {
+    int64_t segments;
+    const real_t *start;            /* s, ascending */
+    const real_t (*polynomial)[4];  /* c_0 .. c_3 */
+    const int64_t *first;           /* [segments + 1] */
+    const real_t (*harmonic)[4];    /* amplitude, omega [rad/s], phase [rad], chirp [rad/s^2] */
+};
+
+/* What a table gives at an instant: its value and three derivatives by time. */
+enum { VALUE, SLOPE, CURVATURE, THIRD, DERIVATIVES };
+
+/* Where a step looks at a table: the six distinct nodes of Rodas5P, and the middle of the step. */
+enum { AT_START = 0, AT_END = 5, AT_MIDDLE = 6, INSTANTS = 7 };
+
+static inline void table_polynomial(const struct table *table, int64_t i, real_t tau, real_t *u)
+{
+    const real_t *c = table->polynomial[i];
+    u[VALUE] = c[0] + tau * (c[1] + tau * (c[2] + tau * c[3]));
+    u[SLOPE] = c[1] + tau * (R(2.0) * c[2] + tau * R(3.0) * c[3]);
+    u[CURVATURE] = R(2.0) * c[2] + R(6.0) * c[3] * tau;
+    u[THIRD] = R(6.0) * c[3];
+}
+
+/* u and its derivatives at time t, by the formula of segment i. */
+static inline void table_at(const struct table *table, int64_t i, real_t t, real_t *u)
+{
+    real_t tau = t - table->start[i];
+    table_polynomial(table, i, tau, u);
+    for (int64_t row = table->first[i]; row < table->first[i + 1]; row++) {
+        const real_t *wave = table->harmonic[row];
+        real_t chirp = wave[3], rate = wave[1] + R(2.0) * chirp * tau;
+        real_t angle = wave[2] + tau * (wave[1] + chirp * tau);
+        real_t sine = wave[0] * r_sin(angle), cosine = wave[0] * r_cos(angle);
+        u[VALUE] += sine;
+        u[SLOPE] += rate * cosine;
+        u[CURVATURE] += R(2.0) * chirp * cosine - rate * rate * sine;
+        u[THIRD] -= rate * (R(6.0) * chirp * sine + rate * rate * cosine);
+    }
+}
+
+/* The same at all instants at which a step of length h from t looks. */
+static inline void table_at_nodes(const struct table *table, int64_t i, real_t t, real_t h, real_t u[INSTANTS][DERIVATIVES])
+{
+    real_t tau = t - table->start[i];
+    if (table->first[i] == table->first[i + 1]) {
+        for (int node = 0; node < INSTANTS; node++)
+            table_polynomial(table, i, tau + RODAS_NODES[node] * h, u[node]);
+    } else {
+        for (int node = 0; node < INSTANTS; node++)
+            table_at(table, i, t + RODAS_NODES[node] * h, u[node]);
+    }
+}
+
+/* The segment that holds time t; at a break point, the later one. */
+static inline int64_t table_segment_of(const struct table *table, real_t t)
+{
+    int64_t low = 0, high = table->segments;
+    while (high - low > 1) {
+        int64_t middle = (low + high) / 2;
+        if (table->start[middle] <= t)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* Whether there is a later segment, and it has begun at time t. */
+static inline bool table_next_has_begun(const struct table *table, int64_t i, real_t t)
+{
+    return i + 1 < table->segments && table->start[i + 1] <= t;
+}
+
+/* Where segment i ends, at most t_end. */
+static inline real_t table_next_break(const struct table *table, int64_t i, real_t t_end)
+{
+    return i + 1 < table->segments ? r_min(t_end, table->start[i + 1]) : t_end;
+}
+
+#endif
