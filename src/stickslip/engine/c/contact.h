@@ -1,4 +1,4 @@
-/* Laws and normal forces as a step sees them; see `stickslip/friction/law.py` and `normal_force.py`. */
+/* Laws as a step sees them; see `stickslip/friction/law.py`. */
 #ifndef STICKSLIP_CONTACT_H
 #define STICKSLIP_CONTACT_H
 
@@ -61,52 +61,6 @@ static inline real_t bounded(const struct law *law, const real_t *p, real_t z, r
         return z;
     real_t ahead = z + towards, bound = law->project(p, ahead);
     return bound != ahead ? bound : law->project(p, z);
-}
-
-/* p(x), p'/p [1/m] and the slope of that [1/m^2]; NaN where the contact has lifted off. */
-struct share_along {
-    real_t share, steep, curved;
-};
-
-static inline struct share_along normal_force_at(const struct normal_force *force, real_t x)
-{
-    const struct share_along nothing = {R(NAN), R(NAN), R(NAN)};
-    real_t at = force->origin + x, base = R(1.0) + force->slope * at;
-    if (!(base > R(0.0)))
-        return nothing;
-    real_t share = r_pow(base, force->power), k = force->power * force->slope / base;
-    real_t wave = R(2.0 * 3.141592653589793) / force->wavelength, angle = wave * at + force->phase;
-    real_t ripple = force->ripple * r_sin(angle), whole = share + ripple;
-    if (!(whole > R(0.0)))
-        return nothing;
-    real_t steep = (share * k + force->ripple * wave * r_cos(angle)) / whole;
-    real_t second = share * k * (force->power - R(1.0)) * force->slope / base - wave * wave * ripple;
-    return (struct share_along){whole, steep, second / whole - steep * steep};
-}
-
-/* n^(q - 1), the factor on the rates of bristles whose stiffness goes with n^q. */
-static inline real_t softening(const struct normal_force *force, real_t n)
-{
-    real_t q = force->stiffness_exponent;
-    return q != R(1.0) && n > R(0.0) ? r_pow(n, q - R(1.0)) : R(1.0);
-}
-
-/* The factor on a bristle at a jump of the load, which was `ratio` times the new one. */
-static inline real_t kept_along(const struct normal_force *force, real_t ratio)
-{
-    return ratio < R(1.0) ? ratio : r_pow(ratio, R(1.0) - force->stiffness_exponent);
-}
-
-/* The factor on a force by its direction. */
-static inline real_t leaning(const struct normal_force *force, real_t f)
-{
-    return f > R(0.0) ? R(1.0) + force->asymmetry : R(1.0) - force->asymmetry;
-}
-
-/* Whether the normal force is the same everywhere. */
-static inline bool uniform(const struct normal_force *force)
-{
-    return force->slope * force->power == R(0.0) && force->ripple == R(0.0);
 }
 
 #endif

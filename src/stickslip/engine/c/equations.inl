@@ -33,7 +33,7 @@ struct OF(system) {
 struct OF(loading) {
     real_t n, fresh, fresh_t, soft;
     real_t part, grown;
-    struct share_along along;
+    ss_along_result along;
 };
 
 HOT bool OF(is_static)(const struct plant *P, int e)
@@ -172,13 +172,13 @@ HOT real_t OF(own_push)(const struct plant *P, int e)
 /* The normal force of an element that changes along the stroke. */
 static void OF(load_along)(const struct element *E, const real_t *q, const real_t *normal, struct OF(loading) *made)
 {
-    made->along = normal_force_at(E->along, q[2 * E->place]);
+    made->along = ss_along(E->along, q[2 * E->place]);
     made->n *= made->along.share;
     made->grown = E->loaded && normal[VALUE] > R(0.0) ? normal[SLOPE] / normal[VALUE] : R(0.0);
     real_t grows = made->grown + made->along.steep * q[2 * E->place + 1];
     made->part = grows > R(0.0) ? R(1.0) : R(1.0) - E->along->stiffness_exponent;
     made->fresh = made->part * grows;
-    made->soft = softening(E->along, made->n);
+    made->soft = ss_softening(E->along, made->n);
     if (E->loaded && normal[VALUE] > R(0.0))
         made->fresh_t = made->part * (normal[CURVATURE] / normal[VALUE] - made->grown * made->grown);
 }
@@ -296,7 +296,7 @@ HOT void OF(slope)(const struct plant *P, const struct OF(regime) *on, const rea
         real_t s = OF(speed)(P, e, q, u) + OF(fed)(P, e, force);
         real_t f = OF(output)(P, on, e, s, q, &load, dq + FIRST(P, e)) * load.n;
         if (RARE(E->along != NULL) && !OF(is_static)(P, e))
-            f *= leaning(E->along, f);
+            f *= ss_leaning(E->along, f);
         force[e] = f;
     }
     for (int m = 0; m < MODES(P); m++) {
@@ -393,7 +393,7 @@ HOT void OF(linearise)(const struct plant *P, const struct OF(regime) *on, int e
     }
     OF(linearise_states)(P, on, e, s, st, q, &load, w, t, &made);
     if (RARE(E->along != NULL) && !OF(is_static)(P, e))
-        lean = leaning(E->along, made.force);
+        lean = ss_leaning(E->along, made.force);
     made.force *= lean;
     made.phi *= lean;
     made.force_t *= lean * load.n;

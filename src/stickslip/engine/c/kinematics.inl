@@ -122,7 +122,7 @@ static void OF(unload)(const struct plant *P, real_t *q, real_t ratio)
         const struct element *E = &P->element[e];
         if (!RARE(E->loaded))
             continue;
-        real_t factor = E->along != NULL ? kept_along(E->along, ratio) : r_min(ratio, R(1.0));
+        real_t factor = E->along != NULL ? ss_kept(E->along, ratio) : r_min(ratio, R(1.0));
         for (int c = FIRST(P, e); c < FIRST(P, e) + STATES_OF(P, e); c++)
             q[c] *= factor;
     }
@@ -165,7 +165,7 @@ static bool OF(moves_freely)(const struct plant *P)
         free = free || P->mode[m].stiffness == R(0.0);
     for (int e = 0; e < ELEMENTS(P); e++) {
         const struct element *E = &P->element[e];
-        if (E->positioned || E->law->tick != NULL || (E->along != NULL && !uniform(E->along)))
+        if (E->positioned || E->law->tick != NULL || (E->along != NULL && !ss_uniform(E->along)))
             return false;
     }
     return free;
@@ -218,7 +218,7 @@ static real_t OF(decay)(const struct plant *P, real_t lasts)
         if (!OF(is_contact)(P, e) || STATES_OF(P, e) == 0 || (E->felt & E->pushed) == 0)
             continue;
         real_t p = -OF(own_push)(P, e) * E->normal, k = R(0.0), c = R(0.0);
-        real_t soft = E->along != NULL ? softening(E->along, E->normal) : R(1.0);
+        real_t soft = E->along != NULL ? ss_softening(E->along, E->normal) : R(1.0);
         for (int i = 0; i < STATES_OF(P, e); i++) {
             struct bristle of = {E->law, parameters_of(E, i), R(1.0), 0};
             struct law_slopes slopes = OF(slopes_of)(&of, R(0.0), R(0.0));
@@ -260,7 +260,7 @@ static void OF(tick)(const struct plant *P, real_t *q, const real_t *u, real_t t
         if (E->law->tick == NULL)
             continue;
         real_t n = t / OF(tick_period)(E);
-        if (r_abs(n - r_round(n)) < R(1e-6))
+        if (r_abs(n - r_rint(n)) < R(1e-6))
             q[FIRST(P, e)] = E->law->tick(E->parameters, input[e], q[FIRST(P, e)]);
     }
 }

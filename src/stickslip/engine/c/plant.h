@@ -8,10 +8,8 @@
 #include <stdint.h>
 
 #include "law.h"
+#include "normal_force.h"
 
-static inline real_t r_floor(real_t x) { return STICKSLIP_MATH(floor)(x); }
-/* The nearest whole number; of two, the even one. */
-static inline real_t r_round(real_t x) { return STICKSLIP_MATH(rint)(x); }
 
 /* Most modes, elements and states of a plant: the room of the instance with run-time sizes. */
 #define LARGEST_MODES 16
@@ -23,16 +21,11 @@ struct mode {
     real_t stiffness, damping, drive, acceleration;
 };
 
-/* The normal force along the stroke, see `stickslip/friction/normal_force.py`. */
-struct normal_force {
-    real_t slope, power, ripple, wavelength, phase, origin, stiffness_exponent, asymmetry;
-};
-
 /* An element. A share that the element does not have is 0. */
 struct element {
     const struct law *law;
     const real_t *parameters;               /* [states or 1][law->parameters], a row for each internal state */
-    const struct normal_force *along;       /* NULL: the normal force is the same everywhere */
+    const ss_NormalForce *along;            /* NULL: the normal force is the same everywhere */
     real_t velocity[LARGEST_MODES];         /* h, shares of the modes' velocities in the input */
     real_t push[LARGEST_MODES];             /* p, acceleration of the modes per unit of output */
     real_t position[LARGEST_MODES];         /* g, shares of the modes' positions in the input */

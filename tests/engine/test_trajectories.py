@@ -1,0 +1,125 @@
+"""Trajectories by the engine in C beside those of the engine in Python, which runs uncompiled here."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine import cases
+from engine.library import WARNINGS, Engine
+from plants import Lag
+from stickslip.solve.resume import NO_RESUME
+
+CASES = cases.cases()
+OWN = [Lag, cases.Integrator]
+CLOSE = 1e-12  # m, what positions may differ by: rounding, which trajectories amplify
+DONE, TOO_MANY_STEPS, STOPPED, DOES_NOT_FIT = 0, 2, 4, 6
+
+
+@pytest.fixture(scope="module")
+def engine(tmp_path_factory: pytest.TempPathFactory) -> Engine:
+    return Engine(tmp_path_factory.mktemp("engine"), OWN, "-O2", *WARNINGS)
+
+
+@pytest.fixture(scope="module")
+def former(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
+    """Answers of the engine in Python."""
+    file = tmp_path_factory.mktemp("former") / "answers.npz"
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
+    subprocess.run([sys.executable, "-m", "engine.cases", str(file)], check=True, env=environment)
+    with np.load(file) as found:
+        return dict(found)
+
+
+def followed(engine: Engine, case: cases.Case, resume: np.ndarray = NO_RESUME) -> cases.Answer:
+    return cases.answer(engine.integrate, case, resume)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_as_the_former_engine(engine: Engine, former: dict[str, np.ndarray], name: str) -> None:
+    """The same steps, the same positions, outputs and work, up to rounding."""
+    case, expected = CASES[name], cases.Answer(*(former[f"{name}/{k}"] for k in cases.Answer._fields))
+    found = followed(engine, case)
+    assert found[:4] == expected[:4]
+    assert found.accepted > 15
+    positions = slice(0, 2 * len(case.plant.modes), 2)
+    assert np.ptp(expected.samples[:, positions]) > 1e-8
+    np.testing.assert_allclose(
+        found.samples[:, positions], expected.samples[:, positions], rtol=0, atol=CLOSE
+    )
+    for ours, theirs in ((found.samples, expected.samples), (found.account, expected.account)):
+        scale = np.abs(theirs).max(axis=0) + 1e-300
+        np.testing.assert_allclose(ours / scale, theirs / scale, rtol=0, atol=1e-4)
+    assert np.any(found.account) == case.energy
+    np.testing.assert_array_equal(np.isnan(found.samples), np.isnan(expected.samples))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["the thesis's actuator", "periods that repeat", "Coulomb", "Maxwell slip", "a sampled controller"],
+)
+def test_goes_on_to_the_last_bit(engine: Engine, name: str) -> None:
+    """A run that ends and is taken up again is the run over both, wherever it ended."""
+    case = CASES[name]
+    whole = followed(engine, case)
+    for share in (0.3, 0.55, 0.93):
+        row = np.zeros(engine.resume_size(case.plant))
+        followed(engine, case._replace(end=share * case.end, energy=False), row)
+        assert row[0] == 1.0
+        assert 0.0 <= row[2] <= share * case.end
+        rest = case.times[case.times > share * case.end]
+        q, samples = np.full(case.state.size, np.nan), case.room[: rest.size]
+        span, further = np.array([0.0, case.end]), (case.tolerance, case.careful, 200_000)
+        outcome, *_ = engine.integrate(
+            case.plant, case.drive, case.load, q, span, *further, rest, samples, row, None
+        )
+        assert outcome == DONE
+        np.testing.assert_array_equal(q, whole.state)
+        np.testing.assert_array_equal(samples, whole.samples[-rest.size :])
+
+
+def test_samples_change_no_step(engine: Engine) -> None:
+    case = CASES["elastoplastic"]
+    many, few = followed(engine, case), followed(engine, case._replace(samples=2))
+    assert many[:4] == few[:4]
+    np.testing.assert_array_equal(many.state, few.state)
+    np.testing.assert_array_equal(many.samples[-1], few.samples[-1])
+
+
+def test_gives_up_after_so_many_steps(engine: Engine) -> None:
+    case = CASES["elastoplastic"]
+    samples, q = case.room, case.state.copy()
+    span, further = np.array([0.0, case.end]), (case.tolerance, False, 20)
+    outcome, reached, accepted, rejected = engine.integrate(
+        case.plant, case.drive, case.load, q, span, *further, case.times, samples, NO_RESUME, None
+    )
+    assert outcome == TOO_MANY_STEPS
+    assert accepted + rejected == 20
+    assert 0.0 < reached < case.end
+    np.testing.assert_array_equal(np.isfinite(samples[:, 0]), case.times <= reached)
+
+
+def test_stops_when_asked(engine: Engine) -> None:
+    engine.stop.value = 1
+    try:
+        found = followed(engine, CASES["elastoplastic"])
+    finally:
+        engine.stop.value = 0
+    assert (found.outcome, found.accepted, found.reached) == (STOPPED, 0, 0.0)
+
+
+def test_says_that_a_plant_does_not_fit(engine: Engine) -> None:
+    plant = CASES["clamped"].plant
+    large, _ = engine.plant(plant._replace(modes=plant.modes * 17))
+    assert engine.library.stickslip_compose(ctypes.byref(large)) == DOES_NOT_FIT
+
+
+def test_compiles_at_each_level_without_a_warning(tmp_path: Path) -> None:
+    """Warnings differ with what the compiler looks through; -O2 is that of the fixture."""
+    Engine(tmp_path, OWN, "-O0", *WARNINGS)
