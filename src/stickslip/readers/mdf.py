@@ -8,11 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..gate.limits import check_size
+from ..gate.limits import LIMITS, check_count, check_size
+from ..gate.mdf import check_mdf
 from ..recording import RecordingError
 from .source import FileChannel, FileContent, Rows, add_format
 
 _NUMBERS = range(6)  # data types of the standard: integers and reals of either byte order
+_FORMULA = 3  # a conversion that is a formula in text
 _TEXTS = range(7, 12)  # conversions whose result is text
 
 
@@ -39,6 +41,7 @@ def read_mdf(path: Path) -> FileContent:
         file.close()
     if not channels:
         raise RecordingError("the MDF file has no channel with samples")
+    check_count(path, len(channels), LIMITS.channels, "channels")
     check_size(path, declared, "channels")
     return FileContent(
         "MDF 4", tuple(channels), lambda wanted, rows: _read(path, places, channels, wanted, rows)
@@ -46,6 +49,7 @@ def read_mdf(path: Path) -> FileContent:
 
 
 def _opened(path: Path) -> Any:
+    check_mdf(path)
     try:
         from asammdf import MDF
     except ImportError:
@@ -90,6 +94,7 @@ def _read(
         found = []
         for i in wanted:
             place = places[i]
+            _refuse_formula(file.groups[place.group].channels[place.channel].conversion, channels[i].name)
             if place.master:
                 values = file.get_master(place.group)
             else:
@@ -104,6 +109,17 @@ def _read(
         raise RecordingError(f"not a readable MDF file (cut off or damaged?): {error}") from error
     finally:
         file.close()
+
+
+def _refuse_formula(conversion: Any, name: str) -> None:
+    """Raise RecordingError for a channel that a formula in the file computes: it would run as a program."""
+    if conversion is None:
+        return
+    if conversion.conversion_type == _FORMULA:
+        raise RecordingError(f"the channel {name!r} is computed by a formula in the file: save its numbers")
+    for inner in conversion.referenced_blocks.values():
+        if hasattr(inner, "conversion_type"):
+            _refuse_formula(inner, name)
 
 
 add_format(read_mdf, "mdf", (".mf4",), lambda head, ending: head.startswith((b"MDF     ", b"UnFinMF ")))

@@ -1,0 +1,120 @@
+"""Structure of MDF 4 files, counted before asammdf reads them.
+
+A file is a net of blocks that name each other by their place. asammdf follows it as it is, in circles too; it
+also evaluates formulas and XML with entities.
+"""
+
+from __future__ import annotations
+
+import math
+import mmap
+import struct
+import zlib
+from pathlib import Path
+
+from .errors import GateError
+from .limits import LIMITS, Visits, allowed_bytes, check_count, check_size
+
+_HEADER = 64  # where the first block stands
+_BLOCK = struct.Struct("<4s4xQQ")  # kind, length, number of links
+# By kind of block: the link to the next of its kind, and the links into it that asammdf follows.
+_NEXT = {b"##DG": 0, b"##CG": 0, b"##CN": 0, b"##FH": 0, b"##AT": 0, b"##EV": 0}
+_INTO = {b"##HD": (0, 1, 3, 4), b"##DG": (1,), b"##CG": (1,), b"##CN": (1, 4), b"##CA": (0,)}
+_DATA = {b"##DG": 2, b"##CN": 5}  # the link to the numbers
+_LISTS = {b"##DL", b"##HL", b"##LD"}  # of blocks of numbers
+_PACKED = struct.Struct("<2sB5xQQ")  # type of the block, packing, bytes unpacked and packed
+_FIRST_REFERENCE = 4  # of a conversion (CC), links to other conversions or texts from here
+
+
+def check_mdf(path: Path) -> None:
+    """Refuse an MDF 4 file that asammdf would not read in bounded time and memory; what is no MDF 4 passes.
+
+    Raises:
+        GateError: the file has more blocks than `LIMITS` allows, deeper ones or some in a circle, unpacks to
+            more, or has XML with entities.
+    """
+    with path.open("rb") as file:
+        if not file.read(12).startswith((b"MDF     4", b"UnFinMF 4")):
+            return
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            for sign in (b"<!ENTITY", b"<!DOCTYPE"):
+                if content.find(sign) >= 0:
+                    raise GateError(f"{path}: a comment in it is XML with {sign.decode()}, which is not read")
+            try:
+                _Blocks(path, content).check()
+            except (struct.error, zlib.error) as error:
+                raise GateError(f"{path}: not a readable MDF file (cut off or damaged?): {error}") from None
+
+
+class _Blocks:
+    def __init__(self, path: Path, content: mmap.mmap) -> None:
+        self._path, self._content, self._visits = path, content, Visits(path)
+        self._parts = self._unpacked = 0  # of the numbers: blocks, bytes
+
+    def check(self) -> None:
+        """Follow all links as asammdf does."""
+        open_: list[tuple[int, int]] = [(_HEADER, 1)]
+        while open_:
+            at, depth = open_.pop()
+            kind, links = self._block(at)
+            if kind not in _INTO and kind not in _NEXT and kind != b"##CC":
+                continue
+            self._visits(depth)
+            if kind == b"##CA":
+                self._check_sizes(at, len(links))
+            into = links[_FIRST_REFERENCE:] if kind == b"##CC" else _some(links, _INTO.get(kind, ()))
+            open_ += [(link, depth + 1) for link in into if link]
+            open_ += [(link, depth) for link in _some(links, (_NEXT.get(kind, -1),)) if link]
+            for link in _some(links, (_DATA.get(kind, -1),)):
+                self._measure(link)
+
+    def _block(self, at: int) -> tuple[bytes, tuple[int, ...]]:
+        """Return kind and links of a block; nothing is linked by what is outside the file."""
+        if not 0 < at <= len(self._content) - _BLOCK.size:
+            return b"", ()
+        kind, length, count = _BLOCK.unpack_from(self._content, at)
+        count = min(count, length // 8, (len(self._content) - at - _BLOCK.size) // 8)
+        check_count(self._path, count, LIMITS.chunks, "links in one block")
+        return kind, struct.unpack_from(f"<{count}Q", self._content, at + _BLOCK.size)
+
+    def _check_sizes(self, at: int, links: int) -> None:
+        start = at + _BLOCK.size + 8 * links
+        (axes,) = struct.unpack_from("<H", self._content, start + 2)
+        check_count(self._path, axes, LIMITS.depth, "axes of an array")
+        sizes = struct.unpack_from(f"<{axes}Q", self._content, start + 16)
+        check_count(self._path, math.prod(sizes), LIMITS.channels, "elements of an array channel")
+
+    def _measure(self, at: int) -> None:
+        """Count the blocks of numbers that a list links, and the bytes that they unpack to."""
+        open_ = [at]
+        while open_:
+            at = open_.pop()
+            kind, links = self._block(at)
+            if not kind:
+                continue
+            self._parts += 1
+            check_count(self._path, self._parts, LIMITS.chunks, "blocks of numbers (or some in a circle)")
+            if kind in _LISTS:
+                open_ += links
+            elif kind == b"##DZ":
+                self._unpacked += self._unpack(at + _BLOCK.size)
+            else:
+                self._unpacked += _BLOCK.unpack_from(self._content, at)[1]
+            if self._unpacked > allowed_bytes(self._path):
+                check_size(self._path, self._unpacked, "blocks of numbers")
+
+    def _unpack(self, at: int) -> int:
+        """Return the bytes that a packed block declares; refuse one that unpacks to more."""
+        _, packing, size, packed = _PACKED.unpack_from(self._content, at)
+        if packing > 1:
+            raise GateError(f"{self._path}: a block in it is packed otherwise than by zip; save it unpacked")
+        begin = at + _PACKED.size
+        if size <= allowed_bytes(self._path):
+            found = zlib.decompressobj().decompress(self._content[begin : begin + packed], size + 1)
+            if len(found) > size:
+                raise GateError(f"{self._path}: a block unpacks to more than the {size:,} bytes it declares")
+        return size
+
+
+def _some(links: tuple[int, ...], which: tuple[int, ...]) -> list[int]:
+    return [links[k] for k in which if 0 <= k < len(links)]
