@@ -6,6 +6,7 @@ import struct
 import time
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from stickslip.recording import RecordingError
 TIME = np.arange(200) * 1e-3
 
 
-def written(path: Path, *, compression: int = 0, **channel: object) -> bytearray:
+def written(path: Path, *, compression: Any = 0, **channel: object) -> bytearray:
     with MDF(version="4.10") as made:
         made.append([Signal(TIME * 60, TIME, "V", "volts", **channel)])  # type: ignore[arg-type]
         made.save(path, overwrite=True, compression=compression)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .errors import GateError
 from .hdf5 import Hdf5Array, Hdf5Tree, hdf5_tree, is_hdf5
-from .limits import check_regular
+from .limits import LIMITS, check_count, check_regular
 
 # Attributes through which NetCDF keeps its axes in HDF5.
 _AXES = ["REFERENCE_LIST", "CLASS", "DIMENSION_LIST", "NAME", "_Netcdf4Dimid", "_Netcdf4Coordinates"]
@@ -49,6 +49,7 @@ def read_netcdf(path: Path) -> Netcdf:
         raise GateError(f"{path}: not a readable NetCDF 4 file (cut off or damaged?): no HDF5 signature")
     with hdf5_tree(path) as tree:
         arrays = {n: one for n, one in tree.root.members.items() if isinstance(one, Hdf5Array)}
+        check_count(path, len(arrays), LIMITS.channels, "variables")
         scales = {n for n, one in arrays.items() if one.attribute("CLASS") == "DIMENSION_SCALE"}
         axes = _axes(tree, arrays, scales)
         variables = {
