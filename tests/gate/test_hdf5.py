@@ -233,6 +233,23 @@ def test_texts_of_attributes_are_counted(tmp_path: Path) -> None:
         open_recording(path)
 
 
+@pytest.mark.parametrize(
+    ("number", "length"), [(0, 0), (0, 2**64 - 16), (0, 5_000), (1, 2**64 - 16), (1, 5_000)]
+)
+def test_a_table_of_texts_without_end_is_refused(tmp_path: Path, number: int, length: int) -> None:
+    """The library would step from text to text for ever."""
+    path = save_recording(make_recording(TIME, {"force": TIME}, title="a"), tmp_path / "a.nc")
+    content = bytearray(path.read_bytes())
+    at = content.index(b"GCOL") + 16
+    while int.from_bytes(content[at : at + 2], "little"):
+        at += 16 + -(-int.from_bytes(content[at + 8 : at + 16], "little") // 8) * 8
+    content[at : at + 2] = number.to_bytes(2, "little")
+    content[at + 8 : at + 16] = length.to_bytes(8, "little")
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"a\.nc: not a readable HDF5 file"):
+        open_recording(path)
+
+
 def test_the_error_is_of_the_gate(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     path.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))

@@ -21,6 +21,7 @@ from h5py import h5, h5a, h5d, h5f, h5g, h5l, h5o, h5p, h5r, h5s, h5t, h5z  # py
 
 from .errors import GateError
 from .hdf5_chunks import check_chunks, filters_of, refuse_packed_names
+from .hdf5_heap import check_heaps
 from .limits import LIMITS, Visits, check_count, check_regular, check_size
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -317,6 +318,7 @@ def _opened(path: Path) -> Iterator[Hdf5Tree]:
         opened = h5py.File(path, "r")
     with opened:
         with _damage(path):
+            check_heaps(path, opened.id.get_create_plist().get_sizes())
             tree = Hdf5Tree(path, opened.id)
         yield tree
 

@@ -1,0 +1,52 @@
+"""Tables of texts in HDF5 files (global heaps), checked before the library reads one.
+
+The library steps from text to text by the lengths in the table. A length of zero, or one that goes beyond the
+table, keeps it busy for ever.
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+from pathlib import Path
+
+from .errors import GateError
+from .limits import LIMITS, check_count
+
+_SIGN = b"GCOL\1\0\0\0"  # with version and reserved bytes
+_HEAD = 16  # bytes: the sign, and the length of the table
+_TEXT = struct.Struct("<HH4xQ")  # number (0: what is free), references, length
+
+
+def check_heaps(path: Path, sizes: tuple[int, int]) -> None:
+    """Refuse an HDF5 file with a table of texts that the library does not get to the end of.
+
+    Args:
+        path: the file.
+        sizes: bytes of an address and of a length in the file.
+
+    Raises:
+        GateError: such a table, more texts than `LIMITS` allows, or other than 8 bytes.
+    """
+    if sizes != (8, 8):
+        raise GateError(f"{path}: an HDF5 file with addresses of {sizes[0]} bytes; 8 are read: save it again")
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        at, count = content.find(_SIGN), 0
+        while at >= 0:
+            count += _texts(path, content, at, LIMITS.chunks - count)
+            check_count(path, count, LIMITS.chunks, "texts")
+            at = content.find(_SIGN, at + 1)
+
+
+def _texts(path: Path, content: mmap.mmap, at: int, most: int) -> int:
+    """Return the number of texts in a table, counted no further than `most` allows."""
+    head = content[at + 8 : at + _HEAD]
+    end = at + int.from_bytes(head, "little")
+    place, count = at + _HEAD, 0
+    while place + _TEXT.size <= min(end, len(content)) and count <= most:
+        number, _, length = _TEXT.unpack_from(content, place)
+        step = _TEXT.size + -(-length // 8) * 8 if number else length
+        if not 0 < step <= end - place:
+            raise GateError(f"{path}: not a readable HDF5 file (damaged?): a table of its texts has no end")
+        place, count = place + step, count + 1
+    return count
