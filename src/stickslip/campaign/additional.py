@@ -11,6 +11,7 @@ import xarray as xr
 
 from ..analysis.alignment import Aligned
 from ..analysis.comparison import candidates_of, named
+from ..estimate.disturbances import MOVES
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
 from ..identify.candidates import Comparison
@@ -86,8 +87,9 @@ def additional(
             if ends is not None:
                 profiles[name] = ends
     # A model that does not explain its recordings asks for another law, whether or not the file does, unless
-    # it is known what it lacks.
+    # it is known what it lacks, or a fault of an instrument would decide.
     known_cause = friction.advice is not None and friction.advice.explains
+    known_cause = known_cause or any(one.moves > MOVES for one in friction.disturbances)
     if file.model_choice or (of.unseen and lacking and not known_cause):
         compared = partial(_choice, file, of, folder, known, progress)
         of_laws = partial(kept.stage, "models", compared, file.model_choice)

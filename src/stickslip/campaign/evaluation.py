@@ -22,7 +22,13 @@ from ..identify.scales import scale_uncertainty
 from ..identify.step.fit import identify_step, step_formula_errors
 from ..identify.walk.diagnosis import correlated, with_advice_of
 from ..identify.walk.displacement import has_slopes
-from ..identify.walk.explained import Explained, diagnosed_together, explained
+from ..identify.walk.explained import (
+    Explained,
+    contradicted,
+    diagnosed_together,
+    explained,
+    with_minimum_of_all,
+)
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.joint import jointly
 from ..identify.walk.prediction import Predictor
@@ -122,6 +128,13 @@ def evaluate(
             data, drives = [one.recording for one in fitted], [one.drive for one in fitted]
             at_once = partial(jointly, alone, data, drives, widened, rate, model, file.hops)
             friction = kept.stage("friction-and-stage", at_once)
+    stages = () if hysteresis is None else hysteresis.stages
+    everything = Explained(friction, friction, friction.lack)
+    if len(walks) > len(fitted):
+        everything = kept.stage("all-walks", partial(_explained, file, alone, walks, stage, stages))
+        if friction is alone and contradicted(alone, everything):
+            beside = partial(_minimum_of_all, file, alone, everything, fitted, stage)
+            alone = friction = kept.stage("other-minimum", beside)
     progress("predicting", 0.7)
     chain = Chain(friction.values["delay"], 0.0, scale.value if scale else 1.0, file.slew_rate, zeroed=True)
     predictor = Predictor(friction.model, chain)
@@ -130,10 +143,6 @@ def evaluate(
         [one.recording for one in walks],
         drive=[one.drive for one in walks],
     )
-    stages = () if hysteresis is None else hysteresis.stages
-    everything = Explained(friction, friction, friction.lack)
-    if len(walks) > len(fitted):
-        everything = kept.stage("all-walks", partial(_explained, file, alone, walks, stage, stages))
     lacking = dict.fromkeys(said((*friction.lack, *everything.lacks)))
     if len(walks) > len(fitted) and (lacking or correlated(everything.known)):
         progress("looking for what the model lacks", 0.71)
@@ -265,6 +274,15 @@ def _explained(
         slew_rate=file.known_slew_rate,
         bounds=file.bounds,
     )
+
+
+def _minimum_of_all(
+    file: CampaignFile, alone: Fit, everything: Explained, fitted: Sequence[Aligned], stage: Fit | None
+) -> Fit:
+    """The fit to some walks beside the minimum that all walks are in."""
+    near = file.model_copy(update={"hops": 0})
+    there = _friction(near, fitted, everything.known.model, stage, diagnose=False)
+    return with_minimum_of_all(alone, everything, there)
 
 
 def _advised(file: CampaignFile, found: Explained, walks: Sequence[Aligned]) -> Fit:

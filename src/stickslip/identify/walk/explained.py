@@ -9,6 +9,7 @@ the second leaves more, beyond what the uncertainty of the stage allows (lineari
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from ...actuator import Actuator
 from ...estimate.disturbed import lack_beside_faults, left_beside_faults
 from ...estimate.lack import LEAST_RATIO, Lack, left_over
 from ...estimate.marginal import values_at
+from ...estimate.minima import Minimum, still_fits
 from ...estimate.parameter import Values
 from ...estimate.result import Fit
 from ...simulation.varied import with_values
@@ -32,6 +34,8 @@ from .position_channel import CHANNEL
 from .walks import NEAR, own_values, position_slopes, stage_beside
 
 TOGETHER = "all walks together"
+# Half-widths of an interval beyond which a value that all walks have contradicts that of some walks.
+CONTRADICTS = 2.0
 
 
 class Explained(NamedTuple):
@@ -105,6 +109,49 @@ def explained(
     allowed = _allowed(known, walks, drives, slew_rate, stage, stages, loose.rmse)
     together = left_over(TOGETHER, allowed, np.concatenate(loose.residuals), len(more), len(loose.parameters))
     return Explained(loose, known, (*loose.lack, together))
+
+
+def contradicted(fit: Fit, everything: Explained) -> tuple[str, ...]:
+    """Return the names of friction whose intervals are far from what the fit to all walks finds; none where
+    the model does not explain these."""
+    if any(one.seen for one in (*fit.lack, *everything.lacks)):
+        return ()
+    far = []
+    for name, (low, high) in fit.confidence_intervals().items():
+        value, reach = everything.known.values.get(name), CONTRADICTS * 0.5 * (high - low)
+        if name not in CHANNEL and value is not None and not low - reach <= value <= high + reach:
+            far.append(name)
+    return tuple(far)
+
+
+def with_minimum_of_all(fit: Fit, everything: Explained, there: Fit) -> Fit:
+    """Return a fit to some walks in the minimum that all walks show, or with that one in its intervals and a
+    doubt.
+
+    Args:
+        fit: to some walks, which `contradicted` finds something against.
+        everything: fits to all walks.
+        there: to the walks of `fit`, begun at the values of `everything`.
+    """
+    far, all_ = contradicted(fit, everything), everything.known.values
+    names = ", ".join(one.name for one in fit.recordings)
+    of = [p for p in fit.parameters if p.name in far]
+    values = ", ".join(
+        f"{p.name} = {p.shown(all_[p.name], 3)} instead of {p.shown(fit.values[p.name], 3)}" for p in of
+    )
+    variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
+    excess = (there.cost - fit.cost) / variance
+    if not still_fits(-excess, len(fit.parameters)):
+        return replace(there, advice=fit.advice)  # the fit was in a local minimum
+    if not still_fits(excess, len(fit.parameters)):
+        why = f"{names} does not fit these values: the walks contradict each other"
+        return replace(fit, doubts=(*fit.doubts, f"all walks together lead to {values}, and {why}"))
+    found = fit if excess >= 0.0 else there
+    other = there if excess >= 0.0 else fit
+    known = Minimum(other.values, other.uncertainty, abs(excess))
+    why = f"which describes {names} as well: fit more of the walks (use: fit)"
+    doubts = (*found.doubts, f"all walks together lead to {values}, {why}")
+    return replace(found.with_minima([*fit.minima, known]), doubts=doubts, advice=fit.advice)
 
 
 def diagnosed_together(
