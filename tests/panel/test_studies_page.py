@@ -25,12 +25,12 @@ from .test_stream import unpacked
 FILE = study_functions.__file__
 GRID = {"x": np.arange(20.0), "y": np.arange(12.0)}
 SLOW = PATIENCE * 1e3  # ms
-STUDY = f"""
+STUDY = """
 kind: study
 title: held squares
-measure: {{kind: own, function: {FILE}:gated_squares}}
+measure: {kind: own, function: FILE:gated_squares}
 task: 3
-grid: {{x: {{start: 0, stop: 19, points: 20}}, y: {{start: 0, stop: 11, points: 12}}}}
+grid: {x: {start: 0, stop: 19, points: 20}, y: {start: 0, stop: 11, points: 12}}
 """
 
 
@@ -51,7 +51,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     chunk = folder / "pipe.zarr" / "status" / "c" / "0" / "0"
     chunk.unlink()
     os.mkfifo(chunk)
-    (folder / "held.yaml").write_text(STUDY)
+    study_functions.with_functions(folder / "held.yaml", STUDY)
     (folder / "other.yaml").write_text("kind: experiment\n")
     return folder
 

@@ -77,7 +77,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
 
 
 def begin(folder: Path, cluster: Cluster) -> subprocess.Popen:
-    (folder / "study.yaml").write_text(STUDY.replace("FILE", FILE))
+    study_functions.with_functions(folder / "study.yaml", STUDY)
     words = ["study", str(folder / "study.yaml"), "--store", str(folder / "s.zarr")]
     command = [sys.executable, "-m", "stickslip", *words, "--scheduler", cluster.address]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

@@ -38,12 +38,12 @@ from stickslip.study import (
 from stickslip.study.store import Store
 
 FILE = study_functions.__file__
-OWN = f"""
+OWN = """
 kind: study
 title: squares
-measure: {{kind: own, function: {FILE}:picky, units: {{x: m}}}}
+measure: {kind: own, function: FILE:picky, units: {x: m}}
 task: 12
-grid: {{x: [0 mm, 1 m, 5 m], y: {{start: 0, stop: 11, points: 12}}}}
+grid: {x: [0 mm, 1 m, 5 m], y: {start: 0, stop: 11, points: 12}}
 """
 EXPECTED = np.array([0.0, 1.0, np.nan])[:, None] ** 2 + 10.0 * np.arange(12.0)
 STEADY = """
@@ -67,7 +67,7 @@ def stickslip(*words: object):
 def stores(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A study whole, and in two shards with stores of their own."""
     folder = tmp_path_factory.mktemp("stores")
-    (folder / "study.yaml").write_text(OWN)
+    study_functions.with_functions(folder / "study.yaml", OWN)
     done = stickslip("study", folder / "study.yaml", "--store", folder / "whole.zarr", "--workers", 1)
     assert done.exit_code == 0, done.output
     assert "squares: 3 of 3 tasks, 36 members\n  complete: 24\n  failed: 12\n" in done.stdout

@@ -40,11 +40,11 @@ KANG = ss.load_actuator("kang2007")
 SAW = ss.Sawtooth(65.0, 50.0, periods=2)
 FILE = study_functions.__file__
 # A study file of as many members, in 80 tasks; all but the first 12 wait until a test lets them.
-GATED = f"""\
+GATED = """\
 kind: study
-measure: {{kind: own, function: {FILE}:gated_squares}}
+measure: {kind: own, function: FILE:gated_squares}
 task: 3
-grid: {{x: {{start: 0, stop: 19, points: 20}}, y: {{start: 0, stop: 11, points: 12}}}}
+grid: {x: {start: 0, stop: 19, points: 20}, y: {start: 0, stop: 11, points: 12}}
 """
 GRID = Grid({"x": np.arange(20.0), "y": np.arange(12.0)})
 EXPECTED = np.arange(20.0)[:, None] ** 2 + 10.0 * np.arange(12.0)
@@ -218,7 +218,7 @@ def gate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_killed_runs_go_on_and_end_the_same(tmp_path: Path, log: Path, gate: Path) -> None:
     """A worker is killed, then the run itself; the workers that are left end by themselves."""
     file, store = tmp_path / "study.yaml", tmp_path / "killed.zarr"
-    file.write_text(GATED)
+    study_functions.with_functions(file, GATED)
     run = begin(file, store, "--workers", "2")
     wait_for(store, 12, run)
     first = workers_of(run)
@@ -281,7 +281,7 @@ def test_a_worker_that_hangs_before_it_begins_is_replaced(
 
 def test_a_stop_ends_it_and_what_is_finished_is_kept(tmp_path: Path, gate: Path) -> None:
     file, store = tmp_path / "study.yaml", tmp_path / "s.zarr"
-    file.write_text(GATED)
+    study_functions.with_functions(file, GATED)
     run = begin(file, store, "--workers", "1")
     wait_for(store, 4, run)
     stop_study(store)
