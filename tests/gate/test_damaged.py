@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import random
 import time
@@ -20,6 +21,7 @@ from stickslip.analysis.move_model import at_intervals
 from stickslip.analysis.verification import AnalysisError, VerificationAnalysis, model_of_file
 from stickslip.calibration import CalibrationError, available_calibrations, load_calibration
 from stickslip.calibration.applying import calibration_attribute
+from stickslip.campaign.kept import Kept
 from stickslip.contact import load_material, load_pair
 from stickslip.electronics.parts import load_part
 from stickslip.export.source import ExportError, exported
@@ -156,6 +158,30 @@ def test_random_damage_to_what_recordings_say_of_themselves() -> None:
         assert isinstance(json.loads(calibration_attribute({}, text) or "{}"), dict)
 
 
+def test_a_stage_that_was_kept_and_is_damaged_is_computed_again(tmp_path: Path) -> None:
+    """Cut, no gzip, too deep, 200 MB of ones in 200 kB, another key: never an error, never the memory."""
+    computed = []
+
+    def compute() -> Any:
+        computed.append(1)
+        return KANG
+
+    kept = Kept(tmp_path, "key")
+    assert kept.stage("stage", compute) == kept.stage("stage", compute) == KANG
+    assert len(computed) == 1
+    (file,) = tmp_path.glob("*.json.gz")
+    whole = file.read_bytes()
+    bombs = [
+        gzip.compress(b"[" * 100_000),
+        gzip.compress(b"1" * 200_000_000, 1),
+        gzip.compress(b'{"key": 1}'),
+    ]
+    for number, raw in enumerate([whole[:100], b"", b"x", *bombs], start=2):
+        file.write_bytes(raw)
+        assert kept.stage("stage", compute) == KANG
+        assert len(computed) == number
+
+
 def test_numbers_of_results(tmp_path: Path) -> None:
     path = tmp_path / "results.json"
     path.write_text('{"numbers": {"a": 1}}')
@@ -177,3 +203,8 @@ def test_only_what_content_leads_to_is_said_as_damage() -> None:
         raise KeyError("a")
     with pytest.raises(QuantityError, match=r"^file: AttributeError: x y$"), damaged(QuantityError, "file"):
         raise AttributeError("x\ny")
+    with (
+        pytest.raises(QuantityError, match=r"^file: no fit: too deep$"),
+        damaged(QuantityError, "file: no fit"),
+    ):
+        raise GateError("file: too deep")

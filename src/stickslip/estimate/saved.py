@@ -132,10 +132,8 @@ def _is_of(value: Any, kind: Any) -> bool:
     if isinstance(of, type) and issubclass(of, Iterable):
         return isinstance(value, tuple | np.ndarray)
     kind = of or kind
-    if kind is float:
+    if kind in (float, int):
         return isinstance(value, float | int) and not isinstance(value, bool)
-    if kind is int:
-        return isinstance(value, int) and not isinstance(value, bool)
     return isinstance(value, kind) if isinstance(kind, type) else True
 
 

@@ -36,4 +36,6 @@ def damaged(kind: type[Exception], said: str) -> Iterator[None]:
         raise kind(f"{said}: there is no {str(error)[:_LONGEST]} in it") from error
     except Exception as error:
         name = "" if isinstance(error, ValueError | OSError) else f"{type(error).__name__}: "
-        raise kind(f"{said}: {name}{' '.join(str(error).split())[:_LONGEST]}") from error
+        text = " ".join(str(getattr(error, "strerror", None) or error).split())[:_LONGEST]
+        file, _, rest = text.partition(": ")
+        raise kind(f"{said}: {name}{rest if rest and said.startswith(file) else text}") from error
