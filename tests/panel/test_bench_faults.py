@@ -118,8 +118,18 @@ def test_pipes_and_large_files_are_refused_at_once(panel: Panel) -> None:
         f"{b}: &{b} [{', '.join([f'*{a}'] * 10)}]\n" for a, b in zip("abcdefghij", "bcdefghijk", strict=False)
     )
     (panel.folder / "bomb.yaml").write_text(bomb)
+    (panel.folder / "deep.yaml").write_text("x: " + "[" * 50_000 + "]" * 50_000)
+    for name in ("a.toml", "parameters/b.toml"):
+        (panel.folder / name).parent.mkdir(exist_ok=True)
+        (panel.folder / name).write_text("a." * 40_000 + "a = 1")
     with connected(panel, ME) as client:
-        for name, said in [("pipe", "no plain file"), ("large", "up to 1 MB"), ("bomb", "more than 100,000")]:
+        expected = {
+            "pipe": "no plain file",
+            "large": "up to 1 MB",
+            "bomb": "more than 100,000",
+            "deep": "deep",
+        }
+        for name, said in expected.items():
             with ThreadPoolExecutor(45) as pool:
                 ask = [
                     pool.submit(client.post, "/bench/load", json={"name": f"{name}.yaml"}) for _ in range(45)
@@ -129,6 +139,10 @@ def test_pipes_and_large_files_are_refused_at_once(panel: Panel) -> None:
             assert said in answers[0].json()["error"]
         answer = client.get("/recordings/export", params={"name": "pipe.csv"})
         assert answer.status_code == 400
+        for path in ("/bench/rigs", "/api/explore/choices", "/history"):
+            began = time.monotonic()
+            assert client.get(path).status_code == 200
+            assert time.monotonic() - began < 10.0
 
 
 def test_end_stops_count_from_home_over_runs_and_restarts(tmp_path: Path) -> None:

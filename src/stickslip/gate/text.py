@@ -24,7 +24,7 @@ from .errors import GateError
 
 MOST_BYTES = 1_000_000  # bytes of a file that a person writes: an input file, a parameter set
 MOST_RESULT_BYTES = 100_000_000  # bytes of a JSON that a program wrote: a fit with 5 million numbers
-MOST_DEPTH = 64  # lists and mappings within each other; the package's own files have up to 14
+MOST_DEPTH = 64  # lists and mappings within each other; the package's own files have up to 9
 MOST_VALUES = 1_000_000  # lists, mappings and texts of a JSON: up to 250 bytes of memory each
 MOST_NUMBERS = 5_000_000  # values of a JSON in all: 32 bytes of memory each
 MOST_DIGITS = 100  # characters of a number: a float has up to 25, a seed of 128 bits has 39
