@@ -51,7 +51,7 @@ class Hdf5Array:
         stored = identifier.get_type()
         tree.visits(1, _parts(stored))
         self.kind = _kind(stored)
-        # Of an array that is not read, nothing is kept: its type may be large.
+        # Nothing is kept open of an array that is not read: its type may be large.
         self.identifier: Any = identifier if self.kind else None
         self.nbytes = math.prod(self.shape) * stored.get_size()
         self._packed = 0  # bytes of a part that is packed by gzip

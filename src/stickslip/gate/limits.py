@@ -15,8 +15,8 @@ from .errors import GateError
 
 
 class Limits(NamedTuple):
-    """Limits of one data file. Each is far above every recording that a bench makes; reading a file at all
-    limits at once takes below 10 s of computing and 500 MB.
+    """Limits of one data file. Each is far above every recording that a bench makes. Reading a file of up to
+    3 MB at these limits takes below 10 s of computing and 500 MB; a larger one in proportion to its size.
     """
 
     # Bytes that a file may unpack to, however small it is: 8 million numbers, an hour of 8 channels, 300 Hz.
@@ -50,7 +50,7 @@ LIMITS = Limits()
 
 
 def check_regular(path: Path) -> None:
-    """Raise GateError for what is no plain file: a pipe or a device may never end, or never begin."""
+    """Raise GateError unless a path is a plain file: reading a pipe or a device may never end."""
     try:
         mode = path.stat().st_mode
     except OSError as error:
@@ -88,7 +88,7 @@ class Visits:
         self._path, self._count, self._begun = path, 0, time.thread_time()
 
     def __call__(self, depth: int, count: int = 1) -> None:
-        """Count an object at a depth, or so many of them.
+        """Count an object, or several objects, at a depth.
 
         Raises:
             GateError: the file has more objects, deeper ones, or takes longer than `LIMITS` allows.

@@ -53,7 +53,7 @@ class _Bytes:
         self._unpack = None
 
     def take(self, count: int) -> bytes:
-        """Return so many bytes."""
+        """Return the next `count` bytes."""
         if count > _PART:
             raise _End
         if self._unpack is None:
@@ -67,7 +67,7 @@ class _Bytes:
         return found
 
     def skip(self, count: int) -> None:
-        """Leave out so many bytes."""
+        """Pass over the next `count` bytes."""
         if self._unpack is None:
             self._file.seek(count, os.SEEK_CUR)
             return
@@ -113,7 +113,7 @@ class _Bytes:
     def tag(self) -> tuple[int, int]:
         """Return the length of the next element, and of the bytes that fill it up."""
         (first,) = struct.unpack(f"{self.order}I", self.take(4))
-        if first >> 16:  # at most four bytes stand in the tag itself
+        if first >> 16:  # at most four bytes, inside the tag itself
             return min(first >> 16, 4), 4 - min(first >> 16, 4)
         (length,) = struct.unpack(f"{self.order}I", self.take(4))
         return length, -length % 8
