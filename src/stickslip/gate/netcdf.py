@@ -15,9 +15,7 @@ from .limits import LIMITS, check_count, check_regular
 _AXES = ["REFERENCE_LIST", "CLASS", "DIMENSION_LIST", "NAME", "_Netcdf4Dimid", "_Netcdf4Coordinates"]
 _OWN = frozenset([*_AXES, "_nc3_strict", "_NCProperties"])
 _AXIS_ALONE = "This is a netCDF dimension but not a netCDF variable"
-_OF_ANOTHER_AXIS = (
-    "_nc4_non_coord_"  # prefix of a variable with the name of an axis along which it does not run
-)
+_OF_ANOTHER_AXIS = "_nc4_non_coord_"  # prefix of a variable that is called as an axis of others
 
 
 class NetcdfVariable(NamedTuple):
