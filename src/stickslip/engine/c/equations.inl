@@ -10,6 +10,11 @@
  *   RARE(test)             the test; 0 where plants of this size have nothing but bristle contacts without a varying
  *                          normal force, so that a compiler removes what the test guards */
 
+#ifndef NOTHING_YET
+/* Where a sum starts: -0 changes nothing that is added to it, not even +0, so that a compiler drops the addition. */
+#define NOTHING_YET R(-0.0)
+#endif
+
 /* How the contacts slide: the side of v = 0 of each element (0: held), and the branch of each internal state. */
 struct OF(regime) {
     real_t side[ROOM_ELEMENTS];
@@ -119,7 +124,7 @@ HOT struct law_slopes OF(slopes_of)(const struct bristle *of, real_t v, real_t z
 /* The part of an element's input that the modes' velocities make. */
 HOT real_t OF(sliding)(const struct plant *P, int e, const real_t *q)
 {
-    real_t s = R(0.0);
+    real_t s = NOTHING_YET;
     for (int m = 0; m < MODES(P); m++)
         s += P->element[e].velocity[m] * q[2 * m + 1];
     return s;
@@ -153,7 +158,7 @@ HOT real_t OF(speed)(const struct plant *P, int e, const real_t *q, const real_t
 /* What the outputs of earlier elements feed into an element's input. */
 HOT real_t OF(fed)(const struct plant *P, int e, const real_t *output)
 {
-    real_t s = R(0.0);
+    real_t s = NOTHING_YET;
     if (RARE(P->element[e].fed))
         for (int i = 0; i < e; i++)
             s += P->element[e].feed[i] * output[i];
@@ -270,7 +275,7 @@ static void OF(hold)(const struct plant *P, const struct OF(regime) *on, real_t 
 HOT real_t OF(output)(const struct plant *P, const struct OF(regime) *on, int e, real_t s, const real_t *q,
                                 const struct OF(loading) *load, real_t *rates)
 {
-    real_t f = R(0.0);
+    real_t f = NOTHING_YET;
     if (OF(is_static)(P, e) && on->side[e] != R(0.0)) {
         struct bristle of = {P->element[e].law, P->element[e].parameters, on->side[e], 0};
         real_t none;
@@ -383,7 +388,7 @@ HOT void OF(linearise)(const struct plant *P, const struct OF(regime) *on, int e
 {
     const struct element *E = &P->element[e];
     struct OF(loading) load = OF(loading)(P, e, q, normal);
-    struct OF(linear) made = {0};
+    struct OF(linear) made = {.force = NOTHING_YET, .force_t = NOTHING_YET, .phi = NOTHING_YET};
     real_t s = OF(speed)(P, e, q, u) + OF(fed)(P, e, force), st = OF(fed)(P, e, force_t), lean = R(1.0);
     if (RARE(1))
         st += E->drive * u[SLOPE] + E->drive_rate * u[CURVATURE];
@@ -404,7 +409,7 @@ HOT void OF(linearise)(const struct plant *P, const struct OF(regime) *on, int e
     force_t[e] = made.force_t;
     fast[e] = OF(is_static)(P, e) ? r_min(-OF(own_push)(P, e) * w->phi[e], R(0.0)) : made.fast;
 
-    real_t weight = R(0.0);
+    real_t weight = NOTHING_YET;
     for (int m = 0; m < MODES(P); m++)
         weight += r_abs(E->push[m] * E->velocity[m]);
     for (int c = FIRST(P, e); c < FIRST(P, e) + STATES_OF(P, e); c++) {
@@ -421,7 +426,7 @@ HOT void OF(linearise)(const struct plant *P, const struct OF(regime) *on, int e
 HOT real_t OF(crossed)(const struct plant *P, int i, int j, const struct OF(system) *w)
 {
     const struct element *E = &P->element[i];
-    real_t sum = R(0.0);
+    real_t sum = NOTHING_YET;
     for (int m = 0; m < MODES(P); m++) {
         sum += E->velocity[m] * w->X[j][m];
         if (RARE(E->positioned))
@@ -489,7 +494,7 @@ HOT void OF(reduce)(const struct plant *P, const struct OF(regime) *on, const st
 {
     for (int e = 0; e < ELEMENTS(P); e++) {
         const struct element *E = &P->element[e];
-        b[e] = rho[e] = R(0.0);
+        b[e] = rho[e] = NOTHING_YET;
         for (int m = 0; m < MODES(P); m++)
             b[e] += E->velocity[m] * x[m];
         if (RARE(E->positioned))

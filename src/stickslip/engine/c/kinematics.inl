@@ -11,6 +11,13 @@ static inline void OF(copy)(const struct plant *P, const real_t *from, real_t *t
         to[c] = from[c];
 }
 
+/* Sets the start of a sum. */
+static inline void OF(clear)(const struct plant *P, real_t *q)
+{
+    for (int c = 0; c < STATES(P); c++)
+        q[c] = NOTHING_YET;
+}
+
 /* The largest entry of an error vector in metres, or NaN. */
 HOT real_t OF(size)(const struct plant *P, const real_t *r, const real_t *weights)
 {

@@ -104,7 +104,10 @@ static inline void OF(try)(struct OF(walk) *w)
 {
     struct OF(step) *S = &w->step;
     OF(launch)(w);
-    table_at_nodes(w->drive, w->i, w->t, w->tried_h, S->u);
+    if (RARE(1))
+        table_at_nodes(w->drive, w->i, w->t, w->tried_h, S->u);
+    else
+        table_values_at_nodes(w->drive, w->i, w->t, w->tried_h, S->u);
     if (RARE(w->P->loaded))
         table_at_nodes(w->load, w->j, w->t, w->tried_h, S->normal);
     if (RARE(w->P->branched))

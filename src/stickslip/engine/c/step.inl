@@ -34,13 +34,14 @@ HOT void OF(at)(const struct plant *P, real_t theta, const real_t *q, const stru
         out[c] = OF(extended)(theta, q[c], S->new[c], S->rows[0][c], S->rows[1][c], S->rows[2][c]);
 }
 
-/* A weighted sum of stages. */
-HOT real_t OF(stages)(int count, const real_t *weights, real_t k[RODAS_STAGES][ROOM_STATES], int c)
+/* Adds a weighted sum of stages. */
+HOT void OF(add_stages)(const struct plant *P, int count, const real_t *weights, real_t k[RODAS_STAGES][ROOM_STATES],
+                        real_t *sum)
 {
-    real_t sum = R(0.0);
+    UNROLL
     for (int j = 0; j < count; j++)
-        sum += weights[j] * k[j][c];
-    return sum;
+        for (int c = 0; c < STATES(P); c++)
+            sum[c] += weights[j] * k[j][c];
 }
 
 /* Stage s, evaluated at the state p; t: partial derivative of dq/dt by time. */
@@ -48,14 +49,13 @@ HOT void OF(stage)(const struct plant *P, const struct OF(regime) *on, const str
                              const real_t *p, const real_t *t, const struct OF(step) *S, int s,
                              real_t k[RODAS_STAGES][ROOM_STATES])
 {
-    real_t r[ROOM_STATES], force[ROOM_ELEMENTS], per_h = R(1.0) / h;
+    real_t r[ROOM_STATES], past[ROOM_STATES], force[ROOM_ELEMENTS], per_h = R(1.0) / h;
     int node = s < RODAS_INNER ? s : AT_END;
+    OF(clear)(P, past);
+    OF(add_stages)(P, s, RODAS_C[s], k, past);
     OF(slope)(P, on, p, S->u[node], S->normal[node], r, force);
-    for (int c = 0; c < STATES(P); c++) {
-        r[c] += per_h * OF(stages)(s, RODAS_C[s], k, c);
-        if (s < RODAS_INNER)
-            r[c] += RODAS_D[s] * (h * t[c]);
-    }
+    for (int c = 0; c < STATES(P); c++)
+        r[c] += s < RODAS_INNER ? per_h * past[c] + RODAS_D[s] * (h * t[c]) : per_h * past[c];
     OF(solve)(P, on, w, r, k[s]);
 }
 
@@ -92,8 +92,8 @@ static inline void OF(take)(const struct plant *P, const struct OF(regime) *on, 
     OF(factor)(P, on, q, S->u[AT_START], S->normal[AT_START], h * RODAS_GAMMA, &w, t, weights, S->fast);
     UNROLL
     for (int s = 0; s <= RODAS_INNER; s++) {
-        for (int c = 0; c < STATES(P); c++)
-            p[c] = q[c] + OF(stages)(s, RODAS_A[s], k, c);
+        OF(copy)(P, q, p);
+        OF(add_stages)(P, s, RODAS_A[s], k, p);
         OF(stage)(P, on, &w, h, p, t, S, s, k);
     }
     UNROLL
@@ -102,10 +102,12 @@ static inline void OF(take)(const struct plant *P, const struct OF(regime) *on, 
             p[c] += k[s - 1][c];
         OF(stage)(P, on, &w, h, p, t, S, s, k);
     }
-    for (int c = 0; c < STATES(P); c++) {
+    for (int c = 0; c < STATES(P); c++)
         S->new[c] = p[c] + k[RODAS_STAGES - 1][c];
-        for (int row = 0; row < 3; row++)
-            S->rows[row][c] = OF(stages)(RODAS_STAGES, RODAS_H[row], k, c);
+    for (int row = 0; row < 3; row++) {
+        OF(clear)(P, p);
+        OF(add_stages)(P, RODAS_STAGES, RODAS_H[row], k, p);
+        OF(copy)(P, p, S->rows[row]);
     }
     S->error = OF(size)(P, k[RODAS_STAGES - 1], weights);
     for (int e = 0; e < ELEMENTS(P); e++)

@@ -61,6 +61,23 @@ static inline void table_at_nodes(const struct table *table, int64_t i, real_t t
     }
 }
 
+/* As `table_at_nodes`, but only the values, and the slope at the start of the step. */
+static inline void table_values_at_nodes(const struct table *table, int64_t i, real_t t, real_t h,
+                                         real_t u[INSTANTS][DERIVATIVES])
+{
+    if (table->first[i] != table->first[i + 1]) {
+        table_at_nodes(table, i, t, h, u);
+        return;
+    }
+    real_t tau = t - table->start[i];
+    const real_t *c = table->polynomial[i];
+    for (int node = 0; node < INSTANTS; node++) {
+        real_t at = tau + RODAS_NODES[node] * h;
+        u[node][VALUE] = c[0] + at * (c[1] + at * (c[2] + at * c[3]));
+    }
+    u[AT_START][SLOPE] = c[1] + tau * (R(2.0) * c[2] + tau * R(3.0) * c[3]);
+}
+
 /* The segment that holds time t; at a break point, the later one. */
 static inline int64_t table_segment_of(const struct table *table, real_t t)
 {
