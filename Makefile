@@ -1,4 +1,5 @@
-# Everything a newcomer types. A fresh machine needs Python >= 3.11, git and make; the rest comes from the lock file.
+# Everything a newcomer types. A fresh machine needs Python >= 3.11, git, make and a C compiler, which is installed where
+# that is possible; the rest comes from the lock file.
 #
 #   make demo       identify, verify and simulate; writes out/demo/report.html
 #   make test       all tests, compiled; then those of the kernels as plain Python; the lines that both have seen
@@ -8,7 +9,8 @@
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
 #   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)
 #   make lowest     a core of the tests with the lowest versions that pyproject.toml allows; PYTHON= one of them
-#   make laws       the C of the friction laws anew, after an edit of their Python functions
+#   make engine     build the engine again, after an edit of its C
+#   make laws       write the C of the friction laws again, after an edit of their Python functions
 #   make lock       resolve the dependencies anew (LOCK_FLAGS=--upgrade for newer versions)
 
 PYTHON ?= python3
@@ -46,7 +48,7 @@ PEERS := .venv-peers
 DRIVERS := .venv-drivers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test tools drivers check format mutation bench docs peers lowest laws lock clean
+.PHONY: help setup demo test tools drivers check format mutation bench docs peers lowest engine laws lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -61,6 +63,9 @@ $(READY): requirements.lock pyproject.toml
 	  echo "stickslip needs Python 3.11 or newer; name one with: make PYTHON=python3.12 ..." >&2; exit 1; }
 	@$(PYTHON) -c 'import venv, ensurepip' || { \
 	  echo "$(PYTHON) has no venv module; install it (Debian: apt install python3-venv)" >&2; exit 1; }
+	@command -v $(firstword $(CC)) >/dev/null || { echo "installing a C compiler ..." >&2; \
+	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends gcc libc6-dev; } >/dev/null 2>&1; } || { \
+	  echo "stickslip needs a C compiler (Debian: apt install gcc libc6-dev; macOS: xcode-select --install)" >&2; exit 1; }
 	@if [ -e $(READY) ]; then rm -f $(READY); else rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); fi
 	@if $(BIN)/python -m pip install --quiet --disable-pip-version-check $(UV); then \
 	  install="$(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python"; \
@@ -73,10 +78,10 @@ $(READY): requirements.lock pyproject.toml
 	@$(BIN)/python -m compileall -q src/stickslip
 	@touch $(READY)
 
-demo: $(READY)
+demo: $(READY) engine
 	$(BIN)/stickslip demo --out out/demo
 
-test: $(READY) tools drivers
+test: $(READY) engine tools drivers
 	$(PYTEST) $(COVERED) --cov-report=
 	NUMBA_DISABLE_JIT=1 NUMBA_ENABLE_CUDASIM=1 $(PYTEST) $(COVERED) --cov-append --cov-fail-under=$(COVERAGE) $(PLAIN_TESTS)
 
@@ -110,6 +115,10 @@ format: $(READY)
 
 laws: $(READY)
 	$(BIN)/python -m tools.generate_engine
+
+# The install has configured it: what is up to date stays.
+engine: $(READY)
+	@$(BIN)/cmake --build native >/dev/null
 
 mutation: $(READY)
 	$(BIN)/python tools/mutate.py $(if $(SAMPLE),--sample $(SAMPLE)) $(FILES)
@@ -156,4 +165,5 @@ lock: $(READY)
 	  tests/twins/drivers/requirements.in -o tests/twins/drivers/requirements.txt
 
 clean:
+	git clean -qfX native src/stickslip/engine
 	rm -rf $(VENV) $(PEERS) $(DRIVERS) $(LOWEST) out .pytest_cache .ruff_cache .import_linter_cache .hypothesis .coverage*

@@ -17,6 +17,7 @@ import pytest
 import yaml
 
 import stickslip
+from stickslip.engine.library import FILE
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
@@ -37,8 +38,9 @@ VENDORED = {
 
 
 def build(source: Path, out: Path, kind: str) -> Path:
-    command = [sys.executable, "-m", "hatchling", "build", "-t", kind, "-d", str(out)]
-    subprocess.run(command, cwd=source, capture_output=True, check=True, timeout=120)
+    out.mkdir(exist_ok=True)
+    program = f"from scikit_build_core import build; build.build_{kind}({str(out)!r})"
+    subprocess.run([sys.executable, "-c", program], cwd=source, capture_output=True, check=True, timeout=240)
     (made,) = out.glob("*.whl" if kind == "wheel" else "*.tar.gz")
     return made
 
@@ -79,7 +81,9 @@ def test_the_wheel_holds_the_package_and_its_licences(wheel: Path) -> None:
         metadata = message_from_bytes(archive.read(f"{NAME}.dist-info/METADATA"))
         found = {name: archive.read(f"stickslip/{name}").decode() for name in VENDORED}
     package = {name for name in names if name.startswith("stickslip/")}
-    assert package == {name.removeprefix("src/") for name in PACKAGE}
+    assert wheel.name.startswith(f"{NAME}-py3-none-"), "one for every Python, for one platform"
+    assert not wheel.name.endswith("-any.whl")
+    assert package == {*(name.removeprefix("src/") for name in PACKAGE), f"stickslip/engine/{FILE.name}"}
     assert all(name.startswith((f"{NAME}.dist-info/", "stickslip/")) for name in names)
     assert metadata["Version"] == stickslip.__version__
     assert metadata["License-Expression"] == "BSD-3-Clause"
@@ -94,8 +98,9 @@ def test_the_source_distribution_holds_what_is_needed_to_work_on_it(sdist: Path)
     with tarfile.open(sdist) as archive:
         names = {name.removeprefix(f"{NAME}/") for name in archive.getnames()}
     assert {*PACKAGE, "LICENSE", "CHANGELOG.md", "CITATION.cff", "Makefile", "requirements.lock"} <= names
+    assert "native/CMakeLists.txt" in names
     assert "tests/test_packaging.py" in names
-    assert not any(re.search(r"(^|/)(\.venv|out|__pycache__)/|\.pyc$", name) for name in names)
+    assert not any(re.search(r"(^|/)(\.venv|out|__pycache__)/|\.(pyc|so|dylib|dll)$", name) for name in names)
 
 
 def test_all_that_is_vendored_is_listed() -> None:
@@ -122,6 +127,8 @@ def test_the_wheel_works_without_the_checkout(installed: Path, tmp_path: Path) -
         assert done.returncode == 0, done.stderr
         return done.stdout
 
+    law = "from stickslip.engine.library import packaged_laws; print(packaged_laws()['LuGre'].parameters)"
+    assert run("python", "-c", law) == "7\n"
     where = run("python", "-c", "import stickslip; print(stickslip.__file__)")
     assert Path(where.strip()).is_relative_to(installed.parent)
     assert run("stickslip", "--version") == f"stickslip {stickslip.__version__}\n"

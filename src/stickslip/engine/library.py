@@ -25,13 +25,15 @@ def library() -> Any:
     Raises:
         EngineMissingError: it was not built, or it does not fit this machine.
     """
+    what_to_do = "Install stickslip again, on a machine with a C compiler; in a checkout, run `make engine`"
     try:
-        return ffi.dlopen(str(FILE))
-    except OSError as error:
-        raise EngineMissingError(
-            f"{FILE} cannot be opened ({error}). Install stickslip again on a machine with a C compiler; "
-            "in a checkout, run `make engine`."
-        ) from None
+        found: Any = ffi.dlopen(str(FILE))
+        built_from = found.stickslip_abi()
+    except (OSError, AttributeError) as error:
+        raise EngineMissingError(f"{FILE} cannot be opened ({error}). {what_to_do}.") from None
+    if built_from != found.STICKSLIP_ABI:
+        raise EngineMissingError(f"{FILE} was built from other sources. {what_to_do}.")
+    return found
 
 
 @functools.cache
