@@ -57,7 +57,8 @@ setup: $(READY)
 
 # The stamp goes first and comes last: a set-up that was interrupted starts again from an empty environment.
 # Byte code is written here, once: where Python is told not to write any (in many containers), each process would
-# compile all that it imports, which makes a first simulation three times as long.
+# compile all that it imports, which makes a first simulation three times as long. The install's own finder of modules
+# goes, for it would hide what PYTHONPATH names; the library is beside its Python, so that a path is enough.
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 	  echo "stickslip needs Python 3.11 or newer; name one with: make PYTHON=python3.12 ..." >&2; exit 1; }
@@ -75,6 +76,8 @@ $(READY): requirements.lock pyproject.toml
 	fi; \
 	echo "installing the locked dependencies into $(VENV) ..." >&2; \
 	$$install --require-hashes -r requirements.lock && $$install --no-deps --no-build-isolation -e .
+	@for paths in $(VENV)/lib/python*/site-packages/_editable_skbc_stickslip.pth; do \
+	  sed '/^import /d' $$paths > $$paths.new && mv $$paths.new $$paths; done
 	@$(BIN)/python -m compileall -q src/stickslip
 	@touch $(READY)
 
