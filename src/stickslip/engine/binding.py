@@ -1,0 +1,183 @@
+"""Calls of the engine with NumPy arrays.
+
+Arrays are handed over as they are: C-contiguous and of doubles, or a TypeError says which is not. The engine
+runs without Python's lock, so that threads run side by side.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..friction.law import element, elements
+from ._abi import ffi
+from .called_back import running
+from .law_of import EngineLaw, law_of
+from .laws import row
+from .library import library
+
+Array = NDArray[np.float64]
+_NULL = ffi.NULL
+_SHARES = ("velocity", "push", "position", "feed")
+
+
+class ComposedPlant:
+    """A plant as the engine takes it: made once, and good for any number of runs.
+
+    Args:
+        plant: see `plant.system.Plant`.
+
+    Raises:
+        ValueError: the plant is larger than the engine's room.
+        TypeError: an element has no law.
+    """
+
+    def __init__(self, plant: Any) -> None:
+        lib = library()
+        most = (lib.LARGEST_MODES, lib.LARGEST_ELEMENTS)
+        if len(plant.modes) > most[0] or len(plant.elements) > most[1]:
+            raise ValueError(_too_large(plant, lib))
+        self.struct: Any = ffi.new("struct plant *")
+        self.struct.modes, self.struct.elements = len(plant.modes), len(plant.elements)
+        self.struct.rate = plant.rate
+        for m, mode in enumerate(plant.modes):
+            self.struct.mode[m] = tuple(mode)
+        self.laws: list[EngineLaw] = []
+        self._arrays: list[Any] = []  # the engine points into them
+        for e, one in enumerate(plant.elements):
+            self._fill(self.struct.element[e], one)
+        if lib.stickslip_compose(self.struct) != lib.DONE:
+            raise ValueError(_too_large(plant, lib))
+        self.states: int = self.struct.states
+        # Columns of samples: the states, then the output of each element.
+        self.columns = self.states + max(len(plant.elements), 1)
+        self.resume_size: int = lib.stickslip_resume_size(self.struct)
+
+    def _fill(self, made: Any, one: Any) -> None:
+        states = elements(one.law)
+        records = [element(one.law, i) for i in range(max(states, 1))]
+        law = law_of(records[0])
+        self.laws.append(law)
+        numbers = ffi.new("real_t[]", [number for record in records for number in row(record)] or [0.0])
+        self._arrays.append(numbers)
+        made.law, made.parameters = law.pointer, numbers
+        if one.along is not None:
+            along: Any = ffi.new("ss_NormalForce *", row(one.along))
+            self._arrays.append(along)
+            made.along = along
+        for name in _SHARES:
+            shares = getattr(one, name)
+            if shares:
+                getattr(made, name)[0 : len(shares)] = [share or 0.0 for share in shares]
+        made.normal, made.drive, made.drive_rate = one.normal, one.drive or 0.0, one.drive_rate or 0.0
+        made.states, made.loaded, made.follows = states, one.loaded is not None, one.drive_rate is not None
+        made.positioned, made.fed = bool(one.position), bool(one.feed)
+        made.felt, made.pushed = _bits(one.velocity), _bits(one.push)
+
+
+class DriveTable:
+    """A drive, or a load, as the engine takes it (see `waveform.drive.Drive`)."""
+
+    def __init__(self, drive: Any) -> None:
+        self.struct: Any = ffi.new("struct table *")
+        columns = (drive.start, drive.polynomial, drive.harmonic)
+        start, polynomial, harmonic = (doubles(np.ascontiguousarray(one), "drive") for one in columns)
+        numbers: Any = np.ascontiguousarray(drive.first, dtype=np.int64)
+        first = ffi.from_buffer("int64_t[]", numbers)
+        self._arrays = (start, polynomial, first, harmonic)
+        self.struct.segments, self.struct.start, self.struct.first = len(start), start, first
+        self.struct.polynomial = ffi.cast("real_t (*)[4]", polynomial)
+        self.struct.harmonic = ffi.cast("real_t (*)[4]", harmonic)
+
+
+def integrate(
+    plant: ComposedPlant,
+    drive: DriveTable,
+    load: DriveTable,
+    q: Array,
+    span: tuple[float, float],
+    tolerance: float,
+    careful: bool,
+    max_steps: int,
+    times: Array,
+    samples: Array,
+    resume: Array | None = None,
+    account: Array | None = None,
+) -> tuple[int, float, int, int]:
+    """Follow one trajectory.
+
+    Args:
+        plant: the plant.
+        drive: of the plant's drive.
+        load: normal force over its reference.
+        q: state [plant.states] at the start; becomes the state at the time reached.
+        span: start and end, s.
+        tolerance: m, on positions.
+        careful: small vibrations of contacts that stick are not to be lost.
+        max_steps: bound on accepted plus rejected steps.
+        times: s, of the samples, ascending.
+        samples: states and outputs of the elements [times, plant.columns], filled up to the time reached.
+        resume: [plant.resume_size], zeros to start from q; continued from otherwise.
+        account: running integrals of the drive's work [times, 4].
+
+    Returns:
+        The outcome (see `solve.outcome`), the time reached [s], accepted and rejected steps.
+
+    Raises:
+        TypeError: an array is no C-contiguous array of doubles.
+        ValueError: an array has another size than the plant and the times ask for.
+        MemoryError: there is no room for the log of steps.
+        BaseException: whatever a user's law in Python has raised.
+    """
+    lib = library()
+    _sized("q", q, plant.states)
+    _sized("samples", samples, times.size * plant.columns)
+    if resume is not None:
+        _sized("resume", resume, plant.resume_size)
+    if account is not None:
+        _sized("account", account, 4 * times.size)
+    task: Any = ffi.new("struct stickslip_task *")
+    task.plant, task.drive, task.load = plant.struct, drive.struct, load.struct
+    task.state, task.begin, task.end = doubles(q, "q", True), span[0], span[1]
+    task.tolerance, task.max_steps, task.careful = tolerance, max_steps, careful
+    task.count, task.times = times.size, doubles(times, "times")
+    task.samples = doubles(samples, "samples", True)
+    task.resume = _NULL if resume is None else doubles(resume, "resume", True)
+    task.account = _NULL if account is None else doubles(account, "account", True)
+    result: Any = ffi.new("struct stickslip_result *")
+    if any(law.how == "python" for law in plant.laws):
+        with running() as stop:
+            task.stop = stop
+            outcome = lib.stickslip_integrate(task, result)
+    else:
+        outcome = lib.stickslip_integrate(task, result)
+    if outcome == lib.NO_MEMORY:
+        raise MemoryError("the engine has no memory for its log of steps")
+    return outcome, result.reached, result.accepted, result.rejected
+
+
+def doubles(array: Array, name: str, written: bool = False) -> Any:
+    """Return a pointer to an array for the engine; it keeps the array."""
+    if array.dtype != np.float64 or not array.flags.c_contiguous:
+        raise TypeError(f"{name} must be a C-contiguous array of doubles, not of {array.dtype}")
+    buffer: Any = array
+    return ffi.from_buffer("real_t[]", buffer, require_writable=written)  # type: ignore[call-overload]
+
+
+def _sized(name: str, array: Array, size: int) -> None:
+    if array.size != size:
+        raise ValueError(f"{name} has {array.size} numbers; the engine needs {size}")
+
+
+def _bits(shares: tuple[float | None, ...]) -> int:
+    return sum(1 << m for m, share in enumerate(shares) if share is not None)
+
+
+def _too_large(plant: Any, lib: Any) -> str:
+    return (
+        f"a plant of {len(plant.modes)} modes and {len(plant.elements)} elements is too large for the "
+        f"engine, which has room for {lib.LARGEST_MODES} modes, {lib.LARGEST_ELEMENTS} elements and, in all, "
+        f"{lib.LARGEST_STATES} states"
+    )
