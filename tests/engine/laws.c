@@ -1,11 +1,12 @@
 /* Every function of every law of the package on many inputs, for Python to compare with its own. */
+#include "engine.c"
 #include "laws.h"
 #include "normal_force.h"
 
 #define MANY for (long k = 0; k < n; ++k)
 
 const char *name_of(int i) { return i < (int)(sizeof packaged_laws / sizeof *packaged_laws) ? packaged_laws[i]->name : NULL; }
-int parameters_of(int i) { return packaged_laws[i]->parameters; }
+int length_of(int i) { return packaged_laws[i]->parameters; }
 
 /* Returns 0 where the law has no such function. */
 int evaluate(int i, int role, long n, const double *p, const double *a, const double *b, const double *c,
@@ -36,5 +37,30 @@ void press(long n, const ss_NormalForce *p, const double *x, double *out)
         const double all[] = {found.share, found.steep, found.curved, ss_softening(p + k, x[k]), ss_kept(p + k, x[k]),
                               ss_leaning(p + k, x[k]), ss_uniform(p + k)};
         for (int j = 0; j < 7; ++j) { out[7 * k + j] = all[j]; }
+    }
+}
+
+/* What a step sees of a contact: five slopes, force and rate beyond the reversal, the kink, the state on its bound. */
+void see(int i, long n, const double *p, const double *v, const double *z, const double *side, const int *branch, double *out)
+{
+    const struct law *law = packaged_laws[i];
+    MANY {
+        const real_t *own = p + k * law->parameters;
+        const struct bristle of = {.law = law, .p = own, .side = side[k], .branch = branch[k]};
+        const struct law_slopes slopes = slopes_of_any(&of, v[k], z[k]);
+        double *row = out + 10 * k;
+        row[0] = slopes.force;
+        row[1] = slopes.force_v;
+        row[2] = slopes.force_z;
+        row[3] = slopes.rate_v;
+        row[4] = slopes.rate_z;
+        smooth_rate_any(&of, v[k], z[k], row + 5, row + 6);
+        row[7] = reversal_kink(law, own, z[k], v[k]);
+        row[8] = bounded(law, own, z[k], 1e-3 * z[k]);
+        row[9] = 0.0;
+        if (law->breakaway) {
+            const struct element E = {.law = law, .parameters = own};
+            static_slope(&E, v[k], side[k], row + 8, row + 9);
+        }
     }
 }
