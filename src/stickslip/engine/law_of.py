@@ -68,7 +68,7 @@ def _made(record: Any, kind: Record, slowest: bool) -> EngineLaw:
             return EngineLaw(made[0], how, made)
     if not slowest:
         print(
-            f"stickslip: the law {type(record).__name__} runs as plain Python, some thirty times slower than "
+            f"stickslip: the law {type(record).__name__} runs as plain Python, some fifty times slower than "
             "compiled; install a C compiler, or pip install numba",
             file=sys.stderr,
         )
