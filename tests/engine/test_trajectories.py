@@ -120,6 +120,40 @@ def test_says_that_a_plant_does_not_fit(engine: Engine) -> None:
     assert engine.library.stickslip_compose(ctypes.byref(large)) == DOES_NOT_FIT
 
 
+SANITIZED = """
+import sys
+from pathlib import Path
+
+from engine import cases, test_trajectories
+from engine.library import Engine
+
+made = Engine(Path(sys.argv[1]), test_trajectories.OWN, *sys.argv[2:])
+for case in cases.cases().values():
+    assert test_trajectories.followed(made, case).accepted > 0
+print("silent")
+"""
+
+
+def _runtime(name: str) -> str:
+    found = subprocess.run(["cc", f"-print-file-name={name}"], capture_output=True, text=True, check=True)
+    return found.stdout.strip()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the sanitizers' libraries are loaded as Linux does it")
+def test_reaches_beyond_no_array_and_relies_on_nothing_undefined(tmp_path: Path) -> None:
+    """The address and undefined-behaviour sanitizers end the process where they find something."""
+    flags = ["-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined"]
+    preload = " ".join(_runtime(name) for name in ("libasan.so", "libubsan.so"))
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(sys.path),
+        "LD_PRELOAD": preload,
+        "ASAN_OPTIONS": "detect_leaks=0",  # Python leaves memory to the end of its process
+    }
+    command = [sys.executable, "-c", SANITIZED, str(tmp_path), *flags]
+    found = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert (found.returncode, found.stdout) == (0, "silent\n"), found.stderr[-4000:]
+
+
 def test_compiles_at_each_level_without_a_warning(tmp_path: Path) -> None:
     """Warnings differ with what the compiler looks through; -O2 is that of the fixture."""
     Engine(tmp_path, OWN, "-O0", *WARNINGS)

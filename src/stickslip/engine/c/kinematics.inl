@@ -1,4 +1,4 @@
-/* Further functions of a plant: errors, bounds, events, drift, ticks. Included once per size, after `equations.inl`. */
+/* Further functions of a plant: errors, bounds, events, drift, ticks. Included once per size, after `system.inl`. */
 
 static inline bool OF(is_contact)(const struct plant *P, int e)
 {

@@ -1,5 +1,7 @@
-/* The engine for one size. The macros that `equations.inl` names are defined by who includes this, and end here. */
+/* The engine for one size. The macros that `elements.inl` names are defined by who includes this, and end here. */
+#include "elements.inl"
 #include "equations.inl"
+#include "system.inl"
 #include "kinematics.inl"
 #include "step.inl"
 #include "starting.inl"
