@@ -139,7 +139,6 @@ def _runtime(name: str) -> str:
     return found.stdout.strip()
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="the sanitizers' libraries are loaded as Linux does it")
 def test_reaches_beyond_no_array_and_relies_on_nothing_undefined(tmp_path: Path) -> None:
     """The address and undefined-behaviour sanitizers end the process where they find something."""
     flags = ["-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined"]
