@@ -17,6 +17,7 @@ import study_functions
 from stickslip.panel.server import create_app
 from stickslip.readers import process
 from stickslip.study import Grid, Own, Study, study_state
+from stickslip.study.sealing import sealed
 
 from .conftest import PATIENCE, Panel
 from .serving import client_of
@@ -45,9 +46,9 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree(folder / "done.zarr", folder / f"{name}.zarr")
     content = json.loads((folder / "done.zarr" / "zarr.json").read_text())
     manifest = json.loads(content["attributes"]["study"])
-    manifest["layout"]["shape"] = [10**9, 10**9]
+    manifest["layout"]["shape"] = [10**4, 10**4]
     content["attributes"]["study"] = json.dumps(manifest)
-    (folder / "endless.zarr" / "zarr.json").write_text(json.dumps(content))
+    (folder / "endless.zarr" / "zarr.json").write_text(sealed(content))
     chunk = folder / "pipe.zarr" / "status" / "c" / "0" / "0"
     chunk.unlink()
     os.mkfifo(chunk)

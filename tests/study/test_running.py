@@ -34,6 +34,7 @@ from stickslip.study import (
     task,
 )
 from stickslip.study.running import prepared
+from stickslip.study.sealing import sealed
 from stickslip.study.store import Store
 
 KANG = ss.load_actuator("kang2007")
@@ -146,7 +147,7 @@ def test_a_store_of_another_version_is_refused(walks: tuple[Study, Path], tmp_pa
     assert manifest["description"]["kernels"].startswith("kernels-")
     manifest["description"]["package"], manifest["identity"] = "0.0.9", "0" * 64
     content["attributes"]["study"] = json.dumps(manifest)
-    (old / "zarr.json").write_text(json.dumps(content))
+    (old / "zarr.json").write_text(sealed(content))
     with pytest.raises(StudyDiffers, match=r'package: "0\.0\.9" there'):
         ss.run_study(study, old)
 

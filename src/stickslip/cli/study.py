@@ -90,7 +90,10 @@ def _shard(text: str) -> tuple[int, int] | None:
 def show(store: StoreFolder, show_traceback: Traceback = False) -> None:
     """How far a study is: tasks, members by their status, rate, time left."""
     with errors_in_one_line(show_traceback):
+        from ..study.store import Store
+
         _show(store)
+        Store(store).check_results()
 
 
 def _show(store: Path) -> None:

@@ -1,17 +1,18 @@
 """Chunks on disk: whole or not there at all, each with its checksum.
 
 A chunk is what Zarr (format 3) reads: little-endian bytes and their CRC-32C (RFC 3720), texts as `vlen-utf8`
-compressed by gzip. It is written here, not by the library, which leaves out chunks that hold nothing but
-missing values: those are results too. The disk is not waited for: what a power cut destroys does not match
+compressed by gzip (RFC 1952). The comment of the gzip header, which readers of Zarr pass over, is the seal of
+the task. A chunk is written here, not by the library, which leaves out chunks that hold nothing but missing
+values: those are results too. The disk is not waited for: what a power cut destroys does not match
 its checksum, and is computed again.
 """
 
 from __future__ import annotations
 
-import gzip
 import os
 import stat
 import uuid
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -23,20 +24,48 @@ from .layout import TEXT
 
 PART = ".part"
 _CRC = 4  # bytes
+_GZIP = b"\x1f\x8b\x08\x10" + bytes(4) + b"\x04\xff"  # header: a comment follows, no time, fast, any system
 
 
 class ChunkError(Exception):
     """A chunk that is not as it was written; says which and why."""
 
 
-def write_chunk(path: Path, values: NDArray[Any], dtype: str) -> None:
-    """Write a chunk under another name, and give it its name.
+def chunk_bytes(values: NDArray[Any], dtype: str) -> bytes:
+    """Return the content of a chunk; of texts, the part of the gzip data after its header."""
+    if dtype == TEXT:
+        raw = _texts(values)
+        packer = zlib.compressobj(1, zlib.DEFLATED, -zlib.MAX_WBITS)
+        ends = (part.to_bytes(4, "little") for part in (zlib.crc32(raw), len(raw) & 0xFFFFFFFF))
+        return b"".join([packer.compress(raw), packer.flush(), *ends])
+    return values.astype(np.dtype(dtype).newbyteorder("<")).tobytes()
+
+
+def checksum(data: bytes) -> int:
+    """Return the CRC-32C of the content of a chunk."""
+    return google_crc32c.value(data)
+
+
+def with_comment(data: bytes, comment: bytes) -> bytes:
+    """Return gzip data from the part after the header."""
+    return b"".join([_GZIP, comment, b"\0", data])
+
+
+def comment_of(data: bytes) -> tuple[bytes, bytes]:
+    """Return the comment and the part after the header of gzip data; raises ChunkError for other data."""
+    comment, end, rest = data.removeprefix(_GZIP).partition(b"\0")
+    if not data.startswith(_GZIP) or not end:
+        raise ChunkError("has no seal")
+    return comment, rest
+
+
+def write_chunk(path: Path, data: bytes) -> None:
+    """Write a chunk with its checksum under another name, and give it its name.
 
     Raises:
         OSError: the disk is full, or worse; what was begun is removed.
     """
-    data = _texts(values) if dtype == TEXT else values.astype(np.dtype(dtype).newbyteorder("<")).tobytes()
-    check = google_crc32c.value(data).to_bytes(_CRC, "little")
+    check = checksum(data).to_bytes(_CRC, "little")
     path.parent.mkdir(parents=True, exist_ok=True)
     begun = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PART}")
     try:
@@ -82,7 +111,7 @@ def plain_bytes(path: Path) -> bytes:
 def _texts(values: NDArray[Any]) -> bytes:
     parts, texts = [values.size.to_bytes(4, "little")], values.ravel().tolist()
     if not any(texts):  # as a rule
-        return gzip.compress(parts[0] + bytes(4 * len(texts)), 1, mtime=0)
+        return parts[0] + bytes(4 * len(texts))
     for text in (str(one).encode() for one in texts):
         parts += [len(text).to_bytes(4, "little"), text]
-    return gzip.compress(b"".join(parts), 1, mtime=0)
+    return b"".join(parts)

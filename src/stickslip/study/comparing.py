@@ -121,9 +121,7 @@ def merge_studies(
         raise StudyError("there is nothing to merge")
     first, target = sources[0], Path(into)
     if not (target / "zarr.json").exists():
-        begun = target.with_name(f".{target.name}.{uuid.uuid4().hex}{PART}")
-        shutil.copytree(first.path, begun, ignore=_chunks(first))
-        begun.rename(target)
+        _begin(first, target)
     merged = Store(target)
     damaged = {}
     for store in sources:
@@ -144,10 +142,19 @@ def merge_studies(
     return int((~merged.done()).sum())
 
 
-def _chunks(store: Store):
-    """What of a store is not copied: the chunks that tasks write."""
-    folders = {str(store.path / v.name) for v in store.layout.variables}
-    return lambda folder, names: ["c"] if folder in folders else [n for n in names if n.endswith(PART)]
+def _begin(first: Store, target: Path) -> None:
+    """Make a store without results, from another one of the same study."""
+    first.check_known()
+    begun = target.with_name(f".{target.name}.{uuid.uuid4().hex}{PART}")
+    try:
+        for name in ("zarr.json", *first.files):
+            (begun / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(first.path / name, begun / name)
+        begun.rename(target)
+    except OSError as error:
+        raise StudyError(f"{target}: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(begun, ignore_errors=True)
 
 
 def _copied(source: Path, target: Path, key: str) -> None:

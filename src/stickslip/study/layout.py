@@ -14,6 +14,7 @@ MOST, TASKS = 8192, 64
 # Bytes of a task in memory.
 LARGEST = 64_000_000
 TEXT = "text"
+MOST_TASKS = 10_000_000  # tasks of a study: files of one folder; each is looked for
 
 
 class Variable(NamedTuple):
@@ -115,15 +116,37 @@ def layout_text(layout: Layout) -> str:
     return json.dumps(layout._asdict() | {"variables": [v._asdict() for v in layout.variables]})
 
 
-def layout_of(text: str) -> Layout:
-    """What `layout_text` wrote."""
-    found: Mapping[str, Any] = json.loads(text)
-    return Layout(
+def layout_of(found: Mapping[str, Any]) -> Layout:
+    """Return the layout that `layout_text` wrote.
+
+    Raises:
+        LookupError, TypeError, ValueError: it is none.
+    """
+    made = Layout(
         tuple(found["dims"]),
-        tuple(found["shape"]),
-        tuple(found["task"]),
+        tuple(map(int, found["shape"])),
+        tuple(map(int, found["task"])),
         tuple(_variables(found["variables"])),
     )
+    check_layout(made)
+    return made
+
+
+def check_layout(layout: Layout) -> None:
+    """Raise ValueError for a layout that no study has: names that would lead out of the store, sizes that
+    are none."""
+    for name in (*layout.dims, *(v.name for v in layout.variables)):
+        if not str(name).isidentifier():
+            raise ValueError(f"{str(name)[:60]!r} is no name of a variable: take letters, digits and _")
+    if not (len(layout.dims) == len(layout.shape) == len(layout.task) > 0):
+        raise ValueError("its dimensions have no sizes")
+    if min(layout.shape + layout.task) < 1 or layout.tasks > MOST_TASKS:
+        raise ValueError(f"it would have {layout.tasks:.3g} tasks; up to {MOST_TASKS:,} are possible")
+    for one in layout.variables:
+        if not {*one.dims} <= {*layout.dims} or (one.dtype != TEXT and np.dtype(one.dtype).kind not in "fiu"):
+            raise ValueError(f"{one.name}: no such variable is possible")
+    if layout.variables[-1].name != "status" or [v.dtype for v in layout.variables].count(TEXT) != 1:
+        raise ValueError("it has no reasons and status")
 
 
 def _variables(listed: list[dict[str, Any]]) -> Iterator[Variable]:

@@ -112,7 +112,7 @@ def _at_random(description: Any) -> set[str]:
 def _coordinates(store: Store) -> dict[str, tuple[Variable, Array]]:
     try:
         return store.coordinates()
-    except (ChunkError, ValueError, KeyError, TypeError) as error:
+    except (ChunkError, ValueError, LookupError, TypeError) as error:
         raise StudyError(f"{store.path}: its coordinates are damaged: {error}") from None
 
 

@@ -15,12 +15,13 @@ import xarray as xr
 from ..progress import Progress, unheard
 from ..simulation.errors import SimulationWarning
 from ..units import QuantityError
+from .creating import create
 from .description import described, identity
 from .design import Study
 from .errors import StudyError
 from .layout import Layout
 from .local import processors, run_local
-from .store import Store, create, open_study
+from .store import Store, has_arrays, open_study
 from .task import Done, load_of, tried
 
 # Members of the trial that an estimate is from.
@@ -131,11 +132,12 @@ def run_study(
 def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
     """The store of a study, made if it is not there; raises StudyDiffers, QuantityError and StudyError."""
     description = described(study)
-    if not (Path(path) / "zarr.json").exists():
+    if not (Path(path) / "zarr.json").exists() and not has_arrays(Path(path)):
         create(path, description, study.layout(), study.axes, study.inner(), study.title)
         tried(identity(description)).touch()
     there = Store(path)
     there.check(description, study.task)
+    there.check_known()
     there.tidy()
     return there
 

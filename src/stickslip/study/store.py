@@ -2,7 +2,9 @@
 
 All metadata are written before the first task, and never again. A task writes one chunk of each variable,
 its status last: a task whose status is there is done. The attribute `study` of the group is the manifest:
-what the study is, with hashes, and how its results are laid out.
+what the study is, with hashes, how its results are laid out, and the hashes of all other files that were
+written before the first task (`creating`). A seal covers the group with the manifest, another one each task
+(`sealing`).
 """
 
 from __future__ import annotations
@@ -11,10 +13,7 @@ import contextlib
 import errno
 import json
 import os
-import shutil
 import time
-import uuid
-import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -24,13 +23,24 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from .._version import __version__
-from .chunks import PART, ChunkError, plain_bytes, read_chunk, write_chunk
+from ..gate.text import load_json
+from .chunks import (
+    PART,
+    ChunkError,
+    checksum,
+    chunk_bytes,
+    comment_of,
+    plain_bytes,
+    read_chunk,
+    with_comment,
+    write_chunk,
+)
 from .description import differences, identity
 from .errors import StudyDiffers, StudyError
 from .layout import TEXT, Layout, Variable, layout_of, layout_text
-from .points import Axis
+from .sealing import SEAL, checks_of, file_hash, key_of, store_seal, task_seal
 
-FORMAT = 1
+FORMAT = 2
 # s, after which a chunk that was begun is one that nobody finishes.
 ABANDONED = 86_400.0
 # A file of that name asks all runs to stop, when it is made or changed.
@@ -39,24 +49,69 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class Store:
-    """What is known of a store from its manifest; raises StudyError where there is none."""
+    """What is known of a store from its manifest.
+
+    Raises:
+        StudyError: it is no store of a study, or its metadata are not as they were written.
+    """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
+        group = self._group()
         try:
-            attributes = json.loads(plain_bytes(self.path / "zarr.json"))["attributes"]
-            manifest = json.loads(attributes["study"])
+            manifest = load_json(group["attributes"]["study"], "its manifest")
             form = manifest["format"]
             if form == FORMAT:
-                self.title = str(attributes["title"])
+                self.title = str(group["attributes"]["title"])
                 self.description: dict[str, Any] = manifest["description"]
                 self.identity: str = manifest["identity"]
-                self.layout: Layout = layout_of(json.dumps(manifest["layout"]))
-        except (ChunkError, ValueError, KeyError, TypeError, AttributeError):
-            raise StudyError(f"{self.path} is no store of a study") from None
+                self.layout: Layout = layout_of(manifest["layout"])
+                self.files: dict[str, str] = {str(name): one for name, one in manifest["files"].items()}
+                self._key = key_of(self.identity, layout_text(self.layout))
+            whole = group["attributes"].get(SEAL) == store_seal(group)
+        except (ValueError, LookupError, TypeError, AttributeError) as error:
+            raise self._no_store(error) from None
         if form != FORMAT:
             raise StudyError(f"{self.path} has the format {form}; stickslip {__version__} reads {FORMAT}")
+        if not whole:
+            raise self._damaged("zarr.json", "is not as it was written")
+        for name in self.files:
+            if name.endswith("zarr.json"):
+                self._check_file(name)
+        self._text = next(one for one in self.layout.variables if one.dtype == TEXT)
         self._asked_before = self._asked()
+
+    def _group(self) -> dict[str, Any]:
+        file = self.path / "zarr.json"
+        try:
+            found = load_json(plain_bytes(file), str(file))
+            return dict(found, attributes=dict(found["attributes"]))
+        except ChunkError as error:
+            if has_arrays(self.path):
+                raise self._damaged("zarr.json", str(error)) from None
+            raise StudyError(f"{self.path} is no store of a study: its zarr.json {error}") from None
+        except (LookupError, TypeError, ValueError) as error:
+            raise self._no_store(error) from None
+
+    def _no_store(self, error: Exception) -> StudyError:
+        said = f": {error}" if isinstance(error, ValueError) else ""  # other errors are in Python's words
+        return StudyError(f"{self.path} is no store of a study, or its zarr.json is damaged{said}")
+
+    def _damaged(self, name: str, said: str) -> StudyError:
+        return StudyError(
+            f"{self.path}: {name} {said}. The results are kept. A new store of the same study has the same "
+            "file, made by the same version of the package: copy it from there"
+        )
+
+    def _check_file(self, name: str) -> None:
+        """Raise StudyError for a file of before the first task that is not as it was written."""
+        try:
+            if not all(part.isidentifier() or part in ("zarr.json", "0") for part in name.split("/")):
+                raise ChunkError("has no name of a file in it")
+            if file_hash(self.path / name) != self.files[name]:
+                raise ChunkError("is not as it was written")
+        except ChunkError as error:
+            raise self._damaged(name, str(error)) from None
 
     def check(self, description: Mapping[str, Any], task: int | None = None) -> None:
         """Raise StudyDiffers where the store is of another study."""
@@ -76,12 +131,11 @@ class Store:
 
     def damage(self, number: int) -> str:
         """What is wrong with a task that is done; empty where nothing is."""
-        for variable in self.layout.variables:
-            size = None if variable.dtype == TEXT else self.layout.size(variable)
-            try:
-                _chunk(variable.name, self._file(variable, number), size)
-            except ChunkError as error:
-                return str(error)
+        try:
+            for variable in self.layout.variables:
+                self._content(variable, number)
+        except ChunkError as error:
+            return str(error)
         return ""
 
     def lacks(self, number: int) -> str:
@@ -89,12 +143,14 @@ class Store:
         gone = (one.name for one in self.layout.variables if not self._file(one, number).exists())
         return next((f"{name} is missing" for name in gone), "")
 
+    def check_known(self) -> None:
+        """Raise StudyError where what varies, or another coordinate, is not as it was written."""
+        for name in self.files:
+            self._check_file(name)
+
     def check_results(self) -> None:
         """Raise StudyError where what was written is not as it was: readers take what is gone for empty."""
-        try:
-            self.coordinates()
-        except ChunkError as error:
-            raise StudyError(f"{self.path}: what varies is damaged: {error}") from None
+        self.check_known()
         for number in np.flatnonzero(self.done()).tolist():
             if damage := self.damage(number):
                 raise StudyError(self.repair(number, damage))
@@ -113,24 +169,18 @@ class Store:
         Raises:
             StudyError: there is no room.
         """
-        layout, place = self.layout, self.layout.place(number)
-        for variable in layout.variables:
-            if variable.name in varied:
-                values = varied[variable.name]
-            elif variable.name in found:
-                values = found[variable.name].transpose("member", ...).values
-            else:  # of members that all failed, a user's function says nothing
-                values = np.array(variable.missing)
-            parts = [place[dim].stop - place[dim].start for dim in variable.dims]
-            shape = (*parts, *(size for _, size in variable.inner))
-            whole = np.full(
-                layout.chunk(variable), variable.missing, object if variable.dtype == TEXT else variable.dtype
-            )
-            whole[tuple(slice(0, size) for size in shape)] = (
-                values.reshape(shape) if values.ndim else np.broadcast_to(values, shape)
-            )
+        contents = {
+            one.name: chunk_bytes(self._filled(number, one, found, varied), one.dtype)
+            for one in self.layout.variables
+        }
+        seal = task_seal(self._key, number, {name: checksum(data) for name, data in contents.items()})
+        contents[self._text.name] = with_comment(contents[self._text.name], seal)
+        for variable in self.layout.variables:
+            file = self._file(variable, number)
+            if not Path(os.path.realpath(file.parent)).is_relative_to(os.path.realpath(self.path)):
+                raise StudyError(f"{file} leads out of the store: remove the link")
             try:
-                write_chunk(self._file(variable, number), whole, variable.dtype)
+                write_chunk(file, contents[variable.name])
             except OSError as error:
                 if error.errno in FULL:
                     raise StudyError(
@@ -139,29 +189,76 @@ class Store:
                     ) from None
                 raise
 
+    def _filled(
+        self, number: int, variable: Variable, found: xr.Dataset, varied: Mapping[str, NDArray[np.float64]]
+    ) -> NDArray[Any]:
+        """Return a variable's part of the results of a task, filled up to the shape of a chunk."""
+        layout, place = self.layout, self.layout.place(number)
+        if variable.name in varied:
+            values = varied[variable.name]
+        elif variable.name in found:
+            values = found[variable.name].transpose("member", ...).values
+        else:  # of members that all failed, a user's function says nothing
+            values = np.array(variable.missing)
+        parts = [place[dim].stop - place[dim].start for dim in variable.dims]
+        shape = (*parts, *(size for _, size in variable.inner))
+        whole = np.full(
+            layout.chunk(variable), variable.missing, object if variable.dtype == TEXT else variable.dtype
+        )
+        whole[tuple(slice(0, size) for size in shape)] = (
+            values.reshape(shape) if values.ndim else np.broadcast_to(values, shape)
+        )
+        return whole
+
     def read(self, number: int, variable: Variable) -> NDArray[Any]:
         """Numbers of a task, over the variable's dimensions; raises ChunkError."""
-        data = _chunk(variable.name, self._file(variable, number), self.layout.size(variable))
+        data = self._content(variable, number)
         whole = np.frombuffer(data, np.dtype(variable.dtype).newbyteorder("<"))
         place = self.layout.place(number)
         there = tuple(slice(0, place[dim].stop - place[dim].start) for dim in variable.dims)
         return whole.reshape(self.layout.chunk(variable))[there]
 
+    def _content(self, variable: Variable, number: int) -> bytes:
+        """Return the content of a chunk that is where it belongs, texts packed; raises ChunkError."""
+        size = None if variable.dtype == TEXT else self.layout.size(variable)
+        data = _chunk(variable.name, self._file(variable, number), size)
+        comment, packed = self._sealed(number, data if variable.dtype == TEXT else None)
+        content = packed if variable.dtype == TEXT else data
+        if comment.get(variable.name) != checksum(content):
+            raise ChunkError(f"{variable.name} is of another task, study or variable")
+        return content
+
+    def _sealed(self, number: int, data: bytes | None) -> tuple[dict[str, int], bytes]:
+        """Return what the seal of a task lists, and its packed texts; `data`, if they were read already."""
+        name = self._text.name
+        if data is None:
+            data = _chunk(name, self._file(self._text, number), None)
+        try:
+            comment, packed = comment_of(data)
+            return checks_of(comment, self._key, number), packed
+        except ChunkError as error:
+            raise ChunkError(f"{name} {error}") from None
+
     def coordinates(self) -> dict[str, tuple[Variable, NDArray[np.float64]]]:
-        """What varies and is known beforehand: values of grids and draws; raises ChunkError."""
+        """What varies and is known beforehand: values of grids and draws; raises StudyError."""
         found, sizes = {}, dict(zip(self.layout.dims, self.layout.shape, strict=True))
-        for file in sorted(self.path.glob("*/zarr.json")):
-            about = json.loads(plain_bytes(file))
-            (dim, *more), name = about.get("dimension_names") or ["", ""], file.parent.name
-            if more or dim not in sizes or any(name == one.name for one in self.layout.variables):
+        self.check_known()
+        for name in (file.removesuffix("/c/0") for file in self.files if file.endswith("/c/0")):
+            about = load_json(plain_bytes(self.path / name / "zarr.json"), name)
+            (dim, *more) = about["dimension_names"]
+            if more or dim not in sizes:  # of the results' own, such as time
                 continue
-            data = _chunk(name, file.parent / "c" / "0", 8 * sizes[dim])
-            variable = Variable(name, (dim,), (), "float64", dict(about["attributes"]))
-            found[name] = variable, np.frombuffer(data, "<f8")
+            data = read_chunk(self.path / name / "c" / "0", 8 * sizes[dim])
+            found[name] = (
+                Variable(name, (dim,), (), "float64", about["attributes"]),
+                np.frombuffer(data, "<f8"),
+            )
         return found
 
     def stop(self) -> None:
         """Ask all that work on it, on whatever machine, to end."""
+        if (self.path / STOP).is_symlink():  # nothing outside of the store is touched
+            (self.path / STOP).unlink()
         (self.path / STOP).touch()
         os.utime(self.path / STOP)
 
@@ -191,96 +288,6 @@ class Store:
         return self.path / self.layout.key(variable, number)
 
 
-def create(
-    path: str | os.PathLike[str],
-    description: Mapping[str, Any],
-    layout: Layout,
-    axes: list[Axis],
-    inner: Mapping[str, xr.DataArray],
-    title: str,
-) -> None:
-    """Make a store with all metadata and no results; nothing happens if another process was first.
-
-    Raises:
-        StudyError: there is something else of that name, or no room.
-    """
-    path = Path(path)
-    begun = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PART}")
-    manifest = {
-        "format": FORMAT,
-        "identity": identity(description),
-        "description": description,
-        "layout": json.loads(layout_text(layout)),
-    }
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _metadata(begun, manifest, layout, axes, inner, title)
-        if path.is_dir() and not any(path.iterdir()):
-            path.rmdir()  # on some systems nothing can be renamed to a folder that is there
-        begun.rename(path)
-    except OSError as error:
-        if not (path / "zarr.json").exists():
-            raise StudyError(f"{path}: {error.strerror or error}") from None
-    finally:
-        shutil.rmtree(begun, ignore_errors=True)
-
-
-def _metadata(
-    path: Path,
-    manifest: Mapping[str, Any],
-    layout: Layout,
-    axes: list[Axis],
-    inner: Mapping[str, xr.DataArray],
-    title: str,
-) -> None:
-    import zarr
-    from zarr.codecs import Crc32cCodec, GzipCodec
-
-    beside = [n for a in axes if a.dim not in a.names for n in a.names]
-    attributes = {
-        "title": title or "study",
-        "coordinates": " ".join(beside),
-        "stickslip_version": __version__,
-        "study": json.dumps(manifest),
-    }
-    group = zarr.create_group(path, zarr_format=3, attributes=attributes)
-    for variable in layout.variables:
-        of_text = variable.dtype == TEXT
-        group.create_array(
-            variable.name,
-            shape=layout.whole(variable),
-            chunks=layout.chunk(variable),
-            dtype="string" if of_text else variable.dtype,
-            compressors=[GzipCodec(level=1), Crc32cCodec()] if of_text else [Crc32cCodec()],
-            fill_value=variable.missing,
-            dimension_names=(*variable.dims, *(dim for dim, _ in variable.inner)),
-            attributes=variable.about,
-        )
-    known: list[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, Any]]] = [
-        (name, (axis.dim,), values, {**axis.about[name]})
-        for axis in axes
-        if axis.values is not None
-        for name, values in zip(axis.names, axis.values, strict=True)
-    ]
-    known += [(n, tuple(map(str, c.dims)), c.values, dict(c.attrs)) for n, c in inner.items()]
-    for name, dims, values, about in known:
-        made = group.create_array(
-            name,
-            shape=values.shape,
-            chunks=values.shape,
-            dtype="float64",
-            compressors=[Crc32cCodec()],
-            fill_value=float("nan"),
-            dimension_names=dims,
-            attributes=about,
-        )
-        made[...] = values
-    with warnings.catch_warnings():
-        # Not part of the format, says the library; who does not know it reads the arrays' own.
-        warnings.simplefilter("ignore")
-        zarr.consolidate_metadata(str(path))
-
-
 def _chunk(name: str, file: Path, size: int | None) -> bytes:
     """`read_chunk` of a variable; its ChunkError names it."""
     try:
@@ -289,15 +296,25 @@ def _chunk(name: str, file: Path, size: int | None) -> bytes:
         raise ChunkError(f"{name} {error}") from None
 
 
+def has_arrays(path: Path) -> bool:
+    """Return whether a folder has arrays of a store, which may have lost its own zarr.json."""
+    for file in path.glob("*/zarr.json"):
+        with contextlib.suppress(ChunkError):
+            if b'"node_type": "group"' not in plain_bytes(file):  # another store
+                return True
+    return False
+
+
 def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
     """The results of a study so far, as `xarray.open_zarr` opens them: read when they are asked for.
 
     Where nothing is computed yet, status is -1, numbers are NaN and reasons empty.
 
     Raises:
-        StudyError: it is no store of a study.
+        StudyError: it is no store of a study, or its metadata are damaged. Results are verified when they are
+            read, but not their places: `export_study`, `merge_studies` and `compare_studies` do that.
     """
-    Store(path)
+    Store(path).check_known()
     return xr.open_zarr(path, chunks=None, consolidated=True)
 
 

@@ -1,0 +1,125 @@
+"""Creation of a store: all metadata, and what varies as far as it is known, before the first task."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import uuid
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from .._version import __version__
+from ..units import QuantityError
+from .chunks import PART
+from .description import identity
+from .errors import StudyError
+from .layout import TEXT, Layout, check_layout, layout_text
+from .points import Axis
+from .sealing import file_hash, sealed
+from .store import FORMAT
+
+
+def create(
+    path: str | os.PathLike[str],
+    description: Mapping[str, Any],
+    layout: Layout,
+    axes: list[Axis],
+    inner: Mapping[str, xr.DataArray],
+    title: str,
+) -> None:
+    """Make a store with all metadata and no results; nothing happens if another process was first.
+
+    Raises:
+        QuantityError: a name cannot be that of a variable, or there are too many tasks.
+        StudyError: there is something else of that name, or no room.
+    """
+    path = Path(path)
+    begun = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PART}")
+    try:
+        check_layout(layout)
+    except ValueError as error:
+        raise QuantityError(f"the study cannot be stored: {error}") from None
+    manifest = {
+        "format": FORMAT,
+        "identity": identity(description),
+        "description": description,
+        "layout": json.loads(layout_text(layout)),
+    }
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _metadata(begun, manifest, layout, axes, inner, title)
+        if path.is_dir() and not any(path.iterdir()):
+            path.rmdir()  # on some systems nothing can be renamed to a folder that is there
+        begun.rename(path)
+    except OSError as error:
+        if not (path / "zarr.json").exists():
+            raise StudyError(f"{path}: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(begun, ignore_errors=True)
+
+
+def _metadata(
+    path: Path,
+    manifest: dict[str, Any],
+    layout: Layout,
+    axes: list[Axis],
+    inner: Mapping[str, xr.DataArray],
+    title: str,
+) -> None:
+    import zarr
+    from zarr.codecs import Crc32cCodec, GzipCodec
+
+    beside = [n for a in axes if a.dim not in a.names for n in a.names]
+    attributes = {
+        "title": title or "study",
+        "coordinates": " ".join(beside),
+        "stickslip_version": __version__,
+    }
+    group = zarr.create_group(path, zarr_format=3, attributes=attributes)
+    for variable in layout.variables:
+        of_text = variable.dtype == TEXT
+        group.create_array(
+            variable.name,
+            shape=layout.whole(variable),
+            chunks=layout.chunk(variable),
+            dtype="string" if of_text else variable.dtype,
+            compressors=[GzipCodec(level=1), Crc32cCodec()] if of_text else [Crc32cCodec()],
+            fill_value=variable.missing,
+            dimension_names=(*variable.dims, *(dim for dim, _ in variable.inner)),
+            attributes=variable.about,
+        )
+    known: list[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, Any]]] = [
+        (name, (axis.dim,), values, {**axis.about[name]})
+        for axis in axes
+        if axis.values is not None
+        for name, values in zip(axis.names, axis.values, strict=True)
+    ]
+    known += [(n, tuple(map(str, c.dims)), c.values, dict(c.attrs)) for n, c in inner.items()]
+    for name, dims, values, about in known:
+        made = group.create_array(
+            name,
+            shape=values.shape,
+            chunks=values.shape,
+            dtype="float64",
+            compressors=[Crc32cCodec()],
+            fill_value=float("nan"),
+            dimension_names=dims,
+            attributes=about,
+        )
+        made[...] = values
+    written = sorted(one for one in path.rglob("*") if one.is_file() and one.parent != path)
+    manifest["files"] = {one.relative_to(path).as_posix(): file_hash(one) for one in written}
+    with warnings.catch_warnings():
+        # Not part of the format, says the library; who does not know it reads the arrays' own.
+        warnings.simplefilter("ignore")
+        zarr.consolidate_metadata(str(path))
+    content = json.loads((path / "zarr.json").read_bytes())
+    content["attributes"]["study"] = json.dumps(manifest)
+    (path / "zarr.json").write_text(sealed(content), encoding="utf-8")
