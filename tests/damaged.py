@@ -11,7 +11,7 @@ from stickslip import make_recording, save_recording
 
 
 def hanging(path: Path) -> Path:
-    """A recording with one damaged length: the HDF5 library reads it for ever, and holds the interpreter."""
+    """A recording with one damaged length, which the HDF5 library alone would read for ever."""
     time = np.arange(200) / 1e3
     save_recording(make_recording(time, {"drive_voltage": time, "end_effector_position": 1e-6 * time}), path)
     content = bytearray(path.read_bytes())

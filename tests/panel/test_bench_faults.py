@@ -20,7 +20,7 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from damaged import hanging
+import gate.acts as acts
 from stickslip import open_recording
 from stickslip.panel import connections, create_app, server
 from stickslip.panel import running as running_module
@@ -64,16 +64,17 @@ def stop(client: httpx.Client) -> None:
 
 
 class Watched(process.Reader):
-    """Says when it comes to the damaged file."""
+    """Says when it comes to the damaged file, and computes on it for ever."""
 
     def __init__(self) -> None:
         super().__init__()
         self.damaged = threading.Event()
 
-    def _read(self, path: Path, patience: float, use: Any, key: tuple[str, int, int]) -> Any:
-        if path.name == "damaged.nc":
-            self.damaged.set()
-        return super()._read(path, patience, use, key)
+    def apply(self, act: Any, path: Any) -> Any:
+        if Path(path).name != "damaged.nc":
+            return super().apply(act, path)
+        self.damaged.set()
+        return super().apply(acts.compute, path)
 
 
 def test_a_damaged_file_holds_up_neither_the_page_nor_a_stop(
@@ -82,11 +83,12 @@ def test_a_damaged_file_holds_up_neither_the_page_nor_a_stop(
     """Its reader computes for as long as the test likes, and is then ended as its own timer does it."""
     monkeypatch.setattr(process, "PATIENCE", 10.0 * PATIENCE)
     (tmp_path / "note.nc").write_bytes(b"no recording")
+    monkeypatch.setenv("PYTHONPATH", str(Path(acts.__file__).parents[1]), prepend=os.pathsep)
     reader = Watched()
     monkeypatch.setattr(server, "Reader", lambda: reader)
     with client_of(create_app(tmp_path), **ME) as client:
         client.get("/api/identify/recordings").raise_for_status()  # its process is there
-        hanging(tmp_path / "damaged.nc")
+        (tmp_path / "damaged.nc").write_bytes(b"12345")
         running(client)
         found: list[list[dict]] = []
         watcher = threading.Thread(
@@ -101,7 +103,7 @@ def test_a_damaged_file_holds_up_neither_the_page_nor_a_stop(
         assert client.get("/static/icon.svg").status_code == 200
         stop(client)
         assert watcher.is_alive(), "neither has waited for it"
-        os.kill(reader._process.pid, signal.SIGPROF)
+        os.kill(reader._fence._process.pid, signal.SIGPROF)
         watcher.join(PATIENCE)
         problems = {one["name"]: one["problem"] for one in found[0]}
         assert "could not be read within" in problems["damaged.nc"]
