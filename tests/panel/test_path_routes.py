@@ -48,7 +48,6 @@ def test_no_route_opens_a_pipe(client: httpx.Client, tmp_path: Path) -> None:
         ("/history/annotate", {"name": "f.nc", "notes": "x"}),
         ("/history/annotate", {"name": "fits/piped", "notes": "x"}),
         ("/history/detail", {"name": "fits/piped"}),
-        ("/history/differences", {"names": ["f.nc", "fits/piped"]}),
         ("/history/overlay", {"names": ["f.nc", "f.csv"], "channel": "drive_voltage"}),
         ("/recordings/show", {"name": "f.csv"}),
         ("/recordings/rename", {"name": "f.nc", "to": "g.nc"}),
@@ -64,6 +63,7 @@ def test_no_route_opens_a_pipe(client: httpx.Client, tmp_path: Path) -> None:
             path,
             answer.text,
         )
+    assert client.post("/history/differences", json={"names": ["f.nc", "fits/piped"]}).status_code == 200
     for path in ("/history", "/history/bin", "/recordings", "/studies", "/api/identify/recordings"):
         assert client.get(path).status_code == 200
     assert client.get("/recordings/export", params={"name": "f.nc"}).status_code == 400

@@ -101,8 +101,9 @@ def _with_present_names(acts: list[dict[str, Any]]) -> list[dict[str, Any]]:
     later: dict[str, str] = {}  # name -> name after the acts that were seen: from the last one backwards
     found = []
     for one in reversed(acts):
-        name: str = later.get(one["name"], one["name"])
-        found.append({**one, "name": name} if name != one["name"] else one)
+        was = str(one["name"])
+        name = later.get(was, was)
+        found.append({**one, "name": name} if name != was else one)
         if one["act"] == "renamed":
             later[one["was"]] = name
     return found[::-1]

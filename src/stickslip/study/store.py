@@ -104,7 +104,7 @@ class Store:
         )
 
     def _check_file(self, name: str) -> None:
-        """Raise StudyError for a file of before the first task that is not as it was written."""
+        """Raise StudyError if a file that the manifest lists is not as it was written."""
         try:
             if not all(part.isidentifier() or part in ("zarr.json", "0") for part in name.split("/")):
                 raise ChunkError("has no name of a file in it")
