@@ -95,7 +95,7 @@ def test_draws_without_a_step_leave_no_interval() -> None:
     draws = {"coulomb_force": np.append(np.full(80, 0.54), np.full(20, 0.2))}
     columns = {"external_force": np.array([0.0, -0.3])}
     low, high, count, stopped = intervals(
-        (KANG, DRIVE, columns, 1e-9, 1.0, None), draws, lambda doing, done: None
+        (KANG, DRIVE, columns, 1e-9, 1.0, None, None), draws, lambda doing, done: None
     )
     assert count.tolist() == [100, 80]
     assert not stopped

@@ -90,7 +90,8 @@ def test_it_falls_back_to_the_sawtooth():
 
 @pytest.fixture(scope="module")
 def fastest():
-    return ss.optimise_waveform(KANG, goal="speed", knots=8, max_voltage=100.0)
+    """Of eight seeds six end at 6.20 mm/s, the best known, and two (0 and 4) at 6.12."""
+    return ss.optimise_waveform(KANG, goal="speed", knots=8, max_voltage=100.0, seed=1)
 
 
 def test_the_value_is_that_of_the_waveform(fastest):

@@ -282,7 +282,7 @@ def _minimum_of_all(
     """The fit to some walks beside the minimum that all walks are in."""
     near = file.model_copy(update={"hops": 0})
     there = _friction(near, fitted, everything.known.model, stage, diagnose=False)
-    return with_minimum_of_all(alone, everything, there)
+    return with_minimum_of_all(alone, there)
 
 
 def _advised(file: CampaignFile, found: Explained, walks: Sequence[Aligned]) -> Fit:

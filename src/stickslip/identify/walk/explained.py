@@ -124,34 +124,21 @@ def contradicted(fit: Fit, everything: Explained) -> tuple[str, ...]:
     return tuple(far)
 
 
-def with_minimum_of_all(fit: Fit, everything: Explained, there: Fit) -> Fit:
-    """Return a fit to some walks in the minimum that all walks show, or with that one in its intervals and a
-    doubt.
+def with_minimum_of_all(fit: Fit, there: Fit) -> Fit:
+    """Return a fit to some walks in the minimum that all walks show, or with that one in its intervals if it
+    fits as well.
 
     Args:
         fit: to some walks, which `contradicted` finds something against.
-        everything: fits to all walks.
-        there: to the walks of `fit`, begun at the values of `everything`.
+        there: to the same walks, begun at the values of all.
     """
-    far, all_ = contradicted(fit, everything), everything.known.values
-    names = ", ".join(one.name for one in fit.recordings)
-    of = [p for p in fit.parameters if p.name in far]
-    values = ", ".join(
-        f"{p.name} = {p.shown(all_[p.name], 3)} instead of {p.shown(fit.values[p.name], 3)}" for p in of
-    )
     variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
-    excess = (there.cost - fit.cost) / variance
-    if not still_fits(-excess, len(fit.parameters)):
-        return replace(there, advice=fit.advice)  # the fit was in a local minimum
-    if not still_fits(excess, len(fit.parameters)):
-        why = f"{names} does not fit these values: the walks contradict each other"
-        return replace(fit, doubts=(*fit.doubts, f"all walks together lead to {values}, and {why}"))
-    found = fit if excess >= 0.0 else there
-    other = there if excess >= 0.0 else fit
-    known = Minimum(other.values, other.uncertainty, abs(excess))
-    why = f"which describes {names} as well: fit more of the walks (use: fit)"
-    doubts = (*found.doubts, f"all walks together lead to {values}, {why}")
-    return replace(found.with_minima([*fit.minima, known]), doubts=doubts, advice=fit.advice)
+    excess, count = (there.cost - fit.cost) / variance, len(fit.parameters)
+    if not still_fits(-excess, count):
+        return replace(there, advice=fit.advice)
+    if still_fits(excess, count):
+        return fit.with_minima([*fit.minima, Minimum(there.values, there.uncertainty, max(excess, 0.0))])
+    return fit
 
 
 def diagnosed_together(
