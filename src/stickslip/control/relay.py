@@ -125,5 +125,5 @@ class Relay:
         swing = np.array(self._swing)  # whole periods
         period = swing.size / (self._periods * self._rate)
         turns = 2.0 * math.pi * self._periods / swing.size * np.arange(swing.size)
-        amplitude = 2.0 * abs(float(np.hypot(*(np.mean(swing * f(turns)) for f in (np.cos, np.sin)))))
+        amplitude = 2.0 * abs(complex(np.mean(swing * np.exp(1j * turns))))
         return Oscillation(4.0 * self._slope / (math.pi * amplitude), 1.0 / period, amplitude)
