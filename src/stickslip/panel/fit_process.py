@@ -97,6 +97,7 @@ def prepare(law: str) -> None:
     from ..analysis.walk import UsedWalk, walk_document
     from ..identify.walk.friction import identify_friction
     from ..simulation import sensitivities, simulate
+    from ..simulation.varied import NORMAL_FIELDS, with_normal_force
     from ..verification import verify
     from ..waveform.periodic import Sawtooth
 
@@ -104,7 +105,8 @@ def prepare(law: str) -> None:
     model = model.replace(friction=laws_like(model.friction, law_types())[law])
     drive = Sawtooth(65.0, 100.0)
     with suppress(QuantityError):  # a law of several states has no derivatives
-        sensitivities(model, drive, 0.01, parameters=["end_effector_mass"])
+        for one in (model, with_normal_force(model, NORMAL_FIELDS)):  # the second asks what a model lacks
+            sensitivities(one, drive, 0.01, parameters=["end_effector_mass"])
     walk = simulate(model, drive, 0.04, sample_rate=1e4)
     noise = np.random.default_rng(0).normal(0.0, 1e-8, walk.sizes["time"])
     moved = walk["end_effector_position"]
