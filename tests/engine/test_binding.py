@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 import pytest
 
 from engine import cases
-from engine.library import Engine
+from engine.library import built, integrate
 from plants import Lag
 from stickslip.engine import binding, compiled_law, law_of, numba_laws
 from stickslip.friction import law as registered
@@ -17,24 +18,13 @@ from stickslip.solve.outcome import DONE
 CASES = cases.cases()
 
 
-def by_binding(plant: Any, drive: Any, load: Any, q, span, *rest: Any) -> tuple[int, float, int, int]:
-    """`periods.integrate`, by the binding."""
-    made = binding.ComposedPlant(plant)
-    tables = (binding.DriveTable(drive), binding.DriveTable(load))
-    *rest, resume, account = rest
-    work = None if account is None else account[2]
-    return binding.integrate(
-        made, *tables, q, (span[0], span[1]), *rest, resume if resume.size else None, work
-    )
-
-
 def followed(name: str, resume: np.ndarray | None = None) -> cases.Answer:
-    return cases.answer(by_binding, CASES[name], np.zeros(0) if resume is None else resume)
+    return cases.answer(integrate, CASES[name], np.zeros(0) if resume is None else resume)
 
 
 @pytest.fixture(scope="module")
-def engine(tmp_path_factory: pytest.TempPathFactory) -> Engine:
-    return Engine(tmp_path_factory.mktemp("engine"), [Lag, cases.Integrator], "-O0")
+def unoptimised(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    return binding.ffi.dlopen(str(built(tmp_path_factory.mktemp("engine"), "-O0")))
 
 
 @pytest.mark.parametrize(
@@ -42,9 +32,12 @@ def engine(tmp_path_factory: pytest.TempPathFactory) -> Engine:
     ["the thesis's actuator", "Coulomb", "Maxwell slip", "a load along the stroke", "an amplifier",
      "a sampled controller", "a chirp"],
 )  # fmt: skip
-def test_the_library_that_is_installed_gives_the_same_bits(name: str, engine: Engine) -> None:
-    expected = cases.answer(engine.integrate, CASES[name], np.zeros(0))
-    for found, other in zip(followed(name), expected, strict=True):
+def test_the_library_that_is_installed_gives_the_same_bits(
+    name: str, unoptimised: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    installed = followed(name)
+    monkeypatch.setattr(binding, "library", lambda: unoptimised)
+    for found, other in zip(installed, followed(name), strict=True):
         np.testing.assert_array_equal(found, other)
 
 
@@ -81,6 +74,14 @@ def test_what_a_law_raises_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None
         followed("an amplifier")
     assert "rate of the law Lag" in raised.value.__notes__[0]
     assert len(calls) == 101
+
+
+@pytest.mark.usefixtures("no_compiler")
+def test_stops_when_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    flag: Any = binding.ffi.new("int32_t *", 1)
+    monkeypatch.setattr(binding, "running", lambda: nullcontext(flag))
+    found = followed("an amplifier")
+    assert (found.outcome, found.accepted, found.reached) == (binding.library().STOPPED, 0, 0.0)
 
 
 def test_a_run_continues_from_its_row() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import subprocess
 import sys
@@ -12,19 +11,15 @@ import numpy as np
 import pytest
 
 from engine import cases
-from engine.library import WARNINGS, Engine
+from engine.library import WARNINGS, built, integrate
 from plants import Lag
+from stickslip.engine import binding, compiled_law, laws
+from stickslip.solve.outcome import DONE, TOO_MANY_STEPS
 from stickslip.solve.resume import NO_RESUME
 
 CASES = cases.cases()
 OWN = [Lag, cases.Integrator]
 CLOSE = 1e-12  # m, what positions may differ by: rounding, which trajectories amplify
-DONE, TOO_MANY_STEPS, STOPPED, DOES_NOT_FIT = 0, 2, 4, 6
-
-
-@pytest.fixture(scope="module")
-def engine(tmp_path_factory: pytest.TempPathFactory) -> Engine:
-    return Engine(tmp_path_factory.mktemp("engine"), OWN, "-O2", *WARNINGS)
 
 
 @pytest.fixture(scope="module")
@@ -37,15 +32,15 @@ def former(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
         return dict(found)
 
 
-def followed(engine: Engine, case: cases.Case, resume: np.ndarray = NO_RESUME) -> cases.Answer:
-    return cases.answer(engine.integrate, case, resume)
+def followed(case: cases.Case, resume: np.ndarray = NO_RESUME) -> cases.Answer:
+    return cases.answer(integrate, case, resume)
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_as_the_former_engine(engine: Engine, former: dict[str, np.ndarray], name: str) -> None:
+def test_as_the_former_engine(former: dict[str, np.ndarray], name: str) -> None:
     """The same steps, the same positions, outputs and work, up to rounding."""
     case, expected = CASES[name], cases.Answer(*(former[f"{name}/{k}"] for k in cases.Answer._fields))
-    found = followed(engine, case)
+    found = followed(case)
     assert found[:4] == expected[:4]
     assert found.accepted > 15
     positions = slice(0, 2 * len(case.plant.modes), 2)
@@ -64,19 +59,19 @@ def test_as_the_former_engine(engine: Engine, former: dict[str, np.ndarray], nam
     "name",
     ["the thesis's actuator", "periods that repeat", "Coulomb", "Maxwell slip", "a sampled controller"],
 )
-def test_goes_on_to_the_last_bit(engine: Engine, name: str) -> None:
+def test_goes_on_to_the_last_bit(name: str) -> None:
     """A run that ends and is taken up again is the run over both, wherever it ended."""
     case = CASES[name]
-    whole = followed(engine, case)
+    whole = followed(case)
     for share in (0.3, 0.55, 0.93):
-        row = np.zeros(engine.resume_size(case.plant))
-        followed(engine, case._replace(end=share * case.end, energy=False), row)
+        row = np.zeros(binding.ComposedPlant(case.plant).resume_size)
+        followed(case._replace(end=share * case.end, energy=False), row)
         assert row[0] == 1.0
         assert 0.0 <= row[2] <= share * case.end
         rest = case.times[case.times > share * case.end]
         q, samples = np.full(case.state.size, np.nan), case.room[: rest.size]
         span, further = np.array([0.0, case.end]), (case.tolerance, case.careful, 200_000)
-        outcome, *_ = engine.integrate(
+        outcome, *_ = integrate(
             case.plant, case.drive, case.load, q, span, *further, rest, samples, row, None
         )
         assert outcome == DONE
@@ -84,19 +79,19 @@ def test_goes_on_to_the_last_bit(engine: Engine, name: str) -> None:
         np.testing.assert_array_equal(samples, whole.samples[-rest.size :])
 
 
-def test_samples_change_no_step(engine: Engine) -> None:
+def test_samples_change_no_step() -> None:
     case = CASES["elastoplastic"]
-    many, few = followed(engine, case), followed(engine, case._replace(samples=2))
+    many, few = followed(case), followed(case._replace(samples=2))
     assert many[:4] == few[:4]
     np.testing.assert_array_equal(many.state, few.state)
     np.testing.assert_array_equal(many.samples[-1], few.samples[-1])
 
 
-def test_gives_up_after_so_many_steps(engine: Engine) -> None:
+def test_gives_up_after_so_many_steps() -> None:
     case = CASES["elastoplastic"]
     samples, q = case.room, case.state.copy()
     span, further = np.array([0.0, case.end]), (case.tolerance, False, 20)
-    outcome, reached, accepted, rejected = engine.integrate(
+    outcome, reached, accepted, rejected = integrate(
         case.plant, case.drive, case.load, q, span, *further, case.times, samples, NO_RESUME, None
     )
     assert outcome == TOO_MANY_STEPS
@@ -105,19 +100,10 @@ def test_gives_up_after_so_many_steps(engine: Engine) -> None:
     np.testing.assert_array_equal(np.isfinite(samples[:, 0]), case.times <= reached)
 
 
-def test_stops_when_asked(engine: Engine) -> None:
-    engine.stop.value = 1
-    try:
-        found = followed(engine, CASES["elastoplastic"])
-    finally:
-        engine.stop.value = 0
-    assert (found.outcome, found.accepted, found.reached) == (STOPPED, 0, 0.0)
-
-
-def test_says_that_a_plant_does_not_fit(engine: Engine) -> None:
-    plant = CASES["clamped"].plant
-    large, _ = engine.plant(plant._replace(modes=plant.modes * 17))
-    assert engine.library.stickslip_compose(ctypes.byref(large)) == DOES_NOT_FIT
+def test_says_that_a_plant_does_not_fit() -> None:
+    lib, large = binding.library(), binding.ffi.new("struct plant *")
+    large.modes = lib.LARGEST_MODES + 1
+    assert lib.stickslip_compose(large) == lib.DOES_NOT_FIT
 
 
 SANITIZED = """
@@ -125,11 +111,13 @@ import sys
 from pathlib import Path
 
 from engine import cases, test_trajectories
-from engine.library import Engine
+from engine.library import built
+from stickslip.engine import compiled_law, library
 
-made = Engine(Path(sys.argv[1]), test_trajectories.OWN, *sys.argv[2:])
+library.FILE = built(Path(sys.argv[1]), *sys.argv[2:])
+compiled_law.FLAGS += tuple(sys.argv[2:])
 for case in cases.cases().values():
-    assert test_trajectories.followed(made, case).accepted > 0
+    assert test_trajectories.followed(case).accepted > 0
 print("silent")
 """
 
@@ -153,6 +141,9 @@ def test_reaches_beyond_no_array_and_relies_on_nothing_undefined(tmp_path: Path)
     assert (found.returncode, found.stdout) == (0, "silent\n"), found.stderr[-4000:]
 
 
-def test_compiles_at_each_level_without_a_warning(tmp_path: Path) -> None:
-    """Warnings differ with what the compiler looks through; -O2 is that of the fixture."""
-    Engine(tmp_path, OWN, "-O0", *WARNINGS)
+@pytest.mark.parametrize("level", ["-O0", "-O2"])
+def test_compiles_at_each_level_without_a_warning(level: str, tmp_path: Path) -> None:
+    """Warnings differ with what the compiler looks through."""
+    built(tmp_path, level, *WARNINGS)
+    for law in OWN:
+        built(tmp_path, level, *WARNINGS, of=compiled_law.source(laws.of_numbers(law)))
