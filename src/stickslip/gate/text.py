@@ -58,8 +58,7 @@ def read_file(path: str | os.PathLike[str], most: int = MOST_BYTES) -> bytes:
     with path.open("rb") as file:
         raw = file.read(most + 1)
     if len(raw) > most:
-        size = max(len(raw), path.stat().st_size)
-        raise GateError(f"{path}: {size / 1e6:.1f} MB; such a file has up to {most / 1e6:g} MB")
+        raise too_large(str(path), max(len(raw), path.stat().st_size), most)
     return raw
 
 
@@ -72,17 +71,18 @@ def unzipped(raw: bytes, source: str, most: int = MOST_RESULT_BYTES) -> bytes:
     """Return the content of gzip data; raises GateError where it is damaged or has more than `most` bytes."""
     try:
         found = gzip.GzipFile(fileobj=io.BytesIO(raw)).read(most + 1)
-    except (OSError, EOFError, ValueError) as error:
-        raise GateError(f"{source}: damaged gzip data ({error})") from error
-    except Exception as error:  # zlib.error is an Exception itself
+    except Exception as error:  # OSError, EOFError, ValueError, zlib.error
         raise GateError(f"{source}: damaged gzip data ({error})") from error
     if len(found) > most:
         raise GateError(f"{source}: its content has more than {most / 1e6:g} MB")
     return found
 
 
-def decoded(raw: bytes, source: str) -> str:
-    """Decode UTF-8 text with any line ends; raises GateError that says what else it seems to be."""
+def decoded(raw: bytes | str, source: str) -> str:
+    """Decode UTF-8 text with any line ends; raises GateError that says what else it seems to be. Text that is
+    decoded already stays as it is."""
+    if isinstance(raw, str):
+        return raw
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in raw[:_LOOKED_AT]:
         raise GateError(f"{source}: it is in UTF-16, or no text at all; save it as UTF-8")
     try:
@@ -106,7 +106,7 @@ def load_json(raw: bytes | str, source: str) -> Any:
         GateError: no JSON, too deep, too many values, a name given twice, a number of too many digits.
     """
     written = raw if isinstance(raw, bytes) else raw.encode("utf-8", "surrogatepass")
-    text = decoded(raw, source) if isinstance(raw, bytes) else raw
+    text = decoded(raw, source)
     _check_json(written, source)
     try:
         found = json.loads(text, object_pairs_hook=_mapping)
@@ -123,9 +123,9 @@ def load_json(raw: bytes | str, source: str) -> Any:
 
 def load_toml(raw: bytes | str, source: str) -> dict[str, Any]:
     """Return the content of a TOML text; arguments and errors as those of `load_json`."""
-    text = decoded(raw, source) if isinstance(raw, bytes) else raw
+    text = decoded(raw, source)
     if len(text) > MOST_BYTES:
-        raise GateError(f"{source}: {len(text) / 1e6:.1f} MB; such a file has up to {MOST_BYTES / 1e6:g} MB")
+        raise too_large(source, len(text), MOST_BYTES)
     _check_toml(text, source)
     try:
         found = tomllib.loads(text)
@@ -143,6 +143,11 @@ def check_depth(content: Any, source: str) -> None:
         if not level:
             return
     raise too_deep(source)
+
+
+def too_large(source: str, size: int, most: int) -> GateError:
+    """Return the error for a text of `size` bytes where there may be `most`."""
+    return GateError(f"{source}: {size / 1e6:.1f} MB; such a file has up to {most / 1e6:g} MB")
 
 
 def too_deep(source: str, line: int = 0) -> GateError:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from .errors import GateError
-from .text import MOST_BYTES, MOST_DEPTH, MOST_DIGITS, decoded, too_deep, too_long, too_many
+from .text import MOST_BYTES, MOST_DEPTH, MOST_DIGITS, decoded, too_deep, too_large, too_long, too_many
 
 MOST_YAML_VALUES = 100_000  # values, each as often as it is referred to: 1 MB of numbers with 9 digits
 _TAG = "tag:yaml.org,2002:"
@@ -51,9 +51,9 @@ def load_yaml(raw: bytes | str, source: str) -> Any:
     Raises:
         GateError: no YAML, too deep, too many values, a key given twice, a number of too many digits.
     """
-    text = decoded(raw, source) if isinstance(raw, bytes) else raw
+    text = decoded(raw, source)
     if len(text) > MOST_BYTES:
-        raise GateError(f"{source}: {len(text) / 1e6:.1f} MB; such a file has up to {MOST_BYTES / 1e6:g} MB")
+        raise too_large(source, len(text), MOST_BYTES)
     if re.search(r"^%(?!YAML)", text, re.MULTILINE):  # each would be compared with all before it
         raise GateError(f"{source}: a line starts with '%', which input files do not use")
     try:

@@ -16,7 +16,6 @@ from ..recording.replacing import BIN, to_bin
 from .acts import present_names, read_acts
 from .describing import described, described_fit, described_set
 from .storable import real_name, shown_name, storable_row, storable_text
-from .walking import SETS as SETS
 from .walking import Entry, entries
 
 VERSION = 5

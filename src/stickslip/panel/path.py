@@ -20,7 +20,8 @@ from ..actuator import Actuator
 from ..analysis.verification import results_model
 from ..gate.text import read_json
 from ..history import Index, note_act
-from ..history.index import READING, SETS
+from ..history.index import READING
+from ..history.walking import SETS
 from ..input_file import Strict
 from ..parameters.writing import parameter_text, write_parameters
 from ..readers.process import Reader

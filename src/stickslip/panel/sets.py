@@ -7,7 +7,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 
 from ..actuator import Actuator, load_actuator
-from ..history.index import SETS
+from ..history.walking import SETS
 from ..parameters import ParameterSetError, available_sets, load_set
 from ..registry import nothing_run
 from ..units import QuantityError

@@ -31,6 +31,11 @@ class ChunkError(Exception):
     """A chunk that is not as it was written; says which and why."""
 
 
+def part_beside(path: Path) -> Path:
+    """Return another name in the same folder, for what is written before it takes its own."""
+    return path.with_name(f".{path.name}.{uuid.uuid4().hex}{PART}")
+
+
 def chunk_bytes(values: NDArray[Any], dtype: str) -> bytes:
     """Return the content of a chunk; of texts, the part of the gzip data after its header."""
     if dtype == TEXT:
@@ -67,7 +72,7 @@ def write_chunk(path: Path, data: bytes) -> None:
     """
     check = checksum(data).to_bytes(_CRC, "little")
     path.parent.mkdir(parents=True, exist_ok=True)
-    begun = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PART}")
+    begun = part_beside(path)
     try:
         with begun.open("wb") as file:
             file.write(data)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import uuid
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..progress import Progress, unheard
-from .chunks import PART
+from .chunks import part_beside
 from .description import differences
 from .errors import StudyDiffers, StudyError
 from .store import Store, blocks, open_study
@@ -145,7 +144,7 @@ def merge_studies(
 def _begin(first: Store, target: Path) -> None:
     """Make a store without results, from another one of the same study."""
     first.check_known()
-    begun = target.with_name(f".{target.name}.{uuid.uuid4().hex}{PART}")
+    begun = part_beside(target)
     try:
         for name in ("zarr.json", *first.files):
             (begun / name).parent.mkdir(parents=True, exist_ok=True)
@@ -160,7 +159,7 @@ def _begin(first: Store, target: Path) -> None:
 def _copied(source: Path, target: Path, key: str) -> None:
     path = target / key
     path.parent.mkdir(parents=True, exist_ok=True)
-    begun = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PART}")
+    begun = part_beside(path)
     try:
         shutil.copyfile(source / key, begun)
         os.replace(begun, path)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import uuid
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from .._version import __version__
 from ..units import QuantityError
-from .chunks import PART
+from .chunks import part_beside
 from .description import identity
 from .errors import StudyError
 from .layout import TEXT, Layout, check_layout, layout_text
@@ -41,7 +40,7 @@ def create(
         StudyError: there is something else of that name, or no room.
     """
     path = Path(path)
-    begun = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PART}")
+    begun = part_beside(path)
     try:
         check_layout(layout)
     except ValueError as error:
