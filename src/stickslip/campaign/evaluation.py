@@ -132,9 +132,8 @@ def evaluate(
     everything = Explained(friction, friction, friction.lack)
     if len(walks) > len(fitted):
         everything = kept.stage("all-walks", partial(_explained, file, alone, walks, stage, stages))
-        if friction is alone and contradicted(alone, everything):
-            beside = partial(_minimum_of_all, file, alone, everything, fitted, stage)
-            alone = friction = kept.stage("other-minimum", beside)
+    if friction is alone:
+        alone = friction = _in_the_minimum_of_all(file, alone, everything, fitted, stage, kept)
     progress("predicting", 0.7)
     chain = Chain(friction.values["delay"], 0.0, scale.value if scale else 1.0, file.slew_rate, zeroed=True)
     predictor = Predictor(friction.model, chain)
@@ -276,13 +275,20 @@ def _explained(
     )
 
 
-def _minimum_of_all(
-    file: CampaignFile, alone: Fit, everything: Explained, fitted: Sequence[Aligned], stage: Fit | None
+def _in_the_minimum_of_all(
+    file: CampaignFile,
+    alone: Fit,
+    everything: Explained,
+    fitted: Sequence[Aligned],
+    stage: Fit | None,
+    kept: Kept,
 ) -> Fit:
-    """The fit to some walks beside the minimum that all walks are in."""
+    """The fit to some walks, searched again from the values of all walks where these contradict it."""
+    if not contradicted(alone, everything):
+        return alone
     near = file.model_copy(update={"hops": 0})
-    there = _friction(near, fitted, everything.known.model, stage, diagnose=False)
-    return with_minimum_of_all(alone, there)
+    begun = partial(_friction, near, fitted, everything.known.model, stage, diagnose=False)
+    return with_minimum_of_all(alone, kept.stage("other-minimum", begun))
 
 
 def _advised(file: CampaignFile, found: Explained, walks: Sequence[Aligned]) -> Fit:

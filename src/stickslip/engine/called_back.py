@@ -13,7 +13,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from ._abi import ffi
-from .laws import ROLES, functions, numbers, place_of_period, smooth
+from .law_struct import begun
+from .laws import ROLES, functions, signature
 from .translator import BOOL, INT, Array, Record
 
 _MOST_RECORDS = 256  # rows of parameters whose records are kept
@@ -50,18 +51,16 @@ def _stopped() -> bool:
 
 def law(record: Any, kind: Record) -> tuple[Any, Any]:
     """A law's ``struct law``, and the callbacks in it."""
-    law_type, count = type(record), numbers(kind)
+    law_type = type(record)
     given = functions(law_type)
-    name = ffi.new("char[]", law_type.__name__.encode("ascii", "replace"))
-    made: Any = ffi.new("struct law *")
-    made.name, made.parameters, made.smooth = name, count, smooth(law_type)
-    made.period = place_of_period(kind) if "tick" in given else -1
-    records = _Records(record, kind, count)
+    made, name = begun(law_type, kind)
+    records = _Records(record, kind, made.parameters)
     callbacks = {}
     for role in ROLES:
         if role in given:
-            several = role in ("rate", "branch_rate")
-            wrapped = (_of_two if several else _of_one)(law_type.__name__, role, given[role], records)
+            wrapped = (_of_two if signature(role).results else _of_one)(
+                law_type.__name__, role, given[role], records
+            )
             callbacks[role] = ffi.callback(f"law_{role}_fn", wrapped)
             setattr(made, role, callbacks[role])
     return made, (made, name, callbacks)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from . import called_back, numba_laws
 from .compiled_law import compiled
-from .laws import functions, row
+from .laws import functions, row, signature
 from .library import packaged_laws
 from .translator import Record, record_type
 
@@ -91,7 +91,7 @@ def agrees(pointer: Any, record: Any) -> bool:
                 expected = function(record, *arguments)
             except (ArithmeticError, ValueError):  # Python raises where C gives an infinity or no number
                 continue
-            if role in ("rate", "branch_rate"):
+            if signature(role).results:
                 call(p, *arguments, out, out + 1)
                 found = (out[0], out[1])
             else:

@@ -7,7 +7,7 @@ A law's parameters reach C as a row of numbers, the fields of its record one aft
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..friction import law as registered
 from ..friction import normal_force
@@ -36,6 +36,22 @@ _HEAD = """/* {what}
 """
 
 
+class Signature(NamedTuple):
+    """A role as C has it: kinds and names of its values, names of what it writes, and what it returns."""
+
+    values: tuple[tuple[str, str], ...]
+    results: tuple[str, ...]
+    returns: str
+
+
+def signature(role: str) -> Signature:
+    """Return what a role takes after the row of parameters, and what it gives."""
+    words = [tuple(word.rsplit(" ", 1)) for word in _ARGUMENTS[role].split(", ") if word]
+    values = tuple((kind, name) for kind, name in words if not name.startswith("*"))
+    results = tuple(name[1:] for _, name in words if name.startswith("*"))
+    return Signature(values, results, "void" if results else "int" if role == "choose" else "real_t")
+
+
 def functions(law_type: type) -> dict[str, Any]:
     """The Python function of each role that a law has."""
     made = registered._IMPLEMENTATIONS[law_type]
@@ -59,11 +75,9 @@ def law_c(made: Translation, kind: Record) -> str:
     fill = _filled(kind, iter(range(numbers(kind))))
     given, parts = functions(law_type), []
     for role, function in given.items():
-        words = [word.rsplit(" ", 1) for word in _ARGUMENTS[role].split(", ") if word]
-        values = [(kind, word) for kind, word in words if not word.startswith("*")]
-        results = [word[1:] for _, word in words if word.startswith("*")]
+        values, results, returns = signature(role)
         kinds = (kind, *(INT if one == "int" else REAL for one, _ in values))
-        called, result = made.function(function, kinds, tuple(results))
+        called, result = made.function(function, kinds, results)
         call = f"{called}({', '.join(['&law', *(word for _, word in values)])})"
         if results:
             if len(getattr(result, "members", ())) != len(results):
@@ -71,13 +85,11 @@ def law_c(made: Translation, kind: Record) -> str:
             body = [f"const {result.c_name} found = {call};"]
             body += [f"*{word} = found.{word};" for word in results]
         else:
-            to = "int" if role == "choose" else "real_t"
-            body = [f"return {call};" if result == to else f"return ({to}){call};"]
-        head = ", ".join(["const real_t *p", *([_ARGUMENTS[role]] if words else [])])
-        kind_of = "void" if results else "int" if role == "choose" else "real_t"
+            body = [f"return {call};" if result == returns else f"return ({returns}){call};"]
+        head = ", ".join(["const real_t *p", *([_ARGUMENTS[role]] if values else [])])
         lines = [f"const {struct} law = {fill};", *(["(void)p;"] if not numbers(kind) else []), *body]
         text = "\n    ".join(lines)
-        parts.append(f"static {kind_of} law_{role}_{name}({head})\n{{\n    {text}\n}}\n")
+        parts.append(f"static {returns} law_{role}_{name}({head})\n{{\n    {text}\n}}\n")
     period = place_of_period(kind) if "tick" in given else -1
     members = [f'"{name}"', f"{numbers(kind)}", f"{smooth(law_type)}", f"{period}"]
     members += [f"law_{role}_{name}" if role in given else "NULL" for role in ROLES]

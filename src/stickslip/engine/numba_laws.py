@@ -8,20 +8,13 @@ from importlib.util import find_spec
 from typing import Any
 
 from ._abi import ffi
-from .laws import ROLES, functions, numbers, place_of_period, smooth
+from .law_struct import begun
+from .laws import ROLES, functions, numbers, signature
 from .translator import BOOL, INT, Array, Record
 
-_REAL, _RESULT = "float64", "CPointer(float64)"
-# Arguments after the row of parameters, and the type of what each role returns.
-_SIGNATURES = {
-    "rate": (("v", "z"), "void"),
-    "breakaway": ((), _REAL),
-    "project": (("z",), _REAL),
-    "tick": (("v", "z"), _REAL),
-    "choose": (("speed", "growth", "z"), "int32"),
-    "branch_rate": (("speed", "z", "branch"), "void"),
-    "left": (("speed", "growth", "z", "branch"), _REAL),
-}
+# Numba's names of C's types.
+_KINDS = {"real_t": "float64", "int": "int32", "void": "void"}
+_POINTER = "CPointer(float64)"
 
 
 def compiled(record: Any, kind: Record) -> tuple[Any, Any] | None:
@@ -34,10 +27,7 @@ def compiled(record: Any, kind: Record) -> tuple[Any, Any] | None:
     given = functions(law_type)
     if any(_raises(function, set()) for function in given.values()):
         return None  # a C function of Numba's prints what is raised, and continues
-    made: Any = ffi.new("struct law *")
-    name = ffi.new("char[]", law_type.__name__.encode("ascii", "replace"))
-    made.name, made.parameters, made.smooth = name, numbers(kind), smooth(law_type)
-    made.period = place_of_period(kind) if "tick" in given else -1
+    made, name = begun(law_type, kind)
     functions_made = []
     try:
         for role in ROLES:
@@ -71,16 +61,15 @@ def _compiled(role: str, function: Any, record: Any, kind: Record) -> Any:
     """One role as a C function, which makes the record from the row of parameters."""
     import numba
 
-    arguments, result = _SIGNATURES[role]
+    values, results, returns = signature(role)
+    arguments = [name for _, name in values]
     known: dict[str, Any] = {"of": numba.njit(getattr(function, "py_func", function), error_model="numpy")}
     law = _filled(record, kind, iter(range(numbers(kind))), known)
-    names = ["p", *arguments, *(("force", "dz") if result == "void" else ())]
     call = f"of({', '.join([law, *arguments])})"
-    body = f"force[0], dz[0] = {call}" if result == "void" else f"return {call}"
-    exec(f"def made({', '.join(names)}):\n    {body}\n", known)
-    kinds = [_RESULT, *("int32" if one == "branch" else _REAL for one in arguments)]
-    kinds += [_RESULT, _RESULT] if result == "void" else []
-    return numba.cfunc(f"{result}({', '.join(kinds)})", error_model="numpy")(known["made"])
+    body = f"{', '.join(f'{one}[0]' for one in results)} = {call}" if results else f"return {call}"
+    exec(f"def made({', '.join(['p', *arguments, *results])}):\n    {body}\n", known)
+    kinds = [_POINTER, *(_KINDS[kind] for kind, _ in values), *(_POINTER for _ in results)]
+    return numba.cfunc(f"{_KINDS[returns]}({', '.join(kinds)})", error_model="numpy")(known["made"])
 
 
 def _filled(template: Any, kind: Record, places: Iterator[int], known: dict[str, Any]) -> str:
