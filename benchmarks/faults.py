@@ -34,6 +34,7 @@ import yaml
 from benchmarks.fault_device import OWN
 from stickslip.experiment import run_experiment, running
 from stickslip.recording import open_recording
+from stickslip.registry import use_file
 from stickslip.rig import Link, RigError, folder_of
 from stickslip.rig.samples import recover
 
@@ -124,6 +125,7 @@ def program(path: Path, out: Path, fault: str, random: random.Random) -> int:
                     return datetime.now(tz or UTC) - (back if time.monotonic() > began else timedelta())
 
             running.datetime = Clock  # type: ignore[misc]
+        use_file(FAR_RIG)
         run_experiment(path, out)
         code = 0
     finally:

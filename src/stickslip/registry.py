@@ -223,13 +223,16 @@ def allowed_file(path: str, folder: str | os.PathLike[str]) -> Path:
     """Return the path of a user's file that a file in a folder names.
 
     Raises:
-        RegistryError: it is not in that folder, and the user has not used it.
+        RegistryError: it is not in that folder, and the user has neither used nor imported it.
     """
     found = Path(folder, path)
-    if str(found.resolve()) in _USED:
+    file = found.resolve()
+    if str(file) in _USED or any(_is_of(module, str(file)) for module in list(sys.modules.values())):
         return found
+    top = Path(folder).resolve()
+    own = file.relative_to(top) if Path(path).is_absolute() and file.is_relative_to(top) else PurePath(path)
     try:
-        inside(folder or ".", PurePath(path).as_posix(), "its folder")
+        inside(folder or ".", own.as_posix(), "its folder")
     except GateError as error:
         raise RegistryError(
             f"{error}: a file names Python of its own folder only; if you trust it, name it yourself, "

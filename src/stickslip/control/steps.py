@@ -153,19 +153,22 @@ def _knots(hertz: float, amplitude: float, slip: Slip) -> tuple[PeriodicKnots, A
     """Return a walk of an output without updates, and what is left of its voltage along the edge."""
     after, left = slip.corners(_EDGE / hertz)
     if not after[-1] < (1.0 - RISING) / hertz:
-        took, there = (with_prefix(t, "s") for t in (float(after[-1]), (1.0 - RISING) / hertz))
-        raise QuantityError(f"slip: the edge takes {took}; after its rise a step has {there}")
+        raise _too_long(float(after[-1]), (1.0 - RISING) / hertz)
     times = (0.0, *(RISING / hertz + after).tolist())
     return PeriodicKnots(times, (0.0, *(amplitude * left).tolist()), 1.0 / hertz), left
+
+
+def _too_long(edge: float, left: float) -> QuantityError:
+    took, there = with_prefix(edge, "s"), with_prefix(left, "s")
+    return QuantityError(f"slip: the edge takes {took}; after its rise a step has {there}")
 
 
 def _ticks(output: OutputStage, hertz: float, amplitude: float, base: float, slip: Slip) -> Sampled:
     """Return a walk from a voltage as a `Mover` asks for it, at the converter's updates and nearest steps."""
     ticks = StepTicks.of(output.update_rate, hertz, slip)
     if len(ticks.slipping) > ticks.period - ticks.rise:
-        raise QuantityError(
-            f"slip: the edge takes {len(ticks.slipping)} ticks; after its rise a step has "
-            f"{ticks.period - ticks.rise}"
+        raise _too_long(
+            len(ticks.slipping) / output.update_rate, (ticks.period - ticks.rise) / output.update_rate
         )
     volts = base + amplitude * np.array([ticks.share(k) for k in range(1, ticks.period + 1)])
     if output.step:

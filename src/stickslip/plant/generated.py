@@ -185,8 +185,8 @@ def drift_apart(plant: Any, q: Any, other: Any) -> Any:
 
 
 @_generated
-def gone(plant: Any, q: Any, begun: Any) -> Any:
-    """How far the positions that nothing holds have moved; 0 for all else."""
+def gone(plant: Any, q: Any, begun: Any, apart: Any) -> Any:
+    """How far the positions that nothing holds have moved, if more than `apart`; 0 for all else."""
 
 
 @_generated

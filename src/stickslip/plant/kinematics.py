@@ -158,11 +158,13 @@ def drift_apart(layout: Layout) -> Text:
 
 
 def gone(layout: Layout) -> Text:
-    entries = []
+    entries, lines = [], []
     for m in range(layout.modes):
-        entries += [f"q[{2 * m}] - begun[{2 * m}] if plant.modes[{m}].stiffness == 0.0 else 0.0", "0.0"]
+        lines.append(f"x{m} = q[{2 * m}] - begun[{2 * m}]")
+        free = f"plant.modes[{m}].stiffness == 0.0 and abs(x{m}) > apart"
+        entries += [f"x{m} if {free} else 0.0", "0.0"]
     entries += ["0.0"] * (layout.first[-1] - 2 * layout.modes)
-    return Text([], tuple_of(entries))
+    return Text(lines, tuple_of(entries))
 
 
 def unloaded(layout: Layout) -> Text:

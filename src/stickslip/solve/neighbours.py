@@ -156,7 +156,7 @@ def _replay(plant, drive, load, log, rows, local, near, drives, first, room):
 def carry(plant, near, periods):
     """The period repeats so many times."""
     for p in range(near.states.shape[0]):
-        move = gone(plant, state_of(plant, near.states[p]), state_of(plant, near.begun[p]))
+        move = gone(plant, state_of(plant, near.states[p]), state_of(plant, near.begun[p]), 0.0)
         for s in range(len(move)):
             near.states[p, s] += periods * move[s]
 

@@ -256,8 +256,10 @@ def follow(
             # With more time it might have gone on otherwise, unless the drive changes here.
             more = i + cycle < drive.start.size and drive.start[i + cycle] < t_end
             ending = ending or (left == 0 and not more)
-            if left > 0 and left * drift_apart(plant, q, before) <= SAME * tolerance:
-                net, begins = gone(plant, q, begun), i - cycle
+            apart = drift_apart(plant, q, before)
+            if left > 0 and left * apart <= SAME * tolerance:
+                # What is left of a transient is no step: a contact that sticks does not creep by it.
+                net, begins = gone(plant, q, begun, 2.0 * apart if near is None else 0.0), i - cycle
                 for p in range(1, left + 1):
                     end = drive.start[i + cycle] if i + cycle < drive.start.size else t_end
                     shift = drive.start[i] - period_start

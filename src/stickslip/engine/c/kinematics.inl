@@ -112,13 +112,13 @@ static real_t OF(drift_apart)(const struct plant *P, const real_t *q, const real
     return far;
 }
 
-/* How far the positions that nothing holds have moved; 0 for all else. */
-static void OF(gone)(const struct plant *P, const real_t *q, const real_t *begun, real_t *net)
+/* How far the positions that nothing holds have moved, where that is more than `apart`; 0 for all else. */
+static void OF(gone)(const struct plant *P, const real_t *q, const real_t *begun, real_t apart, real_t *net)
 {
     for (int c = 0; c < STATES(P); c++)
         net[c] = R(0.0);
     for (int m = 0; m < MODES(P); m++)
-        if (P->mode[m].stiffness == R(0.0))
+        if (P->mode[m].stiffness == R(0.0) && r_abs(q[2 * m] - begun[2 * m]) > apart)
             net[2 * m] = q[2 * m] - begun[2 * m];
 }
 

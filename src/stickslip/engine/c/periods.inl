@@ -58,13 +58,14 @@ static int OF(run_and_read)(struct OF(journey) *J, real_t stop, bool *flushed)
     }
 }
 
-/* Copies the last period `left` times. */
-static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t period_start)
+/* Copies the last period `left` times. What is left of a transient, which makes it differ by `apart` from the one before, is
+ * no step: a contact that sticks does not creep by it. */
+static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t apart, real_t period_start)
 {
     struct OF(walk) *w = &J->walk;
     const struct table *drive = w->drive;
     real_t net[ROOM_STATES], moved[ROOM_STATES];
-    OF(gone)(w->P, w->q, J->begun, net);
+    OF(gone)(w->P, w->q, J->begun, R(2.0) * apart, net);
     for (int64_t p = 1; p <= left; p++) {
         int64_t after = J->i + J->cycle.segments;
         real_t end = after < drive->segments ? drive->start[after] : J->t_end;
@@ -93,8 +94,9 @@ static void OF(end_period)(struct OF(journey) *J, real_t period_start, real_t st
         int64_t after = J->i + J->cycle.segments;
         bool more = after < drive->segments && drive->start[after] < J->t_end;
         J->ending = J->ending || (left == 0 && !more);
-        if (left > 0 && (real_t)left * OF(drift_apart)(w->P, w->q, J->before) <= SAME * J->tolerance)
-            OF(copy_periods)(J, left, period_start);
+        real_t apart = OF(drift_apart)(w->P, w->q, J->before);
+        if (left > 0 && (real_t)left * apart <= SAME * J->tolerance)
+            OF(copy_periods)(J, left, apart, period_start);
     }
     J->compared = true;
     OF(copy)(w->P, w->q, J->before);
