@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..friction.law import element, elements
+from ..units import QuantityError
 from ._abi import ffi
 from .called_back import running
 from .law_of import EngineLaw, law_of
@@ -20,6 +21,9 @@ from .library import library
 
 Array = NDArray[np.float64]
 _NULL = ffi.NULL
+# Numbers of the account of work at each sample, per unit of mass: the integrals of b u dq/dt and c (dq/dt)^2
+# over the modes, of f s over the elements (force and sliding speed), and of f dq/dt of the last mode.
+TERMS = 4
 _SHARES = ("velocity", "push", "position", "feed")
 
 
@@ -30,7 +34,7 @@ class ComposedPlant:
         plant: see `plant.system.Plant`.
 
     Raises:
-        ValueError: the plant is larger than the engine's room.
+        QuantityError: the plant is larger than the engine's room.
         TypeError: an element has no law.
     """
 
@@ -38,7 +42,7 @@ class ComposedPlant:
         lib = library()
         most = (lib.LARGEST_MODES, lib.LARGEST_ELEMENTS)
         if len(plant.modes) > most[0] or len(plant.elements) > most[1]:
-            raise ValueError(_too_large(plant, lib))
+            raise QuantityError(_too_large(plant, lib))
         self.struct: Any = ffi.new("struct plant *")
         self.struct.modes, self.struct.elements = len(plant.modes), len(plant.elements)
         self.struct.rate = plant.rate
@@ -49,7 +53,7 @@ class ComposedPlant:
         for e, one in enumerate(plant.elements):
             self._fill(self.struct.element[e], one)
         if lib.stickslip_compose(self.struct) != lib.DONE:
-            raise ValueError(_too_large(plant, lib))
+            raise QuantityError(_too_large(plant, lib))
         self.states: int = self.struct.states
         # Columns of samples: the states, then the output of each element.
         self.columns = self.states + max(len(plant.elements), 1)
@@ -120,7 +124,7 @@ def integrate(
         times: s, of the samples, ascending.
         samples: states and outputs of the elements [times, plant.columns], filled up to the time reached.
         resume: [plant.resume_size], zeros to start from q; continued from otherwise.
-        account: running integrals of the drive's work [times, 4].
+        account: the account of work [times, TERMS], which changes no step.
 
     Returns:
         The outcome (see `solve.outcome`), the time reached [s], accepted and rejected steps.
@@ -137,7 +141,7 @@ def integrate(
     if resume is not None:
         _sized("resume", resume, plant.resume_size)
     if account is not None:
-        _sized("account", account, 4 * times.size)
+        _sized("account", account, TERMS * times.size)
     task: Any = ffi.new("struct stickslip_task *")
     task.plant, task.drive, task.load = plant.struct, drive.struct, load.struct
     task.state, task.begin, task.end = doubles(q, "q", True), span[0], span[1]

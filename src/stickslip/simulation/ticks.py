@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
+from ..engine.binding import ComposedPlant, DriveTable, integrate
 from ..piezo import Creep, Piezo, PrandtlIshlinskii
 from ..piezo.creep import Lags, relaxed
 from ..piezo.operators import response
 from ..records import of_kind
 from ..solve.outcome import DONE
-from ..solve.periods import integrate
-from ..solve.resume import NO_RESUME
 from ..units import QuantityError, to_si
 from ..waveform.drive import Drive
 from .errors import SimulationError
@@ -62,13 +61,13 @@ class Motion:
         of_kind(model, Actuator, "model")
         self._cannot_jump = cannot_jump(model)
         contact = contact_load(load, 1.0)
-        self._of, self._load = contact.system(model), contact.drive
+        self._of, self._load = contact.system(model), DriveTable(contact.drive)
+        self._plant = ComposedPlant(self._of.plant)
         self._piezo = None if model.piezo is None else _PiezoState(model.piezo, rest, remanence)
         self._volts = rest if self._piezo is None else self._piezo.level
         self._q = contact.rest(self._of, self._volts)
         self._room(8)
-        self._span = np.zeros(2)
-        self._samples = np.zeros((0, self._q.size + max(len(self._of.plant.elements), 1)))
+        self._samples = np.zeros((0, self._plant.columns))
         self.time = 0.0
 
     def hold(self, volts: float, duration: float) -> None:
@@ -106,10 +105,10 @@ class Motion:
             raise QuantityError(
                 f"{STATIC_JUMPS}, and a held voltage jumps at every tick: {INSTEAD}, which `follow` takes"
             )
-        self._span[1] = end
+        drive = DriveTable(Drive(begin, *rows, _NO_HARMONICS))
         outcome = integrate(
-            *(self._of.plant, Drive(begin, *rows, _NO_HARMONICS), self._load, self._q, self._span),
-            *(self._tolerance, False, MAX_STEPS, _NO_TIMES, self._samples, NO_RESUME, None),
+            *(self._plant, drive, self._load, self._q, (0.0, end), self._tolerance, False, MAX_STEPS),
+            *(_NO_TIMES, self._samples),
         )[0]
         self.time += end
         self._volts = volts

@@ -13,13 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator, PulledSlider
 from ..electronics.stack import Stack
+from ..engine.binding import TERMS, ComposedPlant, DriveTable, integrate
 from ..recording import make_recording
 from ..recording.drive import drive_text
 from ..records import DURATION, SAMPLE_RATE, Quantity, refuse_too_many
-from ..solve.log import TERMS
 from ..solve.outcome import DONE, STEP_TOO_SMALL
-from ..solve.periods import integrate
-from ..solve.resume import row_size
 from ..units import QuantityError, array_si, labelled_for, optional_si, to_si, unit_for, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
@@ -146,10 +144,10 @@ class Followed(NamedTuple):
     """A trajectory without labels, up to where it could be followed; `outcome` is COMPLETE or says why not.
 
     `samples` [times, columns]: stage position and velocity, end-effector's position and velocity, friction
-    force, bristles, then `System.further`; `work` see `solve.log`; `start`, the state before,
+    force, bristles, then `System.further`; `work` see `engine.binding`; `start`, the state before,
     with the energy account; `drive`, the segment table;
     `error`, how far the end-effector may be off, m, where it was estimated; `final`, the last state, and
-    `resume`, from where it can be taken up again (`solve.resume`).
+    `resume`, from where it can be taken up again (a row of the engine).
     """
 
     times: NDArray[np.float64]
@@ -182,10 +180,11 @@ class _Run(NamedTuple):
 
 class _Task(NamedTuple):
     """A trajectory to be followed; `tables` of the drive, by the tolerance of a run; `start`, its state
-    before, at the time `begins`, or `resume` (see `solve.resume`); `anew`: the energy account begins at the
+    before, at the time `begins`, or `resume` (a row of the engine); `anew`: the energy account begins at the
     first of the times, which is not asked for."""
 
     of: System
+    plant: ComposedPlant
     tables: Callable[[float], Drive]
     contact: Contact
     start: NDArray[np.float64]
@@ -198,15 +197,14 @@ class _Task(NamedTuple):
 
     def run(self, tolerance: float, careful: bool = False) -> _Run:
         """With steps whose local errors are in proportion to the tolerance, as that of the drive's table;
-        `careful`: see `periods.integrate`."""
+        `careful`: see `engine.binding.integrate`."""
         times, q, drive = self.times, self.start.copy(), self.tables(tolerance)
-        samples = np.full((times.size, q.size + max(len(self.of.plant.elements), 1)), np.nan)
+        samples = np.full((times.size, self.plant.columns), np.nan)
         work = np.zeros((times.size if self.energy else 0, TERMS))
-        account = (np.zeros(q.size), np.zeros(TERMS), work) if self.energy else None
-        span, resume = np.array([self.begins, times[-1]]), self.resume.copy()
+        span, resume = (self.begins, float(times[-1])), self.resume.copy()
         outcome, reached, steps, rejected = integrate(
-            *(self.of.plant, drive, self.contact.drive, q, span, tolerance, careful, self.max_steps),
-            *(times, samples, resume, account),
+            *(self.plant, DriveTable(drive), DriveTable(self.contact.drive), q, span, tolerance, careful),
+            *(self.max_steps, times, samples, resume, work if self.energy else None),
         )
         place = float(q[self.of.slider])
         return _Run(drive, samples, work, outcome, reached, steps, rejected, resume, place)
@@ -271,15 +269,18 @@ def follow_model(
         raise QuantityError(
             f"times [s] begin at {times[0]:g} s, before the initial state at {begin.time:g} s"
         )
-    resume = np.zeros(row_size(len(of.plant.elements), of.states))
-    goes_on = begin.resume and begin.made_by == maker(of, table, contact.drive, tolerance, begin.time)
+    plant = ComposedPlant(of.plant)
+    resume = np.zeros(plant.resume_size)
+    goes_on = len(begin.resume) == resume.size and begin.made_by == maker(
+        of, table, contact.drive, tolerance, begin.time
+    )
     if goes_on:
         resume[:] = begin.resume
     anew = bool(energy and goes_on)
     if anew:
         times = np.append(begin.time, times)
     start = placed(begin, of, contact, table.before)
-    task = _Task(of, by_tolerance, contact, start, times, energy, max_steps, begin.time, resume, anew)
+    task = _Task(of, plant, by_tolerance, contact, start, times, energy, max_steps, begin.time, resume, anew)
     if not check:
         return task.followed(task.run(tolerance))
     found = refined(task.run, task.distance, lambda run: run.steps + run.rejected, tolerance)

@@ -14,6 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...actuator import Actuator
+from ...engine.binding import ComposedPlant, DriveTable, integrate
 from ...friction import elements
 from ...friction.law import has_jumps
 from ...plant.system import values_of
@@ -22,8 +23,6 @@ from ...simulation.drives import checked_drive
 from ...simulation.models import Contact, classic
 from ...simulation.sensitivity import Moved, follow_moved, moved
 from ...solve.outcome import DONE
-from ...solve.periods import integrate
-from ...solve.resume import NO_RESUME
 from ...waveform.drive import evaluate
 from ...waveform.signal import Waveform
 from ..recorded.recorded_drive import drive_over
@@ -81,23 +80,11 @@ class Displacement:
             early, times = self._times(delay)
             of = LOAD.system(model)
             state = LOAD.rest(of, self.drive.before)
-            samples = np.full((times.size, state.size + 1), np.nan)
-            span = np.array([0.0, times[-1]])
+            plant = ComposedPlant(of.plant)
+            samples = np.full((times.size, plant.columns), np.nan)
+            tables, span = (DriveTable(self.drive), DriveTable(LOAD.drive)), (0.0, float(times[-1]))
             outcome, reached, _, _ = integrate(
-                *(
-                    of.plant,
-                    self.drive,
-                    LOAD.drive,
-                    state,
-                    span,
-                    self.tolerance,
-                    False,
-                    self.max_steps,
-                    times,
-                    samples,
-                ),
-                NO_RESUME,
-                None,
+                *(plant, *tables, state, span, self.tolerance, False, self.max_steps, times, samples)
             )
             if outcome != DONE:  # to a fit, a trial point without a model
                 raise ArithmeticError(f"the motion cannot be followed beyond t = {reached:.6g} s")
