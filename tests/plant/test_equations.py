@@ -115,8 +115,8 @@ def riding(plant, sides, q, u, begun, u_begun):
 
 
 @compiled
-def differences(plant, q, other):
-    return generated.drift_apart(plant, q, other), generated.gone(plant, q, other)
+def differences(plant, q, other, apart):
+    return generated.drift_apart(plant, q, other), generated.gone(plant, q, other, apart)
 
 
 @compiled
@@ -382,10 +382,11 @@ def test_how_far_two_states_are_apart(case: Case) -> None:
     for c in range(q.size):
         for by in (1e-3, -1e-3):
             other = q + by * np.eye(q.size)[c]
-            far, gone = differences(plant, tuple(q), tuple(other))
+            far, gone = differences(plant, tuple(q), tuple(other), 0.5e-3)
             expected = 0.0 if free[c] else 1e-3 / RATE if c < bodies and c % 2 else 1e-3
             assert far == pytest.approx(expected, rel=1e-9)
             np.testing.assert_allclose(gone, -by * np.eye(q.size)[c] * free[c], rtol=1e-9)
+            assert not np.any(differences(plant, tuple(q), tuple(other), 2e-3)[1])
 
 
 def test_jump_of_the_load(case: Case) -> None:

@@ -12,6 +12,7 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, NamedTuple, get_type_hints
 
 REAL, INT, BOOL = "real_t", "int64_t", "bool"
@@ -158,6 +159,7 @@ def record_type(record: Any) -> Record:
     return Record(type(record), tuple(found))
 
 
+@lru_cache(256)
 def _annotations(record_class: type) -> dict[str, Any]:
     try:
         return get_type_hints(record_class)
