@@ -714,7 +714,10 @@ def truth(
     rows = table(waveform, load, float(times[-1]))
     normal = signal(rows[0], NORMAL, 0.0)[0]
     z = resting_bristles(law, -axial / normal)
-    at_rest = np.concatenate([[reaction * axial / body[SPRING], 0.0, 0.0, 0.0], z])
+    held = math.copysign(
+        min(abs(axial), breakaway(law) * normal), axial
+    )  # more than that the stage never feels
+    at_rest = np.concatenate([[reaction * held / body[SPRING], 0.0, 0.0, 0.0], z])
     stiffness = k.sum() * (1 + p[EXCESS]) if p[KIND] > STRIBECK else 0.0
     fastest = max(omega * math.sqrt(1 + m_e * reaction), math.sqrt(stiffness * (1 / m_e + reaction)), rate)
     size = float(np.min(np.abs(resting_bristles(law, 1e9)))) if p[KIND] > STRIBECK else 1.0
