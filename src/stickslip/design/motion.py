@@ -27,10 +27,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
+from ..engine.binding import DriveTable
+from ..engine.members import ComposedMembers, MemberDrives, integrate_members
 from ..simulation.members import Columns, Members
 from ..solve.outcome import DONE
 from ..solve.periodic import Found
-from ..solve.periods import integrate_members
 from ..waveform.drive import evaluate
 from ..waveform.members import member_of
 
@@ -93,14 +94,12 @@ def sample_times(breaks: Array, period: float, rate: float) -> Array:
 
 def _followed(of: Members, rows: NDArray[np.int64], period: float, times: Array, tolerance: float) -> Array:
     """Positions over one period, [members, times]."""
-    count = rows.size
-    outcomes, reached = np.full(count, DONE), np.zeros(count)
-    steps, positions = np.zeros(count, np.int64), np.full((count, times.size), np.nan)
-    spans = np.tile([0.0, period], (count, 1))
-    integrate_members(
-        of.of.plant,
-        (of.drives, of.which[rows], of.load),
-        of.values[rows],
+    outcomes, spans = np.full(rows.size, DONE, np.int64), np.tile([0.0, period], (rows.size, 1))
+    return integrate_members(
+        ComposedMembers(of.of.plant, of.values[rows]),
+        MemberDrives(of.drives, of.which[rows]),
+        DriveTable(of.load),
+        outcomes,
         of.states[rows],
         spans,
         tolerance,
@@ -108,9 +107,7 @@ def _followed(of: Members, rows: NDArray[np.int64], period: float, times: Array,
         MAX_STEPS,
         times,
         of.of.slider,
-        (outcomes, reached, steps, positions),
-    )
-    return positions
+    ).samples
 
 
 def measured(times: Array, period: float, position: Array, stroke: Array, step: Array) -> tuple[Array, Array]:

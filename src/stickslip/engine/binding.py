@@ -6,6 +6,7 @@ runs without Python's lock, so that threads run side by side.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -136,10 +137,10 @@ def integrate(
         BaseException: whatever a user's law in Python has raised.
     """
     lib = library()
-    _sized("q", q, plant.states)
-    _sized("samples", samples, times.size * plant.columns)
+    sized("q", q, plant.states)
+    sized("samples", samples, times.size * plant.columns)
     if resume is not None:
-        _sized("resume", resume, plant.resume_size)
+        sized("resume", resume, plant.resume_size)
     if account is not None:
         _sized("account", account, TERMS * times.size)
     task: Any = ffi.new("struct stickslip_task *")
@@ -151,15 +152,26 @@ def integrate(
     task.resume = _NULL if resume is None else doubles(resume, "resume", True)
     task.account = _NULL if account is None else doubles(account, "account", True)
     result: Any = ffi.new("struct stickslip_result *")
-    if any(law.how == "python" for law in plant.laws):
+    outcome = called(lib.stickslip_integrate, plant.laws, task, result)
+    return outcome, result.reached, result.accepted, result.rejected
+
+
+def called(function: Any, laws: Sequence[EngineLaw], task: Any, *further: Any) -> int:
+    """Call a function of the engine with a task that has a flag `stop`, and return its outcome.
+
+    Raises:
+        MemoryError: there is no room for the log of steps.
+        BaseException: whatever a user's law in Python has raised.
+    """
+    if any(law.how == "python" for law in laws):
         with running() as stop:
             task.stop = stop
-            outcome = lib.stickslip_integrate(task, result)
+            outcome = function(task, *further)
     else:
-        outcome = lib.stickslip_integrate(task, result)
-    if outcome == lib.NO_MEMORY:
+        outcome = function(task, *further)
+    if outcome == library().NO_MEMORY:
         raise MemoryError("the engine has no memory for its log of steps")
-    return outcome, result.reached, result.accepted, result.rejected
+    return outcome
 
 
 def doubles(array: Array, name: str, written: bool = False) -> Any:
@@ -170,7 +182,8 @@ def doubles(array: Array, name: str, written: bool = False) -> Any:
     return ffi.from_buffer("real_t[]", buffer, require_writable=written)  # type: ignore[call-overload]
 
 
-def _sized(name: str, array: Array, size: int) -> None:
+def sized(name: str, array: NDArray[Any], size: int) -> None:
+    """Raise ValueError where an array has not as many numbers as the engine needs."""
     if array.size != size:
         raise ValueError(f"{name} has {array.size} numbers; the engine needs {size}")
 

@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
 from ..electronics.stack import Stack
+from ..engine.binding import DriveTable
+from ..engine.members import ComposedMembers, MemberDrives, integrate_members
 from ..plant.at_piezo import tabulated
 from ..progress import Progress, unheard
 from ..solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
-from ..solve.periods import integrate_members
 from ..units import labelled_for, optional_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
@@ -219,18 +220,21 @@ def _run(
     task: _Task, of: Members, rows: NDArray[np.int64], outcomes: Any, tolerance: float, careful: bool
 ) -> _Runs:
     """These members once, with steps whose local errors are in proportion to the tolerance; `careful`: see
-    `periods.integrate`."""
-    q, column = of.states[rows], of.of.slider
-    reached, steps = np.zeros(rows.size), np.zeros(rows.size, np.int64)
-    positions = np.full((rows.size, task.times.size), np.nan)
+    `engine.binding.integrate`."""
+    q, values, which, column = of.states[rows], of.values[rows], of.which[rows], of.of.slider
     spans = np.column_stack([np.zeros(rows.size), of.ends[rows]])
-    drives = of.drives, of.which[rows], of.load
-    common = (of.of.plant, drives, of.values[rows], q, spans, tolerance, careful)
+    how = tolerance, careful, task.max_steps
     if task.gpu:
-        task.gpu.integrate_members(*common, task.max_steps, (outcomes, reached, steps))
+        drives = of.drives, which, of.load
+        reached, steps = np.zeros(rows.size), np.zeros(rows.size, np.int64)
+        positions = np.zeros((rows.size, 0))
+        task.gpu.integrate_members(of.of.plant, drives, values, q, spans, *how, (outcomes, reached, steps))
     else:
-        found = outcomes, reached, steps, positions
-        integrate_members(*common, task.max_steps, task.times, column, found)
+        plants = ComposedMembers(of.of.plant, values)
+        drives = MemberDrives(of.drives, which), DriveTable(of.load)
+        reached, steps, positions = integrate_members(
+            plants, *drives, outcomes, q, spans, *how, task.times, column
+        )
     net = q[:, column] - of.states[rows, column]
     return _Runs(outcomes, reached, steps, net, positions, np.full(rows.size, np.nan))
 
@@ -245,7 +249,7 @@ def _refined(task: _Task, columns: Columns) -> tuple[_Runs, list[str]]:
         return prepared(*rows, task.end, level)
 
     of = members()
-    outcomes = np.where(of.fine, DONE, REFUSED)
+    outcomes = np.where(of.fine, np.int64(DONE), np.int64(REFUSED))
     made = _run(task, of, np.arange(outcomes.size), outcomes, level, False)
     todo = np.flatnonzero(made.outcomes == DONE)
     if task.gpu:  # neighbours there wait for each other: those that take about as many steps
@@ -255,7 +259,7 @@ def _refined(task: _Task, columns: Columns) -> tuple[_Runs, list[str]]:
         level *= FINER
         if tabulated(task.model.piezo):
             of = members()
-        fine = _run(task, of, todo, np.full(todo.size, DONE), level, True)
+        fine = _run(task, of, todo, np.full(todo.size, DONE, np.int64), level, True)
         apart = PER_NUMBER * np.abs(coarse.net - fine.net)
         if task.times.size:
             apart = PER_DIFFERENCE * np.max(np.abs(coarse.positions - fine.positions), axis=1)

@@ -37,6 +37,27 @@ struct stickslip_result {
     int64_t accepted, rejected;     /* steps */
 };
 
+/* Members of an ensemble, whose plants are of one layout. Arrays belong to the caller. */
+struct stickslip_members {
+    int64_t count;
+    const struct plant *plants;     /* [count], composed */
+    const struct table *drives;     /* [count] */
+    const struct table *load;       /* the same for all */
+    real_t *states;                 /* [count, states], at the start; become the states at the times reached */
+    const real_t (*spans)[2];       /* [count], start and end, s */
+    real_t tolerance;               /* m, on positions */
+    int64_t max_steps;              /* of each */
+    int64_t samples;                /* number of samples of each */
+    const real_t *times;            /* [samples], s, ascending, inside each span */
+    int64_t column;                 /* the state that is sampled */
+    real_t *positions;              /* [count, samples], that state; NaN after the time reached */
+    int64_t *outcomes;              /* [count]; members whose outcome is not DONE at the start are left out */
+    real_t *reached;                /* [count], s */
+    int64_t *steps;                 /* [count], accepted and rejected */
+    const volatile int32_t *stop;   /* given up once this is not 0; or NULL */
+    int32_t careful;                /* see `stickslip_task` */
+};
+
 /* Completes a plant whose modes and elements are filled in. Returns DONE, or DOES_NOT_FIT if it is larger than the
  * engine's room. */
 STICKSLIP_API int stickslip_compose(struct plant *plant);
@@ -46,5 +67,8 @@ STICKSLIP_API int64_t stickslip_resume_size(const struct plant *plant);
 
 /* Integrates one trajectory. Returns an outcome. */
 STICKSLIP_API int stickslip_integrate(const struct stickslip_task *task, struct stickslip_result *result);
+
+/* Integrates the members. Returns DONE, or STOPPED or NO_MEMORY where the rest of them was not followed. */
+STICKSLIP_API int stickslip_integrate_members(const struct stickslip_members *of);
 
 #endif

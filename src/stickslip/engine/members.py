@@ -1,0 +1,204 @@
+"""Many trajectories by the engine, each with numbers, drive and state of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..friction.law import element, elements
+from ._abi import ffi
+from .binding import Array, ComposedPlant, DriveTable, called, doubles, sized
+from .laws import row
+from .library import library
+
+Integers = NDArray[np.int64]
+
+
+class _Structs:
+    """Structs of the engine side by side; one field of all of them is a column."""
+
+    def __init__(self, kind: str, count: int) -> None:
+        self.pointer: Any = ffi.new(f"{kind}[]", count)
+        self._kind, self._shape = kind, (count, ffi.sizeof(kind))
+        self._arrays: list[Any] = []  # the engine points into them
+
+    def fill(self, like: Any) -> None:
+        """Let all be like this one."""
+        memory = np.frombuffer(ffi.buffer(self.pointer), np.uint8)
+        memory.reshape(self._shape)[:] = np.frombuffer(ffi.buffer(like), np.uint8)
+
+    def put(self, values: Any, dtype: Any, *place: str | int) -> None:
+        """Fill one field of all with these values."""
+        buffer, offset = ffi.buffer(self.pointer), ffi.offsetof(self._kind, *place)
+        column: Any = np.ndarray(self._shape[:1], dtype, buffer, offset, self._shape[1:])
+        column[:] = values
+
+    def point(self, rows: NDArray[Any], which: Integers, *place: str | int) -> None:
+        """Let one field of each point to its row of an array."""
+        self._arrays.append(rows)
+        self.put(rows.ctypes.data + which * rows.strides[0], np.uintp, *place)
+
+
+class ComposedMembers:
+    """Plants of one layout as the engine takes them, each with numbers of its own.
+
+    Args:
+        plant: a plant of that layout, see `plant.system.Plant`.
+        values: numbers of each plant [members, numbers], in the order of `plant.system.values_of`.
+
+    Raises:
+        ValueError: the plant is larger than the engine's room.
+        TypeError: an element has no law.
+    """
+
+    def __init__(self, plant: Any, values: Array) -> None:
+        like, self.count = ComposedPlant(plant), len(values)
+        self.states, self.laws = like.states, like.laws
+        self._structs = _Structs("struct plant", self.count)
+        self._structs.fill(like.struct)
+        self.struct = self._structs.pointer
+        numbers = iter(values.T)
+        for m, mode in enumerate(plant.modes):
+            for name in mode._fields:
+                self._structs.put(next(numbers), np.float64, "mode", m, name)
+        for e, one in enumerate(plant.elements):
+            self._fill(e, one, numbers)
+        self._structs.put(next(numbers), np.float64, "rate")
+        for m in range(self.count):  # what composing sets depends on which numbers are zero
+            library().stickslip_compose(self.struct + m)
+
+    def _fill(self, e: int, one: Any, numbers: Iterator[Array]) -> None:
+        each = np.arange(self.count)
+        parameters = _parameters(one.law, numbers, self.count)
+        self._structs.point(parameters, each, "element", e, "parameters")
+        for name, value in zip(one._fields[1:], one[1:], strict=True):
+            if name == "along" and value is not None:
+                along = np.stack([next(numbers) for _ in value], axis=1)
+                self._structs.point(along, each, "element", e, name)
+            elif name == "loaded" and value is not None:
+                next(numbers)  # a flag
+            elif isinstance(value, tuple):
+                for i, share in enumerate(value):
+                    if share is not None:
+                        self._structs.put(next(numbers), np.float64, "element", e, name, i)
+            elif value is not None:
+                self._structs.put(next(numbers), np.float64, "element", e, name)
+
+
+class MemberDrives:
+    """The drive of each member as the engine takes it.
+
+    Args:
+        drives: see `waveform.members.Drives`.
+        which: the number of each member's drive.
+    """
+
+    def __init__(self, drives: Any, which: Integers) -> None:
+        self.count, known = which.size, len(drives.start)
+        if self.count and not 0 <= which.min() <= which.max() < known:
+            raise ValueError(f"there are {known} drives, and which = {which.min()} to {which.max()}")
+        structs = _Structs("struct table", self.count)
+        structs.put(drives.start.shape[1], np.int64, "segments")
+        for name in ("start", "polynomial", "first", "harmonic"):
+            dtype = np.int64 if name == "first" else np.float64
+            structs.point(np.ascontiguousarray(getattr(drives, name), dtype), which, name)
+        self._structs, self.struct = structs, structs.pointer
+
+
+class Followed(NamedTuple):
+    """What became of members: times reached [s] and steps tried [members], and the sampled state
+    [members, times], NaN after the time reached."""
+
+    reached: Array
+    steps: Integers
+    samples: Array
+
+
+def integrate_members(
+    members: ComposedMembers,
+    drives: MemberDrives,
+    load: DriveTable,
+    outcomes: Integers,
+    states: Array,
+    spans: Array,
+    tolerance: float,
+    careful: bool,
+    max_steps: int,
+    times: Array,
+    column: int,
+) -> Followed:
+    """Follow many trajectories, one after the other.
+
+    Args:
+        members: the plants.
+        drives: of the members.
+        load: normal force over its reference, the same for all.
+        outcomes: of each (see `solve.outcome`), in place; members whose outcome is not DONE at the start are
+            left out.
+        states: at the start [members, states]; in place, at the time reached.
+        spans: start and end of each, s, [members, 2].
+        tolerance, careful, max_steps, times: see `binding.integrate`.
+        column: the state that is sampled.
+
+    Raises:
+        TypeError, ValueError, MemoryError: see `binding.integrate`.
+        BaseException: whatever a user's law in Python has raised.
+    """
+    count = members.count
+    given = (outcomes, count), (states, count * members.states), (spans, 2 * count)
+    for name, (array, size) in zip(("outcomes", "states", "spans"), given, strict=True):
+        sized(name, array, size)
+    if drives.count != count:
+        raise ValueError(f"there are {count} plants and {drives.count} drives")
+    if not 0 <= column < members.states:
+        raise ValueError(f"there is no state {column}: the plants have {members.states}")
+    samples = np.full((count, times.size), np.nan)
+    found = Followed(np.zeros(count), np.zeros(count, np.int64), samples)
+    task: Any = ffi.new("struct stickslip_members *")
+    task.count, task.plants, task.drives, task.load = count, members.struct, drives.struct, load.struct
+    task.states = doubles(states, "states", True)
+    task.spans = ffi.cast("real_t (*)[2]", doubles(spans, "spans"))
+    task.tolerance, task.max_steps, task.careful = tolerance, max_steps, careful
+    task.samples, task.times, task.column = times.size, doubles(times, "times"), column
+    task.positions, task.reached = doubles(samples, "samples", True), doubles(found.reached, "reached", True)
+    task.outcomes, task.steps = integers(outcomes, "outcomes"), integers(found.steps, "steps")
+    called(library().stickslip_integrate_members, members.laws, task)
+    return found
+
+
+def integers(array: Integers, name: str) -> Any:
+    """Return a pointer to an array for the engine; it keeps the array."""
+    if array.dtype != np.int64 or not array.flags.c_contiguous:
+        raise TypeError(f"{name} must be a C-contiguous array of 64-bit integers, not of {array.dtype}")
+    buffer: Any = array
+    return ffi.from_buffer("int64_t[]", buffer)  # type: ignore[call-overload]
+
+
+def _parameters(law: Any, numbers: Iterator[Array], count: int) -> Array:
+    """Parameters of a law as the engine takes them, for each member [members, numbers]."""
+    given = np.empty((count, sum(1 for _ in _numbers(law))))
+    for place in given.T:
+        place[:] = next(numbers)
+    if element(law, 0) is law and len(row(law)) == given.shape[1]:
+        return given
+    own = [_with_numbers(law, iter(values)) for values in given.tolist()]
+    return np.array([[x for i in range(max(elements(one), 1)) for x in row(element(one, i))] for one in own])
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    """All numbers of a record, in the order of `plant.system.values_of`."""
+    if isinstance(value, tuple):
+        for inner in value:
+            yield from _numbers(inner)
+    elif value is not None:
+        yield value
+
+
+def _with_numbers(value: Any, numbers: Iterator[float]) -> Any:
+    """The record with other numbers, unchecked."""
+    if isinstance(value, tuple):
+        return tuple.__new__(type(value), [_with_numbers(inner, numbers) for inner in value])
+    return None if value is None else next(numbers)
