@@ -142,7 +142,7 @@ def integrate(
     if resume is not None:
         sized("resume", resume, plant.resume_size)
     if account is not None:
-        _sized("account", account, TERMS * times.size)
+        sized("account", account, TERMS * times.size)
     task: Any = ffi.new("struct stickslip_task *")
     task.plant, task.drive, task.load = plant.struct, drive.struct, load.struct
     task.state, task.begin, task.end = doubles(q, "q", True), span[0], span[1]

@@ -23,17 +23,18 @@ class _Structs:
     def __init__(self, kind: str, count: int) -> None:
         self.pointer: Any = ffi.new(f"{kind}[]", count)
         self._kind, self._shape = kind, (count, ffi.sizeof(kind))
+        self._memory: Any = ffi.buffer(self.pointer)
         self._arrays: list[Any] = []  # the engine points into them
 
     def fill(self, like: Any) -> None:
         """Let all be like this one."""
-        memory = np.frombuffer(ffi.buffer(self.pointer), np.uint8)
-        memory.reshape(self._shape)[:] = np.frombuffer(ffi.buffer(like), np.uint8)
+        one: Any = ffi.buffer(like)
+        np.frombuffer(self._memory, np.uint8).reshape(self._shape)[:] = np.frombuffer(one, np.uint8)
 
     def put(self, values: Any, dtype: Any, *place: str | int) -> None:
         """Fill one field of all with these values."""
-        buffer, offset = ffi.buffer(self.pointer), ffi.offsetof(self._kind, *place)
-        column: Any = np.ndarray(self._shape[:1], dtype, buffer, offset, self._shape[1:])
+        offset = ffi.offsetof(self._kind, *place)
+        column: Any = np.ndarray(self._shape[:1], dtype, self._memory, offset, self._shape[1:])
         column[:] = values
 
     def point(self, rows: NDArray[Any], which: Integers, *place: str | int) -> None:
@@ -50,7 +51,7 @@ class ComposedMembers:
         values: numbers of each plant [members, numbers], in the order of `plant.system.values_of`.
 
     Raises:
-        ValueError: the plant is larger than the engine's room.
+        QuantityError: the plant is larger than the engine's room.
         TypeError: an element has no law.
     """
 

@@ -78,7 +78,7 @@ def integrate_members(
     max_steps: int,
     results: tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]],
 ) -> None:
-    """As `periods.integrate_members`, without samples; `states` and `results` change in place."""
+    """As `engine.members.integrate_members`, without samples; `states` and `results` change in place."""
     none = np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0))
     stream = cuda.stream()  # so that what another thread sends is worked on meanwhile
     changed = states, *results

@@ -195,7 +195,7 @@ def orbits(plant, drives, values, states, periods, tolerance, max_periods, colum
     """Periodic orbits of many members, one after the other.
 
     Args:
-        plant, drives, values: see `periods.integrate_members`.
+        plant, drives, values: see `engine.members`.
         states: [members, states], from which they are looked for; in place, on the orbits.
         periods: of the drives, s, [members].
         tolerance: m, on step and state.

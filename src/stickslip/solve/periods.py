@@ -21,12 +21,10 @@ from ..plant.generated import (
     sampled,
     state_of,
     ticked,
-    with_values,
 )
 from ..plant.generated import (
     times as scaled,
 )
-from ..waveform.members import member_of
 from . import channels
 from .channels import segment_of
 from .log import columns, read_account, read_samples
@@ -349,49 +347,3 @@ def integrate_near(plant, drive, load, q, span, tolerance, max_steps, times, sam
     )
     put(q, state)
     return outcome, t, accepted, rejected
-
-
-@kernel
-def integrate_members(
-    plant, drives, values, states, spans, tolerance, careful, max_steps, times, column, found
-):
-    """Many trajectories, one after the other, each of a plant with numbers of its own.
-
-    Args:
-        plant: what the members are made like.
-        drives: `Drives`, which of them each member has, and the load, a `Drive` table, the same for all.
-        values: [members, numbers of the plant], see `system.values_of`.
-        states: [members, states], at the start; in place, at the time reached.
-        spans: start and end of each, s, [members, 2].
-        tolerance, careful, max_steps, times: see `integrate`.
-        column: the state that is sampled.
-        found: outcomes, times reached and steps taken, each [members], and samples [members, times].
-            Members whose outcome is not DONE at the start are left out.
-    """
-    outcomes, reached, steps, positions = found
-    tables, which, load = drives
-    log = _log(plant, states.shape[1], LOG_ROWS if times.size > 0 else 0)
-    samples = np.empty((times.size, states.shape[1] + max(len(plant.elements), 1)))
-    for m in range(states.shape[0]):
-        if outcomes[m] == DONE:
-            samples[:] = np.nan
-            outcomes[m], reached[m], accepted, rejected, state = follow(
-                with_values(plant, values[m]),
-                member_of(tables, which[m]),
-                load,
-                state_of(plant, states[m]),
-                spans[m],
-                tolerance,
-                careful,
-                max_steps,
-                times,
-                samples,
-                log,
-                None,
-                None,
-                None,
-            )
-            put(states[m], state)
-            steps[m] = accepted + rejected
-            for k in range(times.size):
-                positions[m, k] = samples[k, column]
