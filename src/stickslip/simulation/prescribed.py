@@ -11,10 +11,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from ..engine.motion import follow_position
 from ..friction import NormalForce, elements, is_law
 from ..friction.normal_force import leaning
 from ..recording import make_recording
-from ..solve.prescribed import follow_position
 from ..units import QuantityError, array_si, to_si, with_prefix
 from .errors import SimulationError, SimulationWarning
 from .refinement import LOOSE, refined
@@ -165,9 +165,9 @@ def prescribed(
         z[:] = strained(law, first, initial_velocity)
 
     def run(level: float, parts: int) -> Prescribed:
-        motion = [_in_parts(values, parts) for values in (t, x, ratio)]
-        samples = np.full((motion[0].size, 1 + z.size), np.nan)
-        reached = follow_position(law, *motion, z.copy(), level, proportional, samples)
+        when, where, load = (_in_parts(values, parts) for values in (t, x, ratio))
+        samples = np.full((when.size, 1 + z.size), np.nan)
+        reached = follow_position(law, when, where, load, z.copy(), level, proportional, samples)
         samples = samples[::parts]
         force = samples[:, 0] * (1.0 + along.asymmetry * np.sign(samples[:, 0]))
         return Prescribed(t, x, force, samples[:, 1:], (reached - 1) // parts + 1)

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stickslip.engine.motion import forces_at
 from stickslip.friction import LuGre
 from stickslip.identify.loops.fit import identify_loops
 from stickslip.recording import make_recording
 from stickslip.simulation import friction_response
-from stickslip.solve.prescribed import forces_at
 
 FREE = ["sigma_0", "sigma_1", "coulomb_force", "stiction_ratio", "stribeck_velocity", "sigma_2"]
 

@@ -58,6 +58,34 @@ struct stickslip_members {
     int32_t careful;                /* see `stickslip_task` */
 };
 
+/* A friction law under a prescribed motion. Arrays belong to the caller. */
+struct stickslip_motion {
+    const struct law *law;
+    const real_t *parameters;       /* [elements or 1][law->parameters] */
+    int64_t elements;               /* number of internal states; 0 for a static law */
+    int64_t count;                  /* of samples, 2 at least */
+    const real_t *time, *position;  /* [count], s and m; linear in between */
+    const real_t *load;             /* [count], normal force over its reference, linear in between; 0 or more */
+    real_t *state;                  /* [elements or 1] at the first sample; moved to the last one. Of a static law, the
+                                     * force that it carries over its breakaway */
+    real_t *samples;                /* [count, 1 + (elements or 1)]: force of the interval that ends there [N], state */
+    real_t tolerance;               /* m, on each deflection over each step */
+    const volatile int32_t *stop;   /* given up once this is not 0; or NULL */
+    int32_t proportional;           /* 1: deflections stay when the normal force changes, instead of being renewed */
+};
+
+/* Forces of a law at given velocities and states. Arrays belong to the caller. */
+struct stickslip_forces {
+    const struct law *law;
+    const real_t *parameters;       /* [elements or 1][law->parameters] */
+    int64_t elements;               /* number of internal states; 0 for a static law */
+    int64_t count;
+    const real_t *velocity;         /* [count], m/s */
+    const real_t *states;           /* [count, elements or 1]; of a static law, the direction */
+    real_t *force;                  /* [count], N */
+    const volatile int32_t *stop;   /* given up once this is not 0; or NULL */
+};
+
 /* Completes a plant whose modes and elements are filled in. Returns DONE, or DOES_NOT_FIT if it is larger than the
  * engine's room. */
 STICKSLIP_API int stickslip_compose(struct plant *plant);
@@ -70,5 +98,12 @@ STICKSLIP_API int stickslip_integrate(const struct stickslip_task *task, struct 
 
 /* Integrates the members. Returns DONE, or STOPPED or NO_MEMORY where the rest of them was not followed. */
 STICKSLIP_API int stickslip_integrate_members(const struct stickslip_members *of);
+
+/* Follows a motion; `reached`: the number of samples that are filled. Returns DONE, STEP_TOO_SMALL where the law could not
+ * be followed to the next one, or STOPPED. */
+STICKSLIP_API int stickslip_follow_motion(const struct stickslip_motion *of, int64_t *reached);
+
+/* Computes forces. Returns DONE or STOPPED. */
+STICKSLIP_API int stickslip_compute_forces(const struct stickslip_forces *of);
 
 #endif

@@ -10,13 +10,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ...engine.motion import forces_at
 from ...estimate.parameter import Values
 from ...friction import element, elements, rate
 from ...recording.noise import noise_level
 from ...simulation import SimulationError
 from ...simulation.prescribed import prescribed_once
 from ...simulation.varied import with_values
-from ...solve.prescribed import forces_at
 from ..recorded.channels import channel, names_of
 from .sampled import between
 

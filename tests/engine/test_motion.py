@@ -4,17 +4,30 @@ order and NumPy's stop operators."""
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from scipy.integrate import RK23, solve_ivp
 
-from stickslip.friction import Coulomb, Dahl, LuGre, MaxwellSlip
-from stickslip.solve.prescribed import advance, follow_position
+from stickslip.engine import compiled_law, law_of, numba_laws
+from stickslip.engine.motion import follow_position, forces_at
+from stickslip.friction import Coulomb, Dahl, LuGre, MaxwellSlip, register
+from stickslip.friction import law as registered
 
 SIGMA_0, F_C, V = 1e6, 0.5, -2e-5
 DAHL = Dahl(SIGMA_0, F_C)
 START, H = 1e-7, 2e-3
+
+
+def advance(
+    law: Any, v: float, z: float, duration: float, tolerance: float, before: float, after: float
+) -> tuple[float, bool]:
+    """The deflection after one interval, and whether it could be followed to its end."""
+    time, position, load = np.array([0.0, duration]), np.array([0.0, v * duration]), np.array([before, after])
+    state = np.array([z])
+    reached = follow_position(law, time, position, load, state, tolerance, False, np.zeros((2, 2)))
+    return float(state[0]), reached == 2
 
 
 def slope(t: float, z: np.ndarray) -> np.ndarray:
@@ -167,3 +180,59 @@ def test_a_static_contact_that_was_lost_has_no_direction() -> None:
     load, z, samples = np.array([1.0, 1.0, 1.0, 0.0, 1.0]), np.zeros(1), np.zeros((5, 2))
     follow_position(Coulomb(0.3), time, position, load, z, 1e-12, False, samples)
     assert samples[:, 0].tolist() == [0.3, 0.3, 0.3, 0.0, 0.0]
+
+
+def test_forces_are_the_sum_over_the_elements() -> None:
+    law, velocity = MaxwellSlip((3e6, 1e6), (0.4, 0.3), 20.0), np.array([1e-3, -2e-3])
+    states, found = np.array([[1e-7, 2e-7], [-1e-7, 0.0]]), np.zeros(2)
+    forces_at(law, velocity, states, found)
+    np.testing.assert_allclose(found, [0.3 + 0.2 + 0.02, -0.3 - 0.04], rtol=1e-12)
+    forces_at(Coulomb(0.3), velocity, np.array([[1.0], [-1.0]]), found)
+    assert found.tolist() == [0.3, -0.3]
+
+
+class Own(NamedTuple):
+    """A user's law."""
+
+    stiffness: float
+    force: float
+
+
+def own_rate(law, v, z):
+    return law.stiffness * z, v - abs(v) * law.stiffness * z / law.force
+
+
+register(Own, own_rate, named=False)
+
+
+def test_a_law_in_python_gives_the_same_and_what_it_raises_ends_the_motion(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(compiled_law, "compiler", lambda: None)
+    monkeypatch.setattr(numba_laws, "find_spec", lambda name: None)
+    monkeypatch.setattr(law_of, "_KNOWN", {})
+    assert law_of.law_of(Own(SIGMA_0, F_C)).how == "python"
+    z, reached = advance(Own(SIGMA_0, F_C), V, START, 0.5, 1e-12, 1.0, 1.0)
+    assert reached
+    assert z == pytest.approx(advance(DAHL, V, START, 0.5, 1e-12, 1.0, 1.0)[0], rel=1e-12)
+    calls = []
+
+    def failing(law: Any, v: float, z: float) -> tuple[float, float]:
+        calls.append(v)
+        if len(calls) > 9:
+            raise RuntimeError("no such contact")
+        return own_rate(law, v, z)
+
+    made = registered._IMPLEMENTATIONS[Own]._replace(rate=failing)
+    monkeypatch.setitem(registered._IMPLEMENTATIONS, Own, made)
+    with pytest.raises(RuntimeError, match="no such contact"):
+        advance(Own(SIGMA_0, F_C), V, START, 0.5, 1e-12, 1.0, 1.0)
+    assert len(calls) == 10
+
+
+def test_what_does_not_fit_is_named() -> None:
+    two, one = np.arange(2.0), np.zeros(1)
+    with pytest.raises(ValueError, match="load has 3 numbers; the engine needs 2"):
+        follow_position(DAHL, two, two, np.ones(3), np.zeros(1), 1e-12, True, np.zeros((2, 2)))
+    with pytest.raises(ValueError, match="a motion has two samples at least, not 1"):
+        follow_position(DAHL, one, one, one, np.zeros(1), 1e-12, True, np.zeros((1, 2)))

@@ -1,0 +1,85 @@
+"""A friction law under a prescribed motion, by the engine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..friction.law import element, elements
+from ._abi import ffi
+from .binding import Array, called, doubles, sized
+from .law_of import EngineLaw, law_of
+from .laws import row
+from .library import library
+
+
+def follow_position(
+    law: Any,
+    time: Array,
+    position: Array,
+    load: Array,
+    z: Array,
+    tolerance: float,
+    proportional: bool,
+    samples: Array,
+) -> int:
+    """Compute the force of a law at each sample of a motion.
+
+    Args:
+        law: friction law record.
+        time, position: [n], n >= 2, s and m; linear in between.
+        load: [n], normal force over the reference, linear in between; 0 or more.
+        z: [elements, at least 1] at the first sample; moved to the last one. Of a static law, the force that
+            it carries over its breakaway.
+        tolerance: m, on each deflection over each step.
+        proportional: whether the deflections stay when the normal force changes, instead of being renewed.
+        samples: [n, 1 + elements, at least 2], out: force (N) and state; at a sample, the force of the
+            interval that ends there.
+
+    Returns:
+        Number of samples reached: n, or fewer where the law could not be followed.
+
+    Raises:
+        TypeError, ValueError: an array does not fit, see `binding.integrate`.
+        BaseException: whatever a user's law in Python has raised.
+    """
+    count, states = time.size, elements(law)
+    sizes = {"position": count, "load": count, "z": max(states, 1), "samples": count * (1 + max(states, 1))}
+    for (name, size), array in zip(sizes.items(), (position, load, z, samples), strict=True):
+        sized(name, array, size)
+    if count < 2:
+        raise ValueError(f"a motion has two samples at least, not {count}")
+    made, parameters = _taken(law)
+    task: Any = ffi.new("struct stickslip_motion *")
+    task.law, task.elements, task.count = made.pointer, states, count
+    task.parameters, task.load = doubles(parameters, "parameters"), doubles(load, "load")
+    task.time, task.position = doubles(time, "time"), doubles(position, "position")
+    task.state, task.samples = doubles(z, "z", True), doubles(samples, "samples", True)
+    task.tolerance, task.proportional = tolerance, proportional
+    reached: Any = ffi.new("int64_t *")
+    called(library().stickslip_follow_motion, [made], task, reached)
+    return reached[0]
+
+
+def forces_at(law: Any, velocity: Array, states: Array, force: Array) -> None:
+    """Compute the force [n] of a law at each velocity [n] and state [n, elements, at least 1].
+
+    The force of the interval before a sample is by a velocity half an interval late, which a fit takes for
+    other damping.
+    """
+    made, parameters = _taken(law)
+    width = max(elements(law), 1)
+    sized("states", states, velocity.size * width)
+    sized("force", force, velocity.size)
+    task: Any = ffi.new("struct stickslip_forces *")
+    task.law, task.elements, task.count = made.pointer, elements(law), velocity.size
+    task.parameters, task.velocity = doubles(parameters, "parameters"), doubles(velocity, "velocity")
+    task.states, task.force = doubles(states, "states"), doubles(force, "force", True)
+    called(library().stickslip_compute_forces, [made], task)
+
+
+def _taken(law: Any) -> tuple[EngineLaw, Array]:
+    """The engine's law and its parameters, [elements, numbers]."""
+    records = [element(law, e) for e in range(max(elements(law), 1))]
+    return law_of(records[0]), np.array([row(record) for record in records], dtype=float)
