@@ -110,7 +110,7 @@ SANITIZED = """
 import sys
 from pathlib import Path
 
-from engine import cases, test_trajectories
+from engine import cases, test_near, test_trajectories
 from engine.library import built
 from stickslip.engine import compiled_law, library
 
@@ -118,6 +118,8 @@ library.FILE = built(Path(sys.argv[1]), *sys.argv[2:])
 compiled_law.FLAGS += tuple(sys.argv[2:])
 for case in cases.cases().values():
     assert test_trajectories.followed(case).accepted > 0
+    for own in (False, True):
+        assert test_near.Task(case).by_engine(own)[0][2] > 0
 print("silent")
 """
 

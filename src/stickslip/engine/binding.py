@@ -136,24 +136,44 @@ def integrate(
         MemoryError: there is no room for the log of steps.
         BaseException: whatever a user's law in Python has raised.
     """
-    lib = library()
-    sized("q", q, plant.states)
-    sized("samples", samples, times.size * plant.columns)
     if resume is not None:
         sized("resume", resume, plant.resume_size)
     if account is not None:
         sized("account", account, TERMS * times.size)
+    task = filled_task(plant, drive, load, q, span, tolerance, careful, max_steps, times, samples)
+    task.resume = _NULL if resume is None else doubles(resume, "resume", True)
+    task.account = _NULL if account is None else doubles(account, "account", True)
+    result: Any = ffi.new("struct stickslip_result *")
+    outcome = called(library().stickslip_integrate, plant.laws, task, result)
+    return outcome, result.reached, result.accepted, result.rejected
+
+
+def filled_task(
+    plant: ComposedPlant,
+    drive: DriveTable,
+    load: DriveTable,
+    q: Array,
+    span: tuple[float, float],
+    tolerance: float,
+    careful: bool,
+    max_steps: int,
+    times: Array,
+    samples: Array,
+) -> Any:
+    """Return a task of the engine with the arguments of `integrate`, which must live as long as it does.
+
+    Raises:
+        TypeError, ValueError: see `integrate`.
+    """
+    sized("q", q, plant.states)
+    sized("samples", samples, times.size * plant.columns)
     task: Any = ffi.new("struct stickslip_task *")
     task.plant, task.drive, task.load = plant.struct, drive.struct, load.struct
     task.state, task.begin, task.end = doubles(q, "q", True), span[0], span[1]
     task.tolerance, task.max_steps, task.careful = tolerance, max_steps, careful
     task.count, task.times = times.size, doubles(times, "times")
     task.samples = doubles(samples, "samples", True)
-    task.resume = _NULL if resume is None else doubles(resume, "resume", True)
-    task.account = _NULL if account is None else doubles(account, "account", True)
-    result: Any = ffi.new("struct stickslip_result *")
-    outcome = called(lib.stickslip_integrate, plant.laws, task, result)
-    return outcome, result.reached, result.accepted, result.rejected
+    return task
 
 
 def called(function: Any, laws: Sequence[EngineLaw], task: Any, *further: Any) -> int:

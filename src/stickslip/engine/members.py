@@ -33,6 +33,8 @@ class _Structs:
 
     def put(self, values: Any, dtype: Any, *place: str | int) -> None:
         """Fill one field of all with these values."""
+        if self._shape[0] == 0:
+            return
         offset = ffi.offsetof(self._kind, *place)
         column: Any = np.ndarray(self._shape[:1], dtype, self._memory, offset, self._shape[1:])
         column[:] = values

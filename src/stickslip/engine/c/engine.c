@@ -98,21 +98,41 @@ STICKSLIP_API int64_t stickslip_resume_size(const struct plant *P)
     return resume_columns_any(P);
 }
 
+/* The size that fits a plant: ten times its modes and its elements; 0: that which is known at run time. */
+static int size_of(const struct plant *P)
+{
+    return P->plain ? 10 * P->modes + P->elements : 0;
+}
+
+static int integrate(int size, const struct stickslip_task *task, const struct stickslip_near *near,
+                     struct stickslip_result *result)
+{
+    switch (size) {
+    case 11:
+        return integrate_1_1(task, near, result);
+    case 21:
+        return integrate_2_1(task, near, result);
+    case 31:
+        return integrate_3_1(task, near, result);
+    case 22:
+        return integrate_2_2(task, near, result);
+    case 32:
+        return integrate_3_2(task, near, result);
+    default:
+        return integrate_any(task, near, result);
+    }
+}
+
 STICKSLIP_API int stickslip_integrate(const struct stickslip_task *task, struct stickslip_result *result)
 {
-    const struct plant *P = task->plant;
-    switch (P->plain ? 10 * P->modes + P->elements : 0) {
-    case 11:
-        return integrate_1_1(task, result);
-    case 21:
-        return integrate_2_1(task, result);
-    case 31:
-        return integrate_3_1(task, result);
-    case 22:
-        return integrate_2_2(task, result);
-    case 32:
-        return integrate_3_2(task, result);
-    default:
-        return integrate_any(task, result);
-    }
+    return integrate(size_of(task->plant), task, NULL, result);
+}
+
+STICKSLIP_API int stickslip_integrate_near(const struct stickslip_task *task, const struct stickslip_near *near,
+                                           struct stickslip_result *result)
+{
+    int size = size_of(task->plant);
+    for (int64_t p = 0; p < near->count; p++)
+        size = size_of(&near->plants[p]) == size ? size : 0;
+    return integrate(size, task, near, result);
 }

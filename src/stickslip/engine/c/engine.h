@@ -86,6 +86,19 @@ struct stickslip_forces {
     const volatile int32_t *stop;   /* given up once this is not 0; or NULL */
 };
 
+/* Neighbours of a trajectory, of its layout: they take its steps. Arrays belong to the caller. */
+struct stickslip_near {
+    int64_t count;
+    const struct plant *plants;     /* [count], composed */
+    const struct table *drives;     /* [count], or NULL where all have the trajectory's: their segments are those of the
+                                     * trajectory a little earlier or later, as their steps are then */
+    real_t *states;                 /* [count, states], as that of the task */
+    int64_t column;                 /* the state that is sampled */
+    real_t *positions;              /* [count, samples], that state, filled up to the time reached */
+    real_t end;                     /* s, when the trajectory ends */
+    const real_t *ends;             /* [count], s, when they end; NULL without `drives` */
+};
+
 /* Completes a plant whose modes and elements are filled in. Returns DONE, or DOES_NOT_FIT if it is larger than the
  * engine's room. */
 STICKSLIP_API int stickslip_compose(struct plant *plant);
@@ -95,6 +108,10 @@ STICKSLIP_API int64_t stickslip_resume_size(const struct plant *plant);
 
 /* Integrates one trajectory. Returns an outcome. */
 STICKSLIP_API int stickslip_integrate(const struct stickslip_task *task, struct stickslip_result *result);
+
+/* Integrates one trajectory, whose samples are at least one, with its neighbours. Returns an outcome. */
+STICKSLIP_API int stickslip_integrate_near(const struct stickslip_task *task, const struct stickslip_near *near,
+                                           struct stickslip_result *result);
 
 /* Integrates the members. Returns DONE, or STOPPED or NO_MEMORY where the rest of them was not followed. */
 STICKSLIP_API int stickslip_integrate_members(const struct stickslip_members *of);

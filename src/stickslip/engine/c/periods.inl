@@ -23,6 +23,7 @@ struct OF(journey) {
     bool compared;          /* there is a state a period ago to compare with */
     real_t before[ROOM_STATES], begun[ROOM_STATES]; /* states a period ago, and at the start of this one */
     real_t *resume;         /* a row of continuation, or NULL */
+    struct OF(neighbours) near;
     bool ending;            /* with more time it might have gone on otherwise: the row is not to be changed */
 };
 
@@ -34,9 +35,12 @@ static real_t OF(careful_tolerance)(const struct plant *P, real_t lasts, real_t 
     return tolerance * r_min(R(1.0), r_max(CREEPING * OF(decay)(P, lasts), LEAST_CAREFUL));
 }
 
-/* Reads what the log holds, for times up to `t_end`, `shift` [s] later and `move` further on. */
-static void OF(read)(struct OF(journey) *J, real_t shift, const real_t *move, real_t t_end)
+/* Reads what the log holds of the period that began with segment `first` of the drive, for times up to `t_end`, `shift` [s]
+ * later, `periods` periods later, and `move` further on. */
+static void OF(read)(struct OF(journey) *J, int64_t first, real_t shift, int64_t periods, const real_t *move, real_t t_end)
 {
+    if (J->near.of != NULL)
+        OF(read_traces)(&J->read, &J->near, first, J->i, shift, periods, t_end);
     if (J->read.account != NULL)
         OF(read_account)(&J->read, shift, t_end);
     if (J->read.log->filled > 0)
@@ -51,7 +55,11 @@ static int OF(run_and_read)(struct OF(journey) *J, real_t stop, bool *flushed)
     *flushed = false;
     for (;;) {
         int outcome = OF(run)(&J->walk, stop);
-        OF(read)(J, R(0.0), still, J->walk.t);
+        if (J->near.of != NULL)
+            OF(replay)(&J->walk, &J->near);
+        if (J->walk.stop != NULL && *J->walk.stop != 0)
+            return STOPPED;
+        OF(read)(J, J->i, R(0.0), 0, still, J->walk.t);
         if (outcome != LOG_FULL)
             return outcome;
         *flushed = true;
@@ -65,18 +73,21 @@ static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t apart, 
     struct OF(walk) *w = &J->walk;
     const struct table *drive = w->drive;
     real_t net[ROOM_STATES], moved[ROOM_STATES];
-    OF(gone)(w->P, w->q, J->begun, R(2.0) * apart, net);
+    int64_t begins = J->i - J->cycle.segments;
+    OF(gone)(w->P, w->q, J->begun, J->near.of == NULL ? R(2.0) * apart : R(0.0), net);
     for (int64_t p = 1; p <= left; p++) {
         int64_t after = J->i + J->cycle.segments;
         real_t end = after < drive->segments ? drive->start[after] : J->t_end;
         for (int c = 0; c < STATES(w->P); c++)
             moved[c] = (real_t)p * net[c];
-        OF(read)(J, drive->start[J->i] - period_start, moved, end);
+        OF(read)(J, begins, drive->start[J->i] - period_start, p, moved, end);
         J->i = after;
         w->t = end;
     }
     for (int c = 0; c < STATES(w->P); c++)
         w->q[c] += (real_t)left * net[c];
+    if (J->near.of != NULL)
+        OF(carry)(&J->near, left);
     J->ending = true;
     if (J->i >= drive->segments)
         J->cycle.segments = 0;
@@ -119,6 +130,8 @@ static int OF(follow)(struct OF(journey) *J)
         if (J->resume != NULL && n > 0 && !J->ending)
             OF(store)(w->P, J->resume, w->t, w->h, w->fresh, J->compared, &w->on, w->q, J->before);
         OF(copy)(w->P, w->q, J->begun);
+        if (J->near.of != NULL)
+            OF(mark)(&J->near);
         int outcome = OF(run_and_read)(J, stop, &flushed);
         if (outcome != DONE)
             return outcome;
@@ -171,8 +184,19 @@ static void OF(depart)(struct OF(journey) *J)
     w->resume = n > 0 ? NULL : J->resume;
 }
 
-/* One trajectory; see `stickslip_integrate`. */
-static int OF(integrate)(const struct stickslip_task *task, struct stickslip_result *result)
+/* Makes room for neighbours. Returns whether there is any. */
+static bool OF(make_room)(struct OF(neighbours) *N, const struct stickslip_near *near, int64_t states)
+{
+    size_t count = (size_t)near->count + 1; /* of none there is room too */
+    N->of = near;
+    N->begun = malloc(count * (size_t)states * sizeof *N->begun);
+    N->traces = malloc(count * LOG_ROWS * TRACE * sizeof *N->traces);
+    return N->begun != NULL && N->traces != NULL;
+}
+
+/* One trajectory, with neighbours or NULL; see `stickslip_integrate`. */
+static int OF(integrate)(const struct stickslip_task *task, const struct stickslip_near *near,
+                         struct stickslip_result *result)
 {
     const struct plant *P = task->plant;
     struct log log = {.rows = task->count > 0 ? LOG_ROWS : 0, .columns = OF(log_columns)(P)};
@@ -180,7 +204,10 @@ static int OF(integrate)(const struct stickslip_task *task, struct stickslip_res
     if (log.rows > 0)
         log.values = malloc((size_t)log.rows * (size_t)log.columns * sizeof *log.values);
     int outcome = NO_MEMORY;
-    if (J != NULL && (log.rows == 0 || log.values != NULL)) {
+    bool room = J != NULL && (log.rows == 0 || log.values != NULL);
+    if (room && near != NULL)
+        room = OF(make_room)(&J->near, near, STATES(P));
+    if (room) {
         struct OF(walk) *w = &J->walk;
         real_t tolerance = task->tolerance;
         if (task->careful)
@@ -202,6 +229,10 @@ static int OF(integrate)(const struct stickslip_task *task, struct stickslip_res
         *result = (struct stickslip_result){w->t, w->accepted, w->rejected};
     }
     free(log.values);
+    if (J != NULL) {
+        free(J->near.begun);
+        free(J->near.traces);
+    }
     free(J);
     return outcome;
 }

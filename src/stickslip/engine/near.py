@@ -1,0 +1,93 @@
+"""A trajectory with neighbours that take exactly its steps, by the engine: derivatives without noise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._abi import ffi
+from .binding import Array, ComposedPlant, DriveTable, called, doubles, filled_task, sized
+from .library import library
+from .members import ComposedMembers, MemberDrives
+
+
+class Neighbours:
+    """Members that differ a little from a trajectory.
+
+    Args:
+        members: their plants, of the trajectory's layout.
+        states: at the start [members, states]; in place, at the time reached.
+        column: the state that is sampled.
+        drives: of each, whose segments are those of the trajectory a little earlier or later, as their steps
+            are then; None where all have the trajectory's.
+        end, ends: when the trajectory and they [members] end, s; only for drives of their own.
+    """
+
+    def __init__(
+        self,
+        members: ComposedMembers,
+        states: Array,
+        column: int,
+        drives: MemberDrives | None = None,
+        end: float = 0.0,
+        ends: Array | None = None,
+    ) -> None:
+        count = members.count
+        sized("states", states, count * members.states)
+        if not 0 <= column < members.states:
+            raise ValueError(f"there is no state {column}: the plants have {members.states}")
+        self.members, self.count, self.states = members, count, states
+        self.struct: Any = ffi.new("struct stickslip_near *")
+        self.struct.count, self.struct.plants, self.struct.column = count, members.struct, column
+        self.struct.states, self.struct.end = doubles(states, "states", True), end
+        self._keeps: list[Any] = [self.struct.states, drives]
+        if drives is not None:
+            if drives.count != count:
+                raise ValueError(f"there are {count} plants and {drives.count} drives")
+            ends = np.full(count, end) if ends is None else ends
+            sized("ends", ends, count)
+            own = doubles(ends, "ends")
+            self._keeps.append(own)
+            self.struct.drives, self.struct.ends = drives.struct, own
+
+
+def integrate_near(
+    plant: ComposedPlant,
+    drive: DriveTable,
+    load: DriveTable,
+    q: Array,
+    span: tuple[float, float],
+    tolerance: float,
+    max_steps: int,
+    times: Array,
+    samples: Array,
+    near: Neighbours,
+) -> tuple[tuple[int, float, int, int], NDArray[np.float64]]:
+    """Follow one trajectory with its neighbours.
+
+    Args:
+        plant, drive, load, q, span, tolerance, max_steps, times, samples: see `binding.integrate`; at least
+            one time.
+        near: the neighbours; their states become those at the time reached.
+
+    Returns:
+        What `binding.integrate` returns, and the sampled state of each neighbour [members, times], NaN after
+        the time reached.
+
+    Raises:
+        TypeError, ValueError, MemoryError: see `binding.integrate`.
+        BaseException: whatever a user's law in Python has raised.
+    """
+    if times.size == 0:
+        raise ValueError("neighbours need at least one time")
+    if near.members.states != plant.states:
+        raise ValueError(f"the neighbours have {near.members.states} states, and the plant {plant.states}")
+    task = filled_task(plant, drive, load, q, span, tolerance, False, max_steps, times, samples)
+    positions = np.full((near.count, times.size), np.nan)
+    near.struct.positions = doubles(positions, "positions", True)
+    result: Any = ffi.new("struct stickslip_result *")
+    laws = [*plant.laws, *near.members.laws]
+    outcome = called(library().stickslip_integrate_near, laws, task, near.struct, result)
+    return (outcome, result.reached, result.accepted, result.rejected), positions

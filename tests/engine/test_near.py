@@ -1,0 +1,215 @@
+"""Neighbours of a trajectory by the engine: the steps and the positions of the former engine's."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+from engine import cases
+from engine.library import integrate
+from plants import Lag
+from stickslip.engine import binding, compiled_law, law_of, members, near, numba_laws
+from stickslip.friction import law as registered
+from stickslip.plant.system import values_of
+from stickslip.solve.outcome import DONE, TOO_MANY_STEPS
+from stickslip.solve.resume import NO_RESUME
+from stickslip.waveform.members import stacked
+
+CASES = cases.cases()
+COUNT, APART = 3, 1e-6
+# What rounding changes of a difference, over the largest: some 1e-17 m; along a stroke it grows to 1e-14 m.
+ROUNDING = 1e-3
+# A trajectory is brought to v = 0 where it turns, which is found to rounding, and a neighbour is not, m.
+TURNS = 1e-14
+
+
+class Task:
+    """A case with neighbours: numbers and states of each differ by millionths."""
+
+    def __init__(self, case: cases.Case) -> None:
+        random = np.random.default_rng(7)
+        self.case, n = case, case.state.size
+        numbers = values_of(case.plant)
+        self.values = numbers * (1.0 + APART * random.uniform(-1.0, 1.0, (COUNT, numbers.size)))
+        self.states = case.state + 1e-10 * random.uniform(-1.0, 1.0, (COUNT, n))
+        self.q, self.samples = case.state.copy(), case.room
+
+    def own_drives(self) -> Any:
+        """Their own, each a little earlier or later and stronger."""
+        return stacked(
+            [
+                self.case.drive._replace(
+                    start=self.case.drive.start * (1.0 + k * APART),
+                    polynomial=self.case.drive.polynomial * (1.0 + k * APART),
+                )
+                for k in range(COUNT)
+            ]
+        )
+
+    def ends(self) -> Any:
+        return self.case.end * (1.0 + APART * np.arange(COUNT))
+
+    def by_engine(self, own: bool = False, max_steps: int = 200_000) -> tuple[Any, Any]:
+        of, drives = self.case, None
+        if own:
+            drives = members.MemberDrives(self.own_drives(), np.arange(COUNT))
+        composed = members.ComposedMembers(of.plant, self.values)
+        beside = near.Neighbours(composed, self.states, 0, drives, of.end, self.ends() if own else None)
+        return near.integrate_near(
+            binding.ComposedPlant(of.plant),
+            binding.DriveTable(of.drive),
+            binding.DriveTable(of.load),
+            *(self.q, (0.0, of.end), of.tolerance, max_steps, of.times, self.samples, beside),
+        )
+
+    def by_former(self, own: bool = False) -> tuple[Any, Any]:
+        from stickslip.solve.neighbours import neighbours
+        from stickslip.solve.periods import LOG_ROWS, integrate_near
+
+        of = self.case
+        given = self.own_drives() if own else None, of.end, self.ends() if own else np.full(COUNT, of.end)
+        beside = neighbours(self.values, self.states, 0, LOG_ROWS, of.samples, *given)
+        span = np.array([0.0, of.end])
+        found = integrate_near(
+            *(of.plant, of.drive, of.load, self.q, span, of.tolerance, 200_000, of.times, self.samples),
+            beside,
+        )
+        return found, beside.positions
+
+
+def names(own: bool) -> list[str]:
+    """Cases without ticks, which neighbours do not have; with drives of their own, a few of these."""
+    if own:
+        return ["periods that repeat", "Dahl with a bound", "a load that jumps"]
+    return [name for name in CASES if name != "a sampled controller"]
+
+
+@pytest.fixture(scope="module")
+def former(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
+    """Answers of the engine in Python, which runs uncompiled."""
+    file = tmp_path_factory.mktemp("former") / "near.npz"
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
+    subprocess.run([sys.executable, "-m", "engine.test_near", str(file)], check=True, env=environment)
+    with np.load(file) as found:
+        return dict(found)
+
+
+@pytest.mark.parametrize(
+    ("name", "own"), [(name, own) for own in (False, True) for name in names(own)], ids=str
+)
+def test_as_the_former_engine(former: dict[str, np.ndarray], name: str, own: bool) -> None:
+    """The same steps, and the same differences to the trajectory, up to rounding."""
+    task = Task(CASES[name])
+    found, positions = task.by_engine(own)
+    expected, beside, states = (former[f"{name}/{own}/{k}"] for k in ("found", "beside", "states"))
+    assert found == tuple(expected)
+    apart = np.abs(beside).max()
+    assert apart > 1e-11  # they are no copies
+    np.testing.assert_allclose(positions - task.samples[:, 0], beside, rtol=0.0, atol=ROUNDING * apart)
+    modes = slice(0, 2 * len(task.case.plant.modes), 2)
+    apart = np.abs(states[:, modes]).max()
+    np.testing.assert_allclose(
+        (task.states - task.q)[:, modes], states[:, modes], rtol=0.0, atol=ROUNDING * apart
+    )
+
+
+def test_a_neighbour_that_differs_in_nothing_is_the_trajectory() -> None:
+    """Through copied periods as well; and neighbours change no step of it."""
+    task, case = Task(CASES["periods that repeat"]), CASES["periods that repeat"]
+    task.values[:], task.states[:] = values_of(case.plant), case.state
+    found, positions = task.by_engine()
+    q, samples = case.state.copy(), case.room
+    alone = integrate(
+        *(case.plant, case.drive, case.load, q, (0.0, case.end), case.tolerance, False, 200_000),
+        *(case.times, samples, NO_RESUME, None),
+    )
+    assert found[1:] == alone[1:]
+    for p in range(COUNT):
+        np.testing.assert_allclose(positions[p], task.samples[:, 0], rtol=0.0, atol=TURNS)
+        np.testing.assert_allclose(task.states[p][:4:2], task.q[:4:2], rtol=0.0, atol=TURNS)
+    np.testing.assert_allclose(q, task.q, rtol=0.0, atol=case.tolerance)
+
+
+def test_gives_up_after_so_many_steps() -> None:
+    task = Task(CASES["elastoplastic"])
+    found, positions = task.by_engine(max_steps=20)
+    assert found[0] == TOO_MANY_STEPS
+    np.testing.assert_array_equal(np.isfinite(positions[1]), task.case.times <= found[1])
+
+
+def test_of_no_neighbours_there_is_the_trajectory() -> None:
+    task = Task(CASES["elastoplastic"])
+    task.values, task.states = task.values[:0], task.states[:0]
+    found, positions = task.by_engine()
+    assert found[0] == DONE
+    assert positions.shape == (0, task.case.samples)
+
+
+def test_what_does_not_fit_is_named() -> None:
+    task = Task(CASES["elastoplastic"])
+    composed = members.ComposedMembers(task.case.plant, task.values)
+    with pytest.raises(ValueError, match="there is no state 9: the plants have 5"):
+        near.Neighbours(composed, task.states, 9)
+    with pytest.raises(ValueError, match="there are 3 plants and 2 drives"):
+        near.Neighbours(composed, task.states, 0, members.MemberDrives(task.own_drives(), np.arange(2)))
+    task.states = task.states[:2].copy()
+    with pytest.raises(ValueError, match="states has 10 numbers; the engine needs 15"):
+        task.by_engine()
+
+
+@pytest.fixture
+def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled_law, "compiler", lambda: None)
+    monkeypatch.setattr(numba_laws, "find_spec", lambda name: None)
+    monkeypatch.setattr(law_of, "_KNOWN", {})
+
+
+def test_laws_in_python_take_the_same_steps(request: pytest.FixtureRequest) -> None:
+    compiled, called_back = Task(CASES["an amplifier"]), Task(CASES["an amplifier"])
+    found, positions = compiled.by_engine()
+    request.getfixturevalue("no_compiler")
+    again, others = called_back.by_engine()
+    assert again == found
+    np.testing.assert_array_equal(others, positions)
+    np.testing.assert_array_equal(called_back.states, compiled.states)
+
+
+@pytest.mark.usefixtures("no_compiler")
+def test_what_the_law_of_a_neighbour_raises_reaches_the_caller(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not the trajectory's, which is as fast as it should be."""
+    case, calls = CASES["an amplifier"], []
+
+    def failing(law: Any, v: float, z: float) -> tuple[float, float]:
+        if law.rate != case.plant.elements[0].law.rate:
+            calls.append(v)
+            raise RuntimeError("no such neighbour")
+        return rate(law, v, z)
+
+    known = registered._IMPLEMENTATIONS[Lag]
+    rate: Any = known.rate
+    monkeypatch.setitem(registered._IMPLEMENTATIONS, Lag, known._replace(rate=failing))
+    with pytest.raises(RuntimeError, match="no such neighbour"):
+        Task(case).by_engine()
+    assert len(calls) == 1
+
+
+def main(file: str) -> None:
+    arrays = {}
+    for own in (False, True):
+        for name in names(own):
+            task = Task(CASES[name])
+            found, positions = task.by_former(own)
+            answer = np.array(found), positions - task.samples[:, 0], task.states - task.q
+            arrays |= {
+                f"{name}/{own}/{k}": v for k, v in zip(("found", "beside", "states"), answer, strict=True)
+            }
+    np.savez(file, **arrays)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
