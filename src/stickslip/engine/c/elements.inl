@@ -7,8 +7,9 @@
  *   ROOM_MODES, ROOM_ELEMENTS, ROOM_STATES   dimensions of arrays, at least 1
  *   MODES(P), ELEMENTS(P), STATES(P)         numbers of modes, elements, entries of the state
  *   STATES_OF(P, e), FIRST(P, e)             number of internal states of element e, and the first one's place
- *   RARE(test)             the test; 0 where plants of this size have nothing but bristle contacts without a varying
- *                          normal force, so that a compiler removes what the test guards */
+ *   STATIC(test)           the test, whether laws are static; 0 or 1 where plants of this size have none, or no others
+ *   RARE(test)             the test; 0 where plants of this size have nothing but contacts without a varying normal
+ *                          force, so that a compiler removes what the test guards */
 
 #ifndef NOTHING_YET
 /* Where a sum starts: -0 changes nothing that is added to it, not even +0, so that a compiler drops the addition. */
@@ -31,7 +32,7 @@ struct OF(loading) {
 
 HOT bool OF(is_static)(const struct plant *P, int e)
 {
-    return RARE(P->element[e].law->breakaway != NULL);
+    return STATIC(P->element[e].law->breakaway != NULL);
 }
 
 HOT bool OF(is_held)(const struct plant *P, const struct OF(regime) *on, int e)

@@ -20,6 +20,7 @@
 #define STATES(P) ((P)->states)
 #define STATES_OF(P, e) ((P)->element[e].states)
 #define FIRST(P, e) ((P)->element[e].first)
+#define STATIC(test) (test)
 #define RARE(test) (test)
 #include "size.inl"
 
@@ -35,21 +36,30 @@
 #define PLAIN_HOT static inline
 #endif
 
-/* Bristle contacts with one state each, and nothing rarer: sizes that a compiler can unroll. */
+/* Bristle contacts with one state each, or a static one, and nothing rarer: sizes that a compiler can unroll. */
 #define PLAIN_MODES 1
 #define PLAIN_ELEMENTS 1
+#define PLAIN_BRISTLES 1
 #include "plain.inl"
 #define PLAIN_MODES 2
 #define PLAIN_ELEMENTS 1
+#define PLAIN_BRISTLES 1
 #include "plain.inl"
 #define PLAIN_MODES 3
 #define PLAIN_ELEMENTS 1
+#define PLAIN_BRISTLES 1
 #include "plain.inl"
 #define PLAIN_MODES 2
 #define PLAIN_ELEMENTS 2
+#define PLAIN_BRISTLES 1
 #include "plain.inl"
 #define PLAIN_MODES 3
 #define PLAIN_ELEMENTS 2
+#define PLAIN_BRISTLES 1
+#include "plain.inl"
+#define PLAIN_MODES 2
+#define PLAIN_ELEMENTS 1
+#define PLAIN_BRISTLES 0
 #include "plain.inl"
 
 /* The last mode that has its bit set in both; -1 if there is none. */
@@ -64,7 +74,7 @@ static int32_t last_mode(int32_t modes, uint32_t felt, uint32_t pushed)
 /* What an element adds to the plant. */
 static void compose_element(struct plant *P, struct element *E)
 {
-    bool rare = E->law->smooth || E->law->breakaway != NULL || E->law->choose != NULL || E->law->tick != NULL;
+    bool rare = E->law->smooth || E->law->choose != NULL || E->law->tick != NULL;
     bool shares = E->positioned || E->fed || E->follows || E->drive != R(0.0) || E->drive_rate != R(0.0);
     E->first = P->states;
     E->place = last_mode(P->modes, ~(uint32_t)0, E->pushed);
@@ -75,7 +85,7 @@ static void compose_element(struct plant *P, struct element *E)
     P->branched |= E->law->choose != NULL;
     P->sampled |= E->law->tick != NULL;
     P->follows |= E->follows && !E->law->smooth;
-    P->plain &= !rare && !shares && !E->loaded && E->along == NULL && E->states == 1;
+    P->plain &= !rare && !shares && !E->loaded && E->along == NULL && E->states == (E->law->breakaway == NULL);
 }
 
 STICKSLIP_API int stickslip_compose(struct plant *P)
@@ -98,26 +108,33 @@ STICKSLIP_API int64_t stickslip_resume_size(const struct plant *P)
     return resume_columns_any(P);
 }
 
-/* The size that fits a plant: ten times its modes and its elements; 0: that which is known at run time. */
+enum { STATICS = 100 };
+
+/* The size that fits a plant: ten times its modes and its elements, and STATICS if their laws are static; 0: that which
+ * is known at run time. */
 static int size_of(const struct plant *P)
 {
-    return P->plain ? 10 * P->modes + P->elements : 0;
+    if (!P->plain || (P->statics > 0 && P->statics < P->elements))
+        return 0;
+    return 10 * P->modes + P->elements + (P->statics > 0 ? STATICS : 0);
 }
 
 static int integrate(int size, const struct stickslip_task *task, const struct stickslip_near *near,
                      struct stickslip_result *result)
 {
     switch (size) {
+    case STATICS + 21:
+        return integrate_2_1_0(task, near, result);
     case 11:
-        return integrate_1_1(task, near, result);
+        return integrate_1_1_1(task, near, result);
     case 21:
-        return integrate_2_1(task, near, result);
+        return integrate_2_1_1(task, near, result);
     case 31:
-        return integrate_3_1(task, near, result);
+        return integrate_3_1_1(task, near, result);
     case 22:
-        return integrate_2_2(task, near, result);
+        return integrate_2_2_1(task, near, result);
     case 32:
-        return integrate_3_2(task, near, result);
+        return integrate_3_2_1(task, near, result);
     default:
         return integrate_any(task, near, result);
     }

@@ -2,7 +2,7 @@
 
 /* A held contact moves the last of its bodies exactly as the others, to the last bit: true rest. `kept`: the rate of its
  * input that the bodies' velocities make; x: those of the modes, `stride` apart. */
-static void OF(pin)(const struct plant *P, int e, real_t kept, real_t *x, int stride)
+HOT void OF(pin)(const struct plant *P, int e, real_t kept, real_t *x, int stride)
 {
     const struct element *E = &P->element[e];
     if (E->pinned < 0)
@@ -14,7 +14,7 @@ static void OF(pin)(const struct plant *P, int e, real_t kept, real_t *x, int st
 }
 
 /* Gauss's elimination of the held contacts; what is held twice over is held by the first. */
-static void OF(eliminate)(const struct plant *P, int count, real_t A[ROOM_ELEMENTS][ROOM_ELEMENTS], real_t *b)
+HOT void OF(eliminate)(const struct plant *P, int count, real_t A[ROOM_ELEMENTS][ROOM_ELEMENTS], real_t *b)
 {
     real_t pivot[ROOM_ELEMENTS], size[ROOM_ELEMENTS];
     for (int k = 0; k < count; k++)
@@ -38,8 +38,8 @@ static void OF(eliminate)(const struct plant *P, int count, real_t A[ROOM_ELEMEN
 
 /* Adds the forces that keep the held contacts at rest. x: accelerations of the modes (or what they change by in time),
  * `stride` apart; u_rate: the derivative of the drive whose share d' they must cancel. */
-static void OF(hold)(const struct plant *P, const struct OF(regime) *on, real_t u_rate, real_t *x, int stride,
-                     real_t *force)
+HOT void OF(hold)(const struct plant *P, const struct OF(regime) *on, real_t u_rate, real_t *x, int stride,
+                  real_t *force)
 {
     int held[ROOM_ELEMENTS], count = 0;
     real_t A[ROOM_ELEMENTS][ROOM_ELEMENTS], b[ROOM_ELEMENTS];
@@ -109,6 +109,6 @@ HOT void OF(slope)(const struct plant *P, const struct OF(regime) *on, const rea
         dq[2 * m] = q[2 * m + 1];
         dq[2 * m + 1] = a;
     }
-    if (RARE(P->statics > 0))
+    if (STATIC(P->statics > 0))
         OF(hold)(P, on, u[CURVATURE], dq + 1, 2, force);
 }

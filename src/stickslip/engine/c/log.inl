@@ -110,7 +110,7 @@ static void OF(sample)(const struct OF(reading) *of, const real_t *row, real_t s
     real_t u[DERIVATIVES], u_begun[DERIVATIVES], normal[DERIVATIVES];
     OF(get_regime)(P, row + LOG_SIDES, &on);
     OF(logged_at)(P, row, (t - shift - row[LOG_START]) / row[LOG_LENGTH], q);
-    if (RARE(P->statics > 0)) {
+    if (STATIC(P->statics > 0)) {
         table_at(of->drive, own, t, u);
         table_at(of->drive, own, row[LOG_START] + shift, u_begun);
         OF(ride)(P, &on, q, u, OF(logged_states)(P, row), u_begun);

@@ -52,7 +52,7 @@ struct plant {
     int32_t statics;                        /* number of elements with a static law */
     int32_t loaded, branched, sampled;      /* 1: an element is */
     int32_t follows;                        /* 1: a contact has a body that follows the drive */
-    int32_t plain;                          /* 1: bristle contacts with one state each, and nothing rarer */
+    int32_t plain;                          /* 1: contacts that are bristles with one state each or static, nothing rarer */
 };
 
 #endif

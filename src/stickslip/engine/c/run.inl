@@ -115,7 +115,7 @@ static inline void OF(try)(struct OF(walk) *w)
     if (!w->leapt) {
         OF(take)(w->P, &w->on, w->tried_h, w->q, S);
         S->error /= w->local;
-        if (RARE(w->P->statics > 0)) {
+        if (STATIC(w->P->statics > 0)) {
             real_t grown = OF(grown)(w), grown_2 = grown * grown;
             S->error = r_max(S->error, grown_2 * grown_2 * grown);
         }
@@ -210,7 +210,7 @@ static inline real_t OF(finish)(struct OF(walk) *w, real_t *end, real_t *u_end)
         for (int k = 0; k < DERIVATIVES; k++)
             u_end[k] = S->u[AT_END][k];
     }
-    if (RARE(w->P->statics > 0))
+    if (STATIC(w->P->statics > 0))
         OF(ride)(w->P, &w->on, end, u_end, w->q, S->u[AT_START]);
     OF(settle)(w->P, end, u_end, w->local);
     return t_new;
@@ -253,7 +253,7 @@ static inline void OF(advance)(struct OF(walk) *w)
 {
     real_t end[ROOM_STATES], u_end[DERIVATIVES];
     bool slows = w->cut.why == SLOWS;
-    if (RARE(w->P->statics > 0 || w->P->branched))
+    if (STATIC(w->P->statics > 0) || RARE(w->P->branched))
         slows = OF(cut_at_ends)(w);
     w->accepted++;
     real_t t_new = OF(finish)(w, end, u_end);

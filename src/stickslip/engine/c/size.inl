@@ -22,4 +22,5 @@
 #undef STATES
 #undef STATES_OF
 #undef FIRST
+#undef STATIC
 #undef RARE

@@ -64,7 +64,7 @@ static struct OF(unrest) OF(start)(const struct plant *P, const real_t *q, const
             on->side[e] = OF(is_static)(P, e) ? R(0.0) : R(1.0);
     }
     OF(slope)(P, on, q, u, normal, dq, force);
-    if (RARE(P->statics > 0))
+    if (STATIC(P->statics > 0))
         OF(let_go)(P, q, u, normal, share, on, dq, force);
     for (int e = 0; e < ELEMENTS(P); e++)
         if (!OF(is_static)(P, e) && !(r_abs(v[e]) > STILL))

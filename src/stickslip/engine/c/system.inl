@@ -149,7 +149,7 @@ HOT void OF(factor_elements)(const struct plant *P, const struct OF(regime) *on,
         size[i] = r_abs(w->A[i][i]);
     }
     for (int k = 0; k < ELEMENTS(P); k++) {
-        bool twice = RARE(P->statics > 1) && OF(is_static)(P, k) && !(r_abs(w->A[k][k]) > R(1e-9) * size[k]);
+        bool twice = ELEMENTS(P) > 1 && STATIC(P->statics > 1) && OF(is_static)(P, k) && !(r_abs(w->A[k][k]) > R(1e-9) * size[k]);
         w->pivot[k] = twice ? R(0.0) : R(1.0) / w->A[k][k];
         for (int i = k + 1; i < ELEMENTS(P); i++) {
             w->A[i][k] *= w->pivot[k];
@@ -179,7 +179,7 @@ HOT void OF(factor)(const struct plant *P, const struct OF(regime) *on, const re
         for (int m = 0; m < MODES(P); m++)
             t[2 * m + 1] += P->element[e].push[m] * force_t[e];
     }
-    if (RARE(P->statics > 0))
+    if (STATIC(P->statics > 0))
         OF(hold)(P, on, u[THIRD], t + 1, 2, force_t);
     OF(factor_elements)(P, on, w);
 }
@@ -231,7 +231,7 @@ HOT void OF(solve)(const struct plant *P, const struct OF(regime) *on, const str
         for (int m = 0; m < MODES(P); m++)
             x[m] += w->X[e][m] * f;
     }
-    if (RARE(P->statics > 0))
+    if (STATIC(P->statics > 0))
         for (int e = 0; e < ELEMENTS(P); e++)
             if (OF(is_held)(P, on, e))
                 OF(pin)(P, e, OF(sliding)(P, e, r) * w->per_g, x, 1);

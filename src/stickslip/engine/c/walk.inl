@@ -178,8 +178,8 @@ static inline struct cut OF(find_cut)(const struct OF(walk) *w)
 }
 
 /* The state, drive and normal force at a fraction of the step being tried, and what the plant does there. */
-static void OF(inspect)(const struct OF(walk) *w, real_t theta, real_t *q, real_t *u, real_t *normal, real_t *dq,
-                        real_t *force)
+HOT void OF(inspect)(const struct OF(walk) *w, real_t theta, real_t *q, real_t *u, real_t *normal, real_t *dq,
+                     real_t *force)
 {
     OF(at)(w->P, theta, w->q, &w->step, q);
     OF(drive_at)(w, w->t + theta * w->tried_h, u);
