@@ -22,7 +22,7 @@ class Limits(NamedTuple):
     # Bytes that a file may unpack to, however small it is: 8 million numbers, an hour of 8 channels, 300 Hz.
     unpacked: int = 64 * 2**20
     # Bytes that a large file may unpack to, as a multiple of its size: measurements compress 2 to 10 times.
-    ratio: int = 20
+    ratio: int = 10
     # Groups, arrays, cells, structure elements or blocks that are visited, each time that a path leads
     # there: an object that is reached on many paths counts as often, and a cycle counts without end.
     visits: int = 20_000

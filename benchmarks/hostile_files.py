@@ -1,0 +1,361 @@
+"""python -m benchmarks.hostile_files [--page]: what it costs to open hostile files, and what is said.
+
+Each file is opened from Python, by the command line and by a panel that serves a folder: time by the clock
+and of computing, peak memory of each process, and the sentence. `--page` writes
+docs/benchmarks/hostile-files.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gzip
+import json
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from datetime import date
+from pathlib import Path
+from typing import NamedTuple
+
+import h5py
+import httpx
+import numpy as np
+from tests.gate.hostile import MAKERS
+from tests.gate.test_hdf5 import OUTSIDE, made
+from tests.gate.test_text import JSON, TOML, YAML
+
+SECONDS, MEGABYTES = 10.0, 500.0  # that opening one file may take, by the clock and in any one process
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "hostile-files.md"
+BOMB = 200_000_000  # bytes that a file of some 100 kB unpacks to
+PYTHON = {  # what opens a file of each kind from Python
+    "data": "from stickslip.readers import read_recording as act",
+    "yaml": "from stickslip.job.file import read_job as act",
+    "toml": "from stickslip.parameters import load_set as act",
+    "json": "from stickslip.identify import load_fit as act",
+}
+COMMAND = {"data": "inspect", "yaml": "run", "toml": "cite", "json": "verify"}
+OTHERS = ("record", "campaign", "identify", "design")  # that take YAML too; each is tried with some files
+CALLED = (
+    "import warnings, sys; warnings.simplefilter('ignore'); from pathlib import Path; {}; act(Path({!r}))"
+)
+
+
+class Case(NamedTuple):
+    """A hostile file: its kind, its name, and who makes it."""
+
+    kind: str
+    name: str
+    make: Callable[[Path], object]
+
+
+class Cost(NamedTuple):
+    """What opening a file took [s, s, MB], the exit code or status, and what was said."""
+
+    way: str
+    name: str
+    wall: float
+    cpu: float
+    megabytes: float
+    code: int
+    said: str
+
+
+def cases() -> Iterator[Case]:
+    """All hostile files."""
+    for name, make in MAKERS.items():
+        yield Case("data", name, make)
+    for fill in OUTSIDE:
+        for ending in ("mat", "nc"):
+            name = f"{fill.__name__}.{ending}"
+            yield Case("data", name, lambda path, fill=fill: made(path.parent, fill, path.name))
+    for make in (zip_bomb, hdf5_bomb, matlab_bomb, large_bomb):
+        yield Case("data", f"{make.__name__}.{ENDINGS[make.__name__]}", make)
+    texts = {"yaml": YAML | LARGEST["yaml"], "toml": TOML, "json": JSON | LARGEST["json"]}
+    for kind, group in texts.items():
+        for name, (text, _) in group.items():
+            called = f"{name.replace(' ', '_')}.{kind}"
+            yield Case(kind, called, lambda path, text=text: path.write_text(text))
+    yield Case("json", "gzip_bomb.json", lambda path: path.write_bytes(gzip.compress(b" " * BOMB)))
+
+
+# The largest that pass the limits of text.
+LARGEST = {
+    "yaml": {
+        "largest_list": ("x: [" + "1, " * 90_000 + "]", ""),
+        "largest_text": ("x: '" + "y" * 990_000 + "'", ""),
+        "largest_mapping": ("runs:\n" + "".join(f"  - {{a: {n}}}\n" for n in range(30_000)), ""),
+    },
+    "json": {"largest": ("[" + ", ".join(['{"a": 1}'] * 499_000) + "]", "")},
+}
+ENDINGS = {"zip_bomb": "npz", "hdf5_bomb": "nc", "matlab_bomb": "mat", "large_bomb": "npz"}
+
+
+def zip_bomb(path: Path) -> None:
+    """Zeros in a packed archive."""
+    np.savez_compressed(path, time=np.zeros(BOMB // 8))
+
+
+def hdf5_bomb(path: Path) -> None:
+    """Zeros in packed parts."""
+    with h5py.File(path, "w") as file:
+        file.create_dataset("time", (BOMB // 8,), "f8", chunks=(2**20,), compression="gzip")[...] = 0.0
+
+
+def matlab_bomb(path: Path) -> None:
+    """Zeros in one packed variable."""
+    content = zlib.compress(bytes(BOMB))
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+    path.write_bytes(head + (15).to_bytes(4, "little") + len(content).to_bytes(4, "little") + content)
+
+
+def large_bomb(path: Path) -> None:
+    """A file of 8 MB that unpacks to 19 times its size."""
+    clock = np.arange(7_500_000) * 1e-4
+    noise = np.zeros(clock.size)
+    noise[:830_000] = np.random.default_rng(1).random(830_000)
+    np.savez_compressed(path, time=clock.round(0), x=noise)
+
+
+# A process keeps the peak of the one that started it: this small one starts what is measured.
+SMALL = """
+import json, os, sys, time
+begun = time.perf_counter()
+if not (child := os.fork()):
+    out = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(out, 1), os.dup2(out, 2), os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.execv(sys.argv[2], sys.argv[2:])
+_, status, used = os.wait4(child, 0)
+cpu = used.ru_utime + used.ru_stime
+code = os.waitstatus_to_exitcode(status)
+print(json.dumps([time.perf_counter() - begun, cpu, used.ru_maxrss / 1024, code]))
+"""
+
+
+def process(way: str, name: str, command: list[str], folder: Path) -> Cost:
+    """Return what a process took and said."""
+    out = folder.parent / "said.txt"
+    small = [sys.executable, "-S", "-c", SMALL, str(out), *command]
+    done = subprocess.run(small, cwd=folder, capture_output=True, text=True, check=True)
+    wall, cpu, megabytes, code = json.loads(done.stdout)
+    said = out.read_text(errors="replace")[:100_000].strip()
+    lines = said.splitlines() or [""]
+    last = lines[-1 if code else 0]
+    shown = f"Traceback: {last}" if way != "Python" and "Traceback" in said else last
+    return Cost(way, name, wall, cpu, megabytes, code, shown)
+
+
+class Panel:
+    """A panel that serves a folder, its processes and their cost."""
+
+    def __init__(self, folder: Path) -> None:
+        self._out = (folder.parent / "panel.txt").open("w+")
+        command = [sys.executable, "-m", "stickslip", "panel", str(folder), "--port", "0", "--no-browser"]
+        self.process = subprocess.Popen(command, stdout=self._out, stderr=subprocess.STDOUT)
+        self.folder, address = folder, ""
+        while not address:
+            time.sleep(0.2)
+            text = Path(self._out.name).read_text()
+            address = next((one.split()[-1] for one in text.splitlines() if one.startswith("Panel:")), "")
+            if self.process.poll() is not None:
+                raise RuntimeError(text)
+        self.client = httpx.Client(base_url=address, timeout=120.0, headers={"X-Client": "hostile"})
+
+    def ids(self) -> list[int]:
+        """Return the process and those that it started."""
+        listed = Path(f"/proc/{self.process.pid}/task").glob("*/children")
+        return [self.process.pid, *(int(one) for part in listed for one in part.read_text().split())]
+
+    def cpu(self) -> float:
+        """Return the computing time of all processes [s]."""
+        found = 0.0
+        for one in self.ids():
+            with suppress(OSError):
+                fields = Path(f"/proc/{one}/stat").read_text().rpartition(")")[2].split()
+                found += sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
+        return found
+
+    def memory(self) -> list[float]:
+        """Return the peak memory of the server and of the others since `forget` [MB]."""
+        found = []
+        for one in self.ids():
+            with suppress(OSError, StopIteration):
+                lines = Path(f"/proc/{one}/status").read_text().splitlines()
+                found.append(int(next(l for l in lines if l.startswith("VmHWM")).split()[1]) / 1024)
+        return found
+
+    def forget(self) -> None:
+        """Begin the peaks of memory anew."""
+        for one in self.ids():
+            with suppress(OSError):
+                Path(f"/proc/{one}/clear_refs").write_text("5")
+
+    def opened(self, case: Case, path: Path) -> Iterator[Cost]:
+        """Upload a file, and open it in the folder."""
+        if case.kind == "data":
+            if path.stat().st_size < 32 * 2**20:
+                yield self._asked("upload", case.name, f"/history/upload?name={case.name}", path.read_bytes())
+            shutil.copy(path, self.folder / case.name)
+            yield self._asked("listing", case.name, "/history/detail", {"name": case.name})
+            (self.folder / case.name).unlink()
+        elif case.kind == "json":
+            place = self.folder / case.name.removesuffix(".json")
+            place.mkdir()
+            (place / "report.html").write_text("<html></html>")
+            shutil.copy(path, place / "results.json")
+            shutil.copy(path, place / "shown.json")
+            yield self._asked("results", case.name, "/history", None)
+            shutil.rmtree(place)
+        else:
+            shutil.copy(path, self.folder / case.name)
+            asked = "/bench/load" if case.kind == "yaml" else "/history/detail"
+            yield self._asked("load", case.name, asked, {"name": case.name})
+            (self.folder / case.name).unlink()
+
+    def _asked(self, way: str, name: str, route: str, body: object) -> Cost:
+        self.forget()
+        begun, before = time.perf_counter(), self.cpu()
+        if body is None:
+            answer = self.client.get(route)
+        elif isinstance(body, bytes):
+            answer = self.client.post(route, content=body)
+        else:
+            answer = self.client.post(route, json=body)
+        wall = time.perf_counter() - begun
+        said = answer.json() if answer.headers.get("content-type", "").startswith("application/json") else {}
+        if "rows" in said:
+            said = next((row for row in said["rows"] if row["name"] in name), {})
+        shown = said.get("problem") or said.get("detail") or said.get("error") or json.dumps(said)[:300]
+        code = answer.status_code
+        return Cost(f"panel, {way}", name, wall, self.cpu() - before, max(self.memory()), code, str(shown))
+
+    def close(self) -> None:
+        """End it."""
+        self.client.close()
+        self.process.terminate()
+        self.process.wait(20)
+        self._out.close()
+
+
+@contextmanager
+def serving(folder: Path) -> Iterator[Panel]:
+    """Serve a folder."""
+    folder.mkdir()
+    panel = Panel(folder)
+    try:
+        panel.client.get("/history")
+        yield panel
+    finally:
+        panel.close()
+
+
+def run(tell: Callable[[Cost], None], wanted: str = "", until: float = np.inf) -> list[Cost]:
+    """Return the costs of all files whose names contain `wanted`, as far as the time `until` allows."""
+    found: list[Cost] = []
+
+    def note(cost: Cost) -> None:
+        found.append(cost)
+        tell(cost)
+
+    with tempfile.TemporaryDirectory(prefix="hostile-") as kept:
+        work = Path(kept) / "work"
+        work.mkdir()
+        with serving(Path(kept) / "lab") as panel:
+            chosen = [one for one in cases() if wanted in one.name]
+            random.Random(0).shuffle(chosen)  # of all kinds, where the time does not suffice for all
+            for n, case in enumerate(chosen):
+                if time.time() > until:
+                    break
+                path = work / case.name
+                case.make(path)
+                for cost in panel.opened(case, path):
+                    note(cost)
+                code = CALLED.format(PYTHON[case.kind], str(path))
+                note(process("Python", case.name, [sys.executable, "-c", code], work))
+                more = OTHERS[n % len(OTHERS)] if case.kind == "yaml" else ""
+                for command in filter(None, (COMMAND[case.kind], more)):
+                    asked = [sys.executable, "-m", "stickslip", command, str(path)]
+                    asked += [str(path)] if command == "verify" else []
+                    note(process(f"stickslip {command}", case.name, asked, work))
+                path.unlink()
+    return found
+
+
+def wrong(cost: Cost) -> str:
+    """Return what is not as it has to be."""
+    said = [f"{cost.wall:.1f} s"] if cost.wall > SECONDS else []
+    said += [f"{cost.megabytes:.0f} MB"] if cost.megabytes > MEGABYTES else []
+    silent = bool(cost.code) and not cost.said
+    if cost.said.startswith("Traceback") or cost.code < 0 or cost.code >= 500 or silent:
+        said.append(f"code {cost.code}, {cost.said[:150]!r}")
+    return ", ".join(said)
+
+
+def page(found: list[Cost], count: int) -> str:
+    """Return the page of the figures."""
+    ways = list(dict.fromkeys(one.way for one in found))
+    files = len({one.name for one in found})
+    bad = [(one, wrong(one)) for one in found if wrong(one)]
+    rows = []
+    for way in ways:
+        of = [one for one in found if one.way == way]
+        wall, cpu, most = (max(of, key=lambda one, k=k: one[k]) for k in (2, 3, 4))
+        refused = sum(one.code not in (0, 200) for one in of)
+        rows.append(
+            f"| {way} | {len(of)} | {refused} | {np.median([one.wall for one in of]):.1f} "
+            f"| {wall.wall:.1f} ({wall.name}) | {cpu.cpu:.1f} | {most.megabytes:.0f} ({most.name}) |"
+        )
+    lines = [
+        "# Hostile files",
+        "",
+        f"`python -m benchmarks.hostile_files`: {files} of {count} hostile files, each "
+        "opened from Python, by the command line and by a panel that serves a folder. All are processes: "
+        "times and memory of Python and of commands include the start and imports. Those of the panel are "
+        "of a request, its memory is that of the larger of the server and the process that reads. The answer "
+        "of a list is no error: the row of the file has the reason.",
+        "",
+        f"Aim: {SECONDS:.0f} s by the clock, {MEGABYTES:.0f} MB in any process, one sentence, no traceback "
+        "of a command, no fault of the server.",
+        "",
+        f"Measured: {date.today()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}.",
+        "",
+        "| opened by | files | error | wall s, median | wall s, most | CPU s, most | MB, most |",
+        "|---|---|---|---|---|---|---|",
+        *rows,
+        "",
+        f"Not as it has to be: {len(bad)} of {len(found)}.",
+        "",
+        *(f"- {one.way}, `{one.name}`: {text}" for one, text in bad),
+    ]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def main() -> None:
+    """Run it, print or write the page; exit code 1 if anything is not as it has to be."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.hostile_files", description=__doc__)
+    parser.add_argument("--only", default="", help="part of the names of files")
+    parser.add_argument("--minutes", type=float, default=60.0, help="time after which no file is begun")
+    parser.add_argument("--page", action="store_true", help="write the page of docs/benchmarks")
+    given = parser.parse_args()
+
+    def tell(cost: Cost) -> None:
+        mark = f"WRONG {wrong(cost)}" if wrong(cost) else ""
+        print(f"{cost.way:20} {cost.name:34} {cost.wall:5.1f} s {cost.cpu:5.1f} s {cost.megabytes:4.0f} MB "
+              f"{cost.code:3} {cost.said[:110]!r} {mark}", flush=True)  # fmt: skip
+
+    found = run(tell, given.only, time.time() + 60.0 * given.minutes)
+    text = page(found, len(list(cases())))
+    print(text)
+    if given.page:
+        PAGE.write_text(text, encoding="utf-8")
+    raise SystemExit(any(wrong(one) for one in found))
+
+
+if __name__ == "__main__":
+    main()
