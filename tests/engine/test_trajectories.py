@@ -110,7 +110,7 @@ SANITIZED = """
 import sys
 from pathlib import Path
 
-from engine import cases, test_near, test_trajectories
+from engine import cases, test_near, test_orbits, test_trajectories
 from engine.library import built
 from stickslip.engine import compiled_law, library
 
@@ -120,6 +120,8 @@ for case in cases.cases().values():
     assert test_trajectories.followed(case).accepted > 0
     for own in (False, True):
         assert test_near.Task(case).by_engine(own)[0][2] > 0
+for law in test_orbits.LAWS.values():
+    assert test_orbits.Task(law, "sawtooth").by_engine().periods[0] > 0
 print("silent")
 """
 

@@ -12,7 +12,7 @@
 #endif
 
 /* Outcomes of a run. LOG_FULL is no end: the log must be read and emptied before the run goes on; no caller sees it. */
-enum { DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, LOG_FULL, STOPPED, NO_MEMORY, DOES_NOT_FIT };
+enum { DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, LOG_FULL, STOPPED, NO_MEMORY, DOES_NOT_FIT, NOT_FOUND };
 
 /* One trajectory. Arrays belong to the caller. */
 struct stickslip_task {
@@ -99,6 +99,26 @@ struct stickslip_near {
     const real_t *ends;             /* [count], s, when they end; NULL without `drives` */
 };
 
+/* Periodic orbits of members, whose plants are of one layout. Arrays belong to the caller. */
+struct stickslip_orbits {
+    int64_t count;
+    const struct plant *plants;     /* [count], composed */
+    const struct table *drives;     /* [count] */
+    const struct table *load;       /* the same for all */
+    real_t *states;                 /* [count, states], from which they are looked for; become those on the orbits */
+    const real_t *periods;          /* [count], s, of the drives */
+    real_t tolerance;               /* m, on step and state */
+    int64_t max_periods;            /* integrated for one orbit, at most */
+    int64_t column;                 /* of the state, the position that moves on */
+    int64_t *outcomes;              /* [count]; members whose outcome is not DONE at the start are left out */
+    real_t *steps, *errors, *residuals; /* [count], m: net step, how far off it may be, the last correction */
+    real_t *radius;                 /* [count], the largest multiplier in size */
+    int64_t *tried;                 /* [count], periods integrated */
+    real_t *jacobians;              /* [count, states, states], of the map over a period; zeros at the start */
+    const volatile int32_t *stop;   /* given up once this is not 0; or NULL */
+    int32_t smooth;                 /* 1: derivatives may be those of neighbours */
+};
+
 /* Completes a plant whose modes and elements are filled in. Returns DONE, or DOES_NOT_FIT if it is larger than the
  * engine's room. */
 STICKSLIP_API int stickslip_compose(struct plant *plant);
@@ -115,6 +135,9 @@ STICKSLIP_API int stickslip_integrate_near(const struct stickslip_task *task, co
 
 /* Integrates the members. Returns DONE, or STOPPED or NO_MEMORY where the rest of them was not followed. */
 STICKSLIP_API int stickslip_integrate_members(const struct stickslip_members *of);
+
+/* Finds the orbits. Returns DONE, or STOPPED or NO_MEMORY where the rest of them was not looked for. */
+STICKSLIP_API int stickslip_find_orbits(const struct stickslip_orbits *of);
 
 /* Follows a motion; `reached`: the number of samples that are filled. Returns DONE, STEP_TOO_SMALL where the law could not
  * be followed to the next one, or STOPPED. */

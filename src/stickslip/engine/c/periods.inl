@@ -199,7 +199,8 @@ static int OF(integrate)(const struct stickslip_task *task, const struct sticksl
                          struct stickslip_result *result)
 {
     const struct plant *P = task->plant;
-    struct log log = {.rows = task->count > 0 ? LOG_ROWS : 0, .columns = OF(log_columns)(P)};
+    struct log log = {.rows = task->count > 0 || (near != NULL && near->count > 0) ? LOG_ROWS : 0,
+                      .columns = OF(log_columns)(P)};
     struct OF(journey) *J = calloc(1, sizeof *J);
     if (log.rows > 0)
         log.values = malloc((size_t)log.rows * (size_t)log.columns * sizeof *log.values);

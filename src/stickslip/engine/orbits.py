@@ -1,0 +1,79 @@
+"""Periodic orbits by the engine, each of a plant with numbers, drive and state of its own."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ._abi import ffi
+from .binding import Array, DriveTable, called, doubles, sized
+from .library import library
+from .members import ComposedMembers, Integers, MemberDrives, integers
+
+
+class Orbits(NamedTuple):
+    """What became of members [members]: `steps`, net displacement per period, m; `errors`, how far step and
+    state may be off, m; `residuals`, how far off they were before the last correction, m; `radius`, the
+    largest multiplier in size; `periods` integrated; `jacobian` [members, states, states] of the last map,
+    with zeros for the position."""
+
+    steps: Array
+    errors: Array
+    residuals: Array
+    radius: Array
+    periods: Integers
+    jacobian: Array
+
+
+def find_orbits(
+    members: ComposedMembers,
+    drives: MemberDrives,
+    load: DriveTable,
+    outcomes: Integers,
+    states: Array,
+    periods: Array,
+    tolerance: float,
+    max_periods: int,
+    column: int,
+    smooth: bool,
+) -> Orbits:
+    """Look for the periodic orbits of members, one after the other (see `solve.periodic`).
+
+    Args:
+        members: the plants.
+        drives: of the members.
+        load: normal force over its reference, the same for all.
+        outcomes: of each, in place: DONE, `NOT_FOUND` of the library, or why the motion could not be
+            followed; members whose outcome is not DONE at the start are left out.
+        states: from which they are looked for [members, states]; in place, on the orbits.
+        periods: of the drives, s, [members].
+        tolerance: m, on step and state.
+        max_periods: integrated for one orbit, at most.
+        column: of the state, the position that moves on.
+        smooth: whether derivatives may be those of neighbours.
+
+    Raises:
+        TypeError, ValueError, MemoryError: see `binding.integrate`.
+        BaseException: whatever a user's law in Python has raised.
+    """
+    count, n = members.count, members.states
+    given = (outcomes, count), (states, count * n), (periods, count)
+    for name, (array, size) in zip(("outcomes", "states", "periods"), given, strict=True):
+        sized(name, array, size)
+    if drives.count != count:
+        raise ValueError(f"there are {count} plants and {drives.count} drives")
+    if not 0 <= column < n:
+        raise ValueError(f"there is no state {column}: the plants have {n}")
+    steps, errors, residuals, radius = np.full((4, count), np.nan)
+    found = Orbits(steps, errors, residuals, radius, np.zeros(count, np.int64), np.zeros((count, n, n)))
+    task: Any = ffi.new("struct stickslip_orbits *")
+    task.count, task.plants, task.drives, task.load = count, members.struct, drives.struct, load.struct
+    task.states, task.periods = doubles(states, "states", True), doubles(periods, "periods")
+    task.tolerance, task.max_periods, task.column, task.smooth = tolerance, max_periods, column, smooth
+    task.outcomes, task.tried = integers(outcomes, "outcomes"), integers(found.periods, "tried")
+    for name in ("steps", "errors", "residuals", "radius"):
+        setattr(task, name, doubles(getattr(found, name), name, True))
+    task.jacobians = doubles(found.jacobian, "jacobian", True)
+    called(library().stickslip_find_orbits, members.laws, task)
+    return found

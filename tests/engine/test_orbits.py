@@ -1,0 +1,170 @@
+"""Periodic orbits by the engine: those of the former engine, on random plants."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from engine import cases
+from plants import Lag
+from stickslip.engine import binding, compiled_law, law_of, members, numba_laws, orbits
+from stickslip.friction import law as registered
+from stickslip.plant.system import values_of
+from stickslip.simulation.models import contact_load
+from stickslip.solve import periodic
+from stickslip.solve.outcome import DONE
+from stickslip.waveform.members import Drives, common
+
+LAWS = {
+    "LuGre": cases.LUGRE,
+    "Dahl": ss.Dahl(1e6, 0.5),
+    "Dahl with a bound": ss.Dahl(1e6, 0.5, 0.6),
+    "elastoplastic": ss.Elastoplastic(1.4e6, 35.0, 0.3, 0.54, 0.6, 1e-7),
+    "Coulomb": ss.Coulomb(0.5),
+    "Maxwell slip": ss.MaxwellSlip((1.3e6, 4e5), (0.3, 0.2), 4.0, 1.2),
+    "reset integrator": ss.ResetIntegrator(1e6, 5e-7, 0.3, 100.0),
+}
+TOLERANCE, MOST_PERIODS = 1e-9, 400
+# What rounding changes of step and states, m, or a tenth of their error; and of multipliers, which come from
+# neighbours 1e-12 m away.
+CLOSE, CLOSE_MULTIPLIER = 1e-13, 2e-3
+
+
+class Task:
+    """An actuator with a random mass, under a drive of a random frequency."""
+
+    def __init__(self, law: Any, waveform: str, seed: int = 3) -> None:
+        random = np.random.default_rng(seed)
+        frequency = 50.0 * random.uniform(0.5, 3.0)
+        drive = ss.Sawtooth(65.0, frequency, 0.9) if waveform == "sawtooth" else ss.Sine(50.0, frequency)
+        mass = cases.KANG.end_effector_mass * random.uniform(0.5, 2.0)
+        contact = contact_load(1.0, 3.0 / frequency)
+        system = contact.system(cases.KANG.replace(friction=law, end_effector_mass=mass))
+        self.drive, self.load = drive.drive(3.0 / frequency), contact.drive
+        self.plant, self.column, self.periods = system.plant, system.slider, np.array([1.0 / frequency])
+        self.states = contact.rest(system, self.drive.before)[None].copy()
+        self.outcomes, self.smooth = np.zeros(1, np.int64), periodic.has_neighbours(self.plant)
+
+    @property
+    def drives(self) -> Drives:
+        return common(self.drive)
+
+    def by_engine(self, most: int = MOST_PERIODS) -> orbits.Orbits:
+        return orbits.find_orbits(
+            members.ComposedMembers(self.plant, values_of(self.plant)),
+            members.MemberDrives(self.drives, np.zeros(1, np.int64)),
+            binding.DriveTable(self.load),
+            *(self.outcomes, self.states, self.periods, TOLERANCE, most, self.column, self.smooth),
+        )
+
+    def by_former(self) -> periodic.Found:
+        found = periodic.room_for(1, self.states.shape[1])
+        periodic.orbits(
+            *(self.plant, (self.drives, np.zeros(1, np.int64), self.load), values_of(self.plant)),
+            *(self.states, self.periods, TOLERANCE, MOST_PERIODS, self.column, self.smooth, found),
+        )
+        return found
+
+
+@pytest.fixture(scope="module")
+def former(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
+    """Answers of the engine in Python, which runs uncompiled."""
+    file = tmp_path_factory.mktemp("former") / "orbits.npz"
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
+    subprocess.run([sys.executable, "-m", "engine.test_orbits", str(file)], check=True, env=environment)
+    with np.load(file) as found:
+        return dict(found)
+
+
+@pytest.mark.parametrize("waveform", ["sawtooth", "sine"])
+@pytest.mark.parametrize("name", LAWS)
+def test_as_the_former_engine(former: dict[str, np.ndarray], name: str, waveform: str) -> None:
+    task = Task(LAWS[name], waveform)
+    found = task.by_engine()
+    outcome, step, error, radius, periods, *state = former[f"{name}/{waveform}"]
+    assert task.outcomes[0] == outcome == DONE
+    assert found.periods[0] == periods
+    assert 0.0 < error < TOLERANCE
+    apart = max(CLOSE, 0.1 * error)
+    np.testing.assert_allclose(found.steps[0], step, rtol=0.0, atol=apart)
+    np.testing.assert_allclose(found.errors[0], error, rtol=0.3)
+    modes = slice(0, 2 * len(task.plant.modes), 2)
+    np.testing.assert_allclose(task.states[0, modes], np.array(state)[modes], rtol=0.0, atol=apart)
+    np.testing.assert_allclose(found.radius[0], radius, rtol=0.0, atol=CLOSE_MULTIPLIER)
+    multipliers = np.abs(np.linalg.eigvals(found.jacobian[0]))
+    np.testing.assert_allclose(multipliers.max(), found.radius[0], rtol=0.02, atol=CLOSE_MULTIPLIER)
+
+
+def test_a_period_from_the_orbit_leads_back_to_it() -> None:
+    task = Task(LAWS["LuGre"], "sawtooth", seed=11)
+    found, q = task.by_engine(), task.states[0].copy()
+    binding.integrate(
+        *(binding.ComposedPlant(task.plant), binding.DriveTable(task.drive), binding.DriveTable(task.load)),
+        *(q, (0.0, float(task.periods[0])), 1e-12, False, 1_000_000, np.zeros(0), np.zeros((0, 0))),
+    )
+    assert abs(found.steps[0]) > 10.0 * TOLERANCE
+    assert q[task.column] == pytest.approx(found.steps[0], abs=TOLERANCE)
+    q[task.column] = 0.0
+    modes = slice(0, 2 * len(task.plant.modes), 2)
+    np.testing.assert_allclose(q[modes], task.states[0, modes], rtol=0.0, atol=TOLERANCE)
+
+
+def test_says_that_it_was_not_found_and_leaves_out_what_failed_before() -> None:
+    task = Task(LAWS["LuGre"], "sawtooth")
+    task.by_engine(most=1)
+    assert task.outcomes[0] == binding.library().NOT_FOUND
+    found = task.by_engine()
+    assert np.isnan(found.steps[0])
+    assert found.periods[0] == 0
+
+
+def test_what_does_not_fit_is_named() -> None:
+    task = Task(LAWS["Dahl"], "sine")
+    task.column = 5
+    with pytest.raises(ValueError, match="there is no state 5: the plants have 5"):
+        task.by_engine()
+    task.periods = np.ones(2)
+    with pytest.raises(ValueError, match="periods has 2 numbers; the engine needs 1"):
+        task.by_engine()
+
+
+def test_what_a_law_raises_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled_law, "compiler", lambda: None)
+    monkeypatch.setattr(numba_laws, "find_spec", lambda name: None)
+    monkeypatch.setattr(law_of, "_KNOWN", {})
+    calls: list[float] = []
+
+    def failing(law: Any, v: float, z: float) -> tuple[float, float]:
+        calls.append(v)
+        if len(calls) > 100:
+            raise RuntimeError("no such contact")
+        return z, (v - z) * law.rate
+
+    known = registered._IMPLEMENTATIONS[Lag]
+    monkeypatch.setitem(registered._IMPLEMENTATIONS, Lag, known._replace(rate=failing))
+    task, case = Task(LAWS["Dahl"], "sine"), cases.cases()["an amplifier"]
+    task.plant, task.states, task.column = case.plant, case.state[None].copy(), 2
+    with pytest.raises(RuntimeError, match="no such contact"):
+        task.by_engine()
+    assert len(calls) == 101
+
+
+def main(file: str) -> None:
+    arrays = {}
+    for name, law in LAWS.items():
+        for waveform in ("sawtooth", "sine"):
+            task = Task(law, waveform)
+            found = task.by_former()
+            numbers = found.outcomes, found.steps, found.errors, found.radius, found.periods
+            arrays[f"{name}/{waveform}"] = np.array([*(float(one[0]) for one in numbers), *task.states[0]])
+    np.savez(file, **arrays)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
