@@ -51,10 +51,17 @@ def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> No
         called = Path(name.replace("\\", "/")).name
         if Path(called).suffix.lower() not in _SUFFIXES or not called.isprintable():
             raise FolderError(f"{called[:60]!r}: a file that can be taken ends in {', '.join(_SUFFIXES)}")
-        content = await request.body()
+        path = _place(folder, called)
+        try:
+            with path.open("wb") as file:  # in parts: a body that is kept whole outlives a refused request
+                async for part in request.stream():
+                    file.write(part)
+        except BaseException:  # it is too large, or whoever sent it went
+            shutil.rmtree(path.parent, ignore_errors=True)
+            raise
         from starlette.concurrency import run_in_threadpool
 
-        return await run_in_threadpool(_looked_at, folder, read, called, content)
+        return await run_in_threadpool(_looked_at, folder, read, path)
 
     @routes.post("/take")
     def take(asked: Taken) -> dict[str, str]:
@@ -97,16 +104,20 @@ def _by_name(text: str, path: Path, folder: Folder) -> str:
     return text
 
 
-def _looked_at(folder: Folder, read: Reader, name: str, content: bytes) -> dict[str, Any]:
-    """Keep an upload aside, and look into it in the process that can be ended."""
+def _place(folder: Folder, name: str) -> Path:
+    """Return where an upload is kept aside; those that nobody took go."""
     root = folder.root / UPLOADS
     for old in root.glob("*"):
         if time.time() - old.stat().st_mtime > _KEPT:
             shutil.rmtree(old, ignore_errors=True)
-    token = secrets.token_hex(8)
-    path = root / token / name
+    path = root / secrets.token_hex(8) / name
     path.parent.mkdir(parents=True)
-    path.write_bytes(content)
+    return path
+
+
+def _looked_at(folder: Folder, read: Reader, path: Path) -> dict[str, Any]:
+    """Look into an upload in the process that can be ended."""
+    token, name = path.parent.name, path.name
     try:
         if path.suffix.lower() == ".nc":
             found = {"reader": "nc", **read(path, _counted), "columns": []}
