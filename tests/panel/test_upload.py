@@ -106,3 +106,13 @@ def test_where_two_columns_may_be_the_time_none_is_chosen(client: httpx.Client) 
 def test_what_readers_say_is_left_alone_where_it_advises_nothing() -> None:
     said = "line 500, column 'x [um]': 'abc' is not a number"
     assert for_the_page(said) == said
+
+
+def test_an_upload_is_never_whole_in_the_server(client: httpx.Client, monkeypatch) -> None:
+    async def whole(_: object) -> bytes:
+        raise AssertionError("the body of an upload in memory")
+
+    monkeypatch.setattr("starlette.requests.Request.body", whole)
+    text = "time [s],x [um]\n" + "".join(f"{k / 1e3},{k}\n" for k in range(50))
+    answer = client.post("/history/upload?name=a.csv", content=text.encode())
+    assert (answer.status_code, answer.json()["samples"]) == (200, 50)
