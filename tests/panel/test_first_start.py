@@ -11,7 +11,6 @@ from .conftest import PATIENCE, Panel
 
 pytestmark = pytest.mark.browser
 SLOW = 4e3 * PATIENCE  # ms: kernels are compiled in two processes
-SAID = "First start on this machine: the page opens when the solver is compiled"
 
 
 def kept(kernels: Path) -> dict[str, int]:
@@ -25,15 +24,12 @@ def test_the_page_opens_when_a_walk_can_start_and_nothing_is_compiled_twice(
     kernels = tmp_path / "kernels"
     first = Panel(tmp_path / "first", kernels=kernels)
     try:
-        assert SAID in first.said[0]
-        walking = {name: when for name, when in kept(kernels).items() if ".integrate-" in name}
-        assert len(walking) == 1
+        assert first.said == []  # a walk needs nothing that is compiled here
         page.goto(first.url)
         page.click("#start")
         expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
         # What fits and step curves need is compiled by one process, and read by the other.
         expect(page.locator("#readiness")).to_be_hidden(timeout=SLOW)
-        assert kept(kernels).items() >= walking.items()
         before = kept(kernels)
         page.click("text=Identify")
         expect(page.locator(".identify")).to_have_attribute("data-phase", "none")

@@ -44,7 +44,6 @@ def panel(
         from ..panel import create_app
         from ..panel.connections import server_config
         from ..panel.guard import LOOPBACK
-        from ..panel.warming import compile_solver, solver_kept
 
         local = host in _LOOPBACK
         if token and len(token) < 16:
@@ -60,12 +59,6 @@ def panel(
         shown = f"[{host}]" if ":" in host else host
         names = LOOPBACK | {shown.lower(), socket.gethostname().lower()}
         served = create_app(folder, token=secret, hosts=names, any_address=not local)
-        if not solver_kept():
-            typer.echo(
-                "First start on this machine: the page opens when the solver is compiled, in about 15 s.",
-                err=True,
-            )
-            compile_solver(served.state.fitting)
         address = f"http://{shown}:{number}/" + (f"?token={secret}" if secret else "")
         typer.echo(f"Panel: {address}")
         if browser:

@@ -89,10 +89,7 @@ def _fit(connection: Connection, asked: Begin, root: str) -> None:
 
 def prepare(law: str) -> None:
     """Go through a fit once, of a short walk of the thesis's actuator with such a law: the same kernels and
-    modules as any other.
-
-    What only fits need comes first: on a first start the server compiles at the same time what runs need.
-    """
+    modules as any other."""
     from ..actuator import load_actuator
     from ..analysis.walk import UsedWalk, walk_document
     from ..identify.walk.friction import identify_friction

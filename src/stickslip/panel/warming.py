@@ -1,5 +1,4 @@
-"""Preparation in the background: on the first start the solver, before the page is opened; else after the
-first page the solver, then fits and Explore."""
+"""Preparation in the background, after the first page: the solver, then fits and Explore."""
 
 from __future__ import annotations
 
@@ -9,10 +8,8 @@ from contextlib import suppress
 from typing import Any
 
 from ..actuator import load_actuator
-from ..friction import LuGre
 from ..rig import RigError
 from ..simulation import simulate, steady_step
-from ..solve.periods import integrate
 from ..waveform.periodic import Sawtooth
 from .fits import USUAL_LAW, Fitting
 from .readiness import Readiness
@@ -20,29 +17,7 @@ from .running import Runner
 from .stream import Client, Hub, Message
 
 _WITHOUT_PAGE = 2.0  # s after which the solver is loaded though no page has come
-_ABREAST = 4.0  # s after which the solver is being compiled, and fits are prepared beside it
-_MOST_WAIT = 60.0  # s that step curves wait for fits, which need the same kernel
-
-
-def solver_kept() -> bool:
-    """Whether this machine keeps what the first run of a newcomer needs: Numba's index of that kernel, which
-    is void after an installation or for another Numba, names the law."""
-    kernel: Any = integrate._dispatcher((LuGre,))
-    try:
-        index = kernel._cache._cache_file._load_index()
-    except AttributeError:  # nothing is compiled at all, or another Numba keeps it in a way of its own
-        return True
-    return any(USUAL_LAW in str(signature) for signature, *_ in index)
-
-
-def compile_solver(fitting: Fitting) -> None:
-    """Compile it here, and in the process of the fits what those need besides."""
-    fitting.prepare(USUAL_LAW)
-    _simulate()
-
-
-def _simulate() -> None:
-    simulate(load_actuator("kang2007"), Sawtooth(65.0, 5.0), 0.01)
+_MOST_WAIT = 60.0  # s that one preparation waits for another, at most
 
 
 def warm_up(hub: Hub, readiness: Readiness, fitting: Fitting, runner: Runner) -> Callable[[], None]:
@@ -56,10 +31,10 @@ def warm_up(hub: Hub, readiness: Readiness, fitting: Fitting, runner: Runner) ->
     def simulation() -> None:
         page.wait(_WITHOUT_PAGE)
         with readiness.preparing("the simulation"):
-            _simulate()
+            simulate(load_actuator("kang2007"), Sawtooth(65.0, 5.0), 0.01)
         solver.set()
         with readiness.preparing("step curves"):
-            fitting.wait(_MOST_WAIT)  # on a first start their process is compiling what step curves need
+            fitting.wait(_MOST_WAIT)  # their process may be compiling what step curves need
             if not ended.is_set():
                 steady_step(load_actuator("kang2007"), Sawtooth(65.0, 5.0))
 
@@ -71,7 +46,7 @@ def warm_up(hub: Hub, readiness: Readiness, fitting: Fitting, runner: Runner) ->
 
     def fits() -> None:
         page.wait()
-        solver.wait(_ABREAST)
+        solver.wait(_MOST_WAIT)
         if not ended.is_set():
             fitting.prepare(USUAL_LAW)
 
