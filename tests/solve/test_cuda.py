@@ -24,7 +24,7 @@ PARAMETERS = {
 
 
 def on_the_simulator() -> dict[str, dict[str, list]]:
-    """Both engines as plain Python, for the simulator's arrays are none that Numba compiles for."""
+    """By the GPU's simulator, whose arrays are none that Numba compiles for, and by the processors."""
     code = f"""
 import json, warnings
 warnings.simplefilter("error")
@@ -49,10 +49,11 @@ print(json.dumps(found))
 def test_the_simulated_gpu_takes_the_steps_of_the_cpu() -> None:
     found = on_the_simulator()
     assert found["cuda"]["status"] == [0, 0, 4, 0]
-    np.testing.assert_equal(found["cuda"], found["cpu"])  # to the last bit
-    compiled = simulate_ensemble(MODEL, Sawtooth(65.0, 50.0), 0.08, parameters=PARAMETERS)
+    # The processors' engine is C, which rounds in another order: the same steps, other last bits.
+    assert found["cuda"]["status"] == found["cpu"]["status"]
+    assert found["cuda"]["steps"] == found["cpu"]["steps"]
     np.testing.assert_allclose(
-        found["cuda"]["net_displacement"], compiled["net_displacement"], rtol=0, atol=1e-12
+        found["cuda"]["net_displacement"], found["cpu"]["net_displacement"], rtol=0, atol=1e-12
     )
 
 
