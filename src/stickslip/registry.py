@@ -227,7 +227,7 @@ def allowed_file(path: str, folder: str | os.PathLike[str]) -> Path:
     """
     found = Path(folder, path)
     file = found.resolve()
-    if str(file) in _USED or any(_is_of(module, str(file)) for module in list(sys.modules.values())):
+    if str(file) in _USED or _imported(str(file)) is not None:
         return found
     top = Path(folder).resolve()
     own = file.relative_to(top) if Path(path).is_absolute() and file.is_relative_to(top) else PurePath(path)
@@ -261,7 +261,7 @@ def use_file(path: str | os.PathLike[str]) -> ModuleType:
         before = _USED.get(str(file))
         if before is not None and before[0] == content:
             return before[1]
-        made = next((m for m in list(sys.modules.values()) if _is_of(m, str(file))), None)
+        made = _imported(str(file))
         if before is None and made is None and not _RUNS.get():
             raise RegistryError(_not_run_here(str(path)))
         if before is not None or made is None:
@@ -305,6 +305,11 @@ def _run(file: Path, path: str | os.PathLike[str], content: str) -> ModuleType:
             sys.modules[name] = before
         raise RegistryError(f"{path} cannot be used: {_told(error, str(file))}") from error
     return made
+
+
+def _imported(file: str) -> ModuleType | None:
+    """The module that Python has made of a file, if it has."""
+    return next((module for module in list(sys.modules.values()) if _is_of(module, file)), None)
 
 
 def _is_of(module: Any, file: str) -> bool:

@@ -8,11 +8,26 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip._jit import compiled
+from stickslip.friction import register
 
 TABLE_V = (0.0, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
 TABLE_F = np.array([0.7, 0.68, 0.6, 0.55, 0.54, 0.6])
 WEIGHTS = (0.5, 0.3, 0.2)
 LIMIT = 4e-7
+
+
+class Own(NamedTuple):
+    """A bristle without a curve."""
+
+    stiffness: float
+    force: float
+
+
+def own_rate(law, v, z):
+    return law.stiffness * z, v - abs(v) * law.stiffness * z / law.force
+
+
+register(Own, own_rate, named=False)
 
 
 class Numbers(NamedTuple):

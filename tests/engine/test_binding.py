@@ -10,9 +10,7 @@ import pytest
 
 from engine import cases
 from engine.library import built, integrate
-from plants import Lag
-from stickslip.engine import binding, compiled_law, law_of, numba_laws
-from stickslip.friction import law as registered
+from stickslip.engine import binding
 from stickslip.solve.outcome import DONE
 
 CASES = cases.cases()
@@ -41,13 +39,6 @@ def test_the_library_that_is_installed_gives_the_same_bits(
         np.testing.assert_array_equal(found, other)
 
 
-@pytest.fixture
-def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled_law, "compiler", lambda: None)
-    monkeypatch.setattr(numba_laws, "find_spec", lambda name: None)
-    monkeypatch.setattr(law_of, "_KNOWN", {})
-
-
 @pytest.mark.parametrize("name", ["an amplifier", "a sampled controller"])
 def test_a_law_in_python_takes_the_same_steps(name: str, request: pytest.FixtureRequest) -> None:
     expected = followed(name)
@@ -59,21 +50,11 @@ def test_a_law_in_python_takes_the_same_steps(name: str, request: pytest.Fixture
 
 
 @pytest.mark.usefixtures("no_compiler")
-def test_what_a_law_raises_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = []
-
-    def failing(law: Any, v: float, z: float) -> tuple[float, float]:
-        calls.append(v)
-        if len(calls) > 100:
-            raise RuntimeError("no such contact")
-        return z, (v - z) * law.rate
-
-    made = registered._IMPLEMENTATIONS[Lag]._replace(rate=failing)
-    monkeypatch.setitem(registered._IMPLEMENTATIONS, Lag, made)
+def test_what_a_law_raises_ends_the_run(failing_lag: list[float]) -> None:
     with pytest.raises(RuntimeError, match="no such contact") as raised:
         followed("an amplifier")
     assert "rate of the law Lag" in raised.value.__notes__[0]
-    assert len(calls) == 101
+    assert len(failing_lag) == 101
 
 
 @pytest.mark.usefixtures("no_compiler")

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 
 import stickslip as ss
 from engine import cases
-from plants import Lag
-from stickslip.engine import binding, compiled_law, law_of, members, numba_laws
+from engine.own import Own
+from stickslip.engine import binding, members
 from stickslip.friction import law as registered
-from stickslip.friction import register
 from stickslip.plant.generated import with_values
 from stickslip.plant.system import values_of
 from stickslip.simulation import simulate_ensemble
@@ -134,13 +133,6 @@ def test_what_does_not_fit_is_named() -> None:
         task.followed()
 
 
-@pytest.fixture
-def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled_law, "compiler", lambda: None)
-    monkeypatch.setattr(numba_laws, "find_spec", lambda name: None)
-    monkeypatch.setattr(law_of, "_KNOWN", {})
-
-
 def test_laws_in_python_take_the_same_steps(request: pytest.FixtureRequest) -> None:
     compiled, called_back = Task(CASES["an amplifier"]), Task(CASES["an amplifier"])
     expected = compiled.followed()
@@ -151,35 +143,11 @@ def test_laws_in_python_take_the_same_steps(request: pytest.FixtureRequest) -> N
 
 
 @pytest.mark.usefixtures("no_compiler")
-def test_what_a_law_raises_ends_all_members(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = []
-
-    def failing(law: Any, v: float, z: float) -> tuple[float, float]:
-        calls.append(v)
-        if len(calls) > 100:
-            raise RuntimeError("no such contact")
-        return z, (v - z) * law.rate
-
-    made = registered._IMPLEMENTATIONS[Lag]._replace(rate=failing)
-    monkeypatch.setitem(registered._IMPLEMENTATIONS, Lag, made)
+def test_what_a_law_raises_ends_all_members(failing_lag: list[float]) -> None:
     task = Task(CASES["an amplifier"])
     with pytest.raises(RuntimeError, match="no such contact"):
         task.followed()
-    assert len(calls) == 101
-
-
-class Own(NamedTuple):
-    """A user's law."""
-
-    stiffness: float
-    force: float
-
-
-def own_rate(law, v, z):
-    return law.stiffness * z, v - abs(v) * law.stiffness * z / law.force
-
-
-register(Own, own_rate, named=False)
+    assert len(failing_lag) == 101
 
 
 @pytest.mark.usefixtures("no_compiler")

@@ -4,15 +4,16 @@ order and NumPy's stop operators."""
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import RK23, solve_ivp
 
-from stickslip.engine import compiled_law, law_of, numba_laws
+from engine.own import Own, own_rate
+from stickslip.engine import law_of
 from stickslip.engine.motion import follow_position, forces_at
-from stickslip.friction import Coulomb, Dahl, LuGre, MaxwellSlip, register
+from stickslip.friction import Coulomb, Dahl, LuGre, MaxwellSlip
 from stickslip.friction import law as registered
 
 SIGMA_0, F_C, V = 1e6, 0.5, -2e-5
@@ -191,26 +192,10 @@ def test_forces_are_the_sum_over_the_elements() -> None:
     assert found.tolist() == [0.3, -0.3]
 
 
-class Own(NamedTuple):
-    """A user's law."""
-
-    stiffness: float
-    force: float
-
-
-def own_rate(law, v, z):
-    return law.stiffness * z, v - abs(v) * law.stiffness * z / law.force
-
-
-register(Own, own_rate, named=False)
-
-
+@pytest.mark.usefixtures("no_compiler")
 def test_a_law_in_python_gives_the_same_and_what_it_raises_ends_the_motion(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(compiled_law, "compiler", lambda: None)
-    monkeypatch.setattr(numba_laws, "find_spec", lambda name: None)
-    monkeypatch.setattr(law_of, "_KNOWN", {})
     assert law_of.law_of(Own(SIGMA_0, F_C)).how == "python"
     z, reached = advance(Own(SIGMA_0, F_C), V, START, 0.5, 1e-12, 1.0, 1.0)
     assert reached

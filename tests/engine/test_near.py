@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 from typing import Any
 
@@ -11,9 +9,9 @@ import numpy as np
 import pytest
 
 from engine import cases
-from engine.library import integrate
+from engine.library import answers, integrate
 from plants import Lag
-from stickslip.engine import binding, compiled_law, law_of, members, near, numba_laws
+from stickslip.engine import binding, members, near
 from stickslip.friction import law as registered
 from stickslip.plant.system import values_of
 from stickslip.solve.outcome import DONE, TOO_MANY_STEPS
@@ -92,11 +90,7 @@ def names(own: bool) -> list[str]:
 @pytest.fixture(scope="module")
 def former(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
     """Answers of the engine in Python, which runs uncompiled."""
-    file = tmp_path_factory.mktemp("former") / "near.npz"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
-    subprocess.run([sys.executable, "-m", "engine.test_near", str(file)], check=True, env=environment)
-    with np.load(file) as found:
-        return dict(found)
+    return answers("engine.test_near", tmp_path_factory.mktemp("former"))
 
 
 @pytest.mark.parametrize(
@@ -160,13 +154,6 @@ def test_what_does_not_fit_is_named() -> None:
     task.states = task.states[:2].copy()
     with pytest.raises(ValueError, match="states has 10 numbers; the engine needs 15"):
         task.by_engine()
-
-
-@pytest.fixture
-def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled_law, "compiler", lambda: None)
-    monkeypatch.setattr(numba_laws, "find_spec", lambda name: None)
-    monkeypatch.setattr(law_of, "_KNOWN", {})
 
 
 def test_laws_in_python_take_the_same_steps(request: pytest.FixtureRequest) -> None:

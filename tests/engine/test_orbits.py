@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 from typing import Any
 
@@ -12,9 +10,8 @@ import pytest
 
 import stickslip as ss
 from engine import cases
-from plants import Lag
-from stickslip.engine import binding, compiled_law, law_of, members, numba_laws, orbits
-from stickslip.friction import law as registered
+from engine.library import answers
+from stickslip.engine import binding, members, orbits
 from stickslip.plant.system import values_of
 from stickslip.simulation.models import contact_load
 from stickslip.solve import periodic
@@ -75,11 +72,7 @@ class Task:
 @pytest.fixture(scope="module")
 def former(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
     """Answers of the engine in Python, which runs uncompiled."""
-    file = tmp_path_factory.mktemp("former") / "orbits.npz"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
-    subprocess.run([sys.executable, "-m", "engine.test_orbits", str(file)], check=True, env=environment)
-    with np.load(file) as found:
-        return dict(found)
+    return answers("engine.test_orbits", tmp_path_factory.mktemp("former"))
 
 
 @pytest.mark.parametrize("waveform", ["sawtooth", "sine"])
@@ -134,25 +127,13 @@ def test_what_does_not_fit_is_named() -> None:
         task.by_engine()
 
 
-def test_what_a_law_raises_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled_law, "compiler", lambda: None)
-    monkeypatch.setattr(numba_laws, "find_spec", lambda name: None)
-    monkeypatch.setattr(law_of, "_KNOWN", {})
-    calls: list[float] = []
-
-    def failing(law: Any, v: float, z: float) -> tuple[float, float]:
-        calls.append(v)
-        if len(calls) > 100:
-            raise RuntimeError("no such contact")
-        return z, (v - z) * law.rate
-
-    known = registered._IMPLEMENTATIONS[Lag]
-    monkeypatch.setitem(registered._IMPLEMENTATIONS, Lag, known._replace(rate=failing))
+@pytest.mark.usefixtures("no_compiler")
+def test_what_a_law_raises_ends_the_search(failing_lag: list[float]) -> None:
     task, case = Task(LAWS["Dahl"], "sine"), cases.cases()["an amplifier"]
     task.plant, task.states, task.column = case.plant, case.state[None].copy(), 2
     with pytest.raises(RuntimeError, match="no such contact"):
         task.by_engine()
-    assert len(calls) == 101
+    assert len(failing_lag) == 101
 
 
 def main(file: str) -> None:

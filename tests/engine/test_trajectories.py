@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from engine import cases
-from engine.library import WARNINGS, built, integrate
+from engine.library import WARNINGS, answers, built, integrate
 from plants import Lag
 from stickslip.engine import binding, compiled_law, laws
 from stickslip.solve.outcome import DONE, TOO_MANY_STEPS
@@ -25,11 +25,7 @@ CLOSE = 1e-12  # m, what positions may differ by: rounding, which trajectories a
 @pytest.fixture(scope="module")
 def former(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
     """Answers of the engine in Python."""
-    file = tmp_path_factory.mktemp("former") / "answers.npz"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
-    subprocess.run([sys.executable, "-m", "engine.cases", str(file)], check=True, env=environment)
-    with np.load(file) as found:
-        return dict(found)
+    return answers("engine.cases", tmp_path_factory.mktemp("former"))
 
 
 def followed(case: cases.Case, resume: np.ndarray = NO_RESUME) -> cases.Answer:

@@ -17,7 +17,7 @@ from ..units import QuantityError
 from ._abi import ffi
 from .called_back import running
 from .law_of import EngineLaw, law_of
-from .laws import row
+from .laws import parameters, row
 from .library import library
 
 Array = NDArray[np.float64]
@@ -61,11 +61,9 @@ class ComposedPlant:
         self.resume_size: int = lib.stickslip_resume_size(self.struct)
 
     def _fill(self, made: Any, one: Any) -> None:
-        states = elements(one.law)
-        records = [element(one.law, i) for i in range(max(states, 1))]
-        law = law_of(records[0])
+        states, law = elements(one.law), law_of(element(one.law, 0))
         self.laws.append(law)
-        numbers = ffi.new("real_t[]", [number for record in records for number in row(record)] or [0.0])
+        numbers = ffi.new("real_t[]", parameters(one.law) or [0.0])
         self._arrays.append(numbers)
         made.law, made.parameters = law.pointer, numbers
         if one.along is not None:

@@ -139,6 +139,13 @@ def row(record: Any) -> list[float]:
     return found
 
 
+def parameters(law: Any) -> list[float]:
+    """The parameters of all elements of a law as C takes them, one after the other."""
+    return [
+        number for i in range(max(registered.elements(law), 1)) for number in row(registered.element(law, i))
+    ]
+
+
 def of_numbers(record_class: type) -> Record:
     """The type of a record all of whose fields are numbers."""
     return Record(record_class, tuple((name, REAL) for name in record_class._fields))  # type: ignore[attr-defined]

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..friction.law import element, elements
+from ..friction.law import element
 from ._abi import ffi
 from .binding import Array, ComposedPlant, DriveTable, called, doubles, sized
-from .laws import row
+from .laws import parameters, row
 from .library import library
 
 Integers = NDArray[np.int64]
@@ -75,8 +75,8 @@ class ComposedMembers:
 
     def _fill(self, e: int, one: Any, numbers: Iterator[Array]) -> None:
         each = np.arange(self.count)
-        parameters = _parameters(one.law, numbers, self.count)
-        self._structs.point(parameters, each, "element", e, "parameters")
+        own = _parameters(one.law, numbers, self.count)
+        self._structs.point(own, each, "element", e, "parameters")
         for name, value in zip(one._fields[1:], one[1:], strict=True):
             if name == "along" and value is not None:
                 along = np.stack([next(numbers) for _ in value], axis=1)
@@ -154,10 +154,7 @@ def integrate_members(
     given = (outcomes, count), (states, count * members.states), (spans, 2 * count)
     for name, (array, size) in zip(("outcomes", "states", "spans"), given, strict=True):
         sized(name, array, size)
-    if drives.count != count:
-        raise ValueError(f"there are {count} plants and {drives.count} drives")
-    if not 0 <= column < members.states:
-        raise ValueError(f"there is no state {column}: the plants have {members.states}")
+    check_fit(members, drives, column)
     samples = np.full((count, times.size), np.nan)
     found = Followed(np.zeros(count), np.zeros(count, np.int64), samples)
     task: Any = ffi.new("struct stickslip_members *")
@@ -170,6 +167,14 @@ def integrate_members(
     task.outcomes, task.steps = integers(outcomes, "outcomes"), integers(found.steps, "steps")
     called(library().stickslip_integrate_members, members.laws, task)
     return found
+
+
+def check_fit(members: ComposedMembers, drives: MemberDrives | None, column: int) -> None:
+    """Raise ValueError where members have not as many drives, if any, or no such state."""
+    if drives is not None and drives.count != members.count:
+        raise ValueError(f"there are {members.count} plants and {drives.count} drives")
+    if not 0 <= column < members.states:
+        raise ValueError(f"there is no state {column}: the plants have {members.states}")
 
 
 def integers(array: Integers, name: str) -> Any:
@@ -188,7 +193,7 @@ def _parameters(law: Any, numbers: Iterator[Array], count: int) -> Array:
     if element(law, 0) is law and len(row(law)) == given.shape[1]:
         return given
     own = [_with_numbers(law, iter(values)) for values in given.tolist()]
-    return np.array([[x for i in range(max(elements(one), 1)) for x in row(element(one, i))] for one in own])
+    return np.array([parameters(one) for one in own])
 
 
 def _numbers(value: Any) -> Iterator[float]:

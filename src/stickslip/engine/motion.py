@@ -10,7 +10,7 @@ from ..friction.law import element, elements
 from ._abi import ffi
 from .binding import Array, called, doubles, sized
 from .law_of import EngineLaw, law_of
-from .laws import row
+from .laws import parameters
 from .library import library
 
 
@@ -50,10 +50,10 @@ def follow_position(
         sized(name, array, size)
     if count < 2:
         raise ValueError(f"a motion has two samples at least, not {count}")
-    made, parameters = _taken(law)
+    made, numbers = _taken(law)
     task: Any = ffi.new("struct stickslip_motion *")
     task.law, task.elements, task.count = made.pointer, states, count
-    task.parameters, task.load = doubles(parameters, "parameters"), doubles(load, "load")
+    task.parameters, task.load = doubles(numbers, "parameters"), doubles(load, "load")
     task.time, task.position = doubles(time, "time"), doubles(position, "position")
     task.state, task.samples = doubles(z, "z", True), doubles(samples, "samples", True)
     task.tolerance, task.proportional = tolerance, proportional
@@ -68,18 +68,17 @@ def forces_at(law: Any, velocity: Array, states: Array, force: Array) -> None:
     The force of the interval before a sample is by a velocity half an interval late, which a fit takes for
     other damping.
     """
-    made, parameters = _taken(law)
+    made, numbers = _taken(law)
     width = max(elements(law), 1)
     sized("states", states, velocity.size * width)
     sized("force", force, velocity.size)
     task: Any = ffi.new("struct stickslip_forces *")
     task.law, task.elements, task.count = made.pointer, elements(law), velocity.size
-    task.parameters, task.velocity = doubles(parameters, "parameters"), doubles(velocity, "velocity")
+    task.parameters, task.velocity = doubles(numbers, "parameters"), doubles(velocity, "velocity")
     task.states, task.force = doubles(states, "states"), doubles(force, "force", True)
     called(library().stickslip_compute_forces, [made], task)
 
 
 def _taken(law: Any) -> tuple[EngineLaw, Array]:
-    """The engine's law and its parameters, [elements, numbers]."""
-    records = [element(law, e) for e in range(max(elements(law), 1))]
-    return law_of(records[0]), np.array([row(record) for record in records], dtype=float)
+    """The engine's law and the parameters of its elements."""
+    return law_of(element(law, 0)), np.array(parameters(law), dtype=float)

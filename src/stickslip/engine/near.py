@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ._abi import ffi
 from .binding import Array, ComposedPlant, DriveTable, called, doubles, filled_task, sized
 from .library import library
-from .members import ComposedMembers, MemberDrives
+from .members import ComposedMembers, MemberDrives, check_fit
 
 
 class Neighbours:
@@ -36,16 +36,13 @@ class Neighbours:
     ) -> None:
         count = members.count
         sized("states", states, count * members.states)
-        if not 0 <= column < members.states:
-            raise ValueError(f"there is no state {column}: the plants have {members.states}")
+        check_fit(members, drives, column)
         self.members, self.count, self.states = members, count, states
         self.struct: Any = ffi.new("struct stickslip_near *")
         self.struct.count, self.struct.plants, self.struct.column = count, members.struct, column
         self.struct.states, self.struct.end = doubles(states, "states", True), end
         self._keeps: list[Any] = [self.struct.states, drives]
         if drives is not None:
-            if drives.count != count:
-                raise ValueError(f"there are {count} plants and {drives.count} drives")
             ends = np.full(count, end) if ends is None else ends
             sized("ends", ends, count)
             own = doubles(ends, "ends")

@@ -9,7 +9,7 @@ import numpy as np
 from ._abi import ffi
 from .binding import Array, DriveTable, called, doubles, sized
 from .library import library
-from .members import ComposedMembers, Integers, MemberDrives, integers
+from .members import ComposedMembers, Integers, MemberDrives, check_fit, integers
 
 
 class Orbits(NamedTuple):
@@ -61,10 +61,7 @@ def find_orbits(
     given = (outcomes, count), (states, count * n), (periods, count)
     for name, (array, size) in zip(("outcomes", "states", "periods"), given, strict=True):
         sized(name, array, size)
-    if drives.count != count:
-        raise ValueError(f"there are {count} plants and {drives.count} drives")
-    if not 0 <= column < n:
-        raise ValueError(f"there is no state {column}: the plants have {n}")
+    check_fit(members, drives, column)
     steps, errors, residuals, radius = np.full((4, count), np.nan)
     found = Orbits(steps, errors, residuals, radius, np.zeros(count, np.int64), np.zeros((count, n, n)))
     task: Any = ffi.new("struct stickslip_orbits *")

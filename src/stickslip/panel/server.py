@@ -124,7 +124,7 @@ def create_app(
         read.close()
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=life)
-    app.state.hub, app.state.live, app.state.fitting = hub, live, fitting
+    app.state.hub, app.state.live = hub, live
 
     app.include_router(bench_routes(files, hub, control, journal, runner, live, document, starter))
     app.include_router(sequence_routes(control, sequencer))

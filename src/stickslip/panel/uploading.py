@@ -51,16 +51,17 @@ def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> No
         called = Path(name.replace("\\", "/")).name
         if Path(called).suffix.lower() not in _SUFFIXES or not called.isprintable():
             raise FolderError(f"{called[:60]!r}: a file that can be taken ends in {', '.join(_SUFFIXES)}")
-        path = _place(folder, called)
+        from starlette.concurrency import run_in_threadpool
+
+        # In threads, for a slow disk must not hold up other requests: one may be a stop.
+        path = await run_in_threadpool(_place, folder, called)
         try:
             with path.open("wb") as file:  # in parts: a body that is kept whole outlives a refused request
                 async for part in request.stream():
-                    file.write(part)
+                    await run_in_threadpool(file.write, part)
         except BaseException:  # it is too large, or whoever sent it went
             shutil.rmtree(path.parent, ignore_errors=True)
             raise
-        from starlette.concurrency import run_in_threadpool
-
         return await run_in_threadpool(_looked_at, folder, read, path)
 
     @routes.post("/take")

@@ -19,11 +19,6 @@ VALID, INFLUENCED, TIME, STEP, FRESH, COMPARED, SIDES = 0, 1, 2, 3, 4, 5, 6
 NO_RESUME = np.zeros(0)
 
 
-def row_size(elements: int, states: int) -> int:
-    """How many numbers a row has."""
-    return SIDES + max(elements, 1) + 2 * states
-
-
 @fused
 def store(row, t, h, fresh, compared, sides, q, before):
     """Put an instant into the row."""
