@@ -73,7 +73,7 @@ def test_ctrl_c_ends_it_while_a_request_is_compiling(tmp_path: Path) -> None:
         law = {"law": "MaxwellSlip", "friction": elements}  # of nine elements: a type of its own
         state = {"set": "kang2007", "duration": 0.1, "shape": "Sawtooth", **law}
         state |= {"waveform": {"amplitude": 65, "frequency": 20}}
-        asking.request("POST", "/api/explore/motion", json.dumps(state), {"Content-Type": "application/json"})
+        asking.request("POST", "/api/explore/steps", json.dumps(state), {"Content-Type": "application/json"})
         assert not select.select([asking.sock], [], [], 1.0)[0], asking.getresponse().read()
         assert panel.end() == 0
     assert kept(kernels) == before
