@@ -1,12 +1,8 @@
-"""Trajectories that together use everything that the engine has, and the former engine's answers to them.
-
-Run as ``python -m engine.cases FILE`` with ``NUMBA_DISABLE_JIT=1``, this module writes the answers to a file.
-"""
+"""Trajectories that together use everything that the engine has."""
 
 from __future__ import annotations
 
 import math
-import sys
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -188,16 +184,3 @@ def answer(integrate: Any, case: Case, resume: Array) -> Answer:
         *(case.times, samples, resume, work),
     )
     return Answer(*found, q, samples, account)
-
-
-def main(file: str) -> None:
-    from stickslip.solve.periods import integrate
-    from stickslip.solve.resume import NO_RESUME
-
-    found = {name: answer(integrate, case, NO_RESUME) for name, case in cases().items()}
-    arrays = {f"{name}/{k}": np.asarray(v) for name, one in found.items() for k, v in one._asdict().items()}
-    np.savez(file, **arrays)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])

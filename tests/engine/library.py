@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from stickslip.engine import binding
 from stickslip.engine.compiled_law import HEADERS
@@ -32,15 +28,6 @@ def integrate(
         resume if resume.size else None,
         None if account is None else account[2],
     )
-
-
-def answers(module: str, folder: Path) -> dict[str, np.ndarray]:
-    """What a module of tests stores when it is run, with the former engine uncompiled."""
-    file = folder / "answers.npz"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
-    subprocess.run([sys.executable, "-m", module, str(file)], check=True, env=environment)
-    with np.load(file) as found:
-        return dict(found)
 
 
 def built(folder: Path, *flags: str, of: str = "") -> Path:

@@ -1,15 +1,15 @@
-"""Neighbours of a trajectory by the engine: the steps and the positions of the former engine's."""
+"""Neighbours of a trajectory by the engine: its steps, and the stored differences to it."""
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
 import pytest
 
 from engine import cases
-from engine.library import answers, integrate
+from engine.library import integrate
+from engine.stored import EVERY, stored
 from plants import Lag
 from stickslip.engine import binding, members, near
 from stickslip.friction import law as registered
@@ -18,7 +18,7 @@ from stickslip.solve.outcome import DONE, TOO_MANY_STEPS
 from stickslip.solve.resume import NO_RESUME
 from stickslip.waveform.members import stacked
 
-CASES = cases.cases()
+CASES, STORED = cases.cases(), stored("neighbours")
 COUNT, APART = 3, 1e-6
 # What rounding changes of a difference, over the largest: some 1e-17 m; along a stroke it grows to 1e-14 m.
 ROUNDING = 1e-3
@@ -65,20 +65,6 @@ class Task:
             *(self.q, (0.0, of.end), of.tolerance, max_steps, of.times, self.samples, beside),
         )
 
-    def by_former(self, own: bool = False) -> tuple[Any, Any]:
-        from stickslip.solve.neighbours import neighbours
-        from stickslip.solve.periods import LOG_ROWS, integrate_near
-
-        of = self.case
-        given = self.own_drives() if own else None, of.end, self.ends() if own else np.full(COUNT, of.end)
-        beside = neighbours(self.values, self.states, 0, LOG_ROWS, of.samples, *given)
-        span = np.array([0.0, of.end])
-        found = integrate_near(
-            *(of.plant, of.drive, of.load, self.q, span, of.tolerance, 200_000, of.times, self.samples),
-            beside,
-        )
-        return found, beside.positions
-
 
 def names(own: bool) -> list[str]:
     """Cases without ticks, which neighbours do not have; with drives of their own, a few of these."""
@@ -87,29 +73,32 @@ def names(own: bool) -> list[str]:
     return [name for name in CASES if name != "a sampled controller"]
 
 
-@pytest.fixture(scope="module")
-def former(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
-    """Answers of the engine in Python, which runs uncompiled."""
-    return answers("engine.test_near", tmp_path_factory.mktemp("former"))
+ALL = [(name, own) for own in (False, True) for name in names(own)]
 
 
-@pytest.mark.parametrize(
-    ("name", "own"), [(name, own) for own in (False, True) for name in names(own)], ids=str
-)
-def test_as_the_former_engine(former: dict[str, np.ndarray], name: str, own: bool) -> None:
-    """The same steps, and the same differences to the trajectory, up to rounding."""
+def title(name: str, own: bool) -> str:
+    return f"{name}, drives of their own" if own else name
+
+
+def answered(name: str, own: bool) -> dict[str, np.ndarray]:
+    """What is stored of a case: the steps, and how far positions and states are from the trajectory's."""
     task = Task(CASES[name])
     found, positions = task.by_engine(own)
-    expected, beside, states = (former[f"{name}/{own}/{k}"] for k in ("found", "beside", "states"))
-    assert found == tuple(expected)
-    apart = np.abs(beside).max()
-    assert apart > 1e-11  # they are no copies
-    np.testing.assert_allclose(positions - task.samples[:, 0], beside, rtol=0.0, atol=ROUNDING * apart)
-    modes = slice(0, 2 * len(task.case.plant.modes), 2)
-    apart = np.abs(states[:, modes]).max()
-    np.testing.assert_allclose(
-        (task.states - task.q)[:, modes], states[:, modes], rtol=0.0, atol=ROUNDING * apart
-    )
+    beside = (positions - task.samples[:, 0])[:, ::EVERY]
+    return {"steps": np.array(found), "beside": beside, "states": task.states - task.q}
+
+
+@pytest.mark.parametrize(("name", "own"), ALL, ids=str)
+def test_as_stored(name: str, own: bool) -> None:
+    """The same steps, and the same differences to the trajectory, up to rounding."""
+    found, expected = answered(name, own), STORED[title(name, own)]
+    assert found["steps"].tolist() == expected["steps"].tolist()
+    assert np.abs(expected["beside"]).max() > 1e-11  # they are no copies
+    modes = slice(0, 2 * len(CASES[name].plant.modes), 2)
+    for key, columns in (("beside", slice(None)), ("states", modes)):
+        ours, theirs = found[key][:, columns], expected[key][:, columns]
+        apart = np.abs(theirs).max()
+        np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=ROUNDING * apart)
 
 
 def test_a_neighbour_that_differs_in_nothing_is_the_trajectory() -> None:
@@ -183,20 +172,3 @@ def test_what_the_law_of_a_neighbour_raises_reaches_the_caller(monkeypatch: pyte
     with pytest.raises(RuntimeError, match="no such neighbour"):
         Task(case).by_engine()
     assert len(calls) == 1
-
-
-def main(file: str) -> None:
-    arrays = {}
-    for own in (False, True):
-        for name in names(own):
-            task = Task(CASES[name])
-            found, positions = task.by_former(own)
-            answer = np.array(found), positions - task.samples[:, 0], task.states - task.q
-            arrays |= {
-                f"{name}/{own}/{k}": v for k, v in zip(("found", "beside", "states"), answer, strict=True)
-            }
-    np.savez(file, **arrays)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])

@@ -1,8 +1,7 @@
-"""Periodic orbits by the engine: those of the former engine, on random plants."""
+"""Periodic orbits by the engine: the stored ones of random plants, and that a period leads back."""
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 
 import stickslip as ss
 from engine import cases
-from engine.library import answers
+from engine.stored import stored
 from stickslip.engine import binding, members, orbits
 from stickslip.plant.system import values_of
 from stickslip.simulation.models import contact_load
@@ -60,38 +59,37 @@ class Task:
             *(self.outcomes, self.states, self.periods, TOLERANCE, most, self.column, self.smooth),
         )
 
-    def by_former(self) -> periodic.Found:
-        found = periodic.room_for(1, self.states.shape[1])
-        periodic.orbits(
-            *(self.plant, (self.drives, np.zeros(1, np.int64), self.load), values_of(self.plant)),
-            *(self.states, self.periods, TOLERANCE, MOST_PERIODS, self.column, self.smooth, found),
-        )
-        return found
+
+STORED, ALL = stored("orbits"), [(name, waveform) for name in LAWS for waveform in ("sawtooth", "sine")]
 
 
-@pytest.fixture(scope="module")
-def former(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
-    """Answers of the engine in Python, which runs uncompiled."""
-    return answers("engine.test_orbits", tmp_path_factory.mktemp("former"))
+def title(name: str, waveform: str) -> str:
+    return f"{name}, {waveform}"
 
 
-@pytest.mark.parametrize("waveform", ["sawtooth", "sine"])
-@pytest.mark.parametrize("name", LAWS)
-def test_as_the_former_engine(former: dict[str, np.ndarray], name: str, waveform: str) -> None:
+def answered(name: str, waveform: str) -> dict[str, np.ndarray]:
+    """What is stored of an orbit."""
     task = Task(LAWS[name], waveform)
     found = task.by_engine()
-    outcome, step, error, radius, periods, *state = former[f"{name}/{waveform}"]
-    assert task.outcomes[0] == outcome == DONE
-    assert found.periods[0] == periods
-    assert 0.0 < error < TOLERANCE
-    apart = max(CLOSE, 0.1 * error)
-    np.testing.assert_allclose(found.steps[0], step, rtol=0.0, atol=apart)
-    np.testing.assert_allclose(found.errors[0], error, rtol=0.3)
-    modes = slice(0, 2 * len(task.plant.modes), 2)
-    np.testing.assert_allclose(task.states[0, modes], np.array(state)[modes], rtol=0.0, atol=apart)
-    np.testing.assert_allclose(found.radius[0], radius, rtol=0.0, atol=CLOSE_MULTIPLIER)
     multipliers = np.abs(np.linalg.eigvals(found.jacobian[0]))
     np.testing.assert_allclose(multipliers.max(), found.radius[0], rtol=0.02, atol=CLOSE_MULTIPLIER)
+    numbers = task.outcomes, found.periods, found.steps, found.errors, found.radius
+    return {"found": np.array([float(one[0]) for one in numbers]), "state": task.states[0]}
+
+
+@pytest.mark.parametrize(("name", "waveform"), ALL)
+def test_as_stored(name: str, waveform: str) -> None:
+    found, expected = answered(name, waveform), STORED[title(name, waveform)]
+    outcome, periods, step, error, radius = expected["found"]
+    assert found["found"][:2].tolist() == [outcome, periods]
+    assert outcome == DONE
+    assert 0.0 < error < TOLERANCE
+    apart = max(CLOSE, 0.1 * error)
+    np.testing.assert_allclose(found["found"][2], step, rtol=0.0, atol=apart)
+    np.testing.assert_allclose(found["found"][3], error, rtol=0.3)
+    np.testing.assert_allclose(found["found"][4], radius, rtol=0.0, atol=CLOSE_MULTIPLIER)
+    positions = slice(0, 4, 2)
+    np.testing.assert_allclose(found["state"][positions], expected["state"][positions], rtol=0.0, atol=apart)
 
 
 def test_a_period_from_the_orbit_leads_back_to_it() -> None:
@@ -134,18 +132,3 @@ def test_what_a_law_raises_ends_the_search(failing_lag: list[float]) -> None:
     with pytest.raises(RuntimeError, match="no such contact"):
         task.by_engine()
     assert len(failing_lag) == 101
-
-
-def main(file: str) -> None:
-    arrays = {}
-    for name, law in LAWS.items():
-        for waveform in ("sawtooth", "sine"):
-            task = Task(law, waveform)
-            found = task.by_former()
-            numbers = found.outcomes, found.steps, found.errors, found.radius, found.periods
-            arrays[f"{name}/{waveform}"] = np.array([*(float(one[0]) for one in numbers), *task.states[0]])
-    np.savez(file, **arrays)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])
