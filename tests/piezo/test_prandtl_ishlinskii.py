@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 import reference
 import stickslip as ss
 from stickslip.piezo import BoucWen, Piezo, PrandtlIshlinskii, operators
+from stickslip.plant.splitting import through
 from stickslip.units import QuantityError
+from stickslip.waveform import Ramp
 
 Array = NDArray[np.float64]
 
@@ -157,12 +159,42 @@ def test_an_inverse_from_rest_with_skews() -> None:
 
 
 @pytest.mark.parametrize("up", [1.0, -1.0])
-def test_a_play_is_on_its_edge_within_rounding(up: float) -> None:
-    """Of the sum of what it sees, its half-width and the dead zone furthest off: 2, 2 and 3 V."""
-    plays = operators.Operators(*map(np.array, ([0.0, 2.0], [1.0, 1.0], [-3.0, 1.0], [0.1, 0.1], [0.1, 0.1])))
-    for off, lacks in ((0.0, False), (6.5e-13, False), (8e-13, True), (0.5, True), (-1.0, False)):
-        found = operators.lacking(plays, up * (2.0 - off), np.zeros(2), 1, up)
-        assert found == (pytest.approx(off, abs=1e-15) if lacks else 0.0)
+@pytest.mark.parametrize(
+    ("off", "lacks"), [(0.0, False), (6.5e-13, False), (8e-13, True), (0.5, True), (-1.0, False)]
+)
+def test_a_play_is_on_its_edge_within_rounding(up: float, off: float, lacks: bool) -> None:
+    """Within 1e-13 of the sum of what it sees, its half-width and the dead zone furthest off: 2, 2 and 3 V.
+    The slope of a drive just beyond says whether it is taken along."""
+    plays = operators.Operators(*map(np.array, ([0.0, 2.0], [1.0, 1.0], [-3.0, 1.0], [0.0, 0.0], [0.0, 0.0])))
+    z = np.array([up * (2.0 - off), up * max(-off, 0.0)])
+    made = through(
+        plays,
+        Ramp(up).drive(1.0)._replace(polynomial=np.array([[up * (2.0 - off), up, 0.0, 0.0]])),
+        1.0,
+        z,
+        0.0,
+    )
+    assert made.polynomial[0, 1] == up * (1.0 if lacks else 2.0)
+
+
+def test_the_definition_in_python() -> None:
+    """One play and one dead zone, as the exported C and the engine have them by translation."""
+    for v, r, z in np.random.default_rng(2).uniform(-50.0, 50.0, (200, 3)):
+        expected = float(np.clip(z, v - abs(r), v + abs(r)))
+        assert operators.play(v, abs(r), z) == expected
+        assert operators.beyond(v, r) == (v - r if v > r else 0.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_plays_see_and_back(seed: int) -> None:
+    """The bend of the voltage by its definition, at random voltages, and its inverse."""
+    random = np.random.default_rng(40 + seed)
+    zones, skews = np.sort(random.uniform(-40.0, 60.0, 3)), random.uniform(-0.3, 0.5, 3)
+    plays = operators.Operators(np.zeros(1), np.ones(1), zones, np.zeros(3), skews)
+    for u in random.uniform(-100.0, 100.0, 50):
+        expected = u + np.sum(skews * (np.maximum(u - zones, 0.0) - np.maximum(-zones, 0.0)))
+        assert operators.skewed(plays, u) == pytest.approx(expected, rel=1e-13, abs=1e-12)
+        assert operators.unskewed(plays, expected) == pytest.approx(u, rel=1e-12, abs=1e-11)
 
 
 def test_a_walk_with_skews_is_cut_into_few_pieces() -> None:

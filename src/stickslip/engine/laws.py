@@ -24,7 +24,7 @@ _ARGUMENTS = {
     "branch_rate": "real_t speed, real_t z, int branch, real_t *force, real_t *dz",
     "left": "real_t speed, real_t growth, real_t z, int branch",
 }
-_HEAD = """/* {what}
+HEAD = """/* {what}
  * Generated from the Python functions that are named below by `make laws`; do not edit. */
 #ifndef STICKSLIP_{guard}_H
 #define STICKSLIP_{guard}_H
@@ -164,12 +164,12 @@ def generated() -> dict[str, str]:
     laws = [law_c(made, of_numbers(law)) for law in packaged()]
     names = "\n".join(f"    &law_{law.__name__}," for law in packaged())
     table = f"static const struct law *const packaged_laws[] = {{\n{names}\n}};\n"
-    text = _HEAD.format(what="The friction laws of the package in C.", guard="LAWS")
+    text = HEAD.format(what="The friction laws of the package in C.", guard="LAWS")
     text += "\n".join([made.text(), *laws, table, "#endif\n"])
     along, force = Translation(), of_numbers(normal_force.NormalForce)
     along.function(normal_force._along, (force, REAL), ("share", "steep", "curved"))
     for function in (normal_force._softening, normal_force._kept, normal_force._leaning):
         along.function(function, (force, REAL))
     along.function(normal_force._uniform, (force,))
-    head = _HEAD.format(what="The normal force along the stroke in C.", guard="NORMAL_FORCE")
+    head = HEAD.format(what="The normal force along the stroke in C.", guard="NORMAL_FORCE")
     return {"laws.h": text, "normal_force.h": head + along.text() + "\n#endif\n"}

@@ -7,24 +7,21 @@ formula, times the slope there, plus a level; they begin where the drive turns o
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._jit import compiled, kernel
-from ..piezo.operators import Operators, next_corner, output, steepness, taken_along
+from ..engine._abi import ffi
+from ..engine.binding import DriveTable, doubles, sized
+from ..engine.library import library
+from ..engine.members import integers
+from ..piezo.operators import Operators, struct_of
 from ..units import QuantityError
-from ..waveform.drive import Drive, value_slope_curvature
+from ..waveform.drive import Drive
 from .cubics import MOST_PIECES, moved_on
 
 Array = NDArray[np.float64]
-
-# Looks per radian of the fastest harmonic, for turning points.
-LOOKS = 8.0 / math.pi
-# Of an interval, to which an instant is found.
-INSTANT = 4e-16
 
 
 class Pieces(NamedTuple):
@@ -37,128 +34,17 @@ class Pieces(NamedTuple):
     level: Array
 
 
-@compiled
-def value_at(drive, i, t):
-    """u by the formula of segment i."""
-    return value_slope_curvature(drive, i, t)[0]
-
-
-@compiled
-def slope_at(drive, i, t):
-    """du/dt by the formula of segment i."""
-    return value_slope_curvature(drive, i, t)[1]
-
-
-@compiled
-def _changes(drive, i, low, high, sign, curvature):
-    """The first instant known to be past a change of sign between low and high: of the slope of segment i, or
-    of its curvature."""
-    while high - low > INSTANT * (abs(high) + abs(low)):
-        middle = 0.5 * (low + high)
-        if middle <= low or middle >= high:
-            break
-        _, du, ddu = value_slope_curvature(drive, i, middle)
-        if (ddu if curvature else du) * sign > 0.0:
-            low = middle
-        else:
-            high = middle
-    return high
-
-
-@compiled
-def turning(drive, i, a, b):
-    """The first instant after a, before b, at which segment i turns; b if it does not."""
-    rows = drive.first[i + 1] - drive.first[i]
-    c2, c3 = drive.polynomial[i, 2], drive.polynomial[i, 3]
-    if rows == 0 and c2 == 0.0 and c3 == 0.0:
-        return b
-    fastest = 0.0
-    for row in range(drive.first[i], drive.first[i + 1]):
-        reach = 2.0 * abs(drive.harmonic[row, 3]) * (b - drive.start[i])
-        fastest = max(fastest, abs(drive.harmonic[row, 1]) + reach)
-    looks = max(8.0, math.ceil(LOOKS * fastest * (b - a)))
-    step = (b - a) / looks
-    _, sign, bent = value_slope_curvature(drive, i, a)
-    left, sign = a, sign if sign != 0.0 else bent
-    for k in range(1, int(looks) + 1):
-        t = b if k == int(looks) else a + k * step
-        _, du, ddu = value_slope_curvature(drive, i, t)
-        if sign == 0.0:
-            sign = du
-        elif du * sign >= 0.0 and bent * sign < 0.0 < ddu * sign:  # between two looks it may turn twice
-            flattest = _changes(drive, i, left, t, bent, True)
-            if slope_at(drive, i, flattest) * sign < 0.0:
-                return _changes(drive, i, left, flattest, sign, False)
-        elif du * sign < 0.0:
-            return _changes(drive, i, left, t, sign, False)
-        left, bent = t, ddu
-    return b
-
-
-@compiled
-def reached(drive, i, a, b, u):
-    """When segment i, monotone from a to b, is at u."""
-    if (
-        drive.first[i + 1] == drive.first[i]
-        and drive.polynomial[i, 2] == 0.0
-        and drive.polynomial[i, 3] == 0.0
-    ):
-        at = drive.start[i] + (u - drive.polynomial[i, 0]) / drive.polynomial[i, 1]
-        return min(max(at, a), b)
-    low, high = a, b
-    up = value_at(drive, i, b) > value_at(drive, i, a)
-    t = 0.5 * (a + b)
-    for _ in range(100):
-        value, slope, _ = value_slope_curvature(drive, i, t)
-        if (value < u) == up:
-            low = t
-        else:
-            high = t
-        newton = t - (value - u) / slope if slope != 0.0 else math.inf
-        if value == u or abs(newton - t) <= INSTANT * abs(t) or high - low <= INSTANT * abs(high):
-            break
-        t = newton if low < newton < high else 0.5 * (low + high)
-    return t
-
-
-@kernel
-def split(plays, drive, end, z, pieces):
+def split(plays: Operators, drive: Drive, end: float, z: Array, pieces: Pieces) -> int:
     """Fill the pieces of a drive up to `end` [s]; z are the states before, and at the end those then.
 
     Returns how many pieces there are; -1 if there is no room for them.
     """
-    count = 0
-    for i in range(drive.start.size):
-        a = drive.start[i]
-        if a >= end and i > 0:
-            break
-        b = drive.start[i + 1] if i + 1 < drive.start.size else max(end, a)
-        b = min(b, max(end, a))
-        u = value_at(drive, i, a)
-        taken_along(plays, u, z)
-        while True:
-            to = turning(drive, i, a, b)
-            goal = value_at(drive, i, to)
-            up = 1.0 if goal > u else -1.0
-            while True:
-                if count == pieces.start.size:
-                    return -1
-                pieces.start[count] = a
-                pieces.source[count] = i
-                pieces.slope[count] = steepness(plays, u, z, up) if goal != u else 0.0
-                pieces.level[count] = output(plays, u, z)
-                count += 1
-                corner = next_corner(plays, u, z, up)
-                if goal == u or up * corner >= up * goal:
-                    break
-                a, u = reached(drive, i, a, to, corner), corner
-                taken_along(plays, u, z)
-            u = goal
-            taken_along(plays, u, z)
-            if to >= b:
-                break
-            a = to
-    return count
+    sized("z", z, plays.threshold.size)
+    start, slope, level = (doubles(row, "pieces", True) for row in (pieces.start, pieces.slope, pieces.level))
+    source = integers(pieces.source, "pieces")
+    made = ffi.new("struct pieces *", (pieces.start.size, start, source, slope, level))
+    table = DriveTable(drive)
+    return library().stickslip_plays_split(struct_of(plays), table.struct, end, doubles(z, "z", True), made)
 
 
 def through(plays: Operators, drive: Drive, end: float, z: Array, rest: float, cycle: int = 0) -> Drive:
