@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, Va
 from pydantic_core import PydanticCustomError
 
 from .gate.errors import GateError
-from .gate.text import read_file
+from .gate.text import parsed
 from .gate.yaml_text import load_yaml as gate_yaml
 from .records import did_you_mean
 from .units import QuantityError, to_si
@@ -65,12 +65,12 @@ def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
         InputFileError: the file cannot be read, is no YAML, or is no mapping.
     """
     try:
-        raw = read_file(path)
+        found = parsed(gate_yaml, path)
     except GateError as error:
         raise InputFileError(str(error)) from error
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror or error}") from error
-    return yaml_mapping(raw, str(path))
+    return _mapping(found, str(path))
 
 
 def yaml_mapping(text: bytes | str, source: str) -> dict[str, Any]:
@@ -83,6 +83,10 @@ def yaml_mapping(text: bytes | str, source: str) -> dict[str, Any]:
         found = gate_yaml(text, source)
     except GateError as error:
         raise InputFileError(str(error)) from error
+    return _mapping(found, source)
+
+
+def _mapping(found: Any, source: str) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise InputFileError(f"{source}: the file must be a mapping, with 'title' and so on")
     return found

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..gate.errors import GateError
-from ..gate.text import decoded, load_json, read_file
+from ..gate.text import MOST_BYTES, load_json, read_json
 from ..recording.conversion import SI_UNITS
 from ..recording.replacing import replaced_whole
 from ..records import did_you_mean
@@ -44,7 +44,7 @@ def load_calibration(name: str | os.PathLike[str]) -> Calibration:
             )
         path = _SETS / f"{text}.json"
     try:
-        return from_text(decoded(read_file(path), str(path)))
+        return _made(read_json(path, MOST_BYTES))
     except GateError as error:
         raise CalibrationError(str(error)) from None
     except (OSError, CalibrationError) as error:
@@ -78,6 +78,10 @@ def from_text(text: str) -> Calibration:
         content = load_json(text, "calibration")
     except GateError as error:
         raise CalibrationError(str(error)) from None
+    return _made(content)
+
+
+def _made(content: Any) -> Calibration:
     if not isinstance(content, dict) or content.pop("kind", None) != _KIND:
         raise CalibrationError(f"no calibration: its 'kind' must be {_KIND!r}")
     for key in content.keys() - _FIELDS:

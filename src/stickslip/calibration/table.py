@@ -11,11 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..gate.errors import GateError
+from ..gate.text import decoded, read_file
 from ..recording.conversion import to_si_unit
 from ..units import QuantityError
 from .polynomial import CalibrationError
 
 _TABLES = Path(__file__).parent / "tables"
+MOST_TABLE_BYTES = 10_000_000  # bytes of a table: 300,000 lines of three numbers
 _HEADER = re.compile(r"\s*(?P<name>[^\[\](]*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*")
 
 
@@ -48,10 +51,11 @@ def read_table(name: str | os.PathLike[str]) -> CalibrationTable:
     if os.fspath(name) in available_tables():
         path = _TABLES / f"{name}.csv"
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = decoded(read_file(path, MOST_TABLE_BYTES), str(path)).splitlines()
+    except (OSError, GateError) as error:
         known = ", ".join(available_tables())
-        raise CalibrationError(f"{path}: {error}; tables known by name: {known}") from None
+        said = str(error).removeprefix(f"{path}: ")
+        raise CalibrationError(f"{path}: {said}; tables known by name: {known}") from None
     notes = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
     numbered = [(i, line) for i, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
     if len(numbered) < 3:

@@ -14,12 +14,14 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from .elsewhere import applied
 from .errors import GateError
 
 MOST_BYTES = 1_000_000  # bytes of a file that a person writes: an input file, a parameter set
@@ -62,9 +64,28 @@ def read_file(path: str | os.PathLike[str], most: int = MOST_BYTES) -> bytes:
     return raw
 
 
+def parsed(load: Callable[[bytes, str], Any], path: str | os.PathLike[str], most: int = MOST_BYTES) -> Any:
+    """Return the content of a text file of up to `most` bytes, which a server has parsed elsewhere.
+
+    Args:
+        load: `load_json`, `load_toml` or `load_yaml`.
+        path: of the file.
+        most: bytes.
+
+    Raises:
+        GateError: as `read_file`, `load` and `applied` raise it.
+        OSError: the file cannot be read.
+    """
+    return applied(partial(_loaded, load=load, most=most), Path(path))
+
+
 def read_json(path: str | os.PathLike[str], most: int = MOST_RESULT_BYTES) -> Any:
-    """Read a JSON file of up to `most` bytes; raises as `read_file` and `load_json` do."""
-    return load_json(read_file(path, most), str(path))
+    """Read a JSON file of up to `most` bytes; raises as `parsed` does."""
+    return parsed(load_json, path, most)
+
+
+def _loaded(path: Path, load: Callable[[bytes, str], Any], most: int) -> Any:
+    return load(read_file(path, most), str(path))
 
 
 def unzipped(raw: bytes, source: str, most: int = MOST_RESULT_BYTES) -> bytes:

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import threading
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+from ..gate.elsewhere import applied
+from ..gate.errors import GateBusy, GateError
 from ..gate.text import load_json
 from .storable import storable
 
 FILE = "acts.jsonl"  # in the folder: one line an act, in plain words
-MOST_BYTES = 32_000_000  # bytes that are read at a time; a line has about 120
+MOST_BYTES = 8_000_000  # bytes that are read, the last of the file: 60,000 acts
+_FIELDS = ("time", "act", "name", "was", "of", "file", "drive", "kind")  # of an act, all of them texts
 
 
 def note_act(folder: Path, act: str, name: str, **more: Any) -> dict[str, Any]:
@@ -33,43 +37,30 @@ def note_act(folder: Path, act: str, name: str, **more: Any) -> dict[str, Any]:
     return line
 
 
-class _Known(NamedTuple):
-    """Acts as a file tells them, up to the byte `end`; `tail` are the bytes before it."""
-
-    end: int
-    tail: bytes
-    acts: list[dict[str, Any]]
-
-
-_KNOWN: dict[Path, _Known] = {}
+_KNOWN: dict[Path, tuple[tuple[int, int, int], list[dict[str, Any]]]] = {}  # state of a file, and its acts
 _READING = threading.Lock()
-_TAIL = 200  # bytes, of different times and names in any two files
 
 
 def read_acts(folder: Path) -> list[dict[str, Any]]:
-    """Return all acts, the oldest first, with the names that the runs have now; damaged lines are left out.
-
-    The file only grows, and so only what is new is read.
+    """Return the acts, the oldest first, with the names that the runs have now; damaged lines are left out,
+    and so are all but the last `MOST_BYTES` of the file. While the file cannot be read for now, they are
+    those that were known before.
     """
     path = folder / FILE
     with _READING:
-        known = _KNOWN.get(path, _Known(0, b"", []))
         try:
             if path.is_symlink() or not path.is_file():
                 raise FileNotFoundError(path)
-            with path.open("rb") as file:
-                file.seek(max(known.end - len(known.tail), 0))
-                if file.read(len(known.tail)) != known.tail:  # another file
-                    known = _Known(0, b"", [])
-                    file.seek(0)
-                new = file.read(MOST_BYTES)
-        except OSError:
+            status = path.stat()
+            state = status.st_ino, status.st_mtime_ns, status.st_size
+            if path not in _KNOWN or _KNOWN[path][0] != state:
+                _KNOWN[path] = state, applied(_acts_of, path)
+            return _KNOWN[path][1]
+        except GateBusy:
+            return _KNOWN[path][1] if path in _KNOWN else []
+        except (OSError, GateError):
             _KNOWN.pop(path, None)
             return []
-        whole = new[: new.rfind(b"\n") + 1]
-        acts = [*known.acts, *_told(whole.split(b"\n"))]
-        _KNOWN[path] = _Known(known.end + len(whole), (known.tail + whole)[-_TAIL:], acts)
-        return _with_present_names([*acts, *_told([new[len(whole) :]])])  # a line without its end too
 
 
 def present_names(acts: Iterable[dict[str, Any]]) -> dict[str, str]:
@@ -81,6 +72,14 @@ def present_names(acts: Iterable[dict[str, Any]]) -> dict[str, str]:
     return found
 
 
+def _acts_of(path: Path) -> list[dict[str, Any]]:
+    """Return the acts of a file, with present names."""
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(size - MOST_BYTES, 0))
+        return _with_present_names(_told(file.read(MOST_BYTES).split(b"\n")))
+
+
 def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
     """Return the acts that lines tell."""
     found = []
@@ -90,7 +89,7 @@ def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
             datetime.fromisoformat(one["time"])
             texts = ["act", "name", *(["was"] if one["act"] == "renamed" else [])]
             if all(isinstance(one[key], str) for key in texts):
-                found.append(one)
+                found.append({key: one[key] for key in _FIELDS if isinstance(one.get(key), str)})
         except (ValueError, TypeError, LookupError):  # no act
             continue
     return found

@@ -12,7 +12,7 @@ from typing import Any
 import xarray as xr
 
 from ..gate.paths import inside
-from ..gate.text import load_json, read_json
+from ..gate.text import MOST_BYTES, MOST_RESULT_BYTES, load_json, read_json
 from ..parameters.load import load_set
 from ..recording import RecordingError, open_recording
 from ..recording.replacing import replaced_whole
@@ -98,10 +98,10 @@ def described_fit(path: Path) -> dict[str, Any]:
     }
 
 
-def _mapping(folder: Path, name: str) -> dict[str, Any]:
-    """Return the content of a JSON file of a folder; empty if there is none."""
+def _mapping(folder: Path, name: str, most: int = MOST_RESULT_BYTES) -> dict[str, Any]:
+    """Return the content of a JSON file of a folder, of up to `most` bytes; empty if there is none."""
     path = inside(folder, name)
-    found = read_json(path) if path.is_file() else {}
+    found = read_json(path, most) if path.is_file() else {}
     if not isinstance(found, dict):
         raise RecordingError(f"{name} holds no mapping")
     return found
@@ -164,7 +164,7 @@ def annotate(
     if tags is not None:
         new["tags"] = ", ".join(sorted({tag.strip() for tag in tags} - {""}))
     if (path / "results.json").is_file():
-        said = storable({**_mapping(path, NOTE), **new})
+        said = storable({**_mapping(path, NOTE, MOST_BYTES), **new})
         with replaced_whole(path / NOTE) as temporary:
             temporary.write_text(json.dumps(said, ensure_ascii=False), encoding="utf-8")
         return

@@ -142,8 +142,8 @@ class BenchDocument:
             self._before, self._undone = [], []
 
     def load(self, name: str) -> None:
-        """Load an experiment file of the folder; it is parsed in the process that can be ended."""
-        self.replace(self._read.apply(load_yaml, self._folder.path(name)), name)
+        """Load an experiment file of the folder."""
+        self.replace(load_yaml(self._folder.path(name)), name)
 
     def save(self, name: str) -> None:
         """Save as an experiment file of the folder; all of it or nothing."""

@@ -10,12 +10,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from ..gate.text import read_file, read_json
+from ..gate.text import MOST_BYTES, read_file, read_json
 from ..history.storable import storable
 from ..registry import used_files
 from .fit_process import Begin, Prepare, work
 from .fitting import FitRequest
-from .folder import MOST_SHOWN_BYTES, Folder
+from .folder import Folder
 from .readiness import Readiness
 from .stream import Hub, packed
 
@@ -205,7 +205,7 @@ def _last(folder: Folder) -> tuple[dict[str, Any], dict[str, bytes]]:
 def _saved(folder: Folder, path: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
     """Return the state and the curves of a fit that is done; any exception if they are not as `_keep` wrote
     them."""
-    state = storable(read_json(folder.path(folder.name(path)), MOST_SHOWN_BYTES))
+    state = storable(read_json(folder.path(folder.name(path)), MOST_BYTES))
     FitRequest.model_validate(state["request"])
     if state["phase"] != "done":  # nothing else is kept, and one that runs would keep others from starting
         raise ValueError(f"{path}: the fit is not done")

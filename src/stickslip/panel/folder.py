@@ -17,7 +17,6 @@ from .sharing import Shared
 
 _ABSOLUTE = re.compile(r"(?<![\w.)\]])(?:[A-Za-z]:)?[/\\](?:[^\s'\":;,/\\]+[/\\])+([^\s'\":;,/\\]*)")
 STORE = "zarr.json"  # a folder that has it is a study's store
-MOST_SHOWN_BYTES = 5_000_000  # bytes of a JSON that the server itself reads: 0.45 s and 80 MB at most
 _SETTLED = 2e9  # ns after which a change of a folder shows in its time, on any file system
 
 

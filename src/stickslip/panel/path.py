@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,13 @@ from fastapi import APIRouter, Request
 from pydantic import Field
 
 from ..actuator import Actuator
-from ..analysis.verification import results_model
-from ..gate.text import read_json
+from ..analysis.fit_parameters import fit_parameters, results_summary
+from ..gate.elsewhere import applied
 from ..history import Index, note_act
 from ..history.index import READING
 from ..history.walking import SETS
 from ..input_file import Strict
-from ..parameters.writing import parameter_text, write_parameters
+from ..parameters.writing import write_parameters
 from ..readers.process import Reader
 from ..recording import make_recording, save_recording
 from ..registry import used_files
@@ -32,7 +33,7 @@ from ..units import QuantityError, unit_for, with_prefix
 from ..waveform.signal import shape
 from .control import Control
 from .document import BenchDocument
-from .folder import MOST_SHOWN_BYTES, Folder, FolderError
+from .folder import Folder, FolderError
 from .journal import Journal
 from .sets import Sets
 from .stream import Hub
@@ -104,11 +105,8 @@ def path_routes(
 
     @routes.post("/save")
     def save(asked: Save) -> dict[str, str]:
-        results = _results(folder, asked.fit)
-        model = results_model(results)
-        parameters = _parameters(read_json(results))
-        errors = {k: float(p["standard_error"]) for k, p in parameters.items() if _known(p)}
-        text = parameter_text(model, asked.name, f"fit {asked.fit}", errors)
+        made = partial(fit_parameters, title=asked.name, source=f"fit {asked.fit}", used=used_files())
+        text = applied(made, _results(folder, asked.fit))
         path = folder.path(f"{SETS}/{asked.name}.toml")
         try:
             write_parameters(path, text)
@@ -149,8 +147,8 @@ def path_routes(
         _verified(folder, asked, folder.path(out))
         links = {"kind": "verification", "links": {"fit": [asked.fit], "of": asked.recordings}}
         folder.path(f"{out}/links.json").write_text(json.dumps(links), encoding="utf-8")
-        results = read_json(folder.path(f"{out}/results.json"))
-        return {**_made(out, f"{asked.fit}: verified"), "summary": str(results.get("summary", ""))}
+        summary = applied(results_summary, folder.path(f"{out}/results.json"))
+        return {**_made(out, f"{asked.fit}: verified"), "summary": summary}
 
     def _made(name: str, said: str) -> dict[str, str]:
         journal(said)
@@ -194,21 +192,7 @@ def _results(folder: Folder, fit: str) -> Path:
     path = folder.path(f"{fit}/results.json")
     if not path.is_file():
         raise FolderError(f"{fit[:60]!r} is no fit")
-    if path.stat().st_size > MOST_SHOWN_BYTES:
-        raise FolderError(f"{fit[:60]!r}: its results.json has more than {MOST_SHOWN_BYTES / 1e6:g} MB")
     return path
-
-
-def _parameters(results: Any) -> dict[str, Any]:
-    try:
-        found = results["numbers"].get("parameters", {}).items()
-    except (LookupError, TypeError, AttributeError):
-        raise QuantityError("its results.json holds no mapping of parameters") from None
-    return {name: one for name, one in found if isinstance(one, dict)}
-
-
-def _known(parameter: dict[str, Any]) -> bool:
-    return isinstance(parameter.get("standard_error"), int | float)
 
 
 def _predicted(actuator: Actuator, asked: Prediction) -> tuple[Any, dict[str, Any]]:

@@ -18,6 +18,7 @@ from fastapi.responses import FileResponse, JSONResponse
 from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 
+from ..gate.elsewhere import interpret_in
 from ..input_file import Strict
 from ..readers.process import Reader
 from ..rig.memory import collect, collected_on_request
@@ -82,6 +83,7 @@ def create_app(
     journal = Journal(hub, files)
     live = Live(hub)
     read = Reader()
+    interpret_in(read)
     recovered = [one for made in sorted(files.root.glob("recordings/*/")) for one in recover(made)]
     statistics = Statistics(hub, journal, files.root)
     runner = Runner(hub, live, journal, files.root / ".rig", read, statistics)

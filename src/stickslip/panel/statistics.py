@@ -16,7 +16,7 @@ from fastapi import APIRouter, Request
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ..gate.text import read_json
+from ..gate.text import MOST_BYTES, read_json
 from ..history.storable import storable
 from ..input_file import Strict
 from ..recording.replacing import replaced_whole
@@ -203,7 +203,7 @@ class Statistics:
 
     def _kept(self) -> list[Alarm]:
         try:
-            return Alarms.model_validate(storable(read_json(self._file))).alarms
+            return Alarms.model_validate(storable(read_json(self._file, MOST_BYTES))).alarms
         except (OSError, ValueError):
             return []
 

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from .. import registry
 from ..gate.errors import GateError, damaged
-from ..gate.text import load_toml, read_file
+from ..gate.text import load_toml, parsed
 from ..piezo.model import Piezo
 from ..records import did_you_mean, quantities
 from ..units import QuantityError, to_si
@@ -124,7 +124,7 @@ def load_set(name: str | os.PathLike[str]) -> ParameterSet:
 def read_toml(file: Path) -> dict[str, Any]:
     """Return the content of a TOML file; raises ParameterSetError if it cannot be read, or is no TOML."""
     try:
-        return load_toml(read_file(file, MOST_SET_BYTES), str(file))
+        return parsed(load_toml, file, MOST_SET_BYTES)
     except OSError as error:
         raise ParameterSetError(f"{file} cannot be read: {error.strerror}") from error
     except GateError as error:

@@ -46,14 +46,18 @@ class Reader:
         path = Path(path)
         try:
             check_regular(path)
-            computing = PATIENCE + path.stat().st_size / SLOWEST
-            return self._fence(act, path, computing, 3 * allowed_bytes(path) + _MARGIN)
+            return self.within_limits(act, path)
         except GateBusy as busy:
             raise ReaderBusy(str(busy)) from None
         except (RecordingError, QuantityError):
             raise
         except Exception as error:
             raise RecordingError(str(error) or type(error).__name__) from None
+
+    def within_limits(self, act: Callable[[Path], Any], path: Path) -> Any:
+        """Return what a function makes of a file; see `Fence` for what is raised."""
+        computing = PATIENCE + path.stat().st_size / SLOWEST
+        return self._fence(act, path, computing, 3 * allowed_bytes(path) + _MARGIN)
 
     def close(self) -> None:
         """End the process."""

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..gate.text import read_json
+from ..gate.text import load_json, read_file
 
 BIN = ".bin"
 
@@ -55,7 +55,8 @@ def read_small(path: Path, most: int = 100_000) -> dict[str, Any] | None:
         return None
     if not path.is_file() or path.stat().st_size > most:  # a pipe may never answer who opens it
         raise ValueError(f"no plain file of up to {most} bytes")
-    found = read_json(path, most)
+    # A state of the program's own: not behind the fence of a server, which may be busy.
+    found = load_json(read_file(path, most), str(path))
     if not isinstance(found, dict):
         raise ValueError("no JSON of names and values")
     return found
