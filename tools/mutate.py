@@ -137,7 +137,7 @@ TARGETS = (
     Target("solve/channels.py", ("tests/solve/test_channels.py",)),
     Target("solve/reversal.py", REVERSAL),
     Target("solve/log.py", ("tests/solve/test_log.py",)),
-    Target("engine/c/charging.[ch]", CHARGING),
+    Target("electronics/charging.py", CHARGING, ("_remembered", "_mean_square", "_until_as_fast")),
     Target("electronics/amplifier.py", (*CHARGING, "tests/electronics/test_amplifier.py"), ("limits",)),
     Target("electronics/stack.py", ("tests/electronics/test_account.py",), ("cycle_loss", "_above")),
     Target(

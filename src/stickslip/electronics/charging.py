@@ -2,23 +2,24 @@
 
 Between two breaks the target is a line, and the output is a line (at the limit) or a line and an exponential,
 both in closed form, as are the times at which one becomes the other: no time step, no error that builds up.
-The equations are in ``engine/c/charging.c``.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine._abi import ffi
-from ..engine.binding import doubles, sized
-from ..engine.library import library
+from .._jit import compiled, kernel
 
 Array = NDArray[np.float64]
 
-_ROOM = 16  # points for each bound of the target, at first; most pieces have fewer
+# Shares: of the limit of the mean square, by which it must fall before the peak current is there again, and
+# what is rounding; of the memory, after which it is looked whether the limit was reached in between.
+_BELOW, _SAME, _OFTEN = 1e-9, 1e-12, 1.0 / 32.0
+_ROUNDING = 1e-15
 
 
 class ChargingLimits(NamedTuple):
@@ -39,39 +40,145 @@ def rest(volts: float) -> Array:
     return np.array([volts, 0.0, 0.0])
 
 
-def charged(
-    of: ChargingLimits, bounds: Array, values: Array, slopes: Array, state: Array, tolerance: float
-) -> tuple[Array, Array]:
-    """Compute times and voltages to be joined by lines.
+@compiled
+def _remembered(t, memory, rate):
+    """The mean of exp(-rate t'), by now."""
+    z = t / memory - rate * t
+    left = math.exp(-t / memory)
+    if abs(z) < 1e-3:
+        return left * t / memory * (1.0 + z * (0.5 + z / 6.0))
+    return (math.exp(-rate * t) - left) / (1.0 - rate * memory)
 
-    Args:
-        of: limits.
-        bounds: s, shape (n + 1,), where lines of the target start, and the end.
-        values: V, shape (n,), targets at these starts.
-        slopes: V/s, shape (n,), of the targets.
-        state: see `rest`; becomes the state at the end.
-        tolerance: V, of the lines between the points; the points themselves are exact.
 
-    Raises:
-        TypeError: an array is no C-contiguous array of doubles.
-        ValueError: an array has another size than the others ask for.
-    """
-    for name, array, size in (
-        ("values", values, bounds.size - 1),
-        ("slopes", slopes, bounds.size - 1),
-        ("state", state, 3),
-    ):
-        sized(name, array, size)
-    task: Any = ffi.new("struct stickslip_charging *")
-    task.limits, task.tolerance, task.count = tuple(of), tolerance, values.size
-    task.bounds, task.values = doubles(bounds, "bounds"), doubles(values, "values")
-    task.slopes, task.state = doubles(slopes, "slopes"), doubles(state, "state", True)
-    before, count = state.copy(), _ROOM * bounds.size
-    while True:  # twice where there was no room
-        times, volts = np.empty(count), np.empty(count)
-        task.room = count
-        task.times, task.volts = doubles(times, "times", True), doubles(volts, "volts", True)
-        count = library().stickslip_charge(task)
-        if count <= times.size:
-            return times[:count].copy(), volts[:count].copy()
-        state[:] = before
+@compiled
+def _mean_square(of, t, before, slope, bend):
+    """The mean square of the current t later, of an output with this slope [V/s] and, with tau > 0, an
+    exponential of height `bend` [V] that falls to 0."""
+    steady = of.farad * slope
+    left = math.exp(-t / of.memory)
+    found = before * left + steady * steady * (1.0 - left)
+    if of.tau > 0.0:
+        falling = of.farad * bend / of.tau
+        found += 2.0 * steady * falling * _remembered(t, of.memory, 1.0 / of.tau)
+        found += falling * falling * _remembered(t, of.memory, 2.0 / of.tau)
+    return found
+
+
+@compiled
+def _with_room(array, count):
+    """The array, or a longer one that begins with it."""
+    if count <= array.size:
+        return array
+    longer = np.empty(2 * count)
+    longer[: array.size] = array
+    return longer
+
+
+@compiled
+def _until_as_fast(tau, rate, s, bend):
+    """How long [s] until an output that begins `bend` [V] from following a slope s [V/s] is as fast as
+    `rate`, below abs(s)."""
+    return -tau * math.log(tau * (rate - abs(s)) / (bend if s > 0.0 else -bend))
+
+
+@compiled
+def _ramped(of, d, over, side, s, rate, square, folded, least):
+    """Of d seconds at the limit: how many it lasts (at least the `least`), the mean square and whether the
+    steady current limits after them, and whether that is the end of the piece."""
+    to_end = True
+    closing = rate - side * s
+    if closing > 0.0 and over < closing * d:
+        d, to_end = max(over / closing, least), False
+    if not math.isinf(of.memory):
+        now = (of.farad * rate) ** 2
+        folds = False
+        if not folded and now > of.steady_square * (1.0 + _SAME):
+            until = of.memory * math.log(max((now - square) / (now - of.steady_square), 1.0))
+            if until < d:
+                d, folds, to_end = max(until, least), True, False
+        square = now + (square - now) * math.exp(-d / of.memory)
+        folded = folded or folds
+        if folded:
+            square = min(square, of.steady_square)
+    return d, square, folded, to_end
+
+
+@compiled
+def _lagged(of, d, gap, s, rate, square, folded, least):
+    """As `_ramped`, of d seconds below the limit."""
+    to_end = True
+    bend = gap - s * of.tau
+    if abs(s) > rate and of.tau > 0.0:  # it falls behind until the limit is reached
+        until = max(_until_as_fast(of.tau, rate, s, bend), least)
+        if until < d:
+            d, to_end = until, False
+    if not math.isinf(of.memory):
+        if not folded:  # the steady current may be reached: look often, but only while there is more of it
+            calm = math.sqrt(of.steady_square) / of.farad
+            above = False  # of a line the mean square goes one way
+            if of.tau > 0.0:
+                above = abs(gap) >= calm * of.tau * (1.0 - _BELOW)
+                if not above and abs(s) > calm:
+                    until = max(_until_as_fast(of.tau, calm, s, bend), least)
+                    if until < d:
+                        d, to_end = until, False
+            if above and d > _OFTEN * of.memory:
+                d, to_end = _OFTEN * of.memory, False
+        after = _mean_square(of, d, square, s, bend)
+        if not folded and after > of.steady_square * (1.0 + _SAME):
+            low, high = 0.0, d
+            for _ in range(60):
+                d = 0.5 * (low + high)
+                if _mean_square(of, d, square, s, bend) > of.steady_square:
+                    high = d
+                else:
+                    low = d
+            d, after, folded, to_end = max(d, least), of.steady_square, True, False
+        square = after
+        folded = folded and square >= of.steady_square * (1.0 - _BELOW)
+    return d, square, folded, to_end
+
+
+@kernel
+def charged(of, bounds, values, slopes, state, tolerance):
+    """Times and voltages to be joined by lines, for targets values[k] + slopes[k] (t - bounds[k]) from
+    bounds[k] to bounds[k + 1], from `state` on (see `rest`), which is left as it is at the end."""
+    u, square, folded = state[0], state[1], state[2] > 0.0
+    least = _ROUNDING * bounds[-1]  # s: time goes on
+    times, volts = np.empty(2 * bounds.size + 16), np.empty(2 * bounds.size + 16)
+    times[0], volts[0], n = bounds[0], u, 1
+    for k in range(values.size):
+        s, t, end = slopes[k], bounds[k], bounds[k + 1]
+        while t < end:
+            rate = of.steady_rate if folded else of.rate
+            target = values[k] + s * (t - bounds[k])
+            gap = target - u
+            side = 1.0 if gap > 0.0 or (gap == 0.0 and s > 0.0) else -1.0
+            over = abs(gap) - (rate * of.tau if of.tau > 0.0 else 0.0)
+            slack = 1e-9 * tolerance + 1e3 * _ROUNDING * (abs(target) + abs(u))
+            if over > slack or (over > -slack and side * s > rate):
+                d, square, folded, to_end = _ramped(of, end - t, over, side, s, rate, square, folded, least)
+                u += side * rate * d
+            else:
+                d, square, folded, to_end = _lagged(of, end - t, gap, s, rate, square, folded, least)
+                # With w = exp(-t/2 tau) steps dw leave the error bend dw²/2, and bend dw² at the end of it.
+                bend = gap - s * of.tau
+                w = math.exp(-0.5 * d / of.tau) if of.tau > 0.0 else 0.0
+                count = math.ceil((1.0 - w) * math.sqrt(abs(bend) / tolerance))
+                times, volts = _with_room(times, n + count), _with_room(volts, n + count)
+                for j in range(1, count):
+                    root = 1.0 - j * (1.0 - w) / count
+                    later = -2.0 * of.tau * math.log(root)
+                    if later < d and t + later > times[n - 1]:
+                        times[n] = t + later
+                        volts[n] = target + s * (later - of.tau) - bend * root * root
+                        n += 1
+                u = target + s * (d - of.tau) - bend * w * w
+            t = end if to_end else min(t + d, end)
+            times, volts = _with_room(times, n + 1), _with_room(volts, n + 1)
+            if t > times[n - 1]:
+                times[n] = t
+                n += 1
+            volts[n - 1] = u
+    state[0], state[1], state[2] = u, square, 1.0 if folded else 0.0
+    return times[:n].copy(), volts[:n].copy()
