@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 
 from stickslip.piezo import Creep, Piezo, PrandtlIshlinskii
-from stickslip.piezo.creep import Lags, before_creep, relaxed, spread
+from stickslip.piezo.creep import Lags, before_creep, lag_change, relaxed, spread
 from stickslip.units import QuantityError
 
 
@@ -28,6 +30,20 @@ def test_lags_obey_their_equation() -> None:
             max_step=0.01,
         )
         np.testing.assert_allclose(found[:, k], path.y[0], atol=2e-6)
+
+
+@pytest.mark.parametrize("z", [1e-6, 1e-3, 0.1, 1.0, 30.0, 1e3])
+def test_the_change_of_one_lag(z: float) -> None:
+    """Over a step of z time constants, against the integral that it stands for."""
+    tau, x, before, after = 0.7, 3.0, -2.0, 5.0
+    change = quad(
+        lambda s: math.exp(-z * (1.0 - s)) * z * (before - x + (after - before) * s),
+        *(0.0, 1.0),
+        points=[max(0.0, 1.0 - 20.0 / z)],
+        epsabs=1e-14,
+        epsrel=1e-11,
+    )[0]
+    assert lag_change(tau, z * tau, x, before, after) == pytest.approx(change, rel=1e-9)
 
 
 def test_evenly_spread_terms_are_logarithmic() -> None:
@@ -107,7 +123,7 @@ def test_a_part_in_the_place_of_the_other_is_refused() -> None:
 
 def test_steps_far_shorter_than_a_time_constant_lose_nothing() -> None:
     """1 - exp(-step/tau) of a millionth of a millionth."""
-    times, tau, shares = np.arange(40) * 1e-6, np.array([1e5, 1e6]), np.array([0.2, 0.1])
+    times, tau, shares = np.linspace(0.0, 39e-6, 40), np.array([1e5, 1e6]), np.array([0.2, 0.1])
     values, crept = np.sin(np.arange(40.0)), np.empty((40, 2))
     relaxed(Lags(tau), times, values, np.array([30.0, -20.0]), crept)
     found = np.empty(40)

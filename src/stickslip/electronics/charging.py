@@ -12,14 +12,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._jit import compiled, kernel
+from ..engine._abi import ffi
+from ..engine.binding import contiguous, doubles, sized
+from ..engine.library import library
 
 Array = NDArray[np.float64]
 
 # Shares: of the limit of the mean square, by which it must fall before the peak current is there again, and
 # what is rounding; of the memory, after which it is looked whether the limit was reached in between.
 _BELOW, _SAME, _OFTEN = 1e-9, 1e-12, 1.0 / 32.0
-_ROUNDING = 1e-15
 
 
 class ChargingLimits(NamedTuple):
@@ -40,7 +41,6 @@ def rest(volts: float) -> Array:
     return np.array([volts, 0.0, 0.0])
 
 
-@compiled
 def _remembered(t, memory, rate):
     """The mean of exp(-rate t'), by now."""
     z = t / memory - rate * t
@@ -50,7 +50,6 @@ def _remembered(t, memory, rate):
     return (math.exp(-rate * t) - left) / (1.0 - rate * memory)
 
 
-@compiled
 def _mean_square(of, t, before, slope, bend):
     """The mean square of the current t later, of an output with this slope [V/s] and, with tau > 0, an
     exponential of height `bend` [V] that falls to 0."""
@@ -64,24 +63,12 @@ def _mean_square(of, t, before, slope, bend):
     return found
 
 
-@compiled
-def _with_room(array, count):
-    """The array, or a longer one that begins with it."""
-    if count <= array.size:
-        return array
-    longer = np.empty(2 * count)
-    longer[: array.size] = array
-    return longer
-
-
-@compiled
 def _until_as_fast(tau, rate, s, bend):
     """How long [s] until an output that begins `bend` [V] from following a slope s [V/s] is as fast as
     `rate`, below abs(s)."""
     return -tau * math.log(tau * (rate - abs(s)) / (bend if s > 0.0 else -bend))
 
 
-@compiled
 def _ramped(of, d, over, side, s, rate, square, folded, least):
     """Of d seconds at the limit: how many it lasts (at least the `least`), the mean square and whether the
     steady current limits after them, and whether that is the end of the piece."""
@@ -103,7 +90,6 @@ def _ramped(of, d, over, side, s, rate, square, folded, least):
     return d, square, folded, to_end
 
 
-@compiled
 def _lagged(of, d, gap, s, rate, square, folded, least):
     """As `_ramped`, of d seconds below the limit."""
     to_end = True
@@ -139,46 +125,21 @@ def _lagged(of, d, gap, s, rate, square, folded, least):
     return d, square, folded, to_end
 
 
-@kernel
-def charged(of, bounds, values, slopes, state, tolerance):
-    """Times and voltages to be joined by lines, for targets values[k] + slopes[k] (t - bounds[k]) from
-    bounds[k] to bounds[k + 1], from `state` on (see `rest`), which is left as it is at the end."""
-    u, square, folded = state[0], state[1], state[2] > 0.0
-    least = _ROUNDING * bounds[-1]  # s: time goes on
-    times, volts = np.empty(2 * bounds.size + 16), np.empty(2 * bounds.size + 16)
-    times[0], volts[0], n = bounds[0], u, 1
-    for k in range(values.size):
-        s, t, end = slopes[k], bounds[k], bounds[k + 1]
-        while t < end:
-            rate = of.steady_rate if folded else of.rate
-            target = values[k] + s * (t - bounds[k])
-            gap = target - u
-            side = 1.0 if gap > 0.0 or (gap == 0.0 and s > 0.0) else -1.0
-            over = abs(gap) - (rate * of.tau if of.tau > 0.0 else 0.0)
-            slack = 1e-9 * tolerance + 1e3 * _ROUNDING * (abs(target) + abs(u))
-            if over > slack or (over > -slack and side * s > rate):
-                d, square, folded, to_end = _ramped(of, end - t, over, side, s, rate, square, folded, least)
-                u += side * rate * d
-            else:
-                d, square, folded, to_end = _lagged(of, end - t, gap, s, rate, square, folded, least)
-                # With w = exp(-t/2 tau) steps dw leave the error bend dw²/2, and bend dw² at the end of it.
-                bend = gap - s * of.tau
-                w = math.exp(-0.5 * d / of.tau) if of.tau > 0.0 else 0.0
-                count = math.ceil((1.0 - w) * math.sqrt(abs(bend) / tolerance))
-                times, volts = _with_room(times, n + count), _with_room(volts, n + count)
-                for j in range(1, count):
-                    root = 1.0 - j * (1.0 - w) / count
-                    later = -2.0 * of.tau * math.log(root)
-                    if later < d and t + later > times[n - 1]:
-                        times[n] = t + later
-                        volts[n] = target + s * (later - of.tau) - bend * root * root
-                        n += 1
-                u = target + s * (d - of.tau) - bend * w * w
-            t = end if to_end else min(t + d, end)
-            times, volts = _with_room(times, n + 1), _with_room(volts, n + 1)
-            if t > times[n - 1]:
-                times[n] = t
-                n += 1
-            volts[n - 1] = u
-    state[0], state[1], state[2] = u, square, 1.0 if folded else 0.0
-    return times[:n].copy(), volts[:n].copy()
+def charged(
+    of: ChargingLimits, bounds: Array, values: Array, slopes: Array, state: Array, tolerance: float
+) -> tuple[Array, Array]:
+    """Compute times and voltages to be joined by lines, for targets values[k] + slopes[k] (t - bounds[k])
+    from bounds[k] to bounds[k + 1]. `state` (see `rest`) is the one at the start, and becomes the one at
+    the end."""
+    sized("bounds", bounds, values.size + 1)
+    sized("slopes", slopes, values.size)
+    sized("state", state, 3)
+    given = [contiguous(one) for one in (bounds, values, slopes)]
+    limits, now, room = ffi.new("real_t[]", tuple(of)), doubles(state, "state", True), 2 * bounds.size + 16
+    while True:
+        points = np.empty((2, room))
+        rows = doubles(points[0], "times", True), doubles(points[1], "voltages", True)
+        n = library().stickslip_charge(limits, values.size, *given, now, tolerance, room, *rows)
+        if n >= 0:
+            return points[0, :n].copy(), points[1, :n].copy()
+        room *= 4

@@ -200,6 +200,11 @@ def doubles(array: Array, name: str, written: bool = False) -> Any:
     return ffi.from_buffer("real_t[]", buffer, require_writable=written)  # type: ignore[call-overload]
 
 
+def contiguous(values: Array) -> Any:
+    """Return a pointer to numbers of any layout for the engine to read; it keeps them."""
+    return doubles(np.ascontiguousarray(values, dtype=float), "numbers")
+
+
 def sized(name: str, array: NDArray[Any], size: int) -> None:
     """Raise ValueError where an array has not as many numbers as the engine needs."""
     if array.size != size:

@@ -12,13 +12,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import registry
-from .._jit import compiled, kernel
+from ..engine._abi import ffi
+from ..engine.binding import contiguous, doubles, sized
+from ..engine.library import library
 from ..records import Quantity, record
 from ..units import QuantityError, to_si
 
@@ -77,47 +79,38 @@ def distance(times: Sequence[float] | Array) -> float:
 
 
 class Lags(NamedTuple):
-    """As kernels see time constants, s."""
+    """Time constants as the engine takes them, s."""
 
     tau: Array
 
 
-@compiled
 def lag_change(tau, step, x, before, after):
     """The change of a first-order lag x over a step, in which its input goes along a line; exact."""
     part = -math.expm1(-step / tau)
     return part * (before - x) + (after - before) * (1.0 - part * (tau / step))
 
 
-@kernel
-def relaxed(lags, times, values, x, out):
-    """First-order lags of what is joined by lines, exactly: out[sample, lag], from the states x on, which are
-    left as they are at the end."""
-    for i in range(lags.tau.size):
-        out[0, i] = x[i]
-    for k in range(1, times.size):
-        step = times[k] - times[k - 1]
-        for i in range(lags.tau.size):
-            x[i] += lag_change(lags.tau[i], step, x[i], values[k - 1], values[k])
-            out[k, i] = x[i]
+def struct_of(tau: Array, shares: Array) -> Any:
+    """Return the terms as the engine takes them; valid as long as the arrays live."""
+    sized("shares", shares, tau.size)
+    return ffi.new("struct lags *", (tau.size, doubles(tau, "time constants"), doubles(shares, "shares")))
 
 
-@kernel
-def before_creep(lags, times, values, shares, x, out):
-    """What creeps into `values` at the times: h of h + sum of shares x lags of h, joined by lines, from the
-    states x on."""
-    out[0] = values[0]
-    for i in range(lags.tau.size):
-        out[0] -= shares[i] * x[i]
-    for k in range(1, times.size):
-        step = times[k] - times[k - 1]
-        known, slope = 0.0, 1.0
-        for i in range(lags.tau.size):
-            tau = lags.tau[i]
-            along = lag_change(tau, step, 0.0, 0.0, 1.0)  # with a line from 0 to 1 within the step
-            x[i] += lag_change(tau, step, x[i], out[k - 1], 0.0)
-            known += shares[i] * x[i]
-            slope += shares[i] * along
-        out[k] = (values[k] - known) / slope
-        for i in range(lags.tau.size):
-            x[i] += lag_change(lags.tau[i], step, 0.0, 0.0, 1.0) * out[k]
+def relaxed(lags: Lags, times: Array, values: Array, x: Array, out: Array) -> None:
+    """Compute first-order lags of what is joined by lines, exactly: out[sample, lag], from the states x,
+    which become those at the end."""
+    sized("x", x, lags.tau.size)
+    sized("out", out, times.size * x.size)
+    sized("values", values, times.size)
+    arrays = contiguous(times), contiguous(values), doubles(x, "x", True), doubles(out, "out", True)
+    library().stickslip_lags_relaxed(struct_of(lags.tau, lags.tau), times.size, *arrays)
+
+
+def before_creep(lags: Lags, times: Array, values: Array, shares: Array, x: Array, out: Array) -> None:
+    """Compute what creeps into `values` at the times: h of h + sum of shares x lags of h, joined by lines,
+    from the states x, which become those at the end."""
+    sized("x", x, lags.tau.size)
+    sized("out", out, times.size)
+    sized("values", values, times.size)
+    arrays = contiguous(times), contiguous(values), doubles(x, "x", True), doubles(out, "out", True)
+    library().stickslip_lags_undone(struct_of(lags.tau, shares), times.size, *arrays)

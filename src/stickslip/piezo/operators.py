@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..engine._abi import ffi
-from ..engine.binding import doubles, sized
+from ..engine.binding import contiguous, doubles, sized
 from ..engine.library import library
 from ..records import Quantity
 from ..units import QuantityError, array_si
@@ -73,11 +73,6 @@ def struct_of(plays: Operators) -> Any:
     return ffi.new("struct plays *", (*sizes, threshold, weight, zone, slope, skew))
 
 
-def given(values: Array) -> Any:
-    """Return samples of any layout as the engine reads them."""
-    return doubles(np.ascontiguousarray(values, dtype=float), "samples")
-
-
 def skewed(plays: Operators, u: float) -> float:
     """Return v, what the plays see of the drive value u."""
     return library().stickslip_plays_skewed(struct_of(plays), u)
@@ -92,7 +87,7 @@ def response(plays: Operators, drive: Array, z: Array, out: Array) -> None:
     """Compute H at each sample of a drive, from the states z, which become those at the end."""
     sized("z", z, plays.threshold.size)
     sized("out", out, drive.size)
-    arrays = given(drive), doubles(z, "z", True), doubles(out, "out", True)
+    arrays = contiguous(drive), doubles(z, "z", True), doubles(out, "out", True)
     library().stickslip_plays_response(struct_of(plays), drive.size, *arrays)
 
 
@@ -100,7 +95,7 @@ def states(plays: Operators, drive: Array, z: Array, out: Array) -> None:
     """Compute the state of each play at each sample, out[sample, play]."""
     sized("z", z, plays.threshold.size)
     sized("out", out, drive.size * z.size)
-    arrays = given(drive), doubles(z, "z", True), doubles(out, "out", True)
+    arrays = contiguous(drive), doubles(z, "z", True), doubles(out, "out", True)
     library().stickslip_plays_states(struct_of(plays), drive.size, *arrays)
 
 
@@ -110,4 +105,4 @@ def inverse(plays: Operators, wanted: Array, u: float, z: Array, out: Array) -> 
     sized("z", z, plays.threshold.size)
     sized("out", out, wanted.size)
     arrays = doubles(z, "z", True), doubles(out, "out", True)
-    library().stickslip_plays_inverse(struct_of(plays), wanted.size, given(wanted), u, *arrays)
+    library().stickslip_plays_inverse(struct_of(plays), wanted.size, contiguous(wanted), u, *arrays)

@@ -15,24 +15,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .._jit import compiled, kernel
-from ..piezo.creep import Creep, Lags
+from ..engine.binding import Array, DriveTable, doubles, sized
+from ..engine.library import library
+from ..piezo.creep import Creep, struct_of
 from ..units import QuantityError
 from ..waveform.drive import Drive
-from .cubics import filled, put_cubic, with_cubics
+from .cubics import Cubics, cubics_struct, filled, with_cubics
 
-Array = NDArray[np.float64]
-
-# Largest error of a cubic through values and slopes of both ends, over the fourth derivative times the fourth
-# power of the length: Hermite's interpolation.
-HERMITE = 1.0 / 384.0
 # Terms of the series of I_3 for z <= 1; the next one is below rounding.
 TERMS = 18
 
 
-@compiled
 def weights(z):
     """Return I_0, I_1, I_2 and I_3 for a step of z time constants."""
     if z > 1.0:
@@ -49,93 +43,16 @@ def weights(z):
     return 1.0 - z * second, second, third, last
 
 
-@compiled
-def _at(drive, i, tau):
-    """Return the polynomial of segment i, written from `tau` [s] after its start."""
-    c0, c1 = drive.polynomial[i, 0], drive.polynomial[i, 1]
-    c2, c3 = drive.polynomial[i, 2], drive.polynomial[i, 3]
-    return (
-        c0 + tau * (c1 + tau * (c2 + tau * c3)),
-        c1 + tau * (2.0 * c2 + 3.0 * tau * c3),
-        c2 + 3.0 * tau * c3,
-        c3,
-    )
-
-
-@compiled
-def _of_harmonics(drive, i, at, tau):
-    """Return the settled response of a lag to the harmonics of segment i, `at` [s] after its start."""
-    found = 0.0
-    for row in range(drive.first[i], drive.first[i + 1]):
-        turn = drive.harmonic[row, 1] * tau
-        late = drive.harmonic[row, 2] - math.atan(turn) + drive.harmonic[row, 1] * at
-        found += drive.harmonic[row, 0] / math.sqrt(1.0 + turn * turn) * math.sin(late)
-    return found
-
-
-@compiled
-def _parts(lags, shares, c, x, left, most):
-    """Return into how many parts, 1, 2, 4 and so on, the time `left` [s] is cut: the piece is the first."""
-    fourth = 0.0
-    for k in range(lags.tau.size):
-        tau = lags.tau[k]
-        slope = (c[0] - x[k]) / tau
-        curvature = (c[1] - slope) / tau
-        third = (2.0 * c[2] - curvature) / tau
-        fourth += abs(shares[k] * (6.0 * c[3] - third) / tau)
-    parts = 1.0
-    while HERMITE * fourth * (left / parts) ** 4 > most:
-        parts *= 2.0
-    return parts
-
-
-@kernel
-def creep_pieces(lags, shares, drive, end, x, pieces, most):
+def creep_pieces(
+    tau: Array, shares: Array, drive: Drive, end: float, x: Array, pieces: Cubics, most: float
+) -> int:
     """Fill the pieces of what creep adds to the polynomials of a drive up to `end` [s], off by `most` [V]; x
     are the terms at the start, and at the end those then. The creep of harmonics is left to the caller.
 
     Returns how many pieces there are; -1 if there is no room for them.
     """
-    count = 0
-    for i in range(drive.start.size):
-        begin = drive.start[i]
-        if begin >= end and i > 0:
-            break
-        stop = drive.start[i + 1] if i + 1 < drive.start.size else max(end, begin)
-        stop = min(stop, max(end, begin))
-        for k in range(lags.tau.size):
-            x[k] -= _of_harmonics(drive, i, 0.0, lags.tau[k])
-        a = begin
-        while True:
-            if count == pieces.start.size:
-                return -1
-            c = _at(drive, i, a - begin)
-            left = stop - a
-            parts = _parts(lags, shares, c, x, left, most)
-            b = stop if parts == 1.0 or not a < a + left / parts else a + left / parts
-            length = b - a
-            value = c[0] + length * (c[1] + length * (c[2] + length * c[3]))
-            first, rise, change, fall = 0.0, 0.0, 0.0, 0.0
-            for k in range(lags.tau.size):
-                tau, share = lags.tau[k], shares[k]
-                z = length / tau
-                i0, i1, i2, i3 = weights(z)
-                by = z * (
-                    i0 * (c[0] - x[k]) + length * (i1 * c[1] + length * (i2 * c[2] + length * i3 * c[3]))
-                )
-                first += share * x[k]
-                rise += share * (c[0] - x[k]) / tau
-                x[k] += by
-                change += share * by
-                fall += share * (value - x[k]) / tau
-            put_cubic(pieces, count, a, i, length, first, rise, change, fall)
-            count += 1
-            a = b
-            if a >= stop:
-                break
-        for k in range(lags.tau.size):
-            x[k] += _of_harmonics(drive, i, stop - begin, lags.tau[k])
-    return count
+    table, terms, made = DriveTable(drive), doubles(x, "terms", True), cubics_struct(pieces)
+    return library().stickslip_lags_cubics(struct_of(tau, shares), table.struct, end, terms, most, made)
 
 
 def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float) -> Drive:
@@ -153,17 +70,18 @@ def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float
     """
     if np.any(drive.harmonic[:, 3]):
         raise QuantityError("a piezo with creep cannot follow a Chirp: give its samples (Sampled) instead")
-    lags, shares = Lags(np.array(of.time_constants)), np.array(of.shares)
+    tau, shares = np.array(of.time_constants), np.array(of.shares)
+    sized("terms", terms, tau.size)
     before = drive.before + float(shares @ terms)
     pieces = filled(
-        lambda x, room: creep_pieces(lags, shares, drive, end, x, room, precision),
+        lambda x, room: creep_pieces(tau, shares, drive, end, x, room, precision),
         terms,
         64 + 4 * drive.start.size,
     )
     made = with_cubics(drive, pieces, before)
     harmonic = made.harmonic.copy()
     if len(harmonic):
-        answer = 1.0 + np.sum(shares / (1.0 + 1j * harmonic[:, 1:2] * lags.tau), axis=1)
+        answer = 1.0 + np.sum(shares / (1.0 + 1j * harmonic[:, 1:2] * tau), axis=1)
         harmonic[:, 0] *= np.abs(answer)
         harmonic[:, 2] += np.angle(answer)
     return made._replace(harmonic=harmonic)

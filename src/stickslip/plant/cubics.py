@@ -6,12 +6,15 @@ The drive keeps its formulas; each of its segments is cut into pieces, and each 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._jit import compiled
+from ..engine._abi import ffi
+from ..engine.binding import doubles
+from ..engine.members import integers
 from ..units import QuantityError
 from ..waveform.drive import Drive
 
@@ -41,6 +44,13 @@ def put_cubic(pieces, k, at, source, length, value, rise, change, fall):
         mean = change / length
         pieces.cubic[k, 2] = (3.0 * mean - 2.0 * rise - fall) / length
         pieces.cubic[k, 3] = (rise + fall - 2.0 * mean) / length**2
+
+
+def cubics_struct(pieces: Cubics) -> Any:
+    """Return the pieces as the engine fills them; valid as long as their arrays live."""
+    cubic = ffi.cast("real_t (*)[4]", doubles(pieces.cubic, "pieces", True))
+    start, source = doubles(pieces.start, "pieces", True), integers(pieces.source, "pieces")
+    return ffi.new("struct cubics *", (pieces.start.size, start, source, cubic))
 
 
 def filled(fill: Callable[[Array, Cubics], int], state: Array, room: int) -> Cubics:

@@ -15,12 +15,27 @@ struct plays {
     const real_t *zone, *slope, *skew;  /* [zones] */
 };
 
+/* First-order lags: creep. */
+struct lags {
+    int64_t count;
+    const real_t *tau;              /* [count], s */
+    const real_t *share;            /* [count] */
+};
+
 /* What segments become: from `start` [s] on, level + slope (u(t) - u(start)) of the segment `source`. */
 struct pieces {
     int64_t room;
     real_t *start;
     int64_t *source;
     real_t *slope, *level;
+};
+
+/* What is added to segments: cubics, from `start` [s] on, to the segment `source`. */
+struct cubics {
+    int64_t room;
+    real_t *start;
+    int64_t *source;
+    real_t (*cubic)[4];
 };
 
 /* What plays see of the drive value u, and the drive value of which they see v. */
@@ -42,5 +57,19 @@ STICKSLIP_API void stickslip_plays_inverse(const struct plays *of, int64_t count
 /* Fills the pieces of a drive up to `end` [s]; z are the states before, and at the end those then. */
 STICKSLIP_API int64_t stickslip_plays_split(const struct plays *of, const struct table *drive, real_t end, real_t *z,
                                             const struct pieces *pieces);
+
+/* The lags of what is joined by lines, exactly: out[sample][lag], from the states x [lags] on, which are left as they are
+ * at the end. */
+STICKSLIP_API void stickslip_lags_relaxed(const struct lags *of, int64_t count, const real_t *times, const real_t *values,
+                                          real_t *x, real_t *out);
+
+/* What creeps into `values` at the times: h of h + sum of shares x lags of h, joined by lines, from the states x on. */
+STICKSLIP_API void stickslip_lags_undone(const struct lags *of, int64_t count, const real_t *times, const real_t *values,
+                                         real_t *x, real_t *out);
+
+/* Fills the cubics of what creep adds to the polynomials of a drive up to `end` [s], off by at most `most` [V]; x are the
+ * states at the start, and at the end those then. The creep of harmonics is left to the caller. */
+STICKSLIP_API int64_t stickslip_lags_cubics(const struct lags *of, const struct table *drive, real_t end, real_t *x,
+                                            real_t most, const struct cubics *cubics);
 
 #endif
