@@ -127,7 +127,7 @@ def test_the_wheel_works_without_the_checkout(installed: Path, tmp_path: Path) -
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    law = "from stickslip.engine.library import packaged_laws; print(packaged_laws()['LuGre'].parameters)"
+    law = "from stickslip.engine.library import packaged; print(packaged('law')['LuGre'].parameters)"
     assert run("python", "-c", law) == "7\n"
     where = run("python", "-c", "import stickslip; print(stickslip.__file__)")
     assert Path(where.strip()).is_relative_to(installed.parent)

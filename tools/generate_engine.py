@@ -13,8 +13,11 @@ from cffi import FFI
 
 from stickslip.electronics import charging
 from stickslip.engine import laws
+from stickslip.engine.interface import of_numbers
 from stickslip.engine.translator import BOOL, REAL, Translation
+from stickslip.piezo import BoucWen
 from stickslip.piezo.creep import lag_change
+from stickslip.piezo.duhem import DUHEM
 from stickslip.piezo.operators import beyond, play
 from stickslip.plant.creeping import weights
 
@@ -75,18 +78,22 @@ def piezo_laws() -> str:
     made.function(beyond, (REAL,) * 2)
     made.function(lag_change, (REAL,) * 5)
     made.function(weights, (REAL,), ("i0", "i1", "i2", "i3"))
-    head = laws.HEAD.format(what="The equations of the piezo's models in C.", guard="PIEZO_LAWS")
-    return head + made.text() + "\n#endif\n"
+    return laws.header("The equations of the piezo's models in C.", "piezo_laws", made.text())
 
 
 def charging_laws() -> str:
     """The text of ``charging_laws.h``: pieces of the voltage at a capacitance, translated."""
-    made, limits = Translation(), laws.of_numbers(charging.ChargingLimits)
+    made, limits = Translation(), of_numbers(charging.ChargingLimits)
     results = ("lasts", "square", "folded", "to_end")
     made.function(charging._ramped, (limits, *(REAL,) * 6, BOOL, REAL), results)
     made.function(charging._lagged, (limits, *(REAL,) * 5, BOOL, REAL), results)
-    head = laws.HEAD.format(what="Pieces of the voltage at a capacitance in C.", guard="CHARGING_LAWS")
-    return head + made.text() + "\n#endif\n"
+    return laws.header("Pieces of the voltage at a capacitance in C.", "charging_laws", made.text())
+
+
+def duhem_laws() -> str:
+    """The text of ``duhem_laws.h``: the package's hysteresis of Duhem's form."""
+    text = DUHEM.packaged([BoucWen])
+    return laws.header("Hysteresis of Duhem's form in C.", "duhem_laws", text, "piezo.h")
 
 
 def generated() -> dict[Path, str]:
@@ -94,6 +101,7 @@ def generated() -> dict[Path, str]:
     files = {ENGINE / "c" / name: text for name, text in laws.generated().items()}
     files[ENGINE / "c" / "piezo_laws.h"] = piezo_laws()
     files[ENGINE / "c" / "charging_laws.h"] = charging_laws()
+    files[ENGINE / "c" / "duhem_laws.h"] = duhem_laws()
     return {**files, ENGINE / "c" / "abi.h": abi()[1], ENGINE / "_abi.py": description()}
 
 

@@ -1,15 +1,18 @@
-"""The mean square of the current, which is forgotten, against its integral."""
+"""The charging of a capacitance: the mean square of the current against its integral, and closed forms."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from stickslip.electronics.charging import ChargingLimits, _mean_square, _until_as_fast
+from stickslip.electronics.charging import ChargingLimits, _mean_square, _until_as_fast, charged, rest
 
 FARAD = 2e-6
+# A², above any mean square of these tests.
+NEVER = 1e6
 
 
 @pytest.mark.parametrize("memory", [1e-3, 3e-4, 1.5e-4, 1.0005e-4, 1e-4, 5.0005e-5, 5e-5, 2e-5])
@@ -40,3 +43,53 @@ def test_until_as_fast(way: float) -> None:
     t = _until_as_fast(tau, rate, s, bend)
     assert t > 0.0
     assert s + bend / tau * math.exp(-t / tau) == pytest.approx(way * rate)
+
+
+@pytest.mark.parametrize("memory", [1e-3, 1e-4, 5e-5])
+@pytest.mark.parametrize("slope", [0.0, 3e4, -5e4])
+def test_mean_square_along_an_output(memory: float, slope: float) -> None:
+    """That of the current of an output whose voltages are in closed form, against its integral."""
+    tau, bend, before, t = 1e-4, 7.0, 0.02, 1.7e-4
+    of = ChargingLimits(tau, math.inf, math.inf, NEVER, memory, FARAD)
+
+    def integrand(s: float) -> float:
+        current = FARAD * (slope + bend / tau * math.exp(-s / tau))
+        return current**2 * math.exp(-(t - s) / memory) / memory
+
+    expected = before * math.exp(-t / memory) + quad(integrand, 0.0, t, epsabs=1e-15, epsrel=1e-12)[0]
+    state = np.array([-bend - slope * tau, before, 0.0])
+    charged(of, np.array([0.0, t]), np.zeros(1), np.array([slope]), state, 1e-3)
+    assert state[1] == pytest.approx(expected, rel=1e-9)
+    assert state[0] == pytest.approx(slope * (t - tau) - bend * math.exp(-t / tau), rel=1e-9)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_it_falls_behind_until_the_limit_is_reached(way: float) -> None:
+    """From u = s (t - tau) - bend exp(-t/tau) to a line, where the first one is as steep as that."""
+    tau, rate, s, bend = 1e-4, 2e4, way * 5e4, way * -4.0
+    of = ChargingLimits(tau, rate, rate, NEVER, math.inf, FARAD)
+    state, end = rest(-bend - s * tau), 1e-3
+    times, volts = charged(of, np.array([0.0, end]), np.zeros(1), np.array([s]), state, 1e-3)
+    t, u = times[-2], volts[-2]
+    assert 0.0 < t < end
+    assert s + bend / tau * math.exp(-t / tau) == pytest.approx(way * rate)
+    assert u == pytest.approx(s * (t - tau) - bend * math.exp(-t / tau))
+    assert (volts[-1] - u) / (times[-1] - t) == pytest.approx(way * rate)
+
+
+def test_many_points_where_few_were_expected() -> None:
+    """One exponential that needs a thousand points for its tolerance; the state moves on once."""
+    of = ChargingLimits(1.0, math.inf, math.inf, NEVER, math.inf, FARAD)
+    state = rest(60.0)
+    times, volts = charged(of, np.array([0.0, 10.0]), np.zeros(1), np.zeros(1), state, 6e-5)
+    assert times.size > 900
+    assert volts == pytest.approx(60.0 * np.exp(-times), rel=1e-12)
+    middle = 0.5 * (times[1:] + times[:-1])
+    assert np.abs(np.interp(middle, times, volts) - 60.0 * np.exp(-middle)).max() < 6e-5
+    assert state[0] == pytest.approx(60.0 * math.exp(-10.0))
+
+
+def test_arrays_of_other_sizes_are_refused() -> None:
+    of = ChargingLimits(1.0, math.inf, math.inf, NEVER, math.inf, FARAD)
+    with pytest.raises(ValueError, match="bounds has 2 numbers; the engine needs 3"):
+        charged(of, np.array([0.0, 1.0]), np.zeros(2), np.zeros(1), rest(0.0), 1e-3)

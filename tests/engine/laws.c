@@ -5,8 +5,8 @@
 
 #define MANY for (long k = 0; k < n; ++k)
 
-const char *name_of(int i) { return i < (int)(sizeof packaged_laws / sizeof *packaged_laws) ? packaged_laws[i]->name : NULL; }
-int length_of(int i) { return packaged_laws[i]->parameters; }
+const char *name_of(int i) { return i < (int)(sizeof packaged_law / sizeof *packaged_law) ? packaged_law[i]->name : NULL; }
+int length_of(int i) { return packaged_law[i]->parameters; }
 
 /* Returns 0 where the law has no such function. */
 int evaluate(int i, int role, long n, const double *p, const double *a, const double *b, const double *c,
@@ -14,7 +14,7 @@ int evaluate(int i, int role, long n, const double *p, const double *a, const do
 int evaluate(int i, int role, long n, const double *p, const double *a, const double *b, const double *c,
              const int *branch, double *first, double *second)
 {
-    const struct law *law = packaged_laws[i];
+    const struct law *law = packaged_law[i];
     const int m = law->parameters;
     switch (role) {
     case 0: MANY law->rate(p + k * m, a[k], c[k], first + k, second + k); return 1;
@@ -43,7 +43,7 @@ void press(long n, const ss_NormalForce *p, const double *x, double *out)
 /* What a step sees of a contact: five slopes, force and rate beyond the reversal, the kink, the state on its bound. */
 void see(int i, long n, const double *p, const double *v, const double *z, const double *side, const int *branch, double *out)
 {
-    const struct law *law = packaged_laws[i];
+    const struct law *law = packaged_law[i];
     MANY {
         const real_t *own = p + k * law->parameters;
         const struct bristle of = {.law = law, .p = own, .side = side[k], .branch = branch[k]};

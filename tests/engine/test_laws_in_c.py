@@ -109,7 +109,7 @@ def test_every_function_of_a_law_is_the_same_in_c(law: Any, library: ctypes.CDLL
     p = parameters(law, rng)
     given = inputs(law, p, rng)
     branch = rng.integers(0, 2 if law.__name__ == "ResetIntegrator" else 3, N).astype(np.int32)
-    for number, role in enumerate(laws.ROLES):
+    for number, role in enumerate(laws.LAW.arguments):
         mine = [np.abs(given[0]) if number > 3 else given[0], *given[1:]]
         found = np.full((2, N), np.nan)
         columns = [pointer(np.ascontiguousarray(one)) for one in mine]
@@ -201,7 +201,7 @@ def test_the_c_files_compile_without_warnings(flag: str, tmp_path: Path) -> None
     source = tmp_path / "all.c"
     source.write_text(
         '#include "laws.h"\n#include "normal_force.h"\nconst struct law *law(int i);\n'
-        "const struct law *law(int i) { return packaged_laws[i]; }\n"
+        "const struct law *law(int i) { return packaged_law[i]; }\n"
     )
     command = [
         "gcc",

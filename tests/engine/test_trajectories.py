@@ -147,4 +147,4 @@ def test_compiles_at_each_level_without_a_warning(level: str, tmp_path: Path) ->
     """Warnings differ with what the compiler looks through."""
     built(tmp_path, level, *WARNINGS)
     for law in OWN:
-        built(tmp_path, level, *WARNINGS, of=compiled_law.source(laws.of_numbers(law)))
+        built(tmp_path, level, *WARNINGS, of=compiled_law.source(laws.of_numbers(law), laws.LAW))

@@ -11,7 +11,7 @@ import pytest
 
 from stickslip.engine import called_back, compiled_law, law_of, numba_laws
 from stickslip.engine._abi import ffi
-from stickslip.engine.laws import row
+from stickslip.engine.laws import LAW, row
 from stickslip.engine.translator import record_type
 from stickslip.friction import law as registered
 
@@ -65,7 +65,7 @@ def test_there_are_as_many_as_a_user_thinks_of() -> None:
 def test_translated(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     record = registered_law(monkeypatch, name)
     made = law_of.law_of(record)
-    assert made.how == "compiler", compiled_law.source(record_type(record))
+    assert made.how == "compiler", compiled_law.source(record_type(record), LAW)
     assert made.pointer.parameters == len(row(record))
     np.testing.assert_allclose(evaluated(made.pointer, record), expected(record, name), rtol=SAME, atol=0)
 
@@ -104,7 +104,7 @@ def test_without_compiler_and_numba_it_runs_in_python(monkeypatch, capsys) -> No
 
 def test_a_compiled_law_that_differs_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     record = registered_law(monkeypatch, "plain")
-    pointer, keeps = compiled_law.compiled(record, record_type(record)) or (None, None)
+    pointer, keeps = compiled_law.compiled(record, record_type(record), LAW) or (None, None)
     assert law_of.agrees(pointer, record)
     registered_law(monkeypatch, "with_swap")
     assert not law_of.agrees(pointer, record)

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import stickslip as ss
-from stickslip.piezo import BoucWen, Piezo, duhem_output, register_piezo
-from stickslip.piezo.duhem import is_duhem, rested
+from stickslip.engine import compiled_law, law_of, numba_laws
+from stickslip.piezo import BoucWen, Piezo, bouc_wen, duhem_output, register_piezo
+from stickslip.piezo.duhem import DUHEM, is_duhem, rested
 from stickslip.plant.at_piezo import at_piezo
 from stickslip.records import Quantity, record
 from stickslip.units import QuantityError
@@ -44,7 +45,17 @@ class Infinite(NamedTuple):
     pole: Annotated[float, Quantity("V", "p", "where")]
 
 
-register_piezo(Wider, lambda model, u, h, up: model.alpha * (1.0 + model.delta * u) - model.beta * up * h)
+class Failing(NamedTuple):
+    """A model whose function raises."""
+
+    size: float
+
+
+def wider(model: Wider, u: float, h: float, up: float) -> float:
+    return model.alpha * (1.0 + model.delta * u) - model.beta * up * h
+
+
+register_piezo(Wider, wider)
 register_piezo(
     OwnBoucWen,
     lambda model, u, h, up: model.alpha - (model.beta * up + model.gamma * math.copysign(1.0, h)) * h,
@@ -131,3 +142,58 @@ def test_what_is_no_model_is_refused() -> None:
     assert not is_duhem(0.3)
     with pytest.raises(QuantityError, match="Infinite: h is not finite between 0 V and 65 V"):
         at_piezo(Piezo(Infinite(65.0)), ss.Sawtooth(65.0, 5.0).drive(0.5), 0.5, 1e-4)
+
+
+@pytest.mark.parametrize("how", ["compiler", "numba", "python"])
+def test_a_model_of_ones_own_runs_compiled_or_called_back(how: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same numbers either way, on samples and on the segments of a drive."""
+    volts = np.random.default_rng(1).uniform(-60.0, 90.0, 8)
+    drive = ss.Sawtooth(65.0, 5.0).drive(0.2)
+    expected = duhem_output(WIDER, volts), at_piezo(Piezo(WIDER), drive, 0.2, 1e-3)
+    if how != "compiler":
+        monkeypatch.setattr(compiled_law, "compiler", lambda: None)
+    if how == "python":
+        monkeypatch.setattr(numba_laws, "find_spec", lambda name: None)
+    monkeypatch.setattr(law_of, "_KNOWN", {})
+    np.testing.assert_allclose(duhem_output(WIDER, volts), expected[0], rtol=1e-13)
+    made = at_piezo(Piezo(WIDER), drive, 0.2, 1e-3)
+    np.testing.assert_allclose(made.start, expected[1].start, rtol=1e-13)
+    np.testing.assert_allclose(made.polynomial, expected[1].polynomial, rtol=1e-9, atol=1e-9)
+    assert law_of.law_of(WIDER, interface=DUHEM).how == how
+
+
+def test_what_a_model_raises_reaches_its_caller(monkeypatch: pytest.MonkeyPatch) -> None:
+    def failing(model: Wider, u: float, h: float, up: float) -> float:
+        if u > 40.0:
+            raise RuntimeError("no such voltage")
+        return 0.1
+
+    register_piezo(Failing, failing)
+    monkeypatch.setattr(compiled_law, "compiler", lambda: None)
+    with pytest.raises(RuntimeError, match="no such voltage") as raised:
+        duhem_output(Failing(0.0), [30.0, 50.0])
+    assert "slope of the piezo model Failing" in raised.value.__notes__[0]
+
+
+def test_the_equations_of_bouc_wen_in_python() -> None:
+    """One way by `bent` against SciPy, its corner by `crossing`, and its slope by a difference."""
+    random = np.random.default_rng(3)
+    for _ in range(40):
+        beta = float(10.0 ** random.uniform(-2.0, -1.0))
+        one = BoucWen(float(random.uniform(0.05, 0.45)), beta, beta * float(random.uniform(-0.1, 0.9)))
+        h, u, goal = (float(x) for x in random.uniform((-4.0, -50.0, -50.0), (4.0, 50.0, 50.0)))
+        up = math.copysign(1.0, goal - u)
+
+        def rate(_: float, h: NDArray[np.float64], one: BoucWen = one, up: float = up) -> NDArray[np.float64]:
+            return one.alpha - one.beta * up * h - one.gamma * np.abs(h)
+
+        way = solve_ivp(rate, (u, goal), [h], rtol=1e-10, atol=1e-12, dense_output=True)
+        assert bouc_wen.bent(one, h, u, goal) == pytest.approx(float(way.y[0, -1]), abs=1e-7)
+        at = bouc_wen.crossing(one, h, u, goal)
+        assert min(u, goal) <= at <= max(u, goal)
+        assert (at != goal) == (h * float(way.y[0, -1]) < 0.0)
+        if at != goal:
+            assert float(way.sol(at)[0]) == pytest.approx(0.0, abs=1e-6)
+        assert bouc_wen.bouc_wen_slope(one, u, h, up) == pytest.approx(
+            float(rate(u, np.array([h]))[0]), abs=1e-12
+        )

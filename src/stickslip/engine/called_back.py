@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from ._abi import ffi
+from .interface import Interface
 from .law_struct import begun
-from .laws import ROLES, functions, signature
 from .translator import BOOL, INT, Array, Record
 
 _MOST_RECORDS = 256  # rows of parameters whose records are kept
@@ -49,20 +49,19 @@ def _stopped() -> bool:
     return run is not None and run[1] is not None
 
 
-def law(record: Any, kind: Record) -> tuple[Any, Any]:
-    """A law's ``struct law``, and the callbacks in it."""
-    law_type = type(record)
-    given = functions(law_type)
-    made, name = begun(law_type, kind)
+def law(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]:
+    """A law's struct, and the callbacks in it."""
+    made, name = begun(interface, kind)
     records = _Records(record, kind, made.parameters)
     callbacks = {}
-    for role in ROLES:
-        if role in given:
-            wrapped = (_of_two if signature(role).results else _of_one)(
-                law_type.__name__, role, given[role], records
-            )
-            callbacks[role] = ffi.callback(f"law_{role}_fn", wrapped)
-            setattr(made, role, callbacks[role])
+    for role, function in interface.functions(type(record)).items():
+        said = f"{role} of the {interface.noun} {type(record).__name__}"
+        if interface.signature(role).results:
+            wrapped = _of_two(said, function, records)
+        else:
+            wrapped = _of_one(said, function, records, int if role in interface.whole else float)
+        callbacks[role] = ffi.callback(f"{interface.name}_{role}_fn", wrapped)
+        setattr(made, role, callbacks[role])
     return made, (made, name, callbacks)
 
 
@@ -97,7 +96,7 @@ def _filled(template: Any, kind: Record, values: Iterator[float]) -> Any:
     return tuple.__new__(kind.record_class, tuple(fields.values()))
 
 
-def _of_two(name: str, role: str, function: Callable[..., Any], records: _Records) -> Callable[..., None]:
+def _of_two(said: str, function: Callable[..., Any], records: _Records) -> Callable[..., None]:
     """A callback that writes the force and the rate of the state."""
 
     def call(p: Any, *given: Any) -> None:
@@ -109,26 +108,28 @@ def _of_two(name: str, role: str, function: Callable[..., Any], records: _Record
             force[0], dz[0] = function(records(p), *arguments)
         except BaseException as error:  # KeyboardInterrupt too
             force[0] = dz[0] = math.nan
-            _failed(error, _said(name, role, arguments))
+            _failed(error, _called(said, arguments))
 
     return call
 
 
-def _of_one(name: str, role: str, function: Callable[..., Any], records: _Records) -> Callable[..., Any]:
+def _of_one(
+    said: str, function: Callable[..., Any], records: _Records, kind: type[int] | type[float]
+) -> Callable[..., Any]:
     """A callback that returns a number."""
-    none: Any = 0 if role == "choose" else math.nan
+    none: Any = 0 if kind is int else math.nan
 
     def call(p: Any, *arguments: Any) -> Any:
         if _stopped():
             return none
         try:
-            return (int if role == "choose" else float)(function(records(p), *arguments))
+            return kind(function(records(p), *arguments))
         except BaseException as error:
-            _failed(error, _said(name, role, arguments))
+            _failed(error, _called(said, arguments))
             return none
 
     return call
 
 
-def _said(name: str, role: str, arguments: Any) -> str:
-    return f"{role} of the law {name}, called with {', '.join(f'{one:g}' for one in arguments)}"
+def _called(said: str, arguments: Any) -> str:
+    return f"{said}, called with {', '.join(f'{one:g}' for one in arguments)}"

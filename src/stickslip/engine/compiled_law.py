@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ._abi import ffi
-from .laws import law_c
+from .interface import Interface
 from .translator import Record, Translation, TranslationError
 
 HEADERS = Path(__file__).parent / "c"
@@ -34,35 +34,36 @@ def compiler() -> tuple[str, ...] | None:
     return None
 
 
-def source(kind: Record) -> str:
-    """The C of a law, with a function that gives its ``struct law``.
+def source(kind: Record, interface: Interface) -> str:
+    """The C of a law, with a function that gives its struct.
 
     Raises:
         TranslationError: a function of the law cannot be translated.
     """
     made = Translation()
-    law = law_c(made, kind)
-    name = kind.record_class.__name__
+    law = interface.c_of(made, kind)
+    name, struct = f"{interface.name}_{kind.record_class.__name__}", f"struct {interface.name}"
+    declared = f"const {struct} *stickslip_packaged_{interface.name}(int32_t i)"
     return "\n".join(
         [
             "#include <stddef.h>\n",
-            '#include "law.h"\n',
+            f'#include "{interface.header}"\n',
             made.text(),
             law,
-            '__attribute__((visibility("default"))) const struct law *stickslip_packaged_law(int32_t i);',
-            "const struct law *stickslip_packaged_law(int32_t i)\n{",
-            f"    return i == 0 ? &law_{name} : NULL;\n}}\n",
+            f'__attribute__((visibility("default"))) {declared};',
+            f"{declared}\n{{",
+            f"    return i == 0 ? &{name} : NULL;\n}}\n",
         ]
     )
 
 
-def compiled(record: Any, kind: Record) -> tuple[Any, Any] | None:
-    """A law's ``struct law`` and the library that holds it; None without a compiler that takes it."""
+def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any] | None:
+    """A law's struct and the library that holds it; None without a compiler that takes it."""
     command = compiler()
     if command is None:
         return None
     try:
-        text = source(kind)
+        text = source(kind, interface)
     except TranslationError:
         return None
     # The folder is this user's alone; a library that was opened stays when its file is removed.
@@ -75,4 +76,4 @@ def compiled(record: Any, kind: Record) -> tuple[Any, Any] | None:
             opened: Any = ffi.dlopen(str(library))
         except (OSError, subprocess.SubprocessError):
             return None
-    return opened.stickslip_packaged_law(0), opened
+    return getattr(opened, f"stickslip_packaged_{interface.name}")(0), opened

@@ -1,18 +1,19 @@
-"""The ``struct law`` of a user's law, before it has functions."""
+"""The struct of a user's law, before it has functions."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from ._abi import ffi
-from .laws import functions, numbers, place_of_period, smooth
+from .interface import Interface, numbers
 from .translator import Record
 
 
-def begun(law_type: type, kind: Record) -> tuple[Any, Any]:
-    """Return a ``struct law`` without functions, and its name, which must live as long as it does."""
-    made: Any = ffi.new("struct law *")
-    name = ffi.new("char[]", law_type.__name__.encode("ascii", "replace"))
-    made.name, made.parameters, made.smooth = name, numbers(kind), smooth(law_type)
-    made.period = place_of_period(kind) if "tick" in functions(law_type) else -1
+def begun(interface: Interface, kind: Record) -> tuple[Any, Any]:
+    """Return a struct without functions, and its name, which must live as long as it does."""
+    made: Any = ffi.new(f"struct {interface.name} *")
+    name = ffi.new("char[]", kind.record_class.__name__.encode("ascii", "replace"))
+    made.name, made.parameters = name, numbers(kind)
+    for member, value in interface.numbers(kind).items():
+        setattr(made, member, value)
     return made, name

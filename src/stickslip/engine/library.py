@@ -37,10 +37,11 @@ def library() -> Any:
 
 
 @functools.cache
-def packaged_laws() -> dict[str, Any]:
-    """The laws of the package by their names."""
+def packaged(interface: str) -> dict[str, Any]:
+    """The laws of the package by their names; of another interface, the structs of that."""
     found, i = {}, 0
-    while law := library().stickslip_packaged_law(i):
+    every = getattr(library(), f"stickslip_packaged_{interface}")
+    while law := every(i):
         name: Any = ffi.string(law.name)
         found[name.decode()] = law
         i += 1

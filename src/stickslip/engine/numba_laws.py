@@ -8,8 +8,8 @@ from importlib.util import find_spec
 from typing import Any
 
 from ._abi import ffi
+from .interface import Interface, Signature, numbers
 from .law_struct import begun
-from .laws import ROLES, functions, numbers, signature
 from .translator import BOOL, INT, Array, Record
 
 # Numba's names of C's types.
@@ -17,23 +17,21 @@ _KINDS = {"real_t": "float64", "int": "int32", "void": "void"}
 _POINTER = "CPointer(float64)"
 
 
-def compiled(record: Any, kind: Record) -> tuple[Any, Any] | None:
-    """A law's ``struct law``, and what it needs to live; None without Numba, or where Numba refuses."""
+def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any] | None:
+    """A law's struct, and what it needs to live; None without Numba, or where Numba refuses."""
     if find_spec("numba") is None:
         return None
     from numba.core.errors import NumbaError
 
-    law_type = type(record)
-    given = functions(law_type)
+    given = interface.functions(type(record))
     if any(_raises(function, set()) for function in given.values()):
         return None  # a C function of Numba's prints what is raised, and continues
-    made, name = begun(law_type, kind)
+    made, name = begun(interface, kind)
     functions_made = []
     try:
-        for role in ROLES:
-            if role in given:
-                functions_made.append(_compiled(role, given[role], record, kind))
-                setattr(made, role, ffi.cast(f"law_{role}_fn *", functions_made[-1].address))
+        for role, function in given.items():
+            functions_made.append(_compiled(interface.signature(role), function, record, kind))
+            setattr(made, role, ffi.cast(f"{interface.name}_{role}_fn *", functions_made[-1].address))
     except (NumbaError, TypeError, ValueError, AttributeError, NotImplementedError):
         return None
     return made, (name, functions_made)
@@ -57,11 +55,11 @@ def _raises(function: Any, seen: set[Any]) -> bool:
     return any(_raises(one, seen) for one in functions)
 
 
-def _compiled(role: str, function: Any, record: Any, kind: Record) -> Any:
+def _compiled(signature: Signature, function: Any, record: Any, kind: Record) -> Any:
     """One role as a C function, which makes the record from the row of parameters."""
     import numba
 
-    values, results, returns = signature(role)
+    values, results, returns = signature
     arguments = [name for _, name in values]
     known: dict[str, Any] = {"of": numba.njit(getattr(function, "py_func", function), error_model="numpy")}
     law = _filled(record, kind, iter(range(numbers(kind))), known)

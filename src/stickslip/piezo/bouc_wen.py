@@ -20,16 +20,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._jit import compiled, kernel
+from ..engine.binding import contiguous, doubles
+from ..engine.library import library
 from ..records import Quantity, record
 from ..units import QuantityError
-from .duhem import output, register, rested
+from .duhem import EngineModel, output, register, rested
 from .operators import REST, samples
 
 Array = NDArray[np.float64]
-
-# Halvings of an interval, to rounding.
-HALVINGS = 100
 
 
 @record
@@ -77,25 +75,23 @@ class BoucWen(NamedTuple):
         """The drive [V], shape (n,), for which `output` is as wanted [V]. Raises QuantityError as that."""
         w, at = samples(wanted, "wanted"), REST.check(rest, "rest")
         found = np.empty(w.size)
-        bouc_wen_inverse(self, w, at, rested(self, at), found)
+        rows = contiguous(w), at, rested(self, at), self.least_slope, doubles(found, "found", True)
+        EngineModel(self).call(library().stickslip_duhem_inverse, w.size, *rows)
         return found
 
 
-@compiled
 def decay_of(of, h, up):
     """r of dh/du = α - r h on a way in the direction `up`, on the side of h; at 0 that which it moves to."""
     side = up if h == 0.0 else math.copysign(1.0, h)
     return of.beta * up + of.gamma * side
 
 
-@compiled
-def along(alpha, r, h, du):
+def along_way(alpha, r, h, du):
     """h after the drive has changed by du, as long as it keeps its sign."""
     x = r * du
     return h * math.exp(-x) - (alpha * du * (math.expm1(-x) / x) if x != 0.0 else 0.0)
 
 
-@compiled
 def crossing(model, h, u, goal):
     """The drive value between u and the goal at which h comes to 0; the goal if it does not."""
     up = 1.0 if goal > u else -1.0
@@ -107,42 +103,19 @@ def crossing(model, h, u, goal):
     return u + du if abs(du) < abs(goal - u) else goal
 
 
-@compiled
 def bent(model, h, u, goal):
     """h after a way of the drive from u to the goal."""
     if goal == u:
         return h
     up = 1.0 if goal > u else -1.0
     at = crossing(model, h, u, goal)
-    h = along(model.alpha, decay_of(model, h, up), h, at - u) if at == goal else 0.0
-    return h if at == goal else along(model.alpha, decay_of(model, 0.0, up), 0.0, goal - at)
+    h = along_way(model.alpha, decay_of(model, h, up), h, at - u) if at == goal else 0.0
+    return h if at == goal else along_way(model.alpha, decay_of(model, 0.0, up), 0.0, goal - at)
 
 
-@compiled
 def bouc_wen_slope(model, u, h, up):
     """dh/du."""
     return model.alpha - decay_of(model, h, up) * h
-
-
-@kernel
-def bouc_wen_inverse(of, wanted, u, h, out):
-    """The drive at which H is as wanted at each sample: bisected, for H grows with u on each way."""
-    slope = 1.0 - of.alpha * max(1.0, 2.0 * of.beta / (of.beta + of.gamma))
-    for k in range(wanted.size):
-        missing = wanted[k] - (u - h)
-        low, high = u, u + missing / slope
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            if middle in (low, high):
-                break
-            short = wanted[k] - (middle - bent(of, h, u, middle))
-            if short * missing > 0.0:
-                low = middle
-            else:
-                high = middle
-        h = bent(of, h, u, low)
-        u = low
-        out[k] = u
 
 
 register(BoucWen, bouc_wen_slope, way=bent, corner=crossing)

@@ -15,7 +15,6 @@ form.
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -23,13 +22,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import registry
-from .._jit import compiled, kernel, overload, record_class
+from ..engine._abi import ffi
+from ..engine.binding import contiguous, doubles, sized
+from ..engine.called_back import running
+from ..engine.interface import Interface, row
+from ..engine.law_of import law_of
+from ..engine.library import library
 from .operators import REST, samples
 
 Array = NDArray[np.float64]
 
-# V, of h over one step; how often a way is halved at most, and the steps after which a slope has no solution.
-EXACT, HALVINGS, MOST_STEPS = 1e-9, 40, 100_000
+EXACT = 1e-9  # V, largest error of h over one step
+# V, at which the compiled functions of a model are compared with its own.
+_VOLTS = (0.0, 1e-6, 0.01, 1.0, 7.0, 100.0)
 
 
 class _Implementation(NamedTuple):
@@ -57,8 +62,8 @@ def register(
 
     Args:
         model_type: the record, a ``typing.NamedTuple``.
-        slope: ``slope(model, u, h, up) -> dh/du``, up being 1.0 or -1.0, a plain function that Numba can
-            compile.
+        slope: ``slope(model, u, h, up) -> dh/du``, up being 1.0 or -1.0, a plain function. It runs
+            compiled where it can be, else as it is (see docs/extending.md).
         way: ``way(model, h, u, goal) -> h`` after a way of the voltage from u to the goal, in closed form;
             left out, the slope is integrated.
         corner: ``corner(model, h, u, goal) -> u`` where h comes to 0 on that way, for a slope that jumps
@@ -83,95 +88,63 @@ def is_duhem(candidate: object) -> bool:
     return type(candidate) in _IMPLEMENTATIONS
 
 
-def slope(model: Any, u: float, h: float, up: float) -> float:
-    """dh/du on a way of the voltage in the direction `up`, 1.0 or -1.0."""
-    return _IMPLEMENTATIONS[type(model)].slope(model, u, h, up)
+def functions(model_type: type) -> dict[str, Any]:
+    """Return the Python function of each role that a model has."""
+    made = _IMPLEMENTATIONS[model_type]._asdict()
+    return {role: function for role, function in made.items() if function is not None}
 
 
-def way(model: Any, h: float, u: float, goal: float) -> float:
-    """h [V] after a way of the voltage from u to the goal."""
-    return (_IMPLEMENTATIONS[type(model)].way or _integrated)(model, h, u, goal)
+def _inputs(role: str) -> list[tuple[float, ...]]:
+    volts = [sign * u for u in _VOLTS for sign in (1.0, -1.0)]
+    if role == "slope":
+        return [(u, h, up) for u in volts for h in volts for up in (1.0, -1.0)]
+    return [(h, u, goal) for h in volts for u in volts for goal in volts]
 
 
-def corner(model: Any, h: float, u: float, goal: float) -> float:
-    """Where h comes to 0 on the way to the goal [V], and the slope jumps; the goal if nowhere."""
-    function = _IMPLEMENTATIONS[type(model)].corner
-    return function(model, h, u, goal) if function else goal
+# The roles of a model in `struct duhem`, with their declarations there.
+DUHEM = Interface(
+    name="duhem",
+    noun="piezo model",
+    header="piezo.h",
+    room="piezo",
+    arguments={
+        "slope": "real_t u, real_t h, real_t up",
+        "way": "real_t h, real_t u, real_t goal",
+        "corner": "real_t h, real_t u, real_t goal",
+    },
+    whole=frozenset(),
+    functions=functions,
+    numbers=lambda kind: {},
+    inputs=_inputs,
+)
 
 
-def _of(numba_type: Any) -> _Implementation | None:
-    return _IMPLEMENTATIONS.get(record_class(numba_type))  # type: ignore[arg-type]
+class EngineModel:
+    """A model as the engine takes it."""
+
+    def __init__(self, model: Any) -> None:
+        self._law = law_of(model, interface=DUHEM)
+        self._numbers = ffi.new("real_t[]", row(model) or [0.0])
+        self._struct: Any = ffi.new("struct duhem_model *", (self._law.pointer, self._numbers, EXACT))
+
+    def call(self, function: Any, *arguments: Any) -> Any:
+        """Call a function of the engine with this model.
+
+        Raises:
+            BaseException: whatever the model's function in Python has raised.
+        """
+        if self._law.how != "python":
+            return function(self._struct, *arguments)
+        with running() as stop:
+            self._struct.stop = stop
+            return function(self._struct, *arguments)
 
 
-@overload(slope)
-def _slope(model: Any, u: Any, h: Any, up: Any) -> Any:
-    implementation = _of(model)
-    return _plain(implementation.slope) if implementation else None
-
-
-@overload(way)
-def _way(model: Any, h: Any, u: Any, goal: Any) -> Any:
-    implementation = _of(model)
-    if implementation is None:
-        return None
-    return _plain(implementation.way or (lambda model, h, u, goal: _integrated(model, h, u, goal)))
-
-
-@overload(corner)
-def _corner(model: Any, h: Any, u: Any, goal: Any) -> Any:
-    implementation = _of(model)
-    if implementation is None:
-        return None
-    return _plain(implementation.corner or (lambda model, h, u, goal: goal))
-
-
-def _plain(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Of a compiled function, the one that it was made of."""
-    return getattr(function, "py_func", function)
-
-
-@compiled
-def _stepped(model, h, u, du):
-    """One step of Runge and Kutta's."""
-    up = 1.0 if du > 0.0 else -1.0
-    first = slope(model, u, h, up)
-    second = slope(model, u + 0.5 * du, h + 0.5 * du * first, up)
-    third = slope(model, u + 0.5 * du, h + 0.5 * du * second, up)
-    fourth = slope(model, u + du, h + du * third, up)
-    return h + du / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
-
-
-@compiled
-def _integrated(model, h, u, goal):
-    """h after a way, its slope integrated in steps that are halved where it bends."""
-    whole, share = goal - u, 1.0
-    done = 0.0  # of the way
-    for _ in range(MOST_STEPS):
-        if not done < 1.0:
-            break
-        share = min(share, 1.0 - done)
-        at, du = u + done * whole, share * whole
-        coarse = _stepped(model, h, at, du)
-        half = _stepped(model, h, at, 0.5 * du)
-        fine = _stepped(model, half, at + 0.5 * du, 0.5 * du)
-        if not math.isfinite(fine):
-            break
-        if abs(fine - coarse) <= EXACT or share <= 2.0**-HALVINGS:
-            h = fine
-            done += share
-            share *= 2.0
-        else:
-            share *= 0.5
-    return h if done >= 1.0 else math.nan
-
-
-@kernel
-def duhem_response(model, drive, u, h, out):
-    """H at each sample, from the drive u and the state h on."""
-    for k in range(drive.size):
-        h = way(model, h, u, drive[k])
-        u = drive[k]
-        out[k] = u - h
+def duhem_response(model: Any, drive: Array, u: float, h: float, out: Array) -> None:
+    """Compute H at each sample, from the drive u and the state h on."""
+    sized("out", out, drive.size)
+    function, of = library().stickslip_duhem_response, EngineModel(model)
+    of.call(function, drive.size, contiguous(drive), u, h, doubles(out, "out", True))
 
 
 def rested(model: Any, drive: float) -> float:

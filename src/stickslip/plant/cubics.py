@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._jit import compiled
 from ..engine._abi import ffi
 from ..engine.binding import doubles
 from ..engine.members import integers
@@ -31,19 +30,6 @@ class Cubics(NamedTuple):
     start: Array
     source: NDArray[np.int64]
     cubic: Array
-
-
-@compiled
-def put_cubic(pieces, k, at, source, length, value, rise, change, fall):
-    """Set piece k: the cubic from `value` with the slope `rise` to `value + change` with the slope `fall`; a
-    straight line if the length is 0."""
-    pieces.start[k], pieces.source[k] = at, source
-    pieces.cubic[k, 0], pieces.cubic[k, 1] = value, rise
-    pieces.cubic[k, 2], pieces.cubic[k, 3] = 0.0, 0.0
-    if length > 0.0:
-        mean = change / length
-        pieces.cubic[k, 2] = (3.0 * mean - 2.0 * rise - fall) / length
-        pieces.cubic[k, 3] = (rise + fall - 2.0 * mean) / length**2
 
 
 def cubics_struct(pieces: Cubics) -> Any:

@@ -381,16 +381,16 @@ static inline real_t ss_element_left(const ss_MaxwellElement *law, real_t speed,
 
 static void law_rate_Coulomb(const real_t *p, real_t v, real_t z, real_t *force, real_t *dz)
 {
-    const ss_Coulomb law = {p[0]};
-    const ss_coulomb_result found = ss_coulomb(&law, v, z);
+    const ss_Coulomb of = {p[0]};
+    const ss_coulomb_result found = ss_coulomb(&of, v, z);
     *force = found.force;
     *dz = found.dz;
 }
 
 static real_t law_breakaway_Coulomb(const real_t *p)
 {
-    const ss_Coulomb law = {p[0]};
-    return ss_coulomb_breakaway(&law);
+    const ss_Coulomb of = {p[0]};
+    return ss_coulomb_breakaway(&of);
 }
 
 static const struct law law_Coulomb = {
@@ -409,16 +409,16 @@ static const struct law law_Coulomb = {
 
 static void law_rate_CoulombViscous(const real_t *p, real_t v, real_t z, real_t *force, real_t *dz)
 {
-    const ss_CoulombViscous law = {p[0], p[1]};
-    const ss_coulomb_viscous_result found = ss_coulomb_viscous(&law, v, z);
+    const ss_CoulombViscous of = {p[0], p[1]};
+    const ss_coulomb_viscous_result found = ss_coulomb_viscous(&of, v, z);
     *force = found.force;
     *dz = found.dz;
 }
 
 static real_t law_breakaway_CoulombViscous(const real_t *p)
 {
-    const ss_CoulombViscous law = {p[0], p[1]};
-    return ss_coulomb_breakaway_(&law);
+    const ss_CoulombViscous of = {p[0], p[1]};
+    return ss_coulomb_breakaway_(&of);
 }
 
 static const struct law law_CoulombViscous = {
@@ -437,16 +437,16 @@ static const struct law law_CoulombViscous = {
 
 static void law_rate_StictionCoulombViscous(const real_t *p, real_t v, real_t z, real_t *force, real_t *dz)
 {
-    const ss_StictionCoulombViscous law = {p[0], p[1], p[2]};
-    const ss_stiction_coulomb_viscous_result found = ss_stiction_coulomb_viscous(&law, v, z);
+    const ss_StictionCoulombViscous of = {p[0], p[1], p[2]};
+    const ss_stiction_coulomb_viscous_result found = ss_stiction_coulomb_viscous(&of, v, z);
     *force = found.force;
     *dz = found.dz;
 }
 
 static real_t law_breakaway_StictionCoulombViscous(const real_t *p)
 {
-    const ss_StictionCoulombViscous law = {p[0], p[1], p[2]};
-    return ss_stiction(&law);
+    const ss_StictionCoulombViscous of = {p[0], p[1], p[2]};
+    return ss_stiction(&of);
 }
 
 static const struct law law_StictionCoulombViscous = {
@@ -465,16 +465,16 @@ static const struct law law_StictionCoulombViscous = {
 
 static void law_rate_Stribeck(const real_t *p, real_t v, real_t z, real_t *force, real_t *dz)
 {
-    const ss_Stribeck law = {p[0], p[1], p[2], p[3], p[4]};
-    const ss_stribeck_result found = ss_stribeck(&law, v, z);
+    const ss_Stribeck of = {p[0], p[1], p[2], p[3], p[4]};
+    const ss_stribeck_result found = ss_stribeck(&of, v, z);
     *force = found.force;
     *dz = found.dz;
 }
 
 static real_t law_breakaway_Stribeck(const real_t *p)
 {
-    const ss_Stribeck law = {p[0], p[1], p[2], p[3], p[4]};
-    return ss_stiction_(&law);
+    const ss_Stribeck of = {p[0], p[1], p[2], p[3], p[4]};
+    return ss_stiction_(&of);
 }
 
 static const struct law law_Stribeck = {
@@ -493,16 +493,16 @@ static const struct law law_Stribeck = {
 
 static void law_rate_Dahl(const real_t *p, real_t v, real_t z, real_t *force, real_t *dz)
 {
-    const ss_Dahl law = {p[0], p[1], p[2]};
-    const ss_dahl_result found = ss_dahl(&law, v, z);
+    const ss_Dahl of = {p[0], p[1], p[2]};
+    const ss_dahl_result found = ss_dahl(&of, v, z);
     *force = found.force;
     *dz = found.dz;
 }
 
 static real_t law_project_Dahl(const real_t *p, real_t z)
 {
-    const ss_Dahl law = {p[0], p[1], p[2]};
-    return ss_dahl_bound(&law, z);
+    const ss_Dahl of = {p[0], p[1], p[2]};
+    return ss_dahl_bound(&of, z);
 }
 
 static const struct law law_Dahl = {
@@ -521,36 +521,36 @@ static const struct law law_Dahl = {
 
 static void law_rate_ResetIntegrator(const real_t *p, real_t v, real_t z, real_t *force, real_t *dz)
 {
-    const ss_ResetIntegrator law = {p[0], p[1], p[2], p[3]};
-    const ss_reset_integrator_result found = ss_reset_integrator(&law, v, z);
+    const ss_ResetIntegrator of = {p[0], p[1], p[2], p[3]};
+    const ss_reset_integrator_result found = ss_reset_integrator(&of, v, z);
     *force = found.force;
     *dz = found.dz;
 }
 
 static real_t law_project_ResetIntegrator(const real_t *p, real_t z)
 {
-    const ss_ResetIntegrator law = {p[0], p[1], p[2], p[3]};
-    return ss_reset(&law, z);
+    const ss_ResetIntegrator of = {p[0], p[1], p[2], p[3]};
+    return ss_reset(&of, z);
 }
 
 static int law_choose_ResetIntegrator(const real_t *p, real_t speed, real_t growth, real_t z)
 {
-    const ss_ResetIntegrator law = {p[0], p[1], p[2], p[3]};
-    return (int)ss_choose(&law, speed, growth, z);
+    const ss_ResetIntegrator of = {p[0], p[1], p[2], p[3]};
+    return (int)ss_choose(&of, speed, growth, z);
 }
 
 static void law_branch_rate_ResetIntegrator(const real_t *p, real_t speed, real_t z, int branch, real_t *force, real_t *dz)
 {
-    const ss_ResetIntegrator law = {p[0], p[1], p[2], p[3]};
-    const ss_rate_of_result found = ss_rate_of(&law, speed, z, branch);
+    const ss_ResetIntegrator of = {p[0], p[1], p[2], p[3]};
+    const ss_rate_of_result found = ss_rate_of(&of, speed, z, branch);
     *force = found.force;
     *dz = found.dz;
 }
 
 static real_t law_left_ResetIntegrator(const real_t *p, real_t speed, real_t growth, real_t z, int branch)
 {
-    const ss_ResetIntegrator law = {p[0], p[1], p[2], p[3]};
-    return ss_left(&law, speed, growth, z, branch);
+    const ss_ResetIntegrator of = {p[0], p[1], p[2], p[3]};
+    return ss_left(&of, speed, growth, z, branch);
 }
 
 static const struct law law_ResetIntegrator = {
@@ -569,8 +569,8 @@ static const struct law law_ResetIntegrator = {
 
 static void law_rate_LuGre(const real_t *p, real_t v, real_t z, real_t *force, real_t *dz)
 {
-    const ss_LuGre law = {p[0], p[1], p[2], p[3], p[4], p[5], p[6]};
-    const ss_lugre_result found = ss_lugre(&law, v, z);
+    const ss_LuGre of = {p[0], p[1], p[2], p[3], p[4], p[5], p[6]};
+    const ss_lugre_result found = ss_lugre(&of, v, z);
     *force = found.force;
     *dz = found.dz;
 }
@@ -591,8 +591,8 @@ static const struct law law_LuGre = {
 
 static void law_rate_Elastoplastic(const real_t *p, real_t v, real_t z, real_t *force, real_t *dz)
 {
-    const ss_Elastoplastic law = {p[0], p[1], p[2], p[3], p[4], p[5], p[6]};
-    const ss_elastoplastic_result found = ss_elastoplastic(&law, v, z);
+    const ss_Elastoplastic of = {p[0], p[1], p[2], p[3], p[4], p[5], p[6]};
+    const ss_elastoplastic_result found = ss_elastoplastic(&of, v, z);
     *force = found.force;
     *dz = found.dz;
 }
@@ -613,36 +613,36 @@ static const struct law law_Elastoplastic = {
 
 static void law_rate_MaxwellElement(const real_t *p, real_t v, real_t z, real_t *force, real_t *dz)
 {
-    const ss_MaxwellElement law = {p[0], p[1], p[2], p[3], p[4], p[5]};
-    const ss_element_rate_result found = ss_element_rate(&law, v, z);
+    const ss_MaxwellElement of = {p[0], p[1], p[2], p[3], p[4], p[5]};
+    const ss_element_rate_result found = ss_element_rate(&of, v, z);
     *force = found.force;
     *dz = found.dz;
 }
 
 static real_t law_project_MaxwellElement(const real_t *p, real_t z)
 {
-    const ss_MaxwellElement law = {p[0], p[1], p[2], p[3], p[4], p[5]};
-    return ss_element_bound(&law, z);
+    const ss_MaxwellElement of = {p[0], p[1], p[2], p[3], p[4], p[5]};
+    return ss_element_bound(&of, z);
 }
 
 static int law_choose_MaxwellElement(const real_t *p, real_t speed, real_t growth, real_t z)
 {
-    const ss_MaxwellElement law = {p[0], p[1], p[2], p[3], p[4], p[5]};
-    return (int)ss_element_choose(&law, speed, growth, z);
+    const ss_MaxwellElement of = {p[0], p[1], p[2], p[3], p[4], p[5]};
+    return (int)ss_element_choose(&of, speed, growth, z);
 }
 
 static void law_branch_rate_MaxwellElement(const real_t *p, real_t speed, real_t z, int branch, real_t *force, real_t *dz)
 {
-    const ss_MaxwellElement law = {p[0], p[1], p[2], p[3], p[4], p[5]};
-    const ss_element_branch_rate_result found = ss_element_branch_rate(&law, speed, z, branch);
+    const ss_MaxwellElement of = {p[0], p[1], p[2], p[3], p[4], p[5]};
+    const ss_element_branch_rate_result found = ss_element_branch_rate(&of, speed, z, branch);
     *force = found.force;
     *dz = found.dz;
 }
 
 static real_t law_left_MaxwellElement(const real_t *p, real_t speed, real_t growth, real_t z, int branch)
 {
-    const ss_MaxwellElement law = {p[0], p[1], p[2], p[3], p[4], p[5]};
-    return ss_element_left(&law, speed, growth, z, branch);
+    const ss_MaxwellElement of = {p[0], p[1], p[2], p[3], p[4], p[5]};
+    return ss_element_left(&of, speed, growth, z, branch);
 }
 
 static const struct law law_MaxwellElement = {
@@ -659,7 +659,7 @@ static const struct law law_MaxwellElement = {
     .left = law_left_MaxwellElement,
 };
 
-static const struct law *const packaged_laws[] = {
+static const struct law *const packaged_law[] = {
     &law_Coulomb,
     &law_CoulombViscous,
     &law_StictionCoulombViscous,

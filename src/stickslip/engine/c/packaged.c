@@ -10,6 +10,6 @@ STICKSLIP_API int32_t stickslip_abi(void)
 
 STICKSLIP_API const struct law *stickslip_packaged_law(int32_t i)
 {
-    const int32_t count = (int32_t)(sizeof packaged_laws / sizeof *packaged_laws);
-    return (0 <= i && i < count) ? packaged_laws[i] : NULL;
+    const int32_t count = (int32_t)(sizeof packaged_law / sizeof *packaged_law);
+    return (0 <= i && i < count) ? packaged_law[i] : NULL;
 }

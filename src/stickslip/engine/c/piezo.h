@@ -22,6 +22,31 @@ struct lags {
     const real_t *share;            /* [count] */
 };
 
+/* A kind of hysteresis dh/du = slope(p, u, h, up), H = u - h [V], of `stickslip/piezo/duhem.py`. `p` points to the
+ * numbers of its record in Python. */
+typedef real_t duhem_slope_fn(const real_t *p, real_t u, real_t h, real_t up);
+
+/* h after a way from u to the goal, in closed form. */
+typedef real_t duhem_way_fn(const real_t *p, real_t h, real_t u, real_t goal);
+
+/* Where h comes to 0 on that way, and the slope jumps; the goal if nowhere. */
+typedef real_t duhem_corner_fn(const real_t *p, real_t h, real_t u, real_t goal);
+
+struct duhem {
+    const char *name;               /* of its record in Python */
+    int parameters;                 /* length of p */
+    duhem_slope_fn *slope;
+    duhem_way_fn *way;              /* NULL: the slope is integrated */
+    duhem_corner_fn *corner;        /* NULL: it jumps nowhere */
+};
+
+struct duhem_model {
+    const struct duhem *of;
+    const real_t *parameters;
+    real_t exact;                   /* V, of h over one step of integration */
+    const volatile int32_t *stop;   /* given up once this is not 0; or NULL */
+};
+
 /* What segments become: from `start` [s] on, level + slope (u(t) - u(start)) of the segment `source`. */
 struct pieces {
     int64_t room;
@@ -71,5 +96,22 @@ STICKSLIP_API void stickslip_lags_undone(const struct lags *of, int64_t count, c
  * states at the start, and at the end those then. The creep of harmonics is left to the caller. */
 STICKSLIP_API int64_t stickslip_lags_cubics(const struct lags *of, const struct table *drive, real_t end, real_t *x,
                                             real_t most, const struct cubics *cubics);
+
+/* H at each sample of a drive, from the drive u and the state h on. */
+STICKSLIP_API void stickslip_duhem_response(const struct duhem_model *of, int64_t count, const real_t *drive, real_t u,
+                                            real_t h, real_t *out);
+
+/* The drive at which H is as wanted at each sample, from the drive u and the state h on; H must grow with u by the slope
+ * `least` at least. */
+STICKSLIP_API void stickslip_duhem_inverse(const struct duhem_model *of, int64_t count, const real_t *wanted, real_t u,
+                                           real_t h, real_t least, real_t *out);
+
+/* Fills the cubics of -h of a drive up to `end` [s], off by at most `most` [V]; state: (u, h) before, and those at the end
+ * then. */
+STICKSLIP_API int64_t stickslip_duhem_cubics(const struct duhem_model *of, const struct table *drive, real_t end,
+                                             real_t *state, real_t most, const struct cubics *cubics);
+
+/* The i-th kind of the package; NULL after the last one. */
+STICKSLIP_API const struct duhem *stickslip_packaged_duhem(int32_t i);
 
 #endif

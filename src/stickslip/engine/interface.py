@@ -1,0 +1,135 @@
+"""What C calls through a struct of function pointers: a friction law, or hysteresis of a user's own.
+
+Each is a kind of record in Python with some functions, its roles. Its parameters reach C as a row of numbers,
+the fields of the record one after the other: truths as 0 or 1, tuples and records inside it by their own
+numbers. What is no number (a text, None) is a constant of the C.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+from .translator import BOOL, INT, REAL, Array, Record, Translation, TranslationError, record_type
+
+
+class Signature(NamedTuple):
+    """A role as C has it: kinds and names of its values, names of what it writes, and what it returns."""
+
+    values: tuple[tuple[str, str], ...]
+    results: tuple[str, ...]
+    returns: str
+
+
+class Interface(NamedTuple):
+    """A struct of C whose members are functions.
+
+    Fields: `name`, of the struct; `noun`, what messages call it; `header` that declares it; `room` of the
+    package whose records are in the library; `arguments`, the declaration of each role after the row of
+    parameters; `whole`, the roles that return a whole number; `functions`, the Python function of each role
+    that a class of records has; `numbers`, further members of the struct; `inputs`, the arguments at which a
+    compiled role is compared with its Python function.
+    """
+
+    name: str
+    noun: str
+    header: str
+    room: str
+    arguments: dict[str, str]
+    whole: frozenset[str]
+    functions: Callable[[type], dict[str, Any]]
+    numbers: Callable[[Record], dict[str, int]]
+    inputs: Callable[[str], list[tuple[Any, ...]]]
+
+    def signature(self, role: str) -> Signature:
+        """Return what a role takes after the row of parameters, and what it gives."""
+        words = [tuple(word.rsplit(" ", 1)) for word in self.arguments[role].split(", ") if word]
+        values = tuple((kind, name) for kind, name in words if not name.startswith("*"))
+        results = tuple(name[1:] for _, name in words if name.startswith("*"))
+        return Signature(values, results, "void" if results else "int" if role in self.whole else "real_t")
+
+    def packaged(self, classes: list[type]) -> str:
+        """The C of some of the package's records, and the table of them that the library gives."""
+        made = Translation()
+        parts = [self.c_of(made, of_numbers(one)) for one in classes]
+        names = "\n".join(f"    &{self.name}_{one.__name__}," for one in classes)
+        table = f"static const struct {self.name} *const packaged_{self.name}[] = {{\n{names}\n}};\n"
+        return "\n".join([made.text(), *parts, table])
+
+    def c_of(self, made: Translation, kind: Record) -> str:
+        """The C of this kind of record, with its struct.
+
+        Raises:
+            TranslationError: a function of it is outside the subset that can be translated.
+        """
+        name = kind.record_class.__name__
+        if not name.isascii():
+            raise TranslationError(f"{name} cannot be translated to C: C takes names in ASCII only")
+        given = self.functions(kind.record_class)
+        parts = [self._role_c(made, kind, role, function) for role, function in given.items()]
+        members = {"name": f'"{name}"', "parameters": numbers(kind), **self.numbers(kind)}
+        members |= {
+            role: f"{self.name}_{role}_{name}" if role in given else "NULL" for role in self.arguments
+        }
+        lines = "\n".join(f"    .{member} = {text}," for member, text in members.items())
+        parts.append(f"static const struct {self.name} {self.name}_{name} = {{\n{lines}\n}};\n")
+        return "\n".join(parts)
+
+    def _role_c(self, made: Translation, kind: Record, role: str, function: Any) -> str:
+        """The C function of a role, which makes the record from the row p and calls its translation."""
+        name, struct, fill = (
+            kind.record_class.__name__,
+            made.record(kind),
+            _filled(kind, iter(range(numbers(kind)))),
+        )
+        values, results, returns = self.signature(role)
+        kinds = (kind, *(INT if one == "int" else REAL for one, _ in values))
+        called, result = made.function(function, kinds, results)
+        call = f"{called}({', '.join(['&of', *(word for _, word in values)])})"
+        if results:
+            if len(getattr(result, "members", ())) != len(results):
+                raise TranslationError(
+                    f"{name} cannot be translated to C: {role} must give ({', '.join(results)})"
+                )
+            body = [f"const {result.c_name} found = {call};"]
+            body += [f"*{word} = found.{word};" for word in results]
+        else:
+            body = [f"return {call};" if result == returns else f"return ({returns}){call};"]
+        head = ", ".join(["const real_t *p", *([self.arguments[role]] if values else [])])
+        lines = [f"const {struct} of = {fill};", *(["(void)p;"] if not numbers(kind) else []), *body]
+        text = "\n    ".join(lines)
+        return f"static {returns} {self.name}_{role}_{name}({head})\n{{\n    {text}\n}}\n"
+
+
+def numbers(kind: Any) -> int:
+    """Return how many numbers a type has in a row of parameters."""
+    if isinstance(kind, Record):
+        return sum(numbers(inner) for _, inner in kind.fields)
+    return kind.length if isinstance(kind, Array) else 1
+
+
+def _filled(kind: Any, places: Iterator[int]) -> str:
+    """The C of a record's fields, from the row p."""
+    if isinstance(kind, Record):
+        return f"{{{', '.join(_filled(inner, places) for _, inner in kind.fields) or '0'}}}"
+    if isinstance(kind, Array):
+        return f"{{{', '.join(f'p[{next(places)}]' for _ in range(kind.length))}}}"
+    text = f"p[{next(places)}]"
+    return {BOOL: f"{text} != R(0.0)", INT: f"r_whole({text})"}.get(kind, text)
+
+
+def row(record: Any) -> list[float]:
+    """A record's parameters as C takes them."""
+    found: list[float] = []
+    for name, inner in record_type(record).fields:
+        value = getattr(record, name)
+        if isinstance(inner, Record):
+            found += row(value)
+        else:
+            found += map(float, value) if isinstance(inner, Array) else [float(value)]
+    return found
+
+
+def of_numbers(record_class: type) -> Record:
+    """The type of a record all of whose fields are numbers."""
+    return Record(record_class, tuple((name, REAL) for name in record_class._fields))  # type: ignore[attr-defined]
