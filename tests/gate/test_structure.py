@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,8 +12,9 @@ import numpy as np
 import pytest
 import scipy.io
 
+from stickslip.gate.archives import read_npz
 from stickslip.gate.errors import GateError
-from stickslip.gate.limits import LIMITS, Visits
+from stickslip.gate.limits import LIMITS, Visits, check_size
 from stickslip.gate.matlab5 import check_matlab5
 from stickslip.readers import read_recording
 
@@ -135,3 +137,25 @@ def test_visits_end(tmp_path: Path) -> None:
         visits(1)
     with pytest.raises(GateError, match="more than 32 levels"):
         Visits(tmp_path / "a")(33)
+
+
+@pytest.mark.parametrize("size", [0, 1000, 6 * 2**20, 7 * 2**20, 2**40])
+def test_a_file_may_unpack_to_64_mib_or_to_10_times_its_size(tmp_path: Path, size: int) -> None:
+    (tmp_path / "a.npz").touch()
+    os.truncate(tmp_path / "a.npz", size)  # takes no room on the disk
+    most = max(64 * 2**20, 10 * size)
+    check_size(tmp_path / "a.npz", most)
+    with pytest.raises(
+        GateError, match=r"a\.npz: its arrays would take .* \(10 times its size, and 64 MiB in"
+    ):
+        check_size(tmp_path / "a.npz", most + 1)
+
+
+def test_a_large_archive_unpacks_up_to_10_times_its_size(tmp_path: Path) -> None:
+    """7 MiB of noise and zeros that take next to nothing: 69 MiB of arrays are read, 72 MiB are not."""
+    noise = np.frombuffer(np.random.default_rng(0).bytes(7 * 2**20), np.uint8)
+    np.savez_compressed(tmp_path / "a.npz", noise=noise, zeros=np.zeros(62 * 2**20, np.uint8))
+    assert read_npz(tmp_path / "a.npz")["zeros"].size == 62 * 2**20
+    np.savez_compressed(tmp_path / "b.npz", noise=noise, zeros=np.zeros(65 * 2**20, np.uint8))
+    with pytest.raises(GateError, match="its arrays would take 72 MiB"):
+        read_npz(tmp_path / "b.npz")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
 
-from stickslip.readers import read_recording
+from stickslip.readers import inspect_file, read_recording
 from stickslip.recording import RecordingError, make_recording, save_recording
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
@@ -217,3 +219,44 @@ def test_cut_off_binaries(tmp_path: Path, part: float) -> None:
         (tmp_path / name).write_bytes(whole[: int(part * len(whole))])
         with pytest.raises(RecordingError, match=rf"{name}: .*(cut off|no column)"):
             read_recording(tmp_path / name, {"x": "x"}, sample_rate=1)
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.npy", "a.npz", "a.mat", "b.mat", "a.nc"])
+def test_files_that_are_holes_are_refused_unread(tmp_path: Path, name: str) -> None:
+    """A terabyte that takes no room on the disk is not read to its end; a hole of some MB is."""
+    path, data = tmp_path / name, {"t": np.arange(3000.0), "x": np.arange(3000.0)}
+    if name == "a.csv":
+        path.write_text(GOOD)
+    elif name == "a.npy":
+        np.save(path, data["x"])
+    elif name == "a.npz":
+        np.savez(path, **data)
+    elif name == "a.nc":
+        save_recording(make_recording(data["t"], {"x": data["x"]}), path)
+    elif name == "a.mat":
+        scipy.io.savemat(path, data)
+    else:
+        with h5py.File(path, "w") as file:
+            file["t"], file["x"] = data["t"], data["x"]
+    os.truncate(path, 2**40)
+    for act in (read_recording, inspect_file):
+        with pytest.raises(
+            RecordingError, match=rf"{name}: only .* of its 1,099,511,627,776 bytes were ever"
+        ):
+            act(path)
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    """A system's own file has no size, and some wait for ever; an error of the disk is the file's."""
+    (tmp_path / "a.csv").symlink_to("/proc/self/mem")
+    with pytest.raises(RecordingError, match=r"a\.csv: the file is empty"):
+        read_recording(tmp_path / "a.csv")
+    with pytest.raises(RecordingError, match=r"a\.csv: Input/output error"):
+        read_recording(tmp_path / "a.csv", reader="text")
+
+
+def test_a_mat_file_of_empty_elements_is_counted(tmp_path: Path) -> None:
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM" + bytes(1_000_000))
+    with pytest.raises(RecordingError, match="more than 20,000 groups"):
+        read_recording(path)

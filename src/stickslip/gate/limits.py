@@ -6,6 +6,8 @@ inside cells. A reader therefore counts structure first, and refuses a file beyo
 
 from __future__ import annotations
 
+import errno
+import os
 import stat
 import time
 from pathlib import Path
@@ -50,13 +52,39 @@ LIMITS = Limits()
 
 
 def check_regular(path: Path) -> None:
-    """Raise GateError unless a path is a plain file: reading a pipe or a device may never end."""
+    """Raise GateError unless a path is a plain file: reading a pipe or a device may never end.
+
+    A large file that is mostly holes is refused too: it is of any size at no cost, and all of it is read.
+    """
     try:
-        mode = path.stat().st_mode
+        status = path.stat()
     except OSError as error:
         raise GateError(f"{path}: there is no such file ({error.strerror})") from None
-    if not stat.S_ISREG(mode):
+    if not stat.S_ISREG(status.st_mode):
         raise GateError(f"{path}: no plain file")
+    least = status.st_size // LIMITS.ratio
+    if status.st_size > LIMITS.unpacked and (found := _written_bytes(path, status.st_size, least)) < least:
+        raise GateError(
+            f"{path}: only {found:,} of its {status.st_size:,} bytes were ever written, the others are "
+            "holes; is its copy complete? Cut it, or copy it again"
+        )
+
+
+def _written_bytes(path: Path, size: int, enough: int) -> int:
+    """Return how many bytes of a file are no holes, counted no further than `enough`; all, where the file
+    system does not say it."""
+    found = at = 0
+    with path.open("rb", buffering=0) as file:
+        while at < size and found < enough:
+            try:
+                start = os.lseek(file.fileno(), at, os.SEEK_DATA)
+                at = os.lseek(file.fileno(), start, os.SEEK_HOLE)
+            except OSError as error:
+                return found if error.errno == errno.ENXIO else size  # only holes from here on
+            except AttributeError:  # another system than Linux
+                return size
+            found += at - start
+    return found
 
 
 def allowed_bytes(path: Path) -> int:

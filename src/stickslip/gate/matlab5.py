@@ -146,6 +146,8 @@ def _check_5(data: _Bytes, file: BinaryIO) -> None:
             data.take(8)
         if length:
             _check_matrix(data, 1)
+        else:
+            data.visits(1)
         if kind == _COMPRESSED:
             data.end_packed()
         file.seek(after)

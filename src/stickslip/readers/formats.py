@@ -6,6 +6,7 @@ import codecs
 from pathlib import Path
 
 from .. import registry
+from ..gate.limits import check_regular
 from ..recording import RecordingError
 from .source import Format
 
@@ -31,10 +32,11 @@ def find_format(path: Path) -> str:
         raise RecordingError("there is no such file")
     if not path.is_file():
         raise RecordingError("no plain file: a pipe or a device")
+    check_regular(path)
+    if not path.stat().st_size:  # of the system's own files (/proc), some of which wait for ever, too
+        raise RecordingError("the file is empty")
     with path.open("rb") as file:
         head = file.read(1 << 16)
-    if not head:
-        raise RecordingError("the file is empty")
     ending = path.suffix.lower()
     known = _formats()
     named = {".nc": "nc", **dict.fromkeys(_TEXT, TEXT)}

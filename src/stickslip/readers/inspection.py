@@ -138,7 +138,7 @@ def inspect_file(path: str | Path) -> Inspection:
     path = Path(path)
     try:
         found = None if find_format(path) == "nc" else look(path)
-    except ValueError as error:
+    except (ValueError, OSError) as error:
         raise RecordingError(said(path, error)) from error
     if found is None:
         return Inspection(path, "recording", False, [], {}, {}, read_recording(path), "")

@@ -149,13 +149,13 @@ def _named(path: Path) -> Iterator[None]:
     """Let every error name the file; those below know only lines, samples and columns."""
     try:
         yield
-    except ValueError as error:  # QuantityError and GateError, too
+    except (ValueError, OSError) as error:  # QuantityError and GateError, too
         raise RecordingError(said(path, error)) from error
 
 
-def said(path: Path, error: ValueError) -> str:
+def said(path: Path, error: ValueError | OSError) -> str:
     """Return the message of an error with the name of the file before it; of a long text, only its ends."""
-    text = str(error).removeprefix(f"{path}: ")
+    text = (isinstance(error, OSError) and error.strerror) or str(error).removeprefix(f"{path}: ")
     cut = text if len(text) <= _LONGEST_MESSAGE else f"{text[: _LONGEST_MESSAGE - 300]} ... {text[-300:]}"
     return f"{path}: {cut}"
 

@@ -13,16 +13,20 @@ import os
 import stat
 import uuid
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import google_crc32c
 import numpy as np
 from numpy.typing import NDArray
 
-from .layout import TEXT
+from .layout import MOST_CHUNK_BYTES, TEXT
 
 PART = ".part"
+MOST_METADATA_BYTES = 10_000_000  # bytes of a file of metadata; that of 1,000 results has 1 MB
+MOST_COORDINATE_BYTES = 1_000_000_000  # bytes of the values of one name that varies: 125 million members
 _CRC = 4  # bytes
 _GZIP = b"\x1f\x8b\x08\x10" + bytes(4) + b"\x04\xff"  # header: a comment follows, no time, fast, any system
 
@@ -83,6 +87,16 @@ def write_chunk(path: Path, data: bytes) -> None:
         raise
 
 
+def check_unpacked(name: str, packed: bytes) -> None:
+    """Raise ChunkError if texts, gzip data without its header, unpack to more bytes than a chunk may have."""
+    try:
+        unpacked = zlib.decompressobj(-zlib.MAX_WBITS).decompress(packed, MOST_CHUNK_BYTES + 1)
+    except zlib.error:
+        raise ChunkError(f"{name} is no gzip data") from None
+    if len(unpacked) > MOST_CHUNK_BYTES:
+        raise ChunkError(f"{name} unpacks to more than {MOST_CHUNK_BYTES:,} bytes")
+
+
 def read_chunk(path: Path, size: int | None = None) -> bytes:
     """What a chunk holds, without its checksum.
 
@@ -93,7 +107,7 @@ def read_chunk(path: Path, size: int | None = None) -> bytes:
     Raises:
         ChunkError: it is not there, of another length, or not what was written.
     """
-    data = plain_bytes(path)
+    data = plain_bytes(path, _CRC + (MOST_CHUNK_BYTES if size is None else size))
     if len(data) < _CRC or (size is not None and len(data) != size + _CRC):
         raise ChunkError(f"has {len(data)} bytes")
     if google_crc32c.value(data[:-_CRC]) != int.from_bytes(data[-_CRC:], "little"):
@@ -101,12 +115,27 @@ def read_chunk(path: Path, size: int | None = None) -> bytes:
     return data[:-_CRC]
 
 
-def plain_bytes(path: Path) -> bytes:
-    """A plain file: others (a pipe, a device) may never end. Raises ChunkError."""
+def plain_bytes(path: Path, most: int = MOST_METADATA_BYTES) -> bytes:
+    """Return the content of a plain file of up to `most` bytes; raises ChunkError."""
+    with plain_file(path, most) as file:
+        return file.read()
+
+
+@contextmanager
+def plain_file(path: Path, most: int) -> Iterator[BinaryIO]:
+    """Open a plain file of up to `most` bytes: others (a pipe, a device) may never end.
+
+    Raises:
+        ChunkError: it is no plain file, is larger, or cannot be read.
+    """
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
             raise ChunkError("is no plain file")
-        return path.read_bytes()
+        if status.st_size > most:
+            raise ChunkError(f"has {status.st_size:,} bytes; up to {most:,} are possible")
+        with path.open("rb") as file:
+            yield file
     except FileNotFoundError:
         raise ChunkError("is missing") from None
     except OSError as error:

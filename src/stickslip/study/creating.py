@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .._version import __version__
 from ..units import QuantityError
-from .chunks import part_beside
+from .chunks import MOST_METADATA_BYTES, part_beside
 from .description import identity
 from .errors import StudyError
 from .layout import TEXT, Layout, check_layout, layout_text
@@ -121,4 +121,10 @@ def _metadata(
         zarr.consolidate_metadata(str(path))
     content = json.loads((path / "zarr.json").read_bytes())
     content["attributes"]["study"] = json.dumps(manifest)
-    (path / "zarr.json").write_text(sealed(content), encoding="utf-8")
+    text = sealed(content)
+    if len(text) > MOST_METADATA_BYTES:
+        raise QuantityError(
+            f"the study cannot be stored: its metadata would have {len(text) / 1e6:.0f} MB; up to "
+            f"{MOST_METADATA_BYTES / 1e6:g} MB are possible: take fewer results, or shorter attributes"
+        )
+    (path / "zarr.json").write_text(text, encoding="utf-8")

@@ -14,7 +14,9 @@ MOST, TASKS = 8192, 64
 # Bytes of a task in memory.
 LARGEST = 64_000_000
 TEXT = "text"
+MOST_DIMS = 32  # dimensions of a study, the number that NumPy 1 and HDF5 have
 MOST_TASKS = 10_000_000  # tasks of a study: files of one folder; each is looked for
+MOST_CHUNK_BYTES = 128_000_000  # bytes of a chunk, twice `LARGEST`: a reader needs this memory twice
 
 
 class Variable(NamedTuple):
@@ -138,15 +140,25 @@ def check_layout(layout: Layout) -> None:
     for name in (*layout.dims, *(v.name for v in layout.variables)):
         if not str(name).isidentifier():
             raise ValueError(f"{str(name)[:60]!r} is no name of a variable: take letters, digits and _")
-    if not (len(layout.dims) == len(layout.shape) == len(layout.task) > 0):
-        raise ValueError("its dimensions have no sizes")
+    if not (MOST_DIMS >= len(layout.dims) == len(layout.shape) == len(layout.task) > 0):
+        raise ValueError(f"it has no sizes of 1 to {MOST_DIMS} dimensions")
     if min(layout.shape + layout.task) < 1 or layout.tasks > MOST_TASKS:
         raise ValueError(f"it would have {layout.tasks:.3g} tasks; up to {MOST_TASKS:,} are possible")
     for one in layout.variables:
         if not {*one.dims} <= {*layout.dims} or (one.dtype != TEXT and np.dtype(one.dtype).kind not in "fiu"):
             raise ValueError(f"{one.name}: no such variable is possible")
-    if layout.variables[-1].name != "status" or [v.dtype for v in layout.variables].count(TEXT) != 1:
+        if layout.size(one) > MOST_CHUNK_BYTES:
+            raise ValueError(
+                f"a task would have {layout.size(one) / 1e6:,.0f} MB of {one.name}; up to "
+                f"{MOST_CHUNK_BYTES / 1e6:g} MB are possible: take fewer members a task (task: ...)"
+            )
+    status = layout.variables[-1]
+    texts = [v.dtype for v in layout.variables].count(TEXT)
+    if status[:3] != ("status", layout.dims, ()) or status.dtype == TEXT or texts != 1:
         raise ValueError("it has no reasons and status")
+    codes, meanings = status.about["flag_values"], status.about["flag_meanings"].split()
+    if not all(isinstance(code, int) for code in codes) or len(codes) != len(meanings):
+        raise ValueError("its statuses have no meanings")
 
 
 def _variables(listed: list[dict[str, Any]]) -> Iterator[Variable]:

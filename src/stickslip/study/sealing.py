@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from .chunks import ChunkError, plain_bytes
+from .chunks import MOST_COORDINATE_BYTES, MOST_METADATA_BYTES, ChunkError, plain_file
 
 SEAL = "checksum"  # attribute of the group that holds the seal of the store
 
@@ -44,8 +44,10 @@ def checks_of(seal: bytes, key: str, number: int) -> dict[str, int]:
 
 
 def file_hash(path: Path) -> str:
-    """Return the hash of a file; raises ChunkError."""
-    return _hash(plain_bytes(path))
+    """Return the hash of a file of metadata or coordinates; raises ChunkError."""
+    most = MOST_METADATA_BYTES if path.name == "zarr.json" else MOST_COORDINATE_BYTES
+    with plain_file(path, most) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def store_seal(group: Mapping[str, Any]) -> str:

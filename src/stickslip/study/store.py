@@ -13,6 +13,7 @@ import contextlib
 import errno
 import json
 import os
+import re
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -27,6 +28,7 @@ from ..gate.text import load_json
 from .chunks import (
     PART,
     ChunkError,
+    check_unpacked,
     checksum,
     chunk_bytes,
     comment_of,
@@ -45,6 +47,7 @@ FORMAT = 2
 ABANDONED = 86_400.0
 # A file of that name asks all runs to stop, when it is made or changed.
 STOP = ".stop"
+_NUMBER = re.compile("0|[1-9][0-9]{0,8}")  # below 1e9, as tasks are
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -125,9 +128,16 @@ class Store:
             )
 
     def done(self) -> NDArray[np.bool_]:
-        """Whether each task is done."""
-        layout = self.layout
-        return np.array([self._file(layout.variables[-1], i).exists() for i in range(layout.tasks)])
+        """Return whether each task is done, from the files that are there: a layout may have far more."""
+        layout, status = self.layout, self.layout.variables[-1]
+        found = np.zeros(layout.tasks, dtype=bool)
+        places: list[tuple[int, ...]] = [()]
+        for count in layout.counts:
+            folders = ((at, self.path.joinpath(status.name, "c", *map(str, at))) for at in places)
+            places = [(*at, i) for at, folder in folders for i in _numbers(folder) if i < count]
+        for number in (int(np.ravel_multi_index(at, layout.counts)) for at in places):
+            found[number] = self._file(status, number).exists()
+        return found
 
     def damage(self, number: int) -> str:
         """What is wrong with a task that is done; empty where nothing is."""
@@ -226,6 +236,8 @@ class Store:
         content = packed if variable.dtype == TEXT else data
         if comment.get(variable.name) != checksum(content):
             raise ChunkError(f"{variable.name} is of another task, study or variable")
+        if variable.dtype == TEXT:
+            check_unpacked(variable.name, content)
         return content
 
     def _sealed(self, number: int, data: bytes | None) -> tuple[dict[str, int], bytes]:
@@ -286,6 +298,14 @@ class Store:
 
     def _file(self, variable: Variable, number: int) -> Path:
         return self.path / self.layout.key(variable, number)
+
+
+def _numbers(folder: Path) -> list[int]:
+    """Return the names in a folder that are numbers; none if it is no folder."""
+    try:
+        return [int(one) for one in os.listdir(folder) if _NUMBER.fullmatch(one)]
+    except OSError:
+        return []
 
 
 def _chunk(name: str, file: Path, size: int | None) -> bytes:
