@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import warnings
 from pathlib import Path
 
@@ -181,3 +182,18 @@ def test_readings_beyond_the_range_are_warned_of() -> None:
             warnings.simplefilter("always")
             apply_calibration(made.assign(sensor=made["sensor"] * 0.0 + reading), {"sensor": CHAIN[0]})
         assert ["sensor goes from" in str(one.message) for one in caught] == [True] * told
+
+
+def test_a_table_is_a_plain_file_of_finite_numbers_and_limited_size(tmp_path: Path, monkeypatch) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    good = "position [mm], a [V]\n0, 1\n1, 2\n"
+    (tmp_path / "infinite.csv").write_text(good + "2, 1e999\n")
+    (tmp_path / "large.csv").write_text(good)
+    monkeypatch.setattr("stickslip.calibration.table.MOST_TABLE_BYTES", len(good) - 1)
+    for name, said in (("pipe", "no plain file"), ("large", "such a file has up to")):
+        with pytest.raises(CalibrationError, match=rf"{name}\.csv: .*{said}"):
+            read_table(tmp_path / f"{name}.csv")
+    monkeypatch.undo()
+    assert read_table(tmp_path / "large.csv").x.shape == (2, 1)
+    with pytest.raises(CalibrationError, match=r"infinite\.csv, line 4: a number is infinite"):
+        read_table(tmp_path / "infinite.csv")

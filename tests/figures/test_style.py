@@ -1,4 +1,5 @@
 import io
+import time
 import xml.etree.ElementTree as ET
 
 import matplotlib as mpl
@@ -6,7 +7,16 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from stickslip.figures.style import DOTS_PER_INCH, MANY_MARKERS, MANY_POINTS, drawn, panels, svg, trace
+from stickslip.figures.style import (
+    DOTS_PER_INCH,
+    LONGEST_TEXT,
+    MANY_MARKERS,
+    MANY_POINTS,
+    drawn,
+    panels,
+    svg,
+    trace,
+)
 
 
 def picture(points: int, **how: object) -> Figure:
@@ -65,3 +75,17 @@ def test_dense_traces_become_pixels(points: int, how: dict[str, str], pixels: bo
 
 def test_svg_of_a_dense_trace_is_small() -> None:
     assert len(svg(picture(500_000))) < 300_000
+
+
+def test_a_text_of_a_file_is_cut_before_it_is_drawn() -> None:
+    """A label of 120,000 characters took 8 s of computing."""
+    figure = Figure()
+    panel = figure.add_subplot()
+    panel.plot([0.0, 1.0], label="legend" * 20_000)
+    panel.set_ylabel("axis" * 30_000)
+    panel.set_title("title" * 20_000, loc="left")
+    panel.legend()
+    begun = time.process_time()
+    svg(figure)
+    assert time.process_time() - begun < 3.0
+    assert len(panel.get_ylabel()) == len(panel.get_title(loc="left")) == LONGEST_TEXT + 4

@@ -11,7 +11,7 @@ import pytest
 import scipy.io
 
 from stickslip.readers import inspect_file, read_recording
-from stickslip.recording import RecordingError, make_recording, save_recording
+from stickslip.recording import RecordingError, make_recording, open_recording, save_recording
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
 GOOD = "t [s],x [um]\n" + "".join(f"{i},{i}.5\n" for i in range(30))
@@ -260,3 +260,21 @@ def test_a_mat_file_of_empty_elements_is_counted(tmp_path: Path) -> None:
     path.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM" + bytes(1_000_000))
     with pytest.raises(RecordingError, match="more than 20,000 groups"):
         read_recording(path)
+
+
+def test_an_error_of_the_system_is_said_in_one_line_with_the_name(tmp_path: Path) -> None:
+    """What is mapped at no address cannot be read: the system's error names no file."""
+    for ending in ("csv", "nc", "mat"):
+        (tmp_path / f"a.{ending}").symlink_to("/proc/self/mem")
+        for act in (read_recording, open_recording):
+            with pytest.raises(RecordingError, match=rf"a\.{ending}: ") as refused:
+                act(tmp_path / f"a.{ending}")
+            assert "\n" not in str(refused.value)
+
+
+def test_a_message_of_a_library_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "a.npy"
+    path.write_bytes(b"\x93NUMPY\x02\x00" + (20_000).to_bytes(4, "little") + b"{" * 20_000)
+    with pytest.raises(RecordingError, match=r"a\.npy: not a readable NPY file") as refused:
+        read_recording(path)
+    assert "\n" not in str(refused.value)

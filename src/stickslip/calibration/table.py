@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 import re
 from pathlib import Path
@@ -91,6 +92,9 @@ def _numbers(path: Path, line: int, row: list[str], count: int) -> list[float]:
     if len(row) != count:
         raise CalibrationError(f"{path}, line {line}: {len(row)} cells, the header has {count}")
     try:
-        return [float(cell) for cell in row]
+        found = [float(cell) for cell in row]
     except ValueError as error:
         raise CalibrationError(f"{path}, line {line}: {error}") from None
+    if not all(map(math.isfinite, found)):
+        raise CalibrationError(f"{path}, line {line}: a number is infinite or NaN: leave the line out")
+    return found

@@ -65,7 +65,7 @@ def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> I
     told = set()  # each once, however many fits of a recording meet it
 
     def say(message: Warning | str, *where: Any, **how: Any) -> None:
-        text = " ".join(str(message).split())
+        text = _in_one_line(str(message))
         if text not in told:
             typer.echo(f"Warning: {text}", err=True)
         told.add(text)
@@ -105,12 +105,17 @@ def _reader_is_gone() -> bool:
     return False
 
 
+def _in_one_line(text: str) -> str:
+    """Return a text in one line; what is not printable is escaped, for a file's name may steer a terminal."""
+    return "".join(one if one.isprintable() else ascii(one)[1:-1] for one in " ".join(text.split()))
+
+
 def _explained(error: Exception) -> str:
-    text = " ".join(". ".join((str(error), *getattr(error, "__notes__", ()))).split())
+    text = _in_one_line(". ".join((str(error), *getattr(error, "__notes__", ()))))
     if isinstance(error, ModuleNotFoundError) and not str(error.name).startswith("stickslip"):
         return f"this command needs {error.name}; {_INSTALL}"
     if isinstance(error, OSError) and error.strerror and error.filename is not None:
-        return f"{error.filename}: {error.strerror}"
+        return _in_one_line(f"{error.filename}: {error.strerror}")
     if isinstance(error, ValueError | OSError) or type(error).__module__.startswith("stickslip"):
         return text
     return f"unexpected {type(error).__name__}: {text} (--traceback shows where)"

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from .. import registry
+from ..gate.errors import GateError
+from ..gate.limits import LIMITS
 from .csv import read_csv
 from .file_units import of_its_name
 from .headers import named_unit
@@ -18,6 +20,7 @@ def source_of(
     arguments of text.
 
     Raises:
+        GateError: a channel has a longer name than `LIMITS` allows: every page, table and figure shows it.
         RecordingError: the file is damaged, or not as its format is.
         RegistryError: there is no such format.
     """
@@ -25,4 +28,6 @@ def source_of(
         source = read_csv(path, delimiter, decimal, skip)
     else:
         source = registry.readers.find(kind).read(path)
+    if any(len(one.shown) > LIMITS.name for one in source.channels):
+        raise GateError(f"{path}: a name in it has more than {LIMITS.name:,} characters: shorten it")
     return source._replace(channels=tuple(of_its_name(named_unit(one)) for one in source.channels))

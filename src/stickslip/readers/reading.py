@@ -149,13 +149,15 @@ def _named(path: Path) -> Iterator[None]:
     """Let every error name the file; those below know only lines, samples and columns."""
     try:
         yield
-    except (ValueError, OSError) as error:  # QuantityError and GateError, too
+    except (ValueError, OSError) as error:  # QuantityError and GateError, too; a disk that fails
         raise RecordingError(said(path, error)) from error
 
 
 def said(path: Path, error: ValueError | OSError) -> str:
-    """Return the message of an error with the name of the file before it; of a long text, only its ends."""
-    text = (isinstance(error, OSError) and error.strerror) or str(error).removeprefix(f"{path}: ")
+    """Return the message of an error in one line, with the name of the file before it; of a long text, only
+    its ends."""
+    whole = (isinstance(error, OSError) and error.strerror) or str(error).removeprefix(f"{path}: ")
+    text = " ".join(whole.split())
     cut = text if len(text) <= _LONGEST_MESSAGE else f"{text[: _LONGEST_MESSAGE - 300]} ... {text[-300:]}"
     return f"{path}: {cut}"
 

@@ -54,8 +54,9 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
         recording = _stored(path)
     except GateError as error:
         raise RecordingError(f"{error}") from error
-    except (ValueError, TypeError) as error:  # xarray, of axes that do not fit each other
-        raise RecordingError(f"{path}: not a readable NetCDF 4 file (damaged?): {error}") from error
+    except (ValueError, TypeError, OSError) as error:  # xarray, of axes that do not fit each other; a disk
+        said = " ".join(str(error).split())
+        raise RecordingError(f"{path}: not a readable NetCDF 4 file (damaged?): {said}") from error
     if "schema_version" not in recording.attrs:
         raise RecordingError(f"{path}: NetCDF, but no stickslip recording (it lacks 'schema_version')")
     try:
