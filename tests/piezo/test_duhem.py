@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 import stickslip as ss
 from stickslip.engine import compiled_law, law_of, numba_laws
+from stickslip.engine.translator import REAL, Translation, TranslationError
 from stickslip.piezo import BoucWen, Piezo, bouc_wen, duhem_output, register_piezo
 from stickslip.piezo.duhem import DUHEM, is_duhem, rested
 from stickslip.plant.at_piezo import at_piezo
@@ -160,6 +161,16 @@ def test_a_model_of_ones_own_runs_compiled_or_called_back(how: str, monkeypatch:
     np.testing.assert_allclose(made.start, expected[1].start, rtol=1e-13)
     np.testing.assert_allclose(made.polynomial, expected[1].polynomial, rtol=1e-9, atol=1e-9)
     assert law_of.law_of(WIDER, interface=DUHEM).how == how
+
+
+def test_a_lambda_is_compiled_as_a_function_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is an argument, alone in its statement or line; of two it is not known which."""
+    monkeypatch.setattr(law_of, "_KNOWN", {})
+    assert law_of.law_of(OwnBoucWen(0.2, 0.06), interface=DUHEM).how == "compiler"
+    one, other = (lambda u: u + 1.0), (lambda u: u + 2.0)
+    for function in (one, other):
+        with pytest.raises(TranslationError, match="the only lambda of its statement"):
+            Translation().function(function, (REAL,))
 
 
 def test_what_a_model_raises_reaches_its_caller(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -132,10 +132,13 @@ def source_of(function: Callable[..., Any]) -> FunctionSource:
             f"{name} ({where}) cannot be translated to C: its source cannot be read"
         ) from None
     made = FunctionSource(plain, name, where, first, tree)  # type: ignore[arg-type]
-    if isinstance(tree, ast.Assign | ast.AnnAssign) and isinstance(tree.value, ast.Lambda):
-        return made.local(tree.value, "lambda")._replace(name="unnamed")
+    lambdas = [one for one in ast.walk(tree) if isinstance(one, ast.Lambda)] if name == "<lambda>" else []
+    if len(lambdas) == 1:  # of several in one statement it is not known which
+        return made.local(lambdas[0], "lambda")._replace(name="unnamed")
     if not isinstance(tree, ast.FunctionDef):
-        raise made.error(None, "it must be a function that is defined with def")
+        raise made.error(
+            None, "it must be a function that is defined with def, or the only lambda of its statement"
+        )
     if not name.isascii():
         raise made.error(None, "C takes names in ASCII only")
     return made
