@@ -9,6 +9,7 @@ its checksum, and is computed again.
 
 from __future__ import annotations
 
+import io
 import os
 import stat
 import uuid
@@ -16,7 +17,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import google_crc32c
 import numpy as np
@@ -122,7 +123,7 @@ def plain_bytes(path: Path, most: int = MOST_METADATA_BYTES) -> bytes:
 
 
 @contextmanager
-def plain_file(path: Path, most: int) -> Iterator[BinaryIO]:
+def plain_file(path: Path, most: int) -> Iterator[io.BufferedReader]:
     """Open a plain file of up to `most` bytes: others (a pipe, a device) may never end.
 
     Raises:
