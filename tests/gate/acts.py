@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import os
 import time
 from pathlib import Path
@@ -55,3 +56,10 @@ def odd(path: Path) -> None:
 
 def process(path: Path) -> int:
     return os.getpid()
+
+
+def cut(path: Path) -> int:
+    """Map a file and cut it before reading, as whoever writes it anew does."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        os.truncate(path, 0)
+        return content[0]

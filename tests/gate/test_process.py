@@ -127,3 +127,12 @@ def test_it_is_gone_when_its_owner_is(fence: Fence, file: Path) -> None:
     fence.close()
     with pytest.raises(ProcessLookupError):
         os.kill(number, 0)
+
+
+def test_a_file_that_becomes_shorter_while_it_is_read_is_tried_again(fence: Fence, file: Path) -> None:
+    """The process ends by SIGBUS: the sentence says why, and nothing is remembered of the file."""
+    error = tried(fence, acts.cut, file)
+    assert isinstance(error, GateBusy)
+    assert str(error) == f"{file}: it became shorter while it was read; is it being written? Try again"
+    file.write_bytes(b"whole again")
+    assert fence(acts.size, file, 5.0, 2**28) == 11

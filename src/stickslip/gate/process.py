@@ -116,6 +116,8 @@ class Fence:
         if code in _CRASHES:
             name = signal.Signals(-code).name
             return "fault", f"{path}: reading it crashed the process that reads files ({name}): damaged?"
+        if code == -signal.SIGBUS:  # of a file in memory whose end is gone
+            return "busy", f"{path}: it became shorter while it was read; is it being written? Try again"
         return (
             "busy",
             f"{path}: not read: the process that reads files was ended from outside "
