@@ -63,32 +63,14 @@ class ComposedMembers:
         self._structs = _Structs("struct plant", self.count)
         self._structs.fill(like.struct)
         self.struct = self._structs.pointer
-        numbers = iter(values.T)
-        for m, mode in enumerate(plant.modes):
-            for name in mode._fields:
-                self._structs.put(next(numbers), np.float64, "mode", m, name)
-        for e, one in enumerate(plant.elements):
-            self._fill(e, one, numbers)
-        self._structs.put(next(numbers), np.float64, "rate")
+        each = np.arange(self.count)
+        for place, given in numbers_of(plant, values):
+            if given.ndim == 2:
+                self._structs.point(given, each, *place)
+            else:
+                self._structs.put(given, np.float64, *place)
         for m in range(self.count):  # what composing sets depends on which numbers are zero
             library().stickslip_compose(self.struct + m)
-
-    def _fill(self, e: int, one: Any, numbers: Iterator[Array]) -> None:
-        each = np.arange(self.count)
-        own = _parameters(one.law, numbers, self.count)
-        self._structs.point(own, each, "element", e, "parameters")
-        for name, value in zip(one._fields[1:], one[1:], strict=True):
-            if name == "along" and value is not None:
-                along = np.stack([next(numbers) for _ in value], axis=1)
-                self._structs.point(along, each, "element", e, name)
-            elif name == "loaded" and value is not None:
-                next(numbers)  # a flag
-            elif isinstance(value, tuple):
-                for i, share in enumerate(value):
-                    if share is not None:
-                        self._structs.put(next(numbers), np.float64, "element", e, name, i)
-            elif value is not None:
-                self._structs.put(next(numbers), np.float64, "element", e, name)
 
 
 class MemberDrives:
@@ -167,6 +149,35 @@ def integrate_members(
     task.outcomes, task.steps = integers(outcomes, "outcomes"), integers(found.steps, "steps")
     called(library().stickslip_integrate_members, members.laws, task)
     return found
+
+
+def numbers_of(plant: Any, values: Array) -> Iterator[tuple[tuple[str | int, ...], Array]]:
+    """Yield the place of each number in ``struct plant``, and that number of each member.
+
+    Where the struct points to numbers (parameters of a law, a normal force along the stroke), these are a row
+    of each member [members, numbers].
+
+    Args:
+        plant, values: see `ComposedMembers`.
+    """
+    numbers = iter(values.T)
+    for m, mode in enumerate(plant.modes):
+        for name in mode._fields:
+            yield ("mode", m, name), next(numbers)
+    for e, one in enumerate(plant.elements):
+        yield ("element", e, "parameters"), _parameters(one.law, numbers, len(values))
+        for name, value in zip(one._fields[1:], one[1:], strict=True):
+            if name == "along" and value is not None:
+                yield ("element", e, name), np.stack([next(numbers) for _ in value], axis=1)
+            elif name == "loaded" and value is not None:
+                next(numbers)  # a flag
+            elif isinstance(value, tuple):
+                for i, share in enumerate(value):
+                    if share is not None:
+                        yield ("element", e, name, i), next(numbers)
+            elif value is not None:
+                yield ("element", e, name), next(numbers)
+    yield ("rate",), next(numbers)
 
 
 def check_fit(members: ComposedMembers, drives: MemberDrives | None, column: int) -> None:

@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuator import Actuator
 from ..electronics.stack import Stack
 from ..engine.binding import DriveTable
+from ..engine.law_of import law_of
 from ..engine.members import ComposedMembers, MemberDrives, integrate_members
+from ..friction import element
 from ..plant.at_piezo import tabulated
 from ..progress import Progress, unheard
 from ..solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
@@ -177,20 +179,19 @@ class _Task(NamedTuple):
     tolerance: float
     max_steps: int
     times: NDArray[np.float64]
-    gpu: Any  # the module `solve.cuda`, or None
+    gpu: Any  # the module `engine.cuda`, or None
 
 
 def _gpu(model: Actuator, times: NDArray[np.float64]) -> Any:
     """The GPU's engine, or None with a warning that says why not."""
-    why = ""
     if times.size:
         why = "the GPU keeps summaries only, and trajectories are asked for"
     else:
-        from ..solve import cuda  # only here: it takes a second, and a driver
+        from ..engine import cuda  # only here: most do without
 
-        if cuda.available():
+        why = cuda.missing() or cuda.refused(law_of(element(model.friction, 0)))
+        if not why:
             return cuda
-        why = "there is no GPU that Numba can use (extra stickslip[cuda], and NVIDIA's driver)"
     warnings.warn(f"the processors do it instead: {why}", SimulationWarning, stacklevel=3)
     return None
 

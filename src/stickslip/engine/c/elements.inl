@@ -9,7 +9,8 @@
  *   STATES_OF(P, e), FIRST(P, e)             number of internal states of element e, and the first one's place
  *   STATIC(test)           the test, whether laws are static; 0 or 1 where plants of this size have none, or no others
  *   RARE(test)             the test; 0 where plants of this size have nothing but contacts without a varying normal
- *                          force, so that a compiler removes what the test guards */
+ *                          force, so that a compiler removes what the test guards
+ *   WATCHED(test)          the test; 0 where nothing of a step is kept: no samples, neighbours, or row of continuation */
 
 #ifndef NOTHING_YET
 /* Where a sum starts: -0 changes nothing that is added to it, not even +0, so that a compiler drops the addition. */

@@ -22,6 +22,7 @@
 #define FIRST(P, e) ((P)->element[e].first)
 #define STATIC(test) (test)
 #define RARE(test) (test)
+#define WATCHED(test) (test)
 #include "size.inl"
 
 /* What every stage of a fixed size calls becomes part of the step, so that its numbers stay in registers. */

@@ -5,7 +5,9 @@
 #include "plant.h"
 #include "table.h"
 
-#if defined _WIN32
+#if defined STICKSLIP_GPU /* what is in the kernel */
+#define STICKSLIP_API
+#elif defined _WIN32
 #define STICKSLIP_API __declspec(dllexport)
 #else
 #define STICKSLIP_API __attribute__((visibility("default")))

@@ -38,6 +38,7 @@ typedef void law_branch_rate_fn(const real_t *p, real_t speed, real_t z, int bra
 /* Negative where a branch has ended. */
 typedef real_t law_left_fn(const real_t *p, real_t speed, real_t growth, real_t z, int branch);
 
+#ifndef STICKSLIP_ONE_LAW /* else the kernel of a GPU has defined it, with the functions of one law */
 struct law {
     const char *name;          /* of its record in Python */
     int parameters;            /* length of p */
@@ -51,5 +52,6 @@ struct law {
     law_branch_rate_fn *branch_rate;
     law_left_fn *left;
 };
+#endif
 
 #endif

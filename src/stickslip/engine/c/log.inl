@@ -63,7 +63,7 @@ static void OF(record)(struct OF(walk) *w, real_t t_new)
     row[LOG_FRACTION] = w->leapt ? LAUNCHED : w->cut.fraction;
     real_t *states = row + LOG_SIDES + OF(put_regime)(P, &w->on, row + LOG_SIDES);
     OF(copy)(P, w->q, states);
-    OF(copy)(P, w->step.new, states + STATES(P));
+    OF(copy)(P, w->step.next, states + STATES(P));
     for (int k = 0; k < 3; k++)
         OF(copy)(P, w->step.rows[k], states + (2 + k) * STATES(P));
 }

@@ -108,7 +108,7 @@ static void OF(take_alike)(struct OF(logged) *L, const struct table *load, const
     if (L->row[LOG_FRACTION] == LAUNCHED) {
         const real_t *states = OF(logged_states)(P, L->row);
         for (int c = 0; c < STATES(P); c++) {
-            S->new[c] = q[c] + states[c + STATES(P)] - states[c];
+            S->next[c] = q[c] + states[c + STATES(P)] - states[c];
             for (int k = 0; k < 3; k++)
                 S->rows[k][c] = states[c + (2 + k) * STATES(P)];
         }
@@ -117,13 +117,13 @@ static void OF(take_alike)(struct OF(logged) *L, const struct table *load, const
     }
     int64_t column = N->of->column;
     trace[TRACE_OLD] = q[column];
-    trace[TRACE_NEW] = S->new[column];
+    trace[TRACE_NEW] = S->next[column];
     for (int k = 0; k < 3; k++)
         trace[TRACE_ROWS + k] = S->rows[k][column];
     if (L->fraction < R(1.0))
         OF(at)(P, L->fraction, q, S, end);
     else
-        OF(copy)(P, S->new, end);
+        OF(copy)(P, S->next, end);
     OF(settle)(P, end, S->u[AT_END], L->local);
     OF(settle_alike)(L->P, L->end, P, end);
     OF(copy)(P, end, q);

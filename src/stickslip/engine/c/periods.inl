@@ -39,11 +39,11 @@ static real_t OF(careful_tolerance)(const struct plant *P, real_t lasts, real_t 
  * later, `periods` periods later, and `move` further on. */
 static void OF(read)(struct OF(journey) *J, int64_t first, real_t shift, int64_t periods, const real_t *move, real_t t_end)
 {
-    if (J->near.of != NULL)
+    if (WATCHED(J->near.of != NULL))
         OF(read_traces)(&J->read, &J->near, first, J->i, shift, periods, t_end);
-    if (J->read.account != NULL)
+    if (WATCHED(J->read.account != NULL))
         OF(read_account)(&J->read, shift, t_end);
-    if (J->read.log->filled > 0)
+    if (WATCHED(J->read.log->filled > 0))
         OF(read_samples)(&J->read, shift, move, t_end);
 }
 
@@ -55,7 +55,7 @@ static int OF(run_and_read)(struct OF(journey) *J, real_t stop, bool *flushed)
     *flushed = false;
     for (;;) {
         int outcome = OF(run)(&J->walk, stop);
-        if (J->near.of != NULL)
+        if (WATCHED(J->near.of != NULL))
             OF(replay)(&J->walk, &J->near);
         if (J->walk.stop != NULL && *J->walk.stop != 0)
             return STOPPED;
@@ -74,7 +74,7 @@ static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t apart, 
     const struct table *drive = w->drive;
     real_t net[ROOM_STATES], moved[ROOM_STATES];
     int64_t begins = J->i - J->cycle.segments;
-    OF(gone)(w->P, w->q, J->begun, J->near.of == NULL ? R(2.0) * apart : R(0.0), net);
+    OF(gone)(w->P, w->q, J->begun, !WATCHED(J->near.of != NULL) ? R(2.0) * apart : R(0.0), net);
     for (int64_t p = 1; p <= left; p++) {
         int64_t after = J->i + J->cycle.segments;
         real_t end = after < drive->segments ? drive->start[after] : J->t_end;
@@ -86,7 +86,7 @@ static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t apart, 
     }
     for (int c = 0; c < STATES(w->P); c++)
         w->q[c] += (real_t)left * net[c];
-    if (J->near.of != NULL)
+    if (WATCHED(J->near.of != NULL))
         OF(carry)(&J->near, left);
     J->ending = true;
     if (J->i >= drive->segments)
@@ -127,10 +127,10 @@ static int OF(follow)(struct OF(journey) *J)
             stop = r_min(drive->start[J->cycle.first], J->t_end);
         if (whole)
             stop = drive->start[J->i + n];
-        if (J->resume != NULL && n > 0 && !J->ending)
+        if (WATCHED(J->resume != NULL) && n > 0 && !J->ending)
             OF(store)(w->P, J->resume, w->t, w->h, w->fresh, J->compared, &w->on, w->q, J->before);
         OF(copy)(w->P, w->q, J->begun);
-        if (J->near.of != NULL)
+        if (WATCHED(J->near.of != NULL))
             OF(mark)(&J->near);
         int outcome = OF(run_and_read)(J, stop, &flushed);
         if (outcome != DONE)
@@ -164,7 +164,7 @@ static void OF(depart)(struct OF(journey) *J)
 {
     struct OF(walk) *w = &J->walk;
     const struct plant *P = w->P;
-    bool resumed = J->resume != NULL && J->resume[VALID] > R(0.0);
+    bool resumed = WATCHED(J->resume != NULL) && J->resume[VALID] > R(0.0);
     OF(copy)(P, w->q, J->before);
     if (resumed)
         OF(take_up)(J);
@@ -179,11 +179,39 @@ static void OF(depart)(struct OF(journey) *J)
         table_at(w->drive, J->i, w->t, u);
         OF(tick)(P, w->q, u, w->t);
     }
-    if (J->resume != NULL && !resumed)
+    if (WATCHED(J->resume != NULL) && !resumed)
         OF(store)(P, J->resume, w->t, w->h, true, false, &w->on, w->q, w->q);
     w->resume = n > 0 ? NULL : J->resume;
 }
 
+/* Follows the task's trajectory; J is zero but for its neighbours. Returns an outcome. */
+static int OF(travel)(struct OF(journey) *J, struct log *log, const struct stickslip_task *task,
+                      struct stickslip_result *result)
+{
+    const struct plant *P = task->plant;
+    struct OF(walk) *w = &J->walk;
+    real_t tolerance = task->tolerance;
+    if (task->careful)
+        tolerance = OF(careful_tolerance)(P, task->end - task->begin, tolerance);
+    *w = (struct OF(walk)){.P = P, .drive = task->drive, .load = task->load, .t = task->begin, .h = R(INFINITY),
+                           .fresh = true, .local = LOCAL * tolerance, .max_steps = task->max_steps, .log = log,
+                           .stop = task->stop};
+    J->read = (struct OF(reading)){.P = P, .drive = task->drive, .load = task->load, .log = log,
+                                   .times = task->times, .count = task->count,
+                                   .columns = STATES(P) + (ELEMENTS(P) > 0 ? ELEMENTS(P) : 1),
+                                   .samples = task->samples, .account = task->account};
+    J->tolerance = tolerance;
+    J->t_end = task->end;
+    J->resume = task->resume;
+    OF(copy)(P, task->state, w->q);
+    OF(depart)(J);
+    int outcome = OF(follow)(J);
+    OF(copy)(P, w->q, task->state);
+    *result = (struct stickslip_result){w->t, w->accepted, w->rejected};
+    return outcome;
+}
+
+#ifndef STICKSLIP_GPU /* where each thread has room of its own */
 /* Makes room for neighbours. Returns whether there is any. */
 static bool OF(make_room)(struct OF(neighbours) *N, const struct stickslip_near *near, int64_t states)
 {
@@ -208,27 +236,8 @@ static int OF(integrate)(const struct stickslip_task *task, const struct sticksl
     bool room = J != NULL && (log.rows == 0 || log.values != NULL);
     if (room && near != NULL)
         room = OF(make_room)(&J->near, near, STATES(P));
-    if (room) {
-        struct OF(walk) *w = &J->walk;
-        real_t tolerance = task->tolerance;
-        if (task->careful)
-            tolerance = OF(careful_tolerance)(P, task->end - task->begin, tolerance);
-        *w = (struct OF(walk)){.P = P, .drive = task->drive, .load = task->load, .t = task->begin, .h = R(INFINITY),
-                               .fresh = true, .local = LOCAL * tolerance, .max_steps = task->max_steps, .log = &log,
-                               .stop = task->stop};
-        J->read = (struct OF(reading)){.P = P, .drive = task->drive, .load = task->load, .log = &log,
-                                       .times = task->times, .count = task->count, .samples = task->samples,
-                                       .columns = STATES(P) + (ELEMENTS(P) > 0 ? ELEMENTS(P) : 1),
-                                       .account = task->account};
-        J->tolerance = tolerance;
-        J->t_end = task->end;
-        J->resume = task->resume;
-        OF(copy)(P, task->state, w->q);
-        OF(depart)(J);
-        outcome = OF(follow)(J);
-        OF(copy)(P, w->q, task->state);
-        *result = (struct stickslip_result){w->t, w->accepted, w->rejected};
-    }
+    if (room)
+        outcome = OF(travel)(J, &log, task, result);
     free(log.values);
     if (J != NULL) {
         free(J->near.begun);
@@ -237,3 +246,4 @@ static int OF(integrate)(const struct stickslip_task *task, const struct sticksl
     free(J);
     return outcome;
 }
+#endif

@@ -15,6 +15,7 @@
 #define FIRST(P, e) (2 * PLAIN_MODES + (e) * PLAIN_BRISTLES)
 #define STATIC(test) (!PLAIN_BRISTLES || (0 && (test)))
 #define RARE(test) (0 && (test))
+#define WATCHED(test) (test)
 #include "size.inl"
 #undef PLAIN_NAME_
 #undef PLAIN_NAME

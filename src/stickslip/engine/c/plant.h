@@ -10,11 +10,12 @@
 #include "law.h"
 #include "normal_force.h"
 
-
-/* Most modes, elements and states of a plant: the room of the instance with run-time sizes. */
+/* Most modes, elements and states of a plant: the room of the instance with run-time sizes; on a GPU those of the plant. */
+#ifndef LARGEST_MODES
 #define LARGEST_MODES 16
 #define LARGEST_ELEMENTS 16
 #define LARGEST_STATES 400
+#endif
 
 /* One linear mode, per unit of modal mass: k [1/s^2], c [1/s], b [m/s^2 per unit of the drive], a [m/s^2]. */
 struct mode {

@@ -22,7 +22,7 @@ enum verdict { ACCEPTED, AGAIN, GIVEN_UP_SHORT, GIVEN_UP_MANY };
 
 /* How long a step may be that starts anew: by what moves; where no more than the slope of the drive jumps, by what that
  * sets in motion. */
-static real_t OF(first_step)(const struct OF(walk) *w, const real_t *u, struct OF(unrest) found)
+static real_t OF(first_step)(const struct OF(walk) *w, const real_t *u, struct OF(onset) found)
 {
     const struct plant *P = w->P;
     const real_t *start = w->drive->start;
@@ -48,7 +48,7 @@ static void OF(begin)(struct OF(walk) *w)
     real_t u[DERIVATIVES], normal[DERIVATIVES];
     OF(drive_at)(w, w->t, u);
     OF(load_at)(w, w->t, normal);
-    struct OF(unrest) found = OF(start)(P, w->q, u, normal, w->share, &w->on);
+    struct OF(onset) found = OF(start)(P, w->q, u, normal, w->share, &w->on);
     if (w->forced >= 0) {
         w->on.side[w->forced] = R(0.0);
         w->h = r_min(w->h, R(1e-2) / P->rate);
@@ -64,7 +64,7 @@ static void OF(begin)(struct OF(walk) *w)
 /* Keeps the last instant before the end had an influence on a step. */
 static void OF(keep)(struct OF(walk) *w, real_t t_end, real_t left)
 {
-    if (w->resume == NULL || w->t_break != t_end || !(w->h > R(0.1) * left))
+    if (!WATCHED(w->resume != NULL) || w->t_break != t_end || !(w->h > R(0.1) * left))
         return;
     if (w->resume[INFLUENCED] != t_end && w->turned == 0 && w->forced < 0 && w->launch < 0 && !w->refused)
         OF(store)(w->P, w->resume, w->t, w->h, false, false, &w->on, w->q, w->q);
@@ -91,7 +91,7 @@ static void OF(launch)(struct OF(walk) *w)
         return;
     struct OF(launch) of = {w->P, &w->on, w->drive, w->load, w->i, w->j, w->launch, w->q};
     real_t longest = r_min(LONGEST_MOMENT / w->P->rate, R(0.1) * (w->t_break - w->t));
-    real_t lasts = OF(launched)(&of, w->t, w->moment, longest, w->step.new);
+    real_t lasts = OF(launched)(&of, w->t, w->moment, longest, w->step.next);
     if (!(lasts > R(0.0)))
         return;
     w->leapt = true;
@@ -206,7 +206,7 @@ static inline real_t OF(finish)(struct OF(walk) *w, real_t *end, real_t *u_end)
         if (w->cut.why == STOPS)
             OF(bring)(w->P, end, u_end, w->cut.which, R(0.0));
     } else {
-        OF(copy)(w->P, S->new, end);
+        OF(copy)(w->P, S->next, end);
         for (int k = 0; k < DERIVATIVES; k++)
             u_end[k] = S->u[AT_END][k];
     }
@@ -257,7 +257,7 @@ static inline void OF(advance)(struct OF(walk) *w)
         slows = OF(cut_at_ends)(w);
     w->accepted++;
     real_t t_new = OF(finish)(w, end, u_end);
-    if (w->log->rows > 0)
+    if (WATCHED(w->log->rows > 0))
         OF(record)(w, t_new);
     w->turned = 0;
     w->forced = w->launch = -1;
@@ -308,7 +308,7 @@ static int OF(run)(struct OF(walk) *w, real_t t_end)
         OF(advance)(w);
         if (w->accepted + w->rejected >= w->max_steps)
             return TOO_MANY_STEPS;
-        if (w->log->rows > 0 && w->log->filled == w->log->rows)
+        if (WATCHED(w->log->rows > 0) && w->log->filled == w->log->rows)
             return LOG_FULL;
     }
     return DONE;

@@ -24,3 +24,4 @@
 #undef FIRST
 #undef STATIC
 #undef RARE
+#undef WATCHED

@@ -18,7 +18,7 @@
 #endif
 
 /* How fast things change at an instant: an acceleration [m/s^2] and the largest sliding speed [m/s]. */
-struct OF(unrest) {
+struct OF(onset) {
     real_t change, speed;
 };
 
@@ -47,7 +47,7 @@ static void OF(let_go)(const struct plant *P, const real_t *q, const real_t *u, 
 
 /* Finds the sides of the contacts at an instant: each slides as its speed says, or begins to as its acceleration says; a
  * set-valued contact at rest is held if this `share` of its breakaway can hold it. */
-static struct OF(unrest) OF(start)(const struct plant *P, const real_t *q, const real_t *u, const real_t *normal,
+static struct OF(onset) OF(start)(const struct plant *P, const real_t *q, const real_t *u, const real_t *normal,
                                    real_t share, struct OF(regime) *on)
 {
     const real_t u_rates[2] = {u[SLOPE], u[CURVATURE]};
@@ -69,7 +69,7 @@ static struct OF(unrest) OF(start)(const struct plant *P, const real_t *q, const
     for (int e = 0; e < ELEMENTS(P); e++)
         if (!OF(is_static)(P, e) && !(r_abs(v[e]) > STILL))
             on->side[e] = OF(speed)(P, e, dq, u_rates) < R(0.0) ? R(-1.0) : R(1.0);
-    return (struct OF(unrest)){OF(unrest)(P, dq, u), fastest};
+    return (struct OF(onset)){OF(unrest)(P, dq, u), fastest};
 }
 
 /* The first set-valued contact that slides though it has no speed yet; -1 if none does. */

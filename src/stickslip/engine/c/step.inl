@@ -16,22 +16,22 @@
  * each element the length of the step over the time in which its fastest state relaxes. */
 struct OF(step) {
     real_t u[INSTANTS][DERIVATIVES], normal[INSTANTS][DERIVATIVES];
-    real_t new[ROOM_STATES], rows[3][ROOM_STATES];
+    real_t next[ROOM_STATES], rows[3][ROOM_STATES];
     real_t error, fast[ROOM_ELEMENTS];
 };
 
 /* An entry of the state at a fraction theta of a step. */
-HOT real_t OF(extended)(real_t theta, real_t old, real_t new, real_t row_0, real_t row_1, real_t row_2)
+HOT real_t OF(extended)(real_t theta, real_t old, real_t next, real_t row_0, real_t row_1, real_t row_2)
 {
     real_t rest = R(1.0) - theta;
-    return rest * old + theta * new + theta * rest * (row_0 + theta * row_1 + theta * theta * row_2);
+    return rest * old + theta * next + theta * rest * (row_0 + theta * row_1 + theta * theta * row_2);
 }
 
 /* The state at a fraction theta of a step. */
 HOT void OF(at)(const struct plant *P, real_t theta, const real_t *q, const struct OF(step) *S, real_t *out)
 {
     for (int c = 0; c < STATES(P); c++)
-        out[c] = OF(extended)(theta, q[c], S->new[c], S->rows[0][c], S->rows[1][c], S->rows[2][c]);
+        out[c] = OF(extended)(theta, q[c], S->next[c], S->rows[0][c], S->rows[1][c], S->rows[2][c]);
 }
 
 /* Adds a weighted sum of stages. */
@@ -67,7 +67,7 @@ static inline real_t OF(defect)(const struct plant *P, const struct OF(regime) *
     OF(at)(P, R(0.5), q, S, middle);
     OF(slope)(P, on, middle, S->u[AT_MIDDLE], S->normal[AT_MIDDLE], r, force);
     for (int c = 0; c < STATES(P); c++)
-        r[c] -= per_h * (S->new[c] - q[c] + R(0.25) * S->rows[1][c] + R(0.25) * S->rows[2][c]);
+        r[c] -= per_h * (S->next[c] - q[c] + R(0.25) * S->rows[1][c] + R(0.25) * S->rows[2][c]);
     OF(solve)(P, on, w, r, defect);
     return OF(size)(P, defect, weights);
 }
@@ -103,7 +103,7 @@ static inline void OF(take)(const struct plant *P, const struct OF(regime) *on, 
         OF(stage)(P, on, &w, h, p, t, S, s, k);
     }
     for (int c = 0; c < STATES(P); c++)
-        S->new[c] = p[c] + k[RODAS_STAGES - 1][c];
+        S->next[c] = p[c] + k[RODAS_STAGES - 1][c];
     for (int row = 0; row < 3; row++) {
         OF(clear)(P, p);
         OF(add_stages)(P, RODAS_STAGES, RODAS_H[row], k, p);

@@ -76,7 +76,7 @@ static inline void OF(polynomial)(const struct OF(walk) *w, int e, real_t *a)
 {
     const struct plant *P = w->P;
     const struct OF(step) *S = &w->step;
-    real_t v = OF(relative_speed)(P, e, w->q), v_new = OF(relative_speed)(P, e, S->new), r[3];
+    real_t v = OF(relative_speed)(P, e, w->q), v_new = OF(relative_speed)(P, e, S->next), r[3];
     for (int row = 0; row < 3; row++)
         r[row] = OF(relative_speed)(P, e, S->rows[row]);
     a[0] = v;
@@ -102,7 +102,7 @@ static inline void OF(polynomial)(const struct OF(walk) *w, int e, real_t *a)
  * error. */
 static real_t OF(kink_error)(const struct OF(walk) *w, int e, real_t lasts, real_t speed)
 {
-    real_t kink = OF(is_static)(w->P, e) ? r_abs(speed) : OF(kink)(w->P, e, w->step.new, r_abs(speed));
+    real_t kink = OF(is_static)(w->P, e) ? r_abs(speed) : OF(kink)(w->P, e, w->step.next, r_abs(speed));
     return lasts * kink / w->local;
 }
 
@@ -149,7 +149,7 @@ static inline struct cut OF(cut_of)(const struct OF(walk) *w, int e, const real_
     const struct plant *P = w->P;
     const struct OF(step) *S = &w->step;
     real_t side = w->on.side[e], v = OF(speed)(P, e, w->q, S->u[AT_START]);
-    real_t v_new = OF(speed)(P, e, S->new, S->u[AT_END]), v_middle = OF(speed)(P, e, middle, S->u[AT_MIDDLE]);
+    real_t v_new = OF(speed)(P, e, S->next, S->u[AT_END]), v_middle = OF(speed)(P, e, middle, S->u[AT_MIDDLE]);
     real_t a[COEFFICIENTS];
     OF(polynomial)(w, e, a);
     if (S->fast[e] > CUT_STIFF && v_new * side < SLOWED * v * side)
@@ -256,7 +256,7 @@ static bool OF(cut_at_ends)(struct OF(walk) *w)
 static real_t OF(unstable)(const struct OF(walk) *w, int e)
 {
     const struct OF(step) *S = &w->step;
-    real_t v = OF(speed)(w->P, e, w->q, S->u[AT_START]), v_new = OF(speed)(w->P, e, S->new, S->u[AT_END]);
+    real_t v = OF(speed)(w->P, e, w->q, S->u[AT_START]), v_new = OF(speed)(w->P, e, S->next, S->u[AT_END]);
     return S->fast[e] * r_abs(v_new) / r_max(r_abs(v), STILL);
 }
 

@@ -1,0 +1,188 @@
+"""The engine's sources as NVRTC takes them, with the header that describes one layout of plants."""
+
+from __future__ import annotations
+
+import functools
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..friction.law import element
+from ._abi import ffi
+from .binding import Array, ComposedPlant
+from .law_of import EngineLaw
+from .laws import functions, law_c, of_numbers
+from .members import numbers_of
+from .translator import Record, Translation, record_type
+
+FOLDER = Path(__file__).parent / "c"
+REAL = "../../export/c/stickslip_real.h"  # as the sources include it
+# Threads of a block, and blocks on a multiprocessor at once: each thread may have 128 of its 65,536 registers.
+THREADS, BLOCKS = 128, 4
+# C99's literals of structs, which C++ has in another form: `(struct cut){...}` and `cut{...}`.
+_LITERAL = re.compile(r"\((?:struct )?(OF\(\w+\)|\w+)\)\{")
+# Functions that are not inline.
+_FUNCTION = re.compile(r"^static (?!inline|const)(?=[^=;{]*\()", re.MULTILINE)
+# What the compiler does not have: it knows the functions of math.h itself.
+_STANDARD = {
+    "math.h": "#define NAN __longlong_as_double(0x7ff8000000000000LL)\n"
+    "#define INFINITY __longlong_as_double(0x7ff0000000000000LL)\n",
+    "stdbool.h": "",
+    "stddef.h": "#undef NULL\n#define NULL nullptr\n",
+    "stdint.h": "typedef int int32_t;\ntypedef unsigned int uint32_t;\ntypedef long long int64_t;\n",
+    "stdlib.h": "#include <stddef.h>\n",
+}
+# The definition of a law, and its fields.
+_STRUCT = re.compile(r"^static const struct law \w+ = \{.*?^\};", re.MULTILINE | re.DOTALL)
+_FIELD = re.compile(r"^    \.(\w+) = (.*),$", re.MULTILINE)
+_KINDS = dict.fromkeys(("parameters", "smooth", "period"), "int ")
+_FLAGS = ("states", "loaded", "follows", "positioned", "fed", "felt", "pushed", "first", "place", "pinned")
+_SUMS = ("modes", "elements", "states", "statics", "loaded", "branched", "sampled", "follows")
+
+
+def as_cpp(text: str) -> str:
+    """Return C99 of the engine as C++20, which differs in its literals of structs."""
+    return _LITERAL.sub(r"\1{", text)
+
+
+def for_gpu(text: str) -> str:
+    """Return a source of the engine as the kernel includes it.
+
+    Functions that are not inline in C are not to be so here: else the kernel is one function, and NVRTC takes
+    ten times as long.
+    """
+    return _FUNCTION.sub("static __noinline__ ", as_cpp(text))
+
+
+@functools.cache
+def headers() -> dict[str, str]:
+    """Return every header that the kernel's source includes, but `layout.h`, by the name that includes it."""
+    files = [file for file in FOLDER.iterdir() if file.suffix in (".h", ".inl")]
+    found = {file.name: for_gpu(file.read_text("ascii")) for file in files}
+    return {**_STANDARD, **found, REAL: as_cpp((FOLDER / REAL).read_text("ascii"))}
+
+
+def kernel() -> str:
+    """Return the source of the kernel."""
+    return (FOLDER / "members.cu").read_text("ascii")
+
+
+def layout(plant: Any, values: Array) -> tuple[str, Array]:
+    """Return the text of `layout.h` for plants of one layout, and their numbers [numbers, members].
+
+    Args:
+        plant, values: see `members.ComposedMembers`.
+
+    Raises:
+        QuantityError: the plant is larger than the engine's room.
+        TypeError: an element has no law, or one that a GPU cannot run (see `refused`).
+    """
+    composed = ComposedPlant(plant)
+    for law in composed.laws:
+        if why := refused(law):
+            raise TypeError(why)
+    numbers, lines = [], []
+    for place, given in numbers_of(plant, values):
+        at = sum(len(row) for row in numbers)
+        cast = "(const ss_NormalForce *)" if place[-1] == "along" else ""
+        value = f"numbers[{at}]" if given.ndim == 1 else f"{cast}(numbers + {at})"
+        lines.append(f"{_member(place)} = {value};")
+        numbers.append(given.reshape(len(values), -1).T)
+    struct = composed.struct
+    lines += [f"P->{name} = {getattr(struct, name)};" for name in _SUMS]
+    kinds = [_kind(element(one.law, 0)) for one in plant.elements]
+    each = tuple(dict.fromkeys(kinds))
+    for e, kind in enumerate(kinds):
+        if len(each) > 1:
+            lines.append(f"P->element[{e}].law = &law_{kind.record_class.__name__};")
+        lines += [f"P->element[{e}].{name} = {getattr(struct.element[e], name)};" for name in _FLAGS]
+    fill = "\n".join(f"    {line}" for line in lines)
+    stacked = np.concatenate(numbers)
+    text = (
+        f"{_sizes(plant, struct)}#define NUMBERS {len(stacked)}\n#define THREADS {THREADS}\n"
+        f"#define BLOCKS {BLOCKS}\n\n{_laws(each, tuple(tuple(functions(kind.record_class).items()) for kind in each))}\n"
+        '#include "plant.h"\n\nstatic void fill_plant(struct plant *P, const real_t *numbers)\n'
+        f"{{\n{fill}\n}}\n"
+    )
+    return text, stacked
+
+
+def refused(law: EngineLaw) -> str:
+    """Return why a law cannot run on a GPU, or an empty text."""
+    if law.how in ("package", "compiler"):
+        return ""
+    name: Any = ffi.string(law.pointer.name)
+    return (
+        f"the law {name.decode()} cannot run on a GPU: its functions cannot be translated to C, "
+        "or there is no C compiler here that could check their translation"
+    )
+
+
+def _member(place: tuple[str | int, ...]) -> str:
+    """Name a place in the plant as C does."""
+    return "P->" + "".join(f"[{one}]" if isinstance(one, int) else f".{one}" for one in place)[1:]
+
+
+@functools.cache
+def _laws(kinds: tuple[Record, ...], _functions: Any) -> str:
+    """The C of these laws, which have these Python functions.
+
+    A single law becomes the struct itself: its functions are then known where they are called, and become
+    part of the step.
+    """
+    made = Translation()
+    laws = "\n".join(law_c(made, kind) for kind in kinds)
+    head = ""
+    if len(kinds) == 1:
+        head, laws = "#define STICKSLIP_ONE_LAW\n", _STRUCT.sub(_one_law, laws)
+    return as_cpp("\n".join([head, '#include "law.h"\n', made.text(), laws]))
+
+
+def _one_law(struct: re.Match[str]) -> str:
+    """A struct law whose fields are constants of its type."""
+    members = [
+        f"    static constexpr {_KINDS.get(name, f'law_{name}_fn *')}{name} = {value};"
+        for name, value in _FIELD.findall(struct[0])
+        if name != "name"
+    ]
+    return "\n".join(["struct law {", *members, "};"])
+
+
+def _kind(record: Any) -> Record:
+    own = type(record).__module__.startswith("stickslip.friction.")
+    return of_numbers(type(record)) if own else record_type(record)
+
+
+def _sizes(plant: Any, struct: Any) -> str:
+    """The macros of `elements.inl`: what all plants of the layout have in common is known to the compiler."""
+    modes, elements, states = struct.modes, struct.elements, struct.states
+    each = {struct.element[e].states for e in range(elements)}
+    alike = each.pop() if len(each) == 1 else None
+    macros = {
+        "LARGEST_MODES": max(modes, 1),
+        "LARGEST_ELEMENTS": max(elements, 1),
+        "LARGEST_STATES": states,
+        "OF(name)": "name##_gpu",
+        "HOT": "static inline",
+        "ROOM_MODES": "LARGEST_MODES",
+        "ROOM_ELEMENTS": "LARGEST_ELEMENTS",
+        "ROOM_STATES": "LARGEST_STATES",
+        "MODES(P)": f"((void)(P), {modes})",
+        "ELEMENTS(P)": f"((void)(P), {elements})",
+        "STATES(P)": f"((void)(P), {states})",
+        "STATES_OF(P, e)": "((P)->element[e].states)" if alike is None else f"((void)(P), (void)(e), {alike})",
+        "FIRST(P, e)": "((P)->element[e].first)" if alike is None else f"({2 * modes} + (e) * {alike})",
+        "STATIC(test)": {0: "(0 && (test))", elements: "(1 || (test))"}.get(struct.statics, "(test)"),
+        "WATCHED(test)": "(0 && (test))",
+        "RARE(test)": "(test)" if any(map(_rare, plant.elements, struct.element)) else "(0 && (test))",
+    }
+    return "".join(f"#define {name} {value}\n" for name, value in macros.items())
+
+
+def _rare(one: Any, made: Any) -> bool:
+    """Return whether an element is no contact with one bristle, or a static law, under a constant load."""
+    law, given = made.law, (one.position, one.feed, one.drive, one.drive_rate, one.loaded, one.along)
+    usual = made.states == (0 if law.breakaway else 1)
+    return not usual or bool(law.smooth or law.choose or law.tick) or any(part is not None for part in given)

@@ -1,0 +1,111 @@
+"""NVRTC, NVIDIA's compiler of CUDA C++, which comes as a wheel and needs no GPU."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+from cffi import FFI
+
+ffi = FFI()
+ffi.cdef("""
+int nvrtcCreateProgram(void **program, const char *source, const char *name, int count, const char *const *headers,
+                       const char *const *names);
+int nvrtcCompileProgram(void *program, int count, const char *const *options);
+int nvrtcDestroyProgram(void **program);
+int nvrtcGetProgramLogSize(void *program, size_t *size);
+int nvrtcGetProgramLog(void *program, char *log);
+int nvrtcGetPTXSize(void *program, size_t *size);
+int nvrtcGetPTX(void *program, char *text);
+int nvrtcGetCUBINSize(void *program, size_t *size);
+int nvrtcGetCUBIN(void *program, char *image);
+int nvrtcGetNumSupportedArchs(int *count);
+int nvrtcGetSupportedArchs(int *archs);
+""")
+# Where the wheels have it, the newest first: of CUDA 13, and of CUDA 12.
+_PACKAGES = ("nvidia.cu13", "nvidia.cuda_nvrtc")
+_FILES = ("lib/libnvrtc.so.1?", "bin/nvrtc64_1*_0.dll", "bin/x86_64/nvrtc64_1*_0.dll")
+# Products and sums are rounded one after the other, as on the processors. Of each layout some functions and constants
+# are not used (warning 177).
+OPTIONS = ("-default-device", "-std=c++20", "-fmad=false", "-diag-suppress=177")
+
+
+class GpuError(RuntimeError):
+    """The GPU, its driver or its compiler failed."""
+
+
+@functools.cache
+def library() -> Any:
+    """Open NVRTC; None where it is not installed."""
+    for package in _PACKAGES:
+        try:
+            found = importlib.util.find_spec(package)
+        except ModuleNotFoundError:
+            continue
+        for folder in (found.submodule_search_locations or ()) if found else ():
+            for file in (one for pattern in _FILES for one in sorted(Path(folder).glob(pattern))):
+                return ffi.dlopen(str(file))
+    return None
+
+
+def architectures() -> list[int]:
+    """Return the compute capabilities that NVRTC compiles for, ascending: 90 is 9.0."""
+    count: Any = ffi.new("int *")
+    _checked(library().nvrtcGetNumSupportedArchs(count))
+    found: Any = ffi.new("int[]", count[0])
+    _checked(library().nvrtcGetSupportedArchs(found))
+    return sorted(found)
+
+
+def compiled(source: str, headers: dict[str, str], target: str, *options: str) -> tuple[bytes, str]:
+    """Compile a kernel.
+
+    Args:
+        source: CUDA C++.
+        headers: the text of each that it includes, by name.
+        target: "sm_90" for a GPU's own code (cubin), "compute_90" for PTX, which a driver compiles.
+        options: further ones of NVRTC.
+
+    Returns:
+        The code, and what the compiler says.
+
+    Raises:
+        GpuError: the source is not valid.
+    """
+    lib = library()
+    names, texts = _texts(headers), _texts(headers.values())
+    program: Any = ffi.new("void **")
+    _checked(lib.nvrtcCreateProgram(program, source.encode(), b"members.cu", len(headers), texts[0], names[0]))
+    try:
+        given, _ = kept = _texts([*OPTIONS, f"-arch={target}", *options])
+        outcome = lib.nvrtcCompileProgram(program[0], len(kept[1]), given)
+        log = _read(lib.nvrtcGetProgramLogSize, lib.nvrtcGetProgramLog, program[0]).rstrip(b"\0").decode()
+        if outcome != 0:
+            raise GpuError(f"NVRTC cannot compile the engine: {log}")
+        if target.startswith("sm_"):
+            return _read(lib.nvrtcGetCUBINSize, lib.nvrtcGetCUBIN, program[0]), log
+        return _read(lib.nvrtcGetPTXSize, lib.nvrtcGetPTX, program[0]), log
+    finally:
+        lib.nvrtcDestroyProgram(program)
+
+
+def _texts(given: Any) -> tuple[Any, list[Any]]:
+    """Texts as C takes them, and what must live as long."""
+    kept = [ffi.new("char[]", one.encode()) for one in given]
+    return ffi.new("char *[]", kept), kept
+
+
+def _read(size_of: Any, fill: Any, program: Any) -> bytes:
+    size: Any = ffi.new("size_t *")
+    _checked(size_of(program, size))
+    found: Any = ffi.new("char[]", size[0])
+    _checked(fill(program, found))
+    memory: Any = ffi.buffer(found, size[0])
+    return bytes(memory)
+
+
+def _checked(outcome: int) -> None:
+    if outcome != 0:
+        raise GpuError(f"NVRTC fails with error {outcome} (see nvrtcResult in nvrtc.h)")
