@@ -86,7 +86,7 @@ demo: $(READY) engine
 
 test: $(READY) engine tools drivers
 	$(PYTEST) $(COVERED) --cov-report=
-	NUMBA_DISABLE_JIT=1 NUMBA_ENABLE_CUDASIM=1 $(PYTEST) $(COVERED) --cov-append --cov-fail-under=$(COVERAGE) $(PLAIN_TESTS)
+	NUMBA_DISABLE_JIT=1 $(PYTEST) $(COVERED) --cov-append --cov-fail-under=$(COVERAGE) $(PLAIN_TESTS)
 
 # The tests drive the panel in a real browser, and compile exported models.
 tools:

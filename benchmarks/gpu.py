@@ -138,7 +138,7 @@ PARTS: dict[str, Callable[[], Iterator[dict[str, Any]]]] = {"P3": rows, "jax": o
 def machine() -> dict[str, Any]:
     """What this runs on."""
     command = ["nvidia-smi", "--query-gpu=name,driver_version", "--format=csv,noheader"]
-    packages = ("numba", "numba-cuda", "numpy", "jax", "diffrax")
+    packages = ("stickslip", "nvidia-cuda-nvrtc-cu12", "numpy", "jax", "diffrax")
     return {
         "gpu": subprocess.run(command, capture_output=True, text=True).stdout.strip(),
         "processors": os.cpu_count(),

@@ -32,7 +32,7 @@ BUILT = {".pyc", ".so", ".o", ".nbi", ".nbc", ".coverage", ".egg-info", ".whl"}
 
 # The rooms that may import a heavy dependency; everything else reaches it through them.
 OWNERS = {
-    "numba": {"_jit", "solve/cuda", "engine/numba_laws"},
+    "numba": {"_jit", "engine/numba_laws"},
     "pint": {"units"},
     "pandas": {"readers/csv", "recording/schema", "history/table", "study/exports"},
     "matplotlib": {"figures"},
@@ -150,7 +150,6 @@ def test_nothing_large_or_built_is_committed() -> None:
 def test_lock_file_holds_what_the_project_asks_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    del extras["cuda"]  # hundreds of megabytes that only a machine with a GPU can use
     asked = [*project["dependencies"], *itertools.chain(*extras.values())]
     lock = (ROOT / "requirements.lock").read_text()
     locked = dict(re.findall(r"^([a-z0-9-]+)==(\S+)", lock, flags=re.MULTILINE))

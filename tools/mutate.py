@@ -221,7 +221,7 @@ TARGETS = (
 
 # A change can make a loop endless; that is noticed too, after this many times what the tests take without it.
 PATIENCE, AT_LEAST = 4.0, 15.0
-PRELOADED = ("hypothesis", "numba.cuda", "pint", "pytest", "scipy.integrate", "scipy.optimize", "xarray")
+PRELOADED = ("hypothesis", "pint", "pytest", "scipy.integrate", "scipy.optimize", "xarray")
 WRONG_COPY = 97
 
 OPPOSITE: dict[type[ast.AST], type[ast.AST]] = {
@@ -443,7 +443,6 @@ def main() -> None:
     os.environ |= {
         "CI": "true",
         "NUMBA_DISABLE_JIT": "1",
-        "NUMBA_ENABLE_CUDASIM": "1",
         "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
         "PYTHONDONTWRITEBYTECODE": "1",
     }

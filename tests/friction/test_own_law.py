@@ -69,7 +69,6 @@ def run(folder: Path, jit: bool = True) -> Run:
         "PYTHONPATH": str(folder),
         "STICKSLIP_CACHE_DIR": str(folder / "cache"),
         "NUMBA_DISABLE_JIT": "0" if jit else "1",
-        "NUMBA_ENABLE_CUDASIM": "0",
         "PYTHONDONTWRITEBYTECODE": "1",  # Python takes two edits in one second for one
     }
     command = [sys.executable, "-c", "import program"]

@@ -51,9 +51,9 @@ int cuMemAlloc_v2(address *memory, size_t size);
 int cuMemFree_v2(address memory);
 int cuMemcpyHtoDAsync_v2(address to, const void *from, size_t size, void *stream);
 int cuMemcpyDtoHAsync_v2(void *to, address from, size_t size, void *stream);
-int cuLaunchKernel(void *function, unsigned int grid_x, unsigned int grid_y, unsigned int grid_z, unsigned int block_x,
-                   unsigned int block_y, unsigned int block_z, unsigned int shared, void *stream, void **arguments,
-                   void **further);
+int cuLaunchKernel(void *function, unsigned int grid_x, unsigned int grid_y, unsigned int grid_z,
+                   unsigned int block_x, unsigned int block_y, unsigned int block_z, unsigned int shared,
+                   void *stream, void **arguments, void **further);
 """
     + "\n".join(
         line for line in (FOLDER / "gpu.h").read_text("ascii").splitlines() if not line.startswith("#")
@@ -219,5 +219,5 @@ def _call(name: str, *arguments: Any) -> None:
     if outcome != 0:
         text: Any = ffi.new("char **")
         driver().cuGetErrorString(outcome, text)
-        said: Any = ffi.string(text[0]).decode() if text[0] else outcome
-        raise GpuError(f"{name} of NVIDIA's driver fails: {said}")
+        known: Any = ffi.string(text[0]) if text[0] else b"an error that it does not name"
+        raise GpuError(f"{name} of NVIDIA's driver fails: {known.decode()} ({outcome})")

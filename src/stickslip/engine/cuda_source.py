@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,16 @@ import numpy as np
 from ..friction.law import element
 from ._abi import ffi
 from .binding import Array, ComposedPlant
+from .interface import of_numbers
 from .law_of import EngineLaw
-from .laws import functions, law_c, of_numbers
+from .laws import LAW
 from .members import numbers_of
 from .translator import Record, Translation, record_type
 
 FOLDER = Path(__file__).parent / "c"
 REAL = "../../export/c/stickslip_real.h"  # as the sources include it
-# Threads of a block, and blocks on a multiprocessor at once: each thread may have 128 of its 65,536 registers.
+# Threads of a block, and blocks on a multiprocessor at once: each thread may have 128 of the 65,536
+# registers there.
 THREADS, BLOCKS = 128, 4
 # C99's literals of structs, which C++ has in another form: `(struct cut){...}` and `cut{...}`.
 _LITERAL = re.compile(r"\((?:struct )?(OF\(\w+\)|\w+)\)\{")
@@ -90,23 +93,25 @@ def layout(plant: Any, values: Array) -> tuple[str, Array]:
         value = f"numbers[{at}]" if given.ndim == 1 else f"{cast}(numbers + {at})"
         lines.append(f"{_member(place)} = {value};")
         numbers.append(given.reshape(len(values), -1).T)
-    struct = composed.struct
-    lines += [f"P->{name} = {getattr(struct, name)};" for name in _SUMS]
-    kinds = [_kind(element(one.law, 0)) for one in plant.elements]
-    each = tuple(dict.fromkeys(kinds))
-    for e, kind in enumerate(kinds):
-        if len(each) > 1:
-            lines.append(f"P->element[{e}].law = &law_{kind.record_class.__name__};")
-        lines += [f"P->element[{e}].{name} = {getattr(struct.element[e], name)};" for name in _FLAGS]
-    fill = "\n".join(f"    {line}" for line in lines)
+    kinds = tuple(_kind(element(one.law, 0)) for one in plant.elements)
+    fill = "\n".join(f"    {line}" for line in [*lines, *_constants(composed.struct, kinds)])
     stacked = np.concatenate(numbers)
-    text = (
-        f"{_sizes(plant, struct)}#define NUMBERS {len(stacked)}\n#define THREADS {THREADS}\n"
-        f"#define BLOCKS {BLOCKS}\n\n{_laws(each, tuple(tuple(functions(kind.record_class).items()) for kind in each))}\n"
-        '#include "plant.h"\n\nstatic void fill_plant(struct plant *P, const real_t *numbers)\n'
-        f"{{\n{fill}\n}}\n"
-    )
-    return text, stacked
+    macros = {"NUMBERS": len(stacked), "THREADS": THREADS, "BLOCKS": BLOCKS, **_sizes(plant, composed.struct)}
+    defined = "\n".join(f"#define {name} {value}" for name, value in macros.items())
+    functions = tuple(tuple(LAW.functions(kind.record_class).items()) for kind in kinds)
+    head = f'{defined}\n\n{_laws(kinds, functions)}\n#include "plant.h"\n\n'
+    return f"{head}static void fill_plant(struct plant *P, const real_t *numbers)\n{{\n{fill}\n}}\n", stacked
+
+
+def _constants(struct: Any, kinds: tuple[Record, ...]) -> Iterator[str]:
+    """Yield the lines of `fill_plant` for what all plants of a layout have in common."""
+    for name in _SUMS:
+        yield f"P->{name} = {getattr(struct, name)};"
+    for e, kind in enumerate(kinds):
+        if len(set(kinds)) > 1:
+            yield f"P->element[{e}].law = &law_{kind.record_class.__name__};"
+        for name in _FLAGS:
+            yield f"P->element[{e}].{name} = {getattr(struct.element[e], name)};"
 
 
 def refused(law: EngineLaw) -> str:
@@ -133,9 +138,10 @@ def _laws(kinds: tuple[Record, ...], _functions: Any) -> str:
     part of the step.
     """
     made = Translation()
-    laws = "\n".join(law_c(made, kind) for kind in kinds)
+    each = dict.fromkeys(kinds)
+    laws = "\n".join(LAW.c_of(made, kind) for kind in each)
     head = ""
-    if len(kinds) == 1:
+    if len(each) == 1:
         head, laws = "#define STICKSLIP_ONE_LAW\n", _STRUCT.sub(_one_law, laws)
     return as_cpp("\n".join([head, '#include "law.h"\n', made.text(), laws]))
 
@@ -151,16 +157,16 @@ def _one_law(struct: re.Match[str]) -> str:
 
 
 def _kind(record: Any) -> Record:
-    own = type(record).__module__.startswith("stickslip.friction.")
+    own = type(record).__module__.startswith(f"stickslip.{LAW.room}.")
     return of_numbers(type(record)) if own else record_type(record)
 
 
-def _sizes(plant: Any, struct: Any) -> str:
+def _sizes(plant: Any, struct: Any) -> dict[str, Any]:
     """The macros of `elements.inl`: what all plants of the layout have in common is known to the compiler."""
     modes, elements, states = struct.modes, struct.elements, struct.states
     each = {struct.element[e].states for e in range(elements)}
     alike = each.pop() if len(each) == 1 else None
-    macros = {
+    return {
         "LARGEST_MODES": max(modes, 1),
         "LARGEST_ELEMENTS": max(elements, 1),
         "LARGEST_STATES": states,
@@ -172,13 +178,14 @@ def _sizes(plant: Any, struct: Any) -> str:
         "MODES(P)": f"((void)(P), {modes})",
         "ELEMENTS(P)": f"((void)(P), {elements})",
         "STATES(P)": f"((void)(P), {states})",
-        "STATES_OF(P, e)": "((P)->element[e].states)" if alike is None else f"((void)(P), (void)(e), {alike})",
+        "STATES_OF(P, e)": "((P)->element[e].states)"
+        if alike is None
+        else f"((void)(P), (void)(e), {alike})",
         "FIRST(P, e)": "((P)->element[e].first)" if alike is None else f"({2 * modes} + (e) * {alike})",
         "STATIC(test)": {0: "(0 && (test))", elements: "(1 || (test))"}.get(struct.statics, "(test)"),
         "WATCHED(test)": "(0 && (test))",
         "RARE(test)": "(test)" if any(map(_rare, plant.elements, struct.element)) else "(0 && (test))",
     }
-    return "".join(f"#define {name} {value}\n" for name, value in macros.items())
 
 
 def _rare(one: Any, made: Any) -> bool:

@@ -11,8 +11,8 @@ from cffi import FFI
 
 ffi = FFI()
 ffi.cdef("""
-int nvrtcCreateProgram(void **program, const char *source, const char *name, int count, const char *const *headers,
-                       const char *const *names);
+int nvrtcCreateProgram(void **program, const char *source, const char *name, int count,
+                       const char *const *headers, const char *const *names);
 int nvrtcCompileProgram(void *program, int count, const char *const *options);
 int nvrtcDestroyProgram(void **program);
 int nvrtcGetProgramLogSize(void *program, size_t *size);
@@ -27,8 +27,8 @@ int nvrtcGetSupportedArchs(int *archs);
 # Where the wheels have it, the newest first: of CUDA 13, and of CUDA 12.
 _PACKAGES = ("nvidia.cu13", "nvidia.cuda_nvrtc")
 _FILES = ("lib/libnvrtc.so.1?", "bin/nvrtc64_1*_0.dll", "bin/x86_64/nvrtc64_1*_0.dll")
-# Products and sums are rounded one after the other, as on the processors. Of each layout some functions and constants
-# are not used (warning 177).
+# Products and sums are rounded one after the other, as on the processors. Each layout leaves some functions
+# and constants unused (warning 177).
 OPTIONS = ("-default-device", "-std=c++20", "-fmad=false", "-diag-suppress=177")
 
 
@@ -77,7 +77,9 @@ def compiled(source: str, headers: dict[str, str], target: str, *options: str) -
     lib = library()
     names, texts = _texts(headers), _texts(headers.values())
     program: Any = ffi.new("void **")
-    _checked(lib.nvrtcCreateProgram(program, source.encode(), b"members.cu", len(headers), texts[0], names[0]))
+    _checked(
+        lib.nvrtcCreateProgram(program, source.encode(), b"members.cu", len(headers), texts[0], names[0])
+    )
     try:
         given, _ = kept = _texts([*OPTIONS, f"-arch={target}", *options])
         outcome = lib.nvrtcCompileProgram(program[0], len(kept[1]), given)
