@@ -88,9 +88,9 @@ test: $(READY) engine tools drivers
 	$(PYTEST) $(COVERED) --cov-report=
 	NUMBA_DISABLE_JIT=1 $(PYTEST) $(COVERED) --cov-append --cov-fail-under=$(COVERAGE) $(PLAIN_TESTS)
 
-# The tests drive the panel in a real browser, and compile exported models.
+# The tests drive the panel in a real browser, and compile exported models and the kernel of a GPU.
 tools:
-	@for tool in chromium gcc cmake; do command -v $$tool >/dev/null || { echo "installing $$tool for the tests ..." >&2; \
+	@for tool in chromium gcc g++ cmake; do command -v $$tool >/dev/null || { echo "installing $$tool for the tests ..." >&2; \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$tool libc6-dev; } >/dev/null 2>&1; } || \
 	  echo "$$tool is not there and cannot be installed: tests that need it will fail" >&2; done
 

@@ -13,6 +13,7 @@ import pytest
 
 import stickslip as ss
 from engine import cases, pretended
+from engine.own import Own
 from engine.test_members import CASES, LEFT_OUT, Task
 from stickslip.engine import cuda, cuda_source, nvrtc
 from stickslip.plant.system import values_of
@@ -86,6 +87,17 @@ def test_an_ensemble_on_the_gpu_is_that_of_the_processors() -> None:
     assert found["cuda"]["status"].values.tolist() == [0, 0, 4, 0]
     assert found["cuda"].identical(found["cpu"])
     assert ctypes.CDLL(cuda.DRIVER).pretended_live() == 0, "memory of the GPU is left"
+
+
+@pytest.mark.usefixtures("pretended_gpu")
+def test_a_law_of_a_user_runs_on_the_gpu() -> None:
+    model, varied = cases.KANG.replace(friction=Own(1e6, 0.5)), {"end_effector_mass": [0.1, 0.2]}
+    found = [
+        simulate_ensemble(model, SAWTOOTH, 0.02, parameters=varied, engine=engine)
+        for engine in ("cpu", "cuda")
+    ]
+    assert found[1].identical(found[0])
+    assert found[1]["status"].values.tolist() == [0, 0]
 
 
 @pytest.mark.usefixtures("pretended_gpu")

@@ -22,13 +22,13 @@ from .cuda_source import FOLDER, THREADS, headers, kernel, layout, refused
 from .members import Integers
 from .nvrtc import GpuError
 
-__all__ = ["AT_ONCE", "integrate_members", "missing", "refused", "registers"]
+__all__ = ["AT_ONCE", "integrate_members", "missing", "refused"]
 
 # Blocks of members at once: while one is integrated, the next is made ready.
 AT_ONCE = 2
 DRIVER = "nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1"
 # Numbers of cuda.h.
-_NON_BLOCKING, _MAJOR, _MINOR, _REGISTERS = 1, 75, 76, 4
+_NON_BLOCKING, _MAJOR, _MINOR = 1, 75, 76
 
 ffi = FFI()
 ffi.cdef(
@@ -43,7 +43,6 @@ int cuDevicePrimaryCtxRetain(void **context, int device);
 int cuCtxSetCurrent(void *context);
 int cuModuleLoadData(void **module, const void *image);
 int cuModuleGetFunction(void **function, void *module, const char *name);
-int cuFuncGetAttribute(int *value, int attribute, void *function);
 int cuStreamCreate(void **stream, unsigned int flags);
 int cuStreamSynchronize(void *stream);
 int cuStreamDestroy_v2(void *stream);
@@ -119,11 +118,6 @@ def integrate_members(
         for name, column in zip(names, columns, strict=True):
             memory.received(getattr(task, name), column)
         _call("cuStreamSynchronize", memory.stream)
-
-
-def registers(plant: Any, values: Array) -> int:
-    """Return how many registers each thread of a plant's kernel has."""
-    return _got("int *", "cuFuncGetAttribute", _REGISTERS, _function(layout(plant, values)[0]))
 
 
 def _fill_table(to: Any, table: Any, memory: _Memory) -> None:

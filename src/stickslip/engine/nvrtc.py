@@ -24,9 +24,8 @@ int nvrtcGetCUBIN(void *program, char *image);
 int nvrtcGetNumSupportedArchs(int *count);
 int nvrtcGetSupportedArchs(int *archs);
 """)
-# Where the wheels have it, the newest first: of CUDA 13, and of CUDA 12.
-_PACKAGES = ("nvidia.cu13", "nvidia.cuda_nvrtc")
-_FILES = ("lib/libnvrtc.so.1?", "bin/nvrtc64_1*_0.dll", "bin/x86_64/nvrtc64_1*_0.dll")
+PACKAGE = "nvidia.cuda_nvrtc"  # as the wheel has it, and where it lies there
+_FILES = ("lib/libnvrtc.so.12", "bin/nvrtc64_120_0.dll")
 # Products and sums are rounded one after the other, as on the processors. Each layout leaves some functions
 # and constants unused (warning 177).
 OPTIONS = ("-default-device", "-std=c++20", "-fmad=false", "-diag-suppress=177")
@@ -39,15 +38,13 @@ class GpuError(RuntimeError):
 @functools.cache
 def library() -> Any:
     """Open NVRTC; None where it is not installed."""
-    for package in _PACKAGES:
-        try:
-            found = importlib.util.find_spec(package)
-        except ModuleNotFoundError:
-            continue
-        for folder in (found.submodule_search_locations or ()) if found else ():
-            for file in (one for pattern in _FILES for one in sorted(Path(folder).glob(pattern))):
-                return ffi.dlopen(str(file))
-    return None
+    try:
+        found = importlib.util.find_spec(PACKAGE)
+    except ModuleNotFoundError:
+        return None
+    folders = (found.submodule_search_locations or ()) if found else ()
+    files = [Path(folder, file) for folder in folders for file in _FILES]
+    return next((ffi.dlopen(str(file)) for file in files if file.exists()), None)
 
 
 def architectures() -> list[int]:
