@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from engine import cases, pretended
-from engine.own import Own
+from engine import cases, own, pretended
 from engine.test_members import CASES, LEFT_OUT, Task
 from stickslip.engine import cuda, cuda_source, nvrtc
+from stickslip.friction import law as registered
 from stickslip.plant.system import values_of
 from stickslip.simulation import SimulationWarning, simulate_ensemble
 
@@ -91,7 +91,7 @@ def test_an_ensemble_on_the_gpu_is_that_of_the_processors() -> None:
 
 @pytest.mark.usefixtures("pretended_gpu")
 def test_a_law_of_a_user_runs_on_the_gpu() -> None:
-    model, varied = cases.KANG.replace(friction=Own(1e6, 0.5)), {"end_effector_mass": [0.1, 0.2]}
+    model, varied = cases.KANG.replace(friction=own.Own(1e6, 0.5)), {"end_effector_mass": [0.1, 0.2]}
     found = [
         simulate_ensemble(model, SAWTOOTH, 0.02, parameters=varied, engine=engine)
         for engine in ("cpu", "cuda")
@@ -117,6 +117,24 @@ def test_the_kernel_compiles_for_a_gpu_without_a_warning(name: str, target: str)
     code, said = nvrtc.compiled(cuda_source.kernel(), {**cuda_source.headers(), "layout.h": text}, target)
     assert said == ""
     assert f".target sm_{target[-2:]}".encode() in code
+
+
+@pytest.mark.parametrize("function", [own.with_table, own.with_other_functions, own.newton])
+def test_a_users_law_compiles_for_a_gpu(function: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tables, functions of `math` and loops among them."""
+    made = registered._IMPLEMENTATIONS[own.Own]._replace(rate=function)
+    monkeypatch.setitem(registered._IMPLEMENTATIONS, own.Numbers, made)
+    plant = cases.three_modes()
+    plant = plant._replace(elements=(plant.elements[0]._replace(law=own.NUMBERS),))
+    text, _ = cuda_source.layout(plant, values_of(plant))
+    source = """#include "layout.h"
+extern "C" __global__ void kernel(const real_t *p, real_t v, real_t z, real_t *o)
+{
+    law_rate_Numbers(p, v, z, o, o + 1);
+}
+"""
+    _, said = nvrtc.compiled(source, {**cuda_source.headers(), "layout.h": text}, "compute_90")
+    assert said == ""
 
 
 def test_a_thread_has_at_most_128_registers() -> None:
