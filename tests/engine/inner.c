@@ -1,0 +1,117 @@
+/* Functions inside the engine, for tests of its equations: those of the size that is known at run time. */
+#include "engine.c"
+
+static struct regime_any regime(const struct plant *P, const double *sides, const double *branches)
+{
+    struct regime_any on = {{0}, {0}};
+    for (int e = 0; e < P->elements; e++)
+        on.side[e] = sides[e];
+    for (int c = 0; c < P->states; c++)
+        on.branch[c] = (unsigned char)branches[c];
+    return on;
+}
+
+STICKSLIP_API void inner_slope(const struct plant *P, const double *sides, const double *branches, const double *q,
+                               const double *u, const double *normal, double *dq, double *force);
+STICKSLIP_API void inner_solve(const struct plant *P, const double *sides, const double *branches, const double *q,
+                               const double *u, const double *normal, double per_g, const double *r, double *x, double *t,
+                               double *weights, double *fast);
+STICKSLIP_API void inner_inputs(const struct plant *P, const double *q, const double *u, double *whole, double *relative);
+STICKSLIP_API double inner_size(const struct plant *P, const double *r, const double *weights);
+STICKSLIP_API void inner_settle(const struct plant *P, double *q, const double *u, double local);
+STICKSLIP_API void inner_kinks(const struct plant *P, const double *q, double beyond, double *kinks);
+STICKSLIP_API void inner_bring(const struct plant *P, double *q, const double *u, int e, double speed);
+STICKSLIP_API void inner_ride(const struct plant *P, const double *sides, double *q, const double *u, const double *begun,
+                              const double *u_begun);
+STICKSLIP_API double inner_apart(const struct plant *P, const double *q, const double *other, double apart, double *gone);
+STICKSLIP_API void inner_unload(const struct plant *P, double *q, double ratio);
+STICKSLIP_API double inner_unrest(const struct plant *P, const double *dq, const double *u);
+STICKSLIP_API double inner_jolt(const struct plant *P, const double *u);
+STICKSLIP_API double inner_decay(const struct plant *P, double lasts);
+STICKSLIP_API void inner_breakaway(const struct plant *P, const double *q, const double *normal, double *forces);
+
+void inner_slope(const struct plant *P, const double *sides, const double *branches, const double *q, const double *u,
+                 const double *normal, double *dq, double *force)
+{
+    struct regime_any on = regime(P, sides, branches);
+    slope_any(P, &on, q, u, normal, dq, force);
+}
+
+void inner_solve(const struct plant *P, const double *sides, const double *branches, const double *q, const double *u,
+                 const double *normal, double per_g, const double *r, double *x, double *t, double *weights, double *fast)
+{
+    struct regime_any on = regime(P, sides, branches);
+    struct system_any w;
+    factor_any(P, &on, q, u, normal, per_g, &w, t, weights, fast);
+    solve_any(P, &on, &w, r, x);
+}
+
+void inner_inputs(const struct plant *P, const double *q, const double *u, double *whole, double *relative)
+{
+    for (int e = 0; e < P->elements; e++) {
+        whole[e] = speed_any(P, e, q, u);
+        relative[e] = relative_speed_any(P, e, q);
+    }
+}
+
+double inner_size(const struct plant *P, const double *r, const double *weights)
+{
+    return size_any(P, r, weights);
+}
+
+void inner_settle(const struct plant *P, double *q, const double *u, double local)
+{
+    settle_any(P, q, u, local);
+}
+
+void inner_kinks(const struct plant *P, const double *q, double beyond, double *kinks)
+{
+    for (int e = 0; e < P->elements; e++)
+        kinks[e] = kink_any(P, e, q, beyond);
+}
+
+void inner_bring(const struct plant *P, double *q, const double *u, int e, double speed)
+{
+    bring_any(P, q, u, e, speed);
+}
+
+void inner_ride(const struct plant *P, const double *sides, double *q, const double *u, const double *begun,
+                const double *u_begun)
+{
+    struct regime_any on = {{0}, {0}};
+    for (int e = 0; e < P->elements; e++)
+        on.side[e] = sides[e];
+    ride_any(P, &on, q, u, begun, u_begun);
+}
+
+double inner_apart(const struct plant *P, const double *q, const double *other, double apart, double *gone)
+{
+    gone_any(P, q, other, apart, gone);
+    return drift_apart_any(P, q, other);
+}
+
+void inner_unload(const struct plant *P, double *q, double ratio)
+{
+    unload_any(P, q, ratio);
+}
+
+double inner_unrest(const struct plant *P, const double *dq, const double *u)
+{
+    return unrest_any(P, dq, u);
+}
+
+double inner_jolt(const struct plant *P, const double *u)
+{
+    return jolt_any(P, u);
+}
+
+double inner_decay(const struct plant *P, double lasts)
+{
+    return decay_any(P, lasts);
+}
+
+void inner_breakaway(const struct plant *P, const double *q, const double *normal, double *forces)
+{
+    for (int e = 0; e < P->elements; e++)
+        forces[e] = is_static_any(P, e) ? breakaway_any(P, e, q, normal) : (double)INFINITY;
+}
