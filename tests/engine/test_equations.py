@@ -34,6 +34,7 @@ from stickslip.engine._abi import ffi
 from stickslip.engine.binding import ComposedPlant
 from stickslip.friction import MaxwellSlip
 from stickslip.plant.system import Element, Mode, Plant
+from stickslip.units import QuantityError
 
 Array = NDArray[np.float64]
 
@@ -387,3 +388,12 @@ def test_vibrations_of_contacts_that_stick(inner: Inner, lasts: float) -> None:
     ]
     for plant, expected in bonds:
         assert inner("decay", plant, lasts) == pytest.approx(least_decay(expected, lasts), rel=1e-4)
+
+
+def test_a_place_that_another_element_pushes_is_refused() -> None:
+    plant = CASES["a load along the stroke"].plant
+    first, second = plant.elements
+    both = second._replace(push=(1.0, -1.0, None), velocity=(-10.0, 7.7, None))
+    ComposedPlant(plant)
+    with pytest.raises(QuantityError, match="element 0 changes along mode 1, which element 1 pushes too"):
+        ComposedPlant(plant._replace(elements=(first, both)))

@@ -35,7 +35,8 @@ class ComposedPlant:
         plant: see `plant.system.Plant`.
 
     Raises:
-        QuantityError: the plant is larger than the engine's room.
+        QuantityError: the plant is larger than the engine's room, or pushes a mode along which the normal
+            force of another element changes.
         TypeError: an element has no law.
     """
 
@@ -55,6 +56,7 @@ class ComposedPlant:
             self._fill(self.struct.element[e], one)
         if lib.stickslip_compose(self.struct) != lib.DONE:
             raise QuantityError(_too_large(plant, lib))
+        _refuse_shared_place(self.struct)
         self.states: int = self.struct.states
         # Columns of samples: the states, then the output of each element.
         self.columns = self.states + max(len(plant.elements), 1)
@@ -213,6 +215,19 @@ def sized(name: str, array: NDArray[Any], size: int) -> None:
 
 def _bits(shares: tuple[float | None, ...]) -> int:
     return sum(1 << m for m, share in enumerate(shares) if share is not None)
+
+
+def _refuse_shared_place(struct: Any) -> None:
+    """Raise QuantityError where a step could not be solved: a load along a mode is one more unknown of its
+    element, in which the push of another element is not."""
+    elements = [struct.element[e] for e in range(struct.elements)]
+    for e, one in enumerate(elements):
+        for i, other in enumerate(elements):
+            if one.along and i != e and other.pushed >> one.place & 1:
+                raise QuantityError(
+                    f"the normal force of element {e} changes along mode {one.place}, which element {i} "
+                    "pushes too: give one of them a constant normal force or another mode"
+                )
 
 
 def _too_large(plant: Any, lib: Any) -> str:
