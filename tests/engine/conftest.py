@@ -1,4 +1,4 @@
-"""Laws of users where nothing compiles them, and a law that fails."""
+"""Laws of users where nothing compiles them, a law that fails, and functions inside the engine."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from engine import inner as inside
 from plants import Lag
 from stickslip.engine import compiled_law, law_of, numba_laws
 from stickslip.friction import law as registered
@@ -32,3 +33,8 @@ def failing_lag(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     made = registered._IMPLEMENTATIONS[Lag]._replace(rate=failing)
     monkeypatch.setitem(registered._IMPLEMENTATIONS, Lag, made)
     return calls
+
+
+@pytest.fixture(scope="session")
+def inner(tmp_path_factory: pytest.TempPathFactory) -> inside.Inner:
+    return inside.opened(tmp_path_factory.mktemp("inner"))

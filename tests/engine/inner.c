@@ -20,7 +20,7 @@ STICKSLIP_API void inner_inputs(const struct plant *P, const double *q, const do
 STICKSLIP_API double inner_size(const struct plant *P, const double *r, const double *weights);
 STICKSLIP_API void inner_settle(const struct plant *P, double *q, const double *u, double local);
 STICKSLIP_API void inner_kinks(const struct plant *P, const double *q, double beyond, double *kinks);
-STICKSLIP_API void inner_bring(const struct plant *P, double *q, const double *u, int e, double speed);
+STICKSLIP_API void inner_bring(const struct plant *P, double *q, const double *u, int64_t e, double speed);
 STICKSLIP_API void inner_ride(const struct plant *P, const double *sides, double *q, const double *u, const double *begun,
                               const double *u_begun);
 STICKSLIP_API double inner_apart(const struct plant *P, const double *q, const double *other, double apart, double *gone);
@@ -28,6 +28,17 @@ STICKSLIP_API void inner_unload(const struct plant *P, double *q, double ratio);
 STICKSLIP_API double inner_unrest(const struct plant *P, const double *dq, const double *u);
 STICKSLIP_API double inner_jolt(const struct plant *P, const double *u);
 STICKSLIP_API double inner_decay(const struct plant *P, double lasts);
+STICKSLIP_API double inner_take(const struct plant *P, const double *sides, const struct table *drive,
+                                const struct table *load, double t, double h, const double *q, double theta, double *next,
+                                double *within, double *fast);
+STICKSLIP_API void inner_coefficients(double *A, double *C, double *D, double *H, double *nodes, double *gamma);
+STICKSLIP_API void inner_table(const struct table *table, int64_t i, double t, double h, double *at, double *nodes);
+STICKSLIP_API void inner_polynomial(const struct plant *P, const struct table *drive, double t, double h, const double *q,
+                                    const double *next, const double *rows, double *a);
+STICKSLIP_API double inner_speed_at(double theta, const double *a);
+STICKSLIP_API double inner_least(double side, const double *a);
+STICKSLIP_API double inner_most(double side, const double *a);
+STICKSLIP_API double inner_reached(double speed, double low, double high, double side, const double *a);
 STICKSLIP_API void inner_breakaway(const struct plant *P, const double *q, const double *normal, double *forces);
 
 void inner_slope(const struct plant *P, const double *sides, const double *branches, const double *q, const double *u,
@@ -70,9 +81,9 @@ void inner_kinks(const struct plant *P, const double *q, double beyond, double *
         kinks[e] = kink_any(P, e, q, beyond);
 }
 
-void inner_bring(const struct plant *P, double *q, const double *u, int e, double speed)
+void inner_bring(const struct plant *P, double *q, const double *u, int64_t e, double speed)
 {
-    bring_any(P, q, u, e, speed);
+    bring_any(P, q, u, (int)e, speed);
 }
 
 void inner_ride(const struct plant *P, const double *sides, double *q, const double *u, const double *begun,
@@ -114,4 +125,77 @@ void inner_breakaway(const struct plant *P, const double *q, const double *norma
 {
     for (int e = 0; e < P->elements; e++)
         forces[e] = is_static_any(P, e) ? breakaway_any(P, e, q, normal) : (double)INFINITY;
+}
+
+double inner_take(const struct plant *P, const double *sides, const struct table *drive, const struct table *load, double t,
+                  double h, const double *q, double theta, double *next, double *within, double *fast)
+{
+    struct regime_any on = {{0}, {0}};
+    struct step_any S = {{{0}}, {{0}}, {0}, {{0}}, 0.0, {0}};
+    for (int e = 0; e < P->elements; e++)
+        on.side[e] = sides[e];
+    table_at_nodes(drive, 0, t, h, S.u);
+    table_at_nodes(load, 0, t, h, S.normal);
+    take_any(P, &on, h, q, &S);
+    at_any(P, theta, q, &S, within);
+    copy_any(P, S.next, next);
+    for (int e = 0; e < P->elements; e++)
+        fast[e] = S.fast[e];
+    return S.error;
+}
+
+static void put(double *to, const double *from, int count)
+{
+    for (int k = 0; k < count; k++)
+        to[k] = from[k];
+}
+
+void inner_coefficients(double *A, double *C, double *D, double *H, double *nodes, double *gamma)
+{
+    put(A, RODAS_A[0], 6 * RODAS_STAGES);
+    put(C, RODAS_C[0], RODAS_STAGES * RODAS_STAGES);
+    put(D, RODAS_D, RODAS_INNER);
+    put(H, RODAS_H[0], 3 * RODAS_STAGES);
+    put(nodes, RODAS_NODES, INSTANTS);
+    *gamma = RODAS_GAMMA;
+}
+
+void inner_table(const struct table *table, int64_t i, double t, double h, double *at, double *nodes)
+{
+    double u[INSTANTS][DERIVATIVES];
+    table_at(table, i, t, at);
+    table_at_nodes(table, i, t, h, u);
+    put(nodes, u[0], INSTANTS * DERIVATIVES);
+}
+
+void inner_polynomial(const struct plant *P, const struct table *drive, double t, double h, const double *q,
+                      const double *next, const double *rows, double *a)
+{
+    struct walk_any w = {.P = P, .tried_h = h};
+    copy_any(P, q, w.q);
+    copy_any(P, next, w.step.next);
+    for (int row = 0; row < 3; row++)
+        copy_any(P, rows + row * P->states, w.step.rows[row]);
+    table_at_nodes(drive, 0, t, h, w.step.u);
+    polynomial_any(&w, 0, a);
+}
+
+double inner_speed_at(double theta, const double *a)
+{
+    return speed_at(theta, a);
+}
+
+double inner_least(double side, const double *a)
+{
+    return least_speed(side, a);
+}
+
+double inner_most(double side, const double *a)
+{
+    return most_speed(side, a);
+}
+
+double inner_reached(double speed, double low, double high, double side, const double *a)
+{
+    return speed_reached(speed, low, high, side, a);
 }

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +11,7 @@ from numpy.typing import NDArray
 
 import plants
 import reference
-from engine import library
+from engine.inner import Inner
 from plant.layouts import CASES, COULOMB, ELASTOPLASTIC, LUGRE, MAXWELL, PER_G, RATE, RISING, STAGE, Case, U
 from plants import (
     MM_S,
@@ -30,56 +28,12 @@ from plants import (
     states_of,
     weights_and_rates,
 )
-from stickslip.engine._abi import ffi
 from stickslip.engine.binding import ComposedPlant
 from stickslip.friction import MaxwellSlip
 from stickslip.plant.system import Element, Mode, Plant
 from stickslip.units import QuantityError
 
 Array = NDArray[np.float64]
-
-
-class Inner:
-    """Functions inside the engine, with a plant and arrays."""
-
-    def __init__(self, opened: ctypes.CDLL) -> None:
-        self._opened = opened
-
-    def __call__(self, name: str, plant: Plant, *given: Any) -> float:
-        composed = ComposedPlant(plant)
-        function = getattr(self._opened, f"inner_{name}")
-        function.restype = ctypes.c_double
-        pointer = ctypes.c_void_p(int(ffi.cast("uintptr_t", composed.struct)))  # type: ignore[arg-type]
-        return function(pointer, *map(_as_c, given))
-
-    def slope(
-        self, plant: Plant, sides: Array, branches: Array, q: Array, normal: Any
-    ) -> tuple[Array, Array]:
-        dq, force = np.zeros(q.size), np.zeros(len(plant.elements))
-        self("slope", plant, sides, branches, q, np.array(U), np.array(normal), dq, force)
-        return dq, force
-
-    def solve(
-        self, plant: Plant, sides: Array, branches: Array, q: Array, normal: Any, per_g: float, r: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        x, t, weights, fast = (np.zeros(q.size) for _ in range(4))
-        fast = np.zeros(len(plant.elements))
-        u, load = np.array(U), np.array(normal)
-        self("solve", plant, sides, branches, q, u, load, per_g, r, x, t, weights, fast)
-        return x, t, weights[2 * len(plant.modes) :], fast
-
-
-def _as_c(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return ctypes.c_void_p(value.ctypes.data)
-    return ctypes.c_double(value) if isinstance(value, float) else value
-
-
-@pytest.fixture(scope="module")
-def inner(tmp_path_factory: pytest.TempPathFactory) -> Inner:
-    text = Path(__file__).with_name("inner.c").read_text()
-    built = library.built(tmp_path_factory.mktemp("inner"), "-O0", "-Wall", "-Wextra", "-Werror", of=text)
-    return Inner(ctypes.CDLL(str(built)))
 
 
 @pytest.fixture(params=list(CASES))
