@@ -4,8 +4,9 @@
 
 One at a time, in a copy of the package: + becomes - and back, the first term of a sum is negated, a unary
 minus is dropped, a comparison is turned round, a returned value is negated; where equations are text, in that
-text too. Then the tests of that file run, without compiled kernels. A change that no test notices is a
-survivor: it is printed, and the exit status 1.
+text too; and in the C of the engine, which is compiled again (see `mutate_c`). Then the tests of that file
+run, without compiled kernels. A change that no test notices is a survivor: it is printed, and the exit
+status 1.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from multiprocessing.connection import wait
 from multiprocessing.context import ForkProcess
 from pathlib import Path
 from typing import NamedTuple
+
+import mutate_c
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "stickslip"
@@ -90,6 +93,13 @@ MOVER = (
     f"{IN_C}a_range_that_holding_uses_up_in_c",
     f"{IN_C}an_end_stop_in_c",
 )
+ENGINE = (
+    "tests/engine/test_trajectories.py::test_as_stored",
+    "tests/engine/test_trajectories.py::test_goes_on_to_the_last_bit",
+    "tests/engine/test_trajectories.py::test_gives_up_after_so_many_steps",
+    "tests/engine/test_limits.py",
+)
+NEAR = "tests/engine/test_near.py::test_as_stored"
 # The first row that fits a file counts.
 TARGETS = (
     Target(
@@ -215,6 +225,16 @@ TARGETS = (
         ("found", "pid"),
     ),
     Target("design/choice.py", ("tests/design/test_choice.py",), ("criterion", "score", "together")),
+    Target("engine/c/members.c", ("tests/engine/test_members.py",)),
+    Target("engine/c/orbits.c", ("tests/engine/test_orbits.py", "tests/engine/test_limits.py")),
+    Target("engine/c/linear.h", ("tests/engine/test_orbits.py",)),
+    Target("engine/c/near.inl", (NEAR,)),
+    Target("engine/c/engine.c", (*ENGINE, NEAR)),
+    Target("engine/c/*.inl", (*ENGINE, NEAR)),
+    *(
+        Target(f"engine/c/{name}.h", (*ENGINE, NEAR))
+        for name in ("contact", "log", "repeats", "reversal", "rodas5p", "table")
+    ),
     Target("rig/table.py", ("tests/rig/test_table.py",)),
     Target("rig/oscilloscopes.py", ("tests/rig/test_table.py",), ("_keysight", "_rigol", "_tektronix")),
 )
@@ -223,6 +243,7 @@ TARGETS = (
 PATIENCE, AT_LEAST = 4.0, 15.0
 PRELOADED = ("hypothesis", "pint", "pytest", "scipy.integrate", "scipy.optimize", "xarray")
 WRONG_COPY = 97
+OBJECTS = "objects"  # of the unchanged engine
 
 OPPOSITE: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub,
@@ -312,8 +333,12 @@ def inside(function: ast.FunctionDef) -> Iterator[ast.AST]:
 
 def mutants(file: Path, target: Target) -> Iterator[Mutant]:
     """Every mutant of a file's target functions."""
-    tree = ast.parse(file.read_text())
     name = file.relative_to(PACKAGE).as_posix()
+    if file.suffix != ".py":
+        for change in mutate_c.changes(file.read_text(), file.name):
+            yield Mutant(name, *change, target.tests)
+        return
+    tree = ast.parse(file.read_text())
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
     missing = set(target.functions) - {function.name for function in functions}
     if missing:
@@ -344,18 +369,21 @@ def all_mutants(only: Sequence[str]) -> list[Mutant]:
     return [mutant for group in found.values() for mutant in group]
 
 
-def run_tests(copy: Path, tests: tuple[str, ...]) -> None:
+def run_tests(copy: Path, mutant: Mutant, objects: Path) -> None:
     """In a process of its own: run the tests over the copy of the package and exit with pytest's status."""
     import pytest
 
     with (copy / "output.txt").open("w") as output:
         os.dup2(output.fileno(), 1)
         os.dup2(output.fileno(), 2)
+    file = copy / "stickslip" / mutant.file
+    if file.suffix != ".py":
+        mutate_c.build(file.parent, file.name, objects)
     os.chdir(ROOT)
     os.environ["PYTHONPATH"] = str(copy)
     sys.path.insert(0, str(copy))
     options = ["-x", "-q", "--assert=plain", "-p", "no:cacheprovider", "-p", "no:unraisableexception"]
-    status = int(pytest.main([*options, *tests]))
+    status = int(pytest.main([*options, *mutant.tests]))
     tested = importlib.import_module("stickslip").__file__ or ""
     sys.stdout.flush()
     os._exit(status if tested.startswith(str(copy)) else WRONG_COPY)
@@ -367,28 +395,28 @@ class Run(NamedTuple):
     process: ForkProcess
     copy: Path
     started: float
-    mutant: Mutant | None
+    mutant: Mutant
 
 
-def start(folder: Path, tests: tuple[str, ...], mutant: Mutant | None = None) -> Run:
+def start(folder: Path, mutant: Mutant) -> Run:
     """Copy the package, change it, and start its tests."""
     copy = Path(tempfile.mkdtemp(dir=folder))
     shutil.copytree(PACKAGE, copy / "stickslip", ignore=shutil.ignore_patterns("__pycache__"))
-    if mutant is not None:
-        (copy / "stickslip" / mutant.file).write_text(mutant.source)
-    process = multiprocessing.get_context("fork").Process(target=run_tests, args=(copy, tests))
+    (copy / "stickslip" / mutant.file).write_text(mutant.source)
+    arguments = (copy, mutant, folder / OBJECTS)
+    process = multiprocessing.get_context("fork").Process(target=run_tests, args=arguments)
     process.start()
     return Run(process, copy, time.monotonic(), mutant)
 
 
-def check_unchanged(folder: Path, selections: set[tuple[str, ...]]) -> dict[tuple[str, ...], float]:
+def check_unchanged(folder: Path, queue: list[Mutant]) -> dict[tuple[str, ...], float]:
     """The tests must pass over an unchanged copy, or every mutant would seem to be noticed.
 
     Returns how long those of a mutant may take, s.
     """
     seconds = {}
-    for tests in sorted(selections):
-        run = start(folder, tests)
+    for tests, mutant in sorted({mutant.tests: mutant for mutant in queue}.items()):
+        run = start(folder, mutant._replace(source=(PACKAGE / mutant.file).read_text()))
         run.process.join()
         if run.process.exitcode != 0:
             print((run.copy / "output.txt").read_text())
@@ -405,18 +433,17 @@ def survivors(
     waiting = list(reversed(queue))
     while waiting or running:
         while waiting and len(running) < jobs:
-            mutant = waiting.pop()
-            running.append(start(folder, mutant.tests, mutant))
+            running.append(start(folder, waiting.pop()))
         wait([run.process.sentinel for run in running], timeout=1.0)
         for run in list(running):
             if run.process.is_alive():
-                if run.mutant and time.monotonic() - run.started > seconds[run.mutant.tests]:
+                if time.monotonic() - run.started > seconds[run.mutant.tests]:
                     run.process.kill()
                 continue
             running.remove(run)
             if run.process.exitcode == WRONG_COPY:
                 sys.exit("mutate: the tests did not import the changed copy")
-            if run.process.exitcode == 0 and run.mutant is not None:
+            if run.process.exitcode == 0:
                 yield run.mutant
             shutil.rmtree(run.copy)
 
@@ -450,7 +477,9 @@ def main() -> None:
         importlib.import_module(module)
     missed: list[Mutant] = []
     with tempfile.TemporaryDirectory() as folder:
-        seconds = check_unchanged(Path(folder), {mutant.tests for mutant in queue})
+        if any(not mutant.file.endswith(".py") for mutant in queue):
+            mutate_c.objects(PACKAGE / "engine" / "c", Path(folder) / OBJECTS)
+        seconds = check_unchanged(Path(folder), queue)
         for mutant in survivors(Path(folder), queue, arguments.jobs, seconds):
             missed.append(mutant)
             print(f"survived: src/stickslip/{mutant.file}:{mutant.line}: {mutant.change}", flush=True)

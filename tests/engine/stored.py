@@ -2,7 +2,7 @@
 
 They were computed once by the package's former engine, which did the same method in other code (Python), and
 are compared with those of the engine in C number by number: steps that were accepted and rejected, positions
-to rounding. That the method itself is right is told by `test_exactness`. After an intended change of the
+to rounding. After an intended change of the
 method, ``PYTHONPATH=src:tests python -m engine.stored`` stores the answers of the engine in C.
 """
 

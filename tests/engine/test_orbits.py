@@ -32,17 +32,45 @@ TOLERANCE, MOST_PERIODS = 1e-9, 400
 CLOSE, CLOSE_MULTIPLIER = 1e-13, 2e-3
 
 
+ANYWHERE = "anywhere"
+SEEDS = (66, 123, 250)  # chosen among 400, as those of `cases`
+
+
+def at_home(law: Any, waveform: str, seed: int = 3) -> tuple[Any, Any, float]:
+    """An actuator with a random mass, its drive, and the drive's random frequency."""
+    random = np.random.default_rng(seed)
+    frequency = 50.0 * random.uniform(0.5, 3.0)
+    drive = ss.Sawtooth(65.0, frequency, 0.9) if waveform == "sawtooth" else ss.Sine(50.0, frequency)
+    mass = cases.KANG.end_effector_mass * random.uniform(0.5, 2.0)
+    return cases.KANG.replace(friction=law, end_effector_mass=mass), drive, frequency
+
+
+def anywhere(seed: int) -> tuple[Any, Any, float]:
+    """An orbit away from home: law, drive, damping, mass and force are random."""
+    random = np.random.default_rng(seed)
+    frequency, volts = 10 ** random.uniform(1.3, 3.3), 10 ** random.uniform(0.7, 2.2)
+    others = (ss.Coulomb(0.05), ss.Stribeck(0.3, 0.6, 1e-3), ss.StictionCoulombViscous(0.4, 0.6, 1.0))
+    laws = (*LAWS.values(), *others, ss.LuGre(1.4e6, 5.0, 0.0, 0.3, 0.6))
+    waveforms = ss.Sawtooth(volts, frequency, 0.9), ss.Sine(volts, frequency), ss.Sawtooth(volts, frequency)
+    actuator = cases.KANG.replace(
+        friction=laws[random.integers(len(laws))],
+        end_effector_mass=cases.KANG.end_effector_mass * 10 ** random.uniform(-0.7, 0.7),
+        damping_ratio=10 ** random.uniform(-2.5, 0.0),
+        external_force=random.choice([0.0, 0.0, 0.1, -0.2]),
+    )
+    return actuator, waveforms[random.integers(3)], frequency
+
+
 class Task:
-    """An actuator with a random mass, under a drive of a random frequency."""
+    """The search for an orbit."""
 
     def __init__(self, law: Any, waveform: str, seed: int = 3) -> None:
-        random = np.random.default_rng(seed)
-        frequency = 50.0 * random.uniform(0.5, 3.0)
-        drive = ss.Sawtooth(65.0, frequency, 0.9) if waveform == "sawtooth" else ss.Sine(50.0, frequency)
-        mass = cases.KANG.end_effector_mass * random.uniform(0.5, 2.0)
+        self._of(*(anywhere(seed) if waveform == ANYWHERE else at_home(law, waveform, seed)))
+
+    def _of(self, actuator: Any, waveform: Any, frequency: float) -> None:
         contact = contact_load(1.0, 3.0 / frequency)
-        system = contact.system(cases.KANG.replace(friction=law, end_effector_mass=mass))
-        self.drive, self.load = drive.drive(3.0 / frequency), contact.drive
+        system = contact.system(actuator)
+        self.drive, self.load = waveform.drive(3.0 / frequency), contact.drive
         self.plant, self.column, self.periods = system.plant, system.slider, np.array([1.0 / frequency])
         self.states = contact.rest(system, self.drive.before)[None].copy()
         self.outcomes, self.smooth = np.zeros(1, np.int64), periodic.has_neighbours(self.plant)
@@ -60,16 +88,18 @@ class Task:
         )
 
 
-STORED, ALL = stored("orbits"), [(name, waveform) for name in LAWS for waveform in ("sawtooth", "sine")]
+STORED = stored("orbits")
+ALL = [(name, waveform, 3) for name in LAWS for waveform in ("sawtooth", "sine")]
+ALL += [("any law", ANYWHERE, seed) for seed in SEEDS]
 
 
-def title(name: str, waveform: str) -> str:
-    return f"{name}, {waveform}"
+def title(name: str, waveform: str, seed: int) -> str:
+    return f"{name}, {waveform}, {seed}"
 
 
-def answered(name: str, waveform: str) -> dict[str, np.ndarray]:
+def answered(name: str, waveform: str, seed: int) -> dict[str, np.ndarray]:
     """What is stored of an orbit."""
-    task = Task(LAWS[name], waveform)
+    task = Task(LAWS.get(name), waveform, seed)
     found = task.by_engine()
     multipliers = np.abs(np.linalg.eigvals(found.jacobian[0]))
     np.testing.assert_allclose(multipliers.max(), found.radius[0], rtol=0.02, atol=CLOSE_MULTIPLIER)
@@ -77,9 +107,9 @@ def answered(name: str, waveform: str) -> dict[str, np.ndarray]:
     return {"found": np.array([float(one[0]) for one in numbers]), "state": task.states[0]}
 
 
-@pytest.mark.parametrize(("name", "waveform"), ALL)
-def test_as_stored(name: str, waveform: str) -> None:
-    found, expected = answered(name, waveform), STORED[title(name, waveform)]
+@pytest.mark.parametrize(("name", "waveform", "seed"), ALL)
+def test_as_stored(name: str, waveform: str, seed: int) -> None:
+    found, expected = answered(name, waveform, seed), STORED[title(name, waveform, seed)]
     outcome, periods, step, error, radius = expected["found"]
     assert found["found"][:2].tolist() == [outcome, periods]
     assert outcome == DONE

@@ -39,7 +39,7 @@ def test_as_stored(name: str) -> None:
     """The same steps, the same positions, outputs and work, up to rounding."""
     found, expected = answered(name), STORED[name]
     assert found.keys() == expected.keys()
-    assert found["steps"].tolist() == expected["steps"].tolist()
+    assert found["steps"].tolist() == pytest.approx(expected["steps"].tolist(), rel=1e-12)
     assert found["steps"][2] > 15
     positions = slice(0, 2 * len(CASES[name].plant.modes), 2)
     assert np.ptp(expected["samples"][:, positions]) > 1e-8
@@ -54,7 +54,8 @@ def test_as_stored(name: str) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["the thesis's actuator", "periods that repeat", "Coulomb", "Maxwell slip", "a sampled controller"],
+    # A careful run of another length has another tolerance.
+    [name for name in CASES if not CASES[name].careful],
 )
 def test_goes_on_to_the_last_bit(name: str) -> None:
     """A run that ends and is taken up again is the run over both, wherever it ended."""
