@@ -140,7 +140,6 @@ TARGETS = (
         "plant/creeping.py", ("tests/plant/test_at_piezo.py", "tests/plant/test_transformers.py::test_creep")
     ),
     Target("plant/cubics.py", ("tests/plant/test_at_piezo.py",), ("with_cubics", "moved_on")),
-    Target("plant/lanes.py", ("tests/plant/test_lanes.py",)),
     Target("export/modes.py", IN_EXPORT, ("mode_acceleration",)),
     Target("export/piezo.py", IN_EXPORT, ("felt",)),
     Target("solve/step.py", ("tests/solve/test_step.py",)),

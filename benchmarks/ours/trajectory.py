@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 import stickslip as ss
+from stickslip.engine.binding import ComposedPlant, DriveTable, integrate
 from stickslip.simulation.models import Contact
-from stickslip.solve.periods import integrate
-from stickslip.solve.resume import NO_RESUME
 
 from .. import problems
 from ..worker import Case, serve
@@ -27,12 +26,12 @@ def _engine(problem: str, drive: Any, tolerance: float) -> Callable[[], np.ndarr
     of, table = contact.system(actuator(problem)), drive.drive(DURATION)
     times = np.arange(problems.PERIODS * problems.SAMPLES + 1) / 1e3
     start = contact.rest(of, 0.0)
-    samples, span = np.empty((times.size, start.size + 1)), np.array([0.0, DURATION])
+    samples, span = np.empty((times.size, start.size + 1)), (0.0, DURATION)
+    made = ComposedPlant(of.plant), DriveTable(table), DriveTable(contact.drive)
 
     def run() -> np.ndarray:
         q = start.copy()
-        settings = span, tolerance, False, MAX_STEPS, times, samples, NO_RESUME, None
-        integrate(of.plant, table, contact.drive, q, *settings)
+        integrate(*made, q, span, tolerance, False, MAX_STEPS, times, samples)
         return samples[:, of.slider]
 
     return run

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import stickslip as ss
+from engine.library import integrate
 from plants import Lag
 from stickslip.friction import NormalForce, register
 from stickslip.piezo import MaxwellCapacitor, Piezo
@@ -235,13 +236,13 @@ class Answer(NamedTuple):
     account: Array
 
 
-def answer(integrate: Any, case: Case, resume: Array) -> Answer:
-    """Follow a case with an engine."""
+def answer(case: Case, resume: Array | None) -> Answer:
+    """Follow a case."""
     q, samples, account = case.state.copy(), case.room, np.zeros((case.samples, 4))
-    work = (np.zeros(q.size), np.zeros(4), account) if case.energy else None
-    span = np.array([0.0, case.end])
     found = integrate(
-        *(case.plant, case.drive, case.load, q, span, case.tolerance, case.careful, 200_000),
-        *(case.times, samples, resume, work),
+        *(case.plant, case.drive, case.load, q, (0.0, case.end), case.tolerance, case.careful, 200_000),
+        *(case.times, samples),
+        resume=resume,
+        account=account if case.energy else None,
     )
     return Answer(*found, q, samples, account)

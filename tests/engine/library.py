@@ -1,4 +1,4 @@
-"""How the tests call the engine, in the way of `periods.integrate`, and build it with other flags."""
+"""How the tests call the engine, and build it with other flags."""
 
 from __future__ import annotations
 
@@ -14,20 +14,18 @@ STRICT = ["-std=c99", "-ffp-contract=off", "-fPIC", "-shared"]
 
 
 def integrate(
-    plant: Any, drive: Any, load: Any, q: Any, span: Any, *further: Any
+    plant: Any,
+    drive: Any,
+    load: Any,
+    q: Any,
+    span: tuple[float, float],
+    *further: Any,
+    resume: Any = None,
+    account: Any = None,
 ) -> tuple[int, float, int, int]:
-    """`stickslip.solve.periods.integrate`, by the binding."""
-    *rest, resume, account = further
-    return binding.integrate(
-        binding.ComposedPlant(plant),
-        binding.DriveTable(drive),
-        binding.DriveTable(load),
-        q,
-        (span[0], span[1]),
-        *rest,
-        resume if resume.size else None,
-        None if account is None else account[2],
-    )
+    """`binding.integrate` of a plant and tables as Python has them."""
+    made = binding.ComposedPlant(plant), binding.DriveTable(drive), binding.DriveTable(load)
+    return binding.integrate(*made, q, span, *further, resume, account)
 
 
 def built(folder: Path, *flags: str, of: str = "") -> Path:

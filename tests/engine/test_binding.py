@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from engine import cases
-from engine.library import built, integrate
+from engine.library import built
 from stickslip.engine import binding
-from stickslip.solve.outcome import DONE
+from stickslip.engine.outcome import DONE
 
 CASES = cases.cases()
 
 
 def followed(name: str, resume: np.ndarray | None = None) -> cases.Answer:
-    return cases.answer(integrate, CASES[name], np.zeros(0) if resume is None else resume)
+    return cases.answer(CASES[name], resume)
 
 
 @pytest.fixture(scope="module")

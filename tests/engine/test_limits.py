@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from stickslip.solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 
 from engine import cases
 from engine.library import integrate
@@ -14,7 +15,6 @@ from engine.test_orbits import Task as Orbit
 from stickslip.engine import binding, members
 from stickslip.engine.laws import parameters
 from stickslip.plant.system import values_of
-from stickslip.solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from stickslip.solve.resume import NO_RESUME
 
 CASES = cases.cases()

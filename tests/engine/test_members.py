@@ -11,11 +11,11 @@ import stickslip as ss
 from engine import cases
 from engine.own import Own
 from stickslip.engine import binding, members
+from stickslip.engine.outcome import DONE, TOO_MANY_STEPS
 from stickslip.friction import law as registered
 from stickslip.plant.generated import with_values
 from stickslip.plant.system import values_of
 from stickslip.simulation import simulate_ensemble
-from stickslip.solve.outcome import DONE, TOO_MANY_STEPS
 from stickslip.waveform.members import Drives, member_of, stacked
 
 CASES = cases.cases()

@@ -12,10 +12,9 @@ from engine.library import integrate
 from engine.stored import EVERY, stored
 from plants import Lag
 from stickslip.engine import binding, members, near
+from stickslip.engine.outcome import DONE, TOO_MANY_STEPS
 from stickslip.friction import law as registered
 from stickslip.plant.system import values_of
-from stickslip.solve.outcome import DONE, TOO_MANY_STEPS
-from stickslip.solve.resume import NO_RESUME
 from stickslip.waveform.members import stacked
 
 CASES, STORED = cases.cases(), stored("neighbours")
@@ -112,7 +111,7 @@ def test_a_neighbour_that_differs_in_nothing_is_the_trajectory() -> None:
     q, samples = case.state.copy(), case.room
     alone = integrate(
         *(case.plant, case.drive, case.load, q, (0.0, case.end), case.tolerance, False, 200_000),
-        *(case.times, samples, NO_RESUME, None),
+        *(case.times, samples),
     )
     assert found[1:] == alone[1:]
     for p in range(COUNT):

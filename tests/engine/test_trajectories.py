@@ -15,16 +15,15 @@ from engine.library import WARNINGS, built, integrate
 from engine.stored import EVERY, stored
 from plants import Lag
 from stickslip.engine import binding, compiled_law, laws
-from stickslip.solve.outcome import DONE, TOO_MANY_STEPS
-from stickslip.solve.resume import NO_RESUME
+from stickslip.engine.outcome import DONE, TOO_MANY_STEPS
 
 CASES, STORED = cases.cases(), stored("trajectories")
 OWN = [Lag, cases.Integrator]
 CLOSE = 1e-12  # m, what positions may differ by: rounding, which trajectories amplify
 
 
-def followed(case: cases.Case, resume: np.ndarray = NO_RESUME) -> cases.Answer:
-    return cases.answer(integrate, case, resume)
+def followed(case: cases.Case, resume: np.ndarray | None = None) -> cases.Answer:
+    return cases.answer(case, resume)
 
 
 def answered(name: str) -> dict[str, np.ndarray]:
@@ -68,9 +67,9 @@ def test_goes_on_to_the_last_bit(name: str) -> None:
         assert 0.0 <= row[2] <= share * case.end
         rest = case.times[case.times > share * case.end]
         q, samples = np.full(case.state.size, np.nan), case.room[: rest.size]
-        span, further = np.array([0.0, case.end]), (case.tolerance, case.careful, 200_000)
+        span, further = (0.0, case.end), (case.tolerance, case.careful, 200_000)
         outcome, *_ = integrate(
-            case.plant, case.drive, case.load, q, span, *further, rest, samples, row, None
+            case.plant, case.drive, case.load, q, span, *further, rest, samples, resume=row
         )
         assert outcome == DONE
         np.testing.assert_array_equal(q, whole.state)
@@ -88,9 +87,9 @@ def test_samples_change_no_step() -> None:
 def test_gives_up_after_so_many_steps() -> None:
     case = CASES["elastoplastic"]
     samples, q = case.room, case.state.copy()
-    span, further = np.array([0.0, case.end]), (case.tolerance, False, 20)
+    span, further = (0.0, case.end), (case.tolerance, False, 20)
     outcome, reached, accepted, rejected = integrate(
-        case.plant, case.drive, case.load, q, span, *further, case.times, samples, NO_RESUME, None
+        case.plant, case.drive, case.load, q, span, *further, case.times, samples
     )
     assert outcome == TOO_MANY_STEPS
     assert accepted + rejected == 20

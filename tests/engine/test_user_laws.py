@@ -39,7 +39,7 @@ def points(n: int = 300) -> list[tuple[float, float]]:
 def registered_law(monkeypatch: pytest.MonkeyPatch, name: str) -> Any:
     """A record whose law is the function of this name."""
     record, function = ALL[name]
-    made = registered._Implementation(function, None, None, None, None, None, None, False, False)
+    made = registered._Implementation(function, None, None, None, None, None, None, False)
     monkeypatch.setitem(registered._IMPLEMENTATIONS, type(record), made)
     return record
 

@@ -28,7 +28,7 @@ from plants import (
     weights_and_rates,
 )
 from stickslip._jit import compiled
-from stickslip.friction import Elastoplastic, LuGre, MaxwellSlip
+from stickslip.friction import MaxwellSlip
 from stickslip.plant import generated
 from stickslip.plant.dynamics import factor
 from stickslip.plant.system import Element, Mode, Plant, layout_of, state_size, values_of
@@ -95,11 +95,6 @@ def settled(plant, q, u, local):
 
 
 @compiled
-def settled_alike(plant, q, own, other):
-    return generated.settled_alike(plant, q, own, other)
-
-
-@compiled
 def kinks(plant, q, beyond):
     return generated.kinks(plant, q, beyond)
 
@@ -135,7 +130,6 @@ def branches(plant, sides, q, v, dv):
         generated.branched(plant),
         generated.on_branches(plant, sides, q, v, dv),
         generated.branches_hold(plant, sides, q, v, dv),
-        generated.in_lanes(plant),
     )
 
 
@@ -290,11 +284,8 @@ def test_sides_tell_the_branches_of_the_states(case: Case) -> None:
         math.copysign(1.0, s) if m else s for s, m in zip(sides, [*of_maxwell, False], strict=False)
     )
     faster = tuple(np.sign(v)) or (0.0,)
-    has, found, holds, lanes = branches(plant, plain, tuple(q), tuple(v) or (0.0,), faster)
+    has, found, holds = branches(plant, plain, tuple(q), tuple(v) or (0.0,), faster)
     assert has == any(of_maxwell)
-    assert lanes == all(
-        isinstance(element.law, LuGre | Elastoplastic | MaxwellSlip) for element in plant.elements
-    )
     np.testing.assert_array_equal(found, sides)
     assert branches(plant, sides, tuple(q), tuple(v) or (0.0,), faster)[2]
     assert holds == (found == plain)  # what is over its strength sticks no longer
@@ -350,28 +341,6 @@ def test_a_stop_moves_as_the_drive_says_too(slope: float) -> None:
 def test_states_without_a_bound_stay(case: Case) -> None:
     q = tuple(state_of(case))
     assert settled(case.plant, q, U, 1e-12) == q
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize(("name", "e", "first"), [("three contacts", 0, 2), ("a rising load", 2, 7)])
-def test_a_neighbour_is_on_its_own_bound_where_the_trajectory_is(
-    name: str, e: int, first: int, side: float
-) -> None:
-    """One of two elements at its bound: that one of the neighbour, a tenth stronger, is on its own bound;
-    the rest of the neighbour stays."""
-    plant, q = CASES[name].plant, state_of(CASES[name])
-    law = plant.elements[e].law
-    stronger = law._replace(strength=tuple(1.1 * strength for strength in law.strength))
-    elements = [
-        element._replace(law=stronger) if i == e else element for i, element in enumerate(plant.elements)
-    ]
-    bounds = side * reference.largest_deflection(law)
-    q[first : first + 2] = bounds[0], 0.9 * bounds[1]
-    other = 1.01 * q
-    expected = other.copy()
-    expected[first] = side * reference.largest_deflection(stronger)[0]
-    found = settled_alike(plant, tuple(q), plant._replace(elements=tuple(elements)), tuple(other))
-    np.testing.assert_allclose(found, expected, rtol=1e-13)
 
 
 def test_how_far_two_states_are_apart(case: Case) -> None:

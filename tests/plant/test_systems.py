@@ -12,10 +12,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import plants
+from engine.library import integrate
 from stickslip.friction import Dahl, Elastoplastic, LuGre, MaxwellSlip, register
 from stickslip.plant.system import Element, Mode, Plant, state_size
-from stickslip.solve.periods import integrate
-from stickslip.solve.resume import NO_RESUME
 from stickslip.waveform.drive import Drive, constant
 from stickslip.waveform.periodic import Sawtooth, Sine
 
@@ -33,11 +32,8 @@ def followed(plant: Plant, drive: Drive, times: np.ndarray = TIMES, tolerance: f
     """States at the times, from zero."""
     q = np.zeros(state_size(plant))
     samples = np.full((times.size, q.size + max(len(plant.elements), 1)), np.nan)
-    span = np.array([0.0, times[-1]])
-    drive = drive._replace(polynomial=np.ascontiguousarray(drive.polynomial))
-    outcome, *_ = integrate(
-        plant, drive, constant(1.0), q, span, tolerance, False, 1_000_000, times, samples, NO_RESUME, None
-    )
+    span = 0.0, float(times[-1])
+    outcome, *_ = integrate(plant, drive, constant(1.0), q, span, tolerance, False, 1_000_000, times, samples)
     assert outcome == 0
     return samples[:, : q.size]
 

@@ -16,7 +16,6 @@ from stickslip.simulation import (
     steady_steps,
 )
 from stickslip.simulation.varied import with_values
-from stickslip.solve.linear import spectral_radius, to_orbit
 from stickslip.units import QuantityError
 from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.multisine import Multisine
@@ -189,36 +188,6 @@ def test_a_waveform_without_a_common_period_is_refused_alone() -> None:
     found = steady_steps(model, drive, parameters={"frequency_2": [100.0, 50.0 * np.pi, 150.0]})
     assert found["status"].values.tolist() == [0, 4, 0]
     assert "has no period" in str(found["reason"].values[1])
-
-
-def test_the_linear_algebra_is_that_of_numpy() -> None:
-    rng = np.random.default_rng(3)
-    for n in (1, 2, 5, 8):
-        jacobian, defect, x = rng.normal(size=(n, n)), rng.normal(size=n), np.empty(n)
-        scale = np.exp(rng.normal(size=n))
-        for least in (0.0, 1e-5):
-            to_orbit(jacobian, defect, scale, n // 2, least, np.empty((n, n)), x)
-            np.testing.assert_allclose(x, np.linalg.solve(np.eye(n) - jacobian, defect), rtol=1e-9)
-        largest = np.abs(np.linalg.eigvals(jacobian)).max()
-        assert spectral_radius(jacobian, scale, 40) == pytest.approx(largest, rel=1e-9)
-    x = np.empty(2)
-    for bodies, least in ((2, 0.0), (2, 1e-5), (0, 0.0)):
-        to_orbit(np.eye(2), np.ones(2), np.ones(2), bodies, least, np.empty((2, 2)), x)
-        assert np.isinf(x).all()
-    assert spectral_radius(np.zeros((2, 2)), np.ones(2), 40) == 0.0
-
-
-def test_what_a_period_does_not_change_stays() -> None:
-    """Of four states, two of bodies, one combination is kept for ever; the others go as the defect says."""
-    rng = np.random.default_rng(5)
-    kept, forgets = rng.normal(size=(4, 1)), rng.normal(size=(3, 4))
-    forgets -= forgets @ kept @ kept.T / float(np.sum(kept**2))  # blind to what is kept
-    rest = rng.normal(size=(4, 3)) @ forgets
-    defect, x = rest @ rng.normal(size=4), np.empty(4)
-    to_orbit(np.eye(4) - rest, defect, np.array([1.0, 1e-3, 2.0, 1e2]), 2, 1e-9, np.empty((4, 4)), x)
-    np.testing.assert_allclose(rest @ x, defect, rtol=1e-9)
-    assert np.count_nonzero(x) == 3
-    assert np.all(x[:2] != 0.0)
 
 
 @pytest.mark.compiled

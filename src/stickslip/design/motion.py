@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 from ..actuator import Actuator
 from ..engine.binding import DriveTable
 from ..engine.members import ComposedMembers, MemberDrives, integrate_members
+from ..engine.orbits import Orbits
+from ..engine.outcome import DONE
 from ..simulation.members import Columns, Members
-from ..solve.outcome import DONE
-from ..solve.periodic import Found
 from ..waveform.drive import evaluate
 from ..waveform.members import member_of
 
@@ -50,7 +50,7 @@ def within_a_period(
     model: Actuator,
     of: Members,
     columns: Columns,
-    found: Found,
+    found: Orbits,
     fine: NDArray[np.bool_],
     tolerance: float,
     names: Collection[str],

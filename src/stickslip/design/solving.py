@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..electronics import OutputStage
+from ..engine.orbits import Orbits
 from ..progress import Progress
 from ..simulation.members import Columns, Members, checked_columns
 from ..simulation.steady_members import CONVERGED, orbit_blocks
 from ..simulation.steady_members import STATUS as OF_ORBITS
-from ..solve.periodic import Found
 from ..waveform.signal import Waveform
 from .motion import within_a_period
 
@@ -65,7 +65,7 @@ def solved(
     beside = {name: np.full(count, np.nan) for name in extras}
     status, reasons = np.full(count, NOT_COMPUTED, np.int8), ["not computed"] * count
 
-    def moved(of: Members, part: Columns, found: Found, states: NDArray[np.int8]) -> dict[str, Array]:
+    def moved(of: Members, part: Columns, found: Orbits, states: NDArray[np.int8]) -> dict[str, Array]:
         return within_a_period(model, of, part, found, states == CONVERGED, tolerance, extras)
 
     blocks = orbit_blocks(

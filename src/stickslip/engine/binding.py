@@ -128,7 +128,7 @@ def integrate(
         account: the account of work [times, TERMS], which changes no step.
 
     Returns:
-        The outcome (see `solve.outcome`), the time reached [s], accepted and rejected steps.
+        The outcome (see `engine.outcome`), the time reached [s], accepted and rejected steps.
 
     Raises:
         TypeError: an array is no C-contiguous array of doubles.

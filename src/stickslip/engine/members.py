@@ -121,7 +121,7 @@ def integrate_members(
         members: the plants.
         drives: of the members.
         load: normal force over its reference, the same for all.
-        outcomes: of each (see `solve.outcome`), in place; members whose outcome is not DONE at the start are
+        outcomes: of each (see `engine.outcome`), in place; members whose outcome is not DONE at the start are
             left out.
         states: at the start [members, states]; in place, at the time reached.
         spans: start and end of each, s, [members, 2].

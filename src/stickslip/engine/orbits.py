@@ -13,11 +13,12 @@ from .members import ComposedMembers, Integers, MemberDrives, check_fit, integer
 
 
 class Orbits(NamedTuple):
-    """What became of members [members]: `steps`, net displacement per period, m; `errors`, how far step and
-    state may be off, m; `residuals`, how far off they were before the last correction, m; `radius`, the
-    largest multiplier in size; `periods` integrated; `jacobian` [members, states, states] of the last map,
-    with zeros for the position."""
+    """What became of members [members]: `outcomes`; `steps`, net displacement per period, m; `errors`, how
+    far step and state may be off, m; `residuals`, how far off they were before the last correction, m;
+    `radius`, the largest multiplier in size; `periods` integrated; `jacobian` [members, states, states] of
+    the last map, with zeros for the position."""
 
+    outcomes: Integers
     steps: Array
     errors: Array
     residuals: Array
@@ -38,13 +39,13 @@ def find_orbits(
     column: int,
     smooth: bool,
 ) -> Orbits:
-    """Look for the periodic orbits of members, one after the other (see `solve.periodic`).
+    """Look for the periodic orbits of members, one after the other (see `simulation.periodic`).
 
     Args:
         members: the plants.
         drives: of the members.
         load: normal force over its reference, the same for all.
-        outcomes: of each, in place: DONE, `NOT_FOUND` of the library, or why the motion could not be
+        outcomes: of each, in place: DONE, NOT_FOUND, or why the motion could not be
             followed; members whose outcome is not DONE at the start are left out.
         states: from which they are looked for [members, states]; in place, on the orbits.
         periods: of the drives, s, [members].
@@ -63,14 +64,15 @@ def find_orbits(
         sized(name, array, size)
     check_fit(members, drives, column)
     steps, errors, residuals, radius = np.full((4, count), np.nan)
-    found = Orbits(steps, errors, residuals, radius, np.zeros(count, np.int64), np.zeros((count, n, n)))
+    tried, jacobian = np.zeros(count, np.int64), np.zeros((count, n, n))
+    found = Orbits(outcomes, steps, errors, residuals, radius, tried, jacobian)
     task: Any = ffi.new("struct stickslip_orbits *")
     task.count, task.plants, task.drives, task.load = count, members.struct, drives.struct, load.struct
     task.states, task.periods = doubles(states, "states", True), doubles(periods, "periods")
     task.tolerance, task.max_periods, task.column, task.smooth = tolerance, max_periods, column, smooth
-    task.outcomes, task.tried = integers(outcomes, "outcomes"), integers(found.periods, "tried")
+    task.outcomes, task.tried = integers(outcomes, "outcomes"), integers(tried, "tried")
     for name in ("steps", "errors", "residuals", "radius"):
         setattr(task, name, doubles(getattr(found, name), name, True))
-    task.jacobians = doubles(found.jacobian, "jacobian", True)
+    task.jacobians = doubles(jacobian, "jacobian", True)
     called(library().stickslip_find_orbits, members.laws, task)
     return found

@@ -66,4 +66,4 @@ def elastoplastic(law, v, z):
     return law.sigma_0 * z + law.sigma_1 * dz + law.sigma_2 * v, dz
 
 
-register(Elastoplastic, elastoplastic, lanes=True)
+register(Elastoplastic, elastoplastic)

@@ -1,8 +1,4 @@
-"""e^-x without a call.
-
-Steps side by side in vector registers (`plant.lanes`) are as quick as their slowest part, which a call to the
-C library for one number after the other would be.
-"""
+"""e^-x without a call to the C library, which is slower."""
 
 from __future__ import annotations
 

@@ -53,7 +53,6 @@ class _Implementation(NamedTuple):
     tick: Callable[..., Any] | None
     branches: Branches | None
     smooth: bool
-    lanes: bool
 
 
 _ARGUMENTS = {
@@ -76,7 +75,6 @@ def register(
     tick: Callable[..., Any] | None = None,
     branches: Branches | None = None,
     smooth: bool = False,
-    lanes: bool = False,
     named: bool = True,
 ) -> None:
     """Make a record a friction law, known by its name from then on.
@@ -95,8 +93,6 @@ def register(
         smooth: the record is no friction contact but an element without a kink at v = 0: a lag, an
             amplifier, creep, a controller (see `plant.system`); its input v and output F are in whatever unit
             its maker says.
-        lanes: steps of neighbours are taken side by side, in vector registers: quicker for a rate without
-            branches that cost much, for there each branch is taken always; slower with a power in one.
         named: false for the elements of a composed law, which nobody names.
 
     Raises:
@@ -110,8 +106,8 @@ def register(
         raise TypeError(f"{name}: elements and element go together")
     if (rate is None) != (elements is not None):
         raise TypeError(f"{name}: a law has either a rate, or elements that have one")
-    made = _Implementation(rate, breakaway, elements, element, project, tick, branches, smooth, lanes)
-    for role, function in zip(made._fields[:-3], made[:-3], strict=True):
+    made = _Implementation(rate, breakaway, elements, element, project, tick, branches, smooth)
+    for role, function in zip(made._fields[:-2], made[:-2], strict=True):
         expected = _ARGUMENTS.get(role, ("law",))
         if function is not None and tuple(inspect.signature(function).parameters) != expected:
             raise TypeError(f"{name}: {role} must be a function of ({', '.join(expected)}), named so")
@@ -151,11 +147,6 @@ def has_jumps(law: Any) -> bool:
     """Whether the rate of the law jumps where its state meets a curve: the motion is then no smooth function
     of the parameters. Of laws with branches, those whose ``jumps`` is not False."""
     return bool(getattr(law, "jumps", has_branches(law)))
-
-
-def pays_in_lanes(law: Any) -> bool:
-    """Whether steps of several such laws are quicker side by side."""
-    return _implementation(element(law, 0)).lanes
 
 
 def _of(numba_type: Any) -> _Implementation | None:
@@ -371,14 +362,6 @@ def bounded(law, z, towards):
     ahead = z + towards
     bound = project(law, ahead)
     return bound if bound != ahead else project(law, z)
-
-
-@fused
-def bounded_alike(law, z, own, z_own):
-    """The state of a neighbour: on its own bound where the trajectory's z is on that of its law. Beside it,
-    it would pass the bound in the middle of a step, which is not cut for it."""
-    beyond = z + 1e-9 * z
-    return project(own, 1e3 * z) if project(law, beyond) != beyond else z_own
 
 
 @compiled

@@ -49,4 +49,4 @@ def lugre(law, v, z):
     return law.sigma_0 * z + sigma_1 * dz + law.sigma_2 * v, dz
 
 
-register(LuGre, lugre, lanes=True)
+register(LuGre, lugre)

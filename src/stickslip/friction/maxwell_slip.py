@@ -155,6 +155,5 @@ register(
     element_rate,
     project=element_bound,
     branches=Branches(element_choose, element_branch_rate, element_left),
-    lanes=True,
     named=False,
 )

@@ -18,7 +18,6 @@ from typing import Any
 from .._jit import FUSED, overload_with, record_class
 from ..friction.law import (
     bounded,
-    bounded_alike,
     branch_at,
     branch_left,
     branch_of,
@@ -33,10 +32,10 @@ from ..friction.law import (
 )
 from ..friction.normal_force import along, kept, leaning, softening, uniform
 from ..friction.static import static_slope
-from . import dynamics, kinematics, lanes
-from .system import Layout, layout_of
+from . import dynamics, kinematics
+from .system import Layout, layout_of, with_values
 
-SOURCES = dynamics.SOURCES | kinematics.SOURCES | lanes.SOURCES
+SOURCES = dynamics.SOURCES | kinematics.SOURCES
 _ARGUMENTS: dict[str, tuple[str, ...]] = {}  # of each function, by its name
 # What the text calls.
 _NAMES = {
@@ -57,7 +56,6 @@ _NAMES = {
     "static_slope": static_slope,
     "reversal_kink": reversal_kink,
     "bounded": bounded,
-    "bounded_alike": bounded_alike,
     "branch_at": branch_at,
     "branch_left": branch_left,
     "branch_of": branch_of,
@@ -143,12 +141,6 @@ def settled(plant: Any, q: Any, u: Any, local: Any) -> Any:
 
 
 @_generated
-def settled_alike(plant: Any, q: Any, own: Any, other: Any) -> Any:
-    """The state `other` of a neighbour, of the plant `own`, with each internal state on its bound where that
-    of the trajectory, q, is on its own."""
-
-
-@_generated
 def kinks(plant: Any, q: Any, beyond: Any) -> Any:
     """By how much the rates of each contact's states jump in slope at v = 0, at the speed `beyond` [m/s]."""
 
@@ -231,36 +223,6 @@ def branched(plant: Any) -> Any:
 
 
 @_generated
-def in_lanes(plant: Any) -> Any:
-    """Whether steps of several such plants are quicker side by side (see `friction.law.register`)."""
-
-
-@_generated
-def room_size(plant: Any, numbers: Any) -> Any:
-    """How many entries a room (see `lanes`) has for such plants of so many numbers."""
-
-
-@_generated
-def lane_state(plant: Any, room: Any, p: Any) -> Any:
-    """The state of column p."""
-
-
-@_generated
-def lane_step(plant: Any, room: Any, p: Any) -> Any:
-    """The new state of column p, and the vectors of its continuous extension."""
-
-
-@_generated
-def put_state(plant: Any, room: Any, p: Any, q: Any) -> Any:
-    """Set the state of column p."""
-
-
-@_generated
-def put_step(plant: Any, room: Any, p: Any, new: Any, rows: Any) -> Any:
-    """Set the new state of column p, and the vectors of its continuous extension."""
-
-
-@_generated
 def on_branches(plant: Any, sides: Any, q: Any, v: Any, dv: Any) -> Any:
     """The sides with the branches on which the states are, at speeds `v` that change by `dv`."""
 
@@ -296,20 +258,8 @@ def no_sides(plant: Any) -> Any:
     """A tuple of zeros, one per element, at least one."""
 
 
-def with_values(plant: Any, values: Any) -> Any:
-    """A plant of this layout with these numbers, in the order of `system.values_of`, unchecked."""
-    count = iter(range(len(values)))
-
-    def made(value: Any) -> Any:
-        if isinstance(value, tuple):
-            return tuple.__new__(type(value), tuple([made(inner) for inner in value]))
-        return None if value is None else float(values[next(count)])
-
-    return made(plant)
-
-
-def _maker(plant: Any, arguments: str, number: str) -> Callable[..., Any]:
-    """The function of a plant's Numba type that makes such a plant; `number`, the text of its k-th number."""
+def _maker(plant: Any) -> Callable[..., Any]:
+    """The function of a plant's Numba type that makes such a plant from its numbers."""
     names: dict[str, Any] = {}
     count = itertools.count()
 
@@ -321,25 +271,14 @@ def _maker(plant: Any, arguments: str, number: str) -> Callable[..., Any]:
             name = f"Record{len(names)}"
             names[name] = record_class(kind)
             return f"{name}({inner.rstrip(',')})"
-        return "None" if str(kind) == "none" else number.format(k=next(count))
+        return "None" if str(kind) == "none" else f"values[{next(count)}]"
 
-    return eval(f"lambda {arguments}: {text(plant)}", names)
+    return eval(f"lambda plant, values: {text(plant)}", names)
 
 
 @overload_with(with_values, FUSED)
 def _with_values(plant: Any, values: Any) -> Any:
-    return _maker(plant, "plant, values", "values[{k}]")
-
-
-def lane_plant(plant: Any, room: Any, p: Any) -> Any:
-    """The plant of column p of a room."""
-    return with_values(plant, room.reshape(-1, lanes.LANES)[lanes.first_number(layout_of(plant)) :, p])
-
-
-@overload_with(lane_plant, FUSED)
-def _lane_plant(plant: Any, room: Any, p: Any) -> Any:
-    first = lanes.first_number(layout_of(plant))
-    return _maker(plant, "plant, room, p", f"room[({{k}} + {first}) * {lanes.LANES} + p]")
+    return _maker(plant)
 
 
 @functools.cache

@@ -67,15 +67,6 @@ def settled(layout: Layout) -> Text:
     return Text(lines, tuple_of(entries))
 
 
-def settled_alike(layout: Layout) -> Text:
-    entries = [f"other[{c}]" for c in range(2 * layout.modes)]
-    for e, shape in enumerate(layout.elements):
-        for i, (law, z) in enumerate(states_of(layout, e)):
-            own, state = law.replace("plant.", "own.", 1), f"other[{layout.first[e] + i}]"
-            entries.append(state if shape.smooth else f"bounded_alike({law}, {z}, {own}, {state})")
-    return Text([], tuple_of(entries))
-
-
 def kinks(layout: Layout) -> Text:
     lines = []
     for e, shape in enumerate(layout.elements):
@@ -225,10 +216,6 @@ def branched(layout: Layout) -> Text:
     return Text([], str(any(shape.branched for shape in layout.elements)))
 
 
-def in_lanes(layout: Layout) -> Text:
-    return Text([], str(all(shape.lanes for shape in layout.elements)))
-
-
 def on_branches(layout: Layout) -> Text:
     lines, made = [], []
     for e, shape in enumerate(layout.elements):
@@ -298,7 +285,6 @@ SOURCES: dict[str, Callable[[Layout], Text]] = {
         relative_speeds,
         size,
         settled,
-        settled_alike,
         kinks,
         brought,
         riding,
@@ -316,7 +302,6 @@ SOURCES: dict[str, Callable[[Layout], Text]] = {
         jolt,
         moves_freely,
         branched,
-        in_lanes,
         on_branches,
         branches_hold,
         decay,

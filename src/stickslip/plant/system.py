@@ -27,13 +27,14 @@ changes along the stroke, N_e(t, x), or whose stiffness follows it with another 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._jit import record_class
-from ..friction.law import elements, has_branches, is_sampled, is_smooth, is_static, pays_in_lanes
+from ..friction.law import elements, has_branches, is_sampled, is_smooth, is_static
 from ..friction.normal_force import NormalForce
 
 
@@ -89,7 +90,6 @@ class Shape(NamedTuple):
     smooth: bool
     sampled: bool
     branched: bool
-    lanes: bool
     velocity: tuple[bool, ...]
     push: tuple[bool, ...]
     loaded: bool
@@ -135,7 +135,6 @@ def _shape_of_record(element: Element) -> Shape:
         is_smooth(type(law)),
         is_sampled(type(law)),
         has_branches(law),
-        pays_in_lanes(law),
         there(element.velocity),
         there(element.push),
         element.loaded is not None,
@@ -171,7 +170,7 @@ def state_size(plant: Plant) -> int:
 
 
 def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
-    """All numbers of a plant in the order that `generated.with_values` takes them, [count, numbers]; where a
+    """All numbers of a plant in the order that `with_values` takes them, [count, numbers]; where a
     number is an array of `count`, each row has its own."""
     found: list[Any] = []
 
@@ -189,3 +188,32 @@ def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
     for k, value in enumerate(found):
         made[:, k] = value
     return made
+
+
+def with_values(plant: Any, values: Any) -> Any:
+    """A plant of this layout with these numbers, in the order of `values_of`, unchecked."""
+    count = iter(range(len(values)))
+
+    def made(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple.__new__(type(value), tuple([made(inner) for inner in value]))
+        return None if value is None else float(values[next(count)])
+
+    return made(plant)
+
+
+def speeds(plant: Plant, q: NDArray[np.float64], u: float, rate: float) -> list[float]:
+    """The input of each element at the state q, a drive u and its rate, without what other elements feed
+    into it."""
+    positions, velocities = q[0 : 2 * len(plant.modes) : 2], q[1 : 2 * len(plant.modes) : 2]
+
+    def along(shares: Sequence[float | None] | None, values: NDArray[np.float64]) -> float:
+        return sum((share or 0.0) * value for share, value in zip(shares or (), values, strict=False))
+
+    return [
+        along(e.velocity, velocities)
+        + along(e.position, positions)
+        + (e.drive or 0.0) * u
+        + (e.drive_rate or 0.0) * rate
+        for e in plant.elements
+    ]

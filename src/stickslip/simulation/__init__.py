@@ -1,10 +1,10 @@
 """From a model and a drive signal to a labelled trajectory: the public calls over the engines in `solve`."""
 
-from ..solve.periodic import Orbit as Orbit
 from .ensemble import simulate_ensemble as simulate_ensemble
 from .errors import NotPeriodicError as NotPeriodicError
 from .errors import SimulationError as SimulationError
 from .errors import SimulationWarning as SimulationWarning
+from .periodic import Orbit as Orbit
 from .prescribed import friction_response as friction_response
 from .sensitivity import sensitivities as sensitivities
 from .state import State as State

@@ -14,7 +14,6 @@ from ..actuator import Actuator, PulledSlider
 from ..electronics.output import OutputStage
 from ..piezo.model import Piezo
 from ..plant.at_piezo import at_piezo, tabulated
-from ..solve.periods import LONGEST_CYCLE
 from ..units import QuantityError
 from ..waveform.drive import Drive
 from ..waveform.pieces import by_periods
@@ -26,6 +25,8 @@ from .models import refuse_places
 # Largest error of a table after the piezo times the gain, as a share of the tolerance of a run: a resonance
 # or a slip makes more of it. Study: docs/benchmarks/random-actuators.md.
 TABLE_SHARE = 0.02
+# Most segments of a period that the engine looks for, see `engine/c/repeats.h`.
+LONGEST_CYCLE = 64
 
 
 def refuse_no_waveform(waveform: Waveform) -> None:

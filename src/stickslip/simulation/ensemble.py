@@ -15,10 +15,10 @@ from ..electronics.stack import Stack
 from ..engine.binding import DriveTable
 from ..engine.law_of import law_of
 from ..engine.members import ComposedMembers, MemberDrives, integrate_members
+from ..engine.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..friction import element
 from ..plant.at_piezo import tabulated
 from ..progress import Progress, unheard
-from ..solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..units import labelled_for, optional_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..solve.periodic import Orbit
+from .periodic import Orbit
 
 
 class SimulationError(RuntimeError):

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuator import Actuator
 from ..electronics.output import OutputStage
 from ..piezo.model import Piezo
-from ..plant.generated import with_values as plant_with
 from ..plant.system import Plant, values_of
+from ..plant.system import with_values as plant_with
 from ..records import did_you_mean, quantities, quantities_within, whole
 from ..units import QuantityError, array_si
 from ..waveform.drive import Drive

@@ -43,7 +43,7 @@ def refined(
 
     Args:
         run: from a tolerance of the engine, and whether it is a run to compare with (`careful` in
-            `solve.periods.integrate`), to a run.
+            `engine.binding.integrate`), to a run.
         distance: between two runs, m; NaN where they cannot be compared.
         steps: that a run took.
         tolerance: m.

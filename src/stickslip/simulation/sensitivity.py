@@ -12,14 +12,15 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
+from ..engine.binding import ComposedPlant, DriveTable
+from ..engine.members import ComposedMembers, MemberDrives
+from ..engine.near import Neighbours, integrate_near
+from ..engine.outcome import DONE
 from ..friction import element as part_of
 from ..friction import elements
 from ..friction.law import has_jumps, project
 from ..plant.system import values_of
 from ..records import did_you_mean
-from ..solve.neighbours import neighbours
-from ..solve.outcome import DONE
-from ..solve.periods import LOG_ROWS, integrate_near
 from ..units import QuantityError, labelled_for, optional_si, to_si, turned, unit_for
 from ..waveform.drive import Drive, constant
 from ..waveform.members import Drives, stacked
@@ -218,7 +219,7 @@ def follow_moved(
     load: Drive | None = None,
     over_period: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Samples of the plant (see `solve.periods.integrate`), derivatives of the end-effector's position
+    """Samples of the plant (see `engine.binding.integrate`), derivatives of the end-effector's position
     [times, names], and those of the last state [states, names]; `state` becomes the last state. With
     `over_period` each goes on to the end of its own period.
 
@@ -230,17 +231,26 @@ def follow_moved(
     ends = np.full(len(of.steps) + 1, times[-1])
     if over_period and of.periods is not None:
         ends[1:] = of.periods
-    own = of.drives, float(ends[0]), ends[1:]
-    near = neighbours(of.values, of.states.copy(), column, LOG_ROWS, times.size, *own)
-    span, load = np.array([0.0, times[-1]]), load or constant(1.0)
+    own = None if of.drives is None else MemberDrives(of.drives, np.arange(len(of.steps)))
+    members = ComposedMembers(plant, of.values)
+    near = Neighbours(members, of.states.copy(), column, own, float(ends[0]), ends[1:])
     if of.breaks.size:
         drive = with_breaks(drive, of.breaks)
-    outcome, reached, _, _ = integrate_near(
-        plant, drive, load, state, span, tolerance, max_steps, times, samples, near
+    (outcome, reached, _, _), positions = integrate_near(
+        ComposedPlant(plant),
+        DriveTable(drive),
+        DriveTable(load or constant(1.0)),
+        state,
+        (0.0, float(times[-1])),
+        tolerance,
+        max_steps,
+        times,
+        samples,
+        near,
     )
     if outcome != DONE:
         raise SimulationError(f"the motion could not be followed beyond t = {reached:.6g} s")
-    by = (near.positions - samples[:, column]).T / of.steps
+    by = (positions - samples[:, column]).T / of.steps
     return samples, by, (near.states - state).T / of.steps
 
 
@@ -258,7 +268,7 @@ def sensitivities(
     """The end-effector's position and its derivatives by parameters and initial state.
 
     Each derivative is the difference to a neighbour that takes the steps of the trajectory itself (see
-    `solve.neighbours`): it has no noise of an error control in it. But steps that are right for the position
+    `engine.near`): it has no noise of an error control in it. But steps that are right for the position
     need not be for its derivatives: these are computed at a tenth of the tolerance too, and of tenths of that
     until two agree within a hundredth of the largest value.
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
-from ..solve.periodic import STABLE, Orbit, find_orbit
 from ..units import QuantityError, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
@@ -17,17 +16,19 @@ from .drives import endless, tables
 from .errors import NotPeriodicError, SimulationError, SimulationWarning
 from .load import refuse_other_period
 from .models import contact_load
+from .periodic import Orbit, find_orbit
 from .refinement import FINER
 from .trajectory import checked_tolerance, not_within
 
-MAX_PERIODS = 2000
+# Of the largest multiplier, which is known to rounding only.
+STABLE = 1.0 + 1e-5
 NOT_FOLLOWED = "the motion could not be followed over one period"
 
 
 def steady_orbit(
     model: Actuator, waveform: Waveform, *, tolerance: float | str = 1e-10, load: Waveform | float = 1.0
 ) -> Orbit:
-    """The periodic motion under a periodic drive, with its multipliers; see `solve.periodic`.
+    """The periodic motion under a periodic drive, with its multipliers; see `simulation.periodic`.
 
     Args:
         model: an actuator.
@@ -51,9 +52,7 @@ def steady_orbit(
 
     def orbit(table: Drive, start: NDArray[np.float64]) -> Orbit:
         try:
-            return find_orbit(
-                of.plant, of.slider, table, contact.drive, start, period, tolerance, MAX_PERIODS
-            )
+            return find_orbit(of.plant, of.slider, table, contact.drive, start, period, tolerance)
         except FloatingPointError as error:
             raise SimulationError(f"no steady stepping: {error}") from error
 

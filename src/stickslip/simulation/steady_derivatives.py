@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..friction.law import project
-from ..plant.generated import speeds
-from ..solve.periodic import has_neighbours
+from ..plant.system import speeds
 from ..units import QuantityError
 from ..waveform.drive import Drive, value_slope_curvature
 from ..waveform.signal import Waveform
 from .drives import endless, tables
 from .errors import NotPeriodicError
 from .models import System, contact_load
+from .periodic import has_neighbours
 from .sensitivity import (
     BY_ROW,
     INITIAL,
@@ -132,8 +132,8 @@ def _off_edges(of: System, state: Array, slipping: set[int], after: Callable[[Ar
 def _on_bounds(of: System, state: NDArray[np.float64], drive: Drive) -> set[int]:
     """Rows of internal states that slip on a bound where the motion begins: what they are changed by is lost
     at once, and beside its bound a neighbour would pass it within a step."""
-    u = (*value_slope_curvature(drive, 0, 0.0), 0.0)
-    v, found = speeds(of.plant, tuple(state), u), set()
+    u, rate, _ = value_slope_curvature(drive, 0, 0.0)
+    v, found = speeds(of.plant, state, u, rate), set()
     for row, one in internal(of):
         beyond = state[row] * (1.0 + 1e-9)
         e = 0 if row < of.inner else len(of.plant.elements) - 1

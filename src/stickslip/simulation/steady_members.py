@@ -13,11 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuator import Actuator
 from ..electronics.output import OutputStage
 from ..electronics.stack import Stack
+from ..engine.binding import DriveTable
+from ..engine.members import ComposedMembers, MemberDrives
+from ..engine.orbits import Orbits, find_orbits
+from ..engine.outcome import DONE, NOT_FOUND
 from ..plant.at_piezo import tabulated
 from ..progress import Progress, unheard
 from ..records import of_kind
-from ..solve.outcome import DONE
-from ..solve.periodic import NOT_FOUND, Found, has_neighbours, orbits, room_for
 from ..units import labelled_for
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
@@ -37,8 +39,9 @@ from .members import (
     waveform_columns,
 )
 from .models import contact_load, refuse_places
+from .periodic import MAX_PERIODS, has_neighbours
 from .refinement import FINER
-from .steady import MAX_PERIODS, NOT_FOLLOWED, not_found, period_of, stable, unstable
+from .steady import NOT_FOLLOWED, not_found, period_of, stable, unstable
 from .trajectory import checked_tolerance
 
 CONVERGED, STOPPED, MISSED, UNSTABLE, REFUSED = range(5)
@@ -47,7 +50,7 @@ BLOCK = 64
 
 
 # What is made of members, their columns, orbits and status, in the thread that found them.
-Beside = Callable[[Members, Columns, Found, NDArray[np.int8]], dict[str, NDArray[np.float64]]]
+Beside = Callable[[Members, Columns, Orbits, NDArray[np.int8]], dict[str, NDArray[np.float64]]]
 
 
 class _Task(NamedTuple):
@@ -65,7 +68,7 @@ class _Task(NamedTuple):
 class OrbitBlock(NamedTuple):
     """Orbits of some members; see `steady_steps` for status and reasons. `beside`: what was made of them."""
 
-    found: Found
+    found: Orbits
     status: NDArray[np.int8]
     reasons: list[str]
     beside: dict[str, NDArray[np.float64]]
@@ -195,18 +198,26 @@ def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> OrbitBloc
 
 def _orbits(
     task: _Task, columns: Columns, tolerance: float, states: NDArray[np.float64] | None = None
-) -> tuple[Members, Found]:
+) -> tuple[Members, Orbits]:
     """Members whose drives are tabulated for a tolerance [m], and their orbits, looked for from the states or
     from rest."""
     rows = task.model, task.waveform, task.tables, task.load, columns
     of = prepared(*rows, None, tolerance, periodic=True, output=task.output)
     if states is not None:
         of.states[:] = states
-    found, plant = room_for(*of.states.shape), of.of.plant
-    found.outcomes[~of.fine] = REFUSED
-    drives, smooth = (of.drives, of.which, of.load), has_neighbours(plant)
-    common = plant, drives, of.values, of.states, of.ends, task.tolerance
-    orbits(*common, MAX_PERIODS, of.of.slider, smooth, found)
+    plant = of.of.plant
+    found = find_orbits(
+        ComposedMembers(plant, of.values),
+        MemberDrives(of.drives, of.which),
+        DriveTable(of.load),
+        np.where(of.fine, DONE, REFUSED),
+        of.states,
+        of.ends,
+        task.tolerance,
+        MAX_PERIODS,
+        of.of.slider,
+        has_neighbours(plant),
+    )
     return of, found
 
 

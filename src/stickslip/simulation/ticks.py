@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..engine.binding import ComposedPlant, DriveTable, integrate
+from ..engine.outcome import DONE
 from ..piezo import Creep, Piezo, PrandtlIshlinskii
 from ..piezo.creep import Lags, relaxed
 from ..piezo.operators import response
 from ..records import of_kind
-from ..solve.outcome import DONE
 from ..units import QuantityError, to_si
 from ..waveform.drive import Drive
 from .errors import SimulationError

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuator import Actuator, PulledSlider
 from ..electronics.stack import Stack
 from ..engine.binding import TERMS, ComposedPlant, DriveTable, integrate
+from ..engine.outcome import DONE, STEP_TOO_SMALL
 from ..recording import make_recording
 from ..recording.drive import drive_text
 from ..records import DURATION, SAMPLE_RATE, Quantity, refuse_too_many
-from ..solve.outcome import DONE, STEP_TOO_SMALL
 from ..units import QuantityError, array_si, labelled_for, optional_si, to_si, unit_for, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform

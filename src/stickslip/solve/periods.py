@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from .._jit import compiled, inlined, kernel, merged
+from ..engine.outcome import DONE, LOG_FULL
 from ..plant.generated import (
     decay,
     drift_apart,
@@ -28,8 +29,6 @@ from ..plant.generated import (
 from . import channels
 from .channels import segment_of
 from .log import columns, read_account, read_samples
-from .neighbours import carry, mark, read_traces, replay
-from .outcome import DONE, LOG_FULL
 from .resume import COMPARED, FRESH, STEP, TIME, VALID, store, stored
 from .run import LOCAL, run
 
@@ -161,14 +160,11 @@ def careful_tolerance(plant, span, tolerance):
 
 
 @merged
-def follow(
-    plant, drive, load, q, span, tolerance, careful, max_steps, times, samples, log, near, account, resume
-):
+def follow(plant, drive, load, q, span, tolerance, careful, max_steps, times, samples, log, account, resume):
     """Integrate the state `q`, a tuple, from span[0] to span[1]; see `integrate`.
 
-    Without `times` the `log` may have no rows. `near`: None, or members that take the same steps (see
-    `neighbours`). `account`: None, or see `integrate`. `resume`: a row of `solve.resume`, from
-    which it starts if that holds anything, or None. Returns outcome, time reached,
+    Without `times` the `log` may have no rows. `account`: None, or see `integrate`. `resume`: a row of
+    `solve.resume`, from which it starts if that holds anything, or None. Returns outcome, time reached,
     accepted and rejected steps, state.
     """
     t_end = span[1]
@@ -207,8 +203,6 @@ def follow(
         if resume is not None and resume.size > 0 and cycle > 0 and not ending:
             store(resume, t, h, fresh, compared, sides, q, before)
         period_start, begun = t, q
-        if near is not None:
-            mark(near)
         flushed = False
         while True:
             outcome, more, fewer, rows, q, sides, t, h, fresh = run(
@@ -228,9 +222,6 @@ def follow(
             )
             accepted += more
             rejected += fewer
-            if near is not None:
-                replay(plant, drive, load, log, rows, local, near, near.drives)
-                read_traces(log, rows, i, i, 0.0, ZERO, times, k, t, near, near.drives)
             if account is not None:
                 read_account(plant, drive, load, log, rows, 0.0, times, k, t, *account)
             if rows > 0:
@@ -257,12 +248,10 @@ def follow(
             apart = drift_apart(plant, q, before)
             if left > 0 and left * apart <= SAME * tolerance:
                 # What is left of a transient is no step: a contact that sticks does not creep by it.
-                net, begins = gone(plant, q, begun, 2.0 * apart if near is None else 0.0), i - cycle
+                net = gone(plant, q, begun, 2.0 * apart)
                 for p in range(1, left + 1):
                     end = drive.start[i + cycle] if i + cycle < drive.start.size else t_end
                     shift = drive.start[i] - period_start
-                    if near is not None:
-                        read_traces(log, rows, begins, i, shift, p, times, k, end, near, near.drives)
                     if account is not None:
                         read_account(plant, drive, load, log, rows, shift, times, k, end, *account)
                     if rows > 0:
@@ -271,8 +260,6 @@ def follow(
                     i += cycle
                     t = end
                 q, ending = plus(q, float(left), net), True
-                if near is not None:
-                    carry(plant, near, left)
                 if i >= drive.start.size:
                     cycle = 0
         compared = True
@@ -328,22 +315,8 @@ def integrate(plant, drive, load, q, span, tolerance, careful, max_steps, times,
         times,
         samples,
         log,
-        None,
         account,
         resume,
-    )
-    put(q, state)
-    return outcome, t, accepted, rejected
-
-
-@kernel
-def integrate_near(plant, drive, load, q, span, tolerance, max_steps, times, samples, near):
-    """As `integrate`, with neighbours that take the same steps: see `neighbours`. `times` may not be
-    empty."""
-    log = _log(plant, q.size, LOG_ROWS)
-    state = state_of(plant, q)
-    outcome, t, accepted, rejected, state = follow(
-        plant, drive, load, state, span, tolerance, False, max_steps, times, samples, log, near, None, None
     )
     put(q, state)
     return outcome, t, accepted, rejected

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from .._jit import fused
+from ..engine.outcome import DONE, LOG_FULL, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..plant.generated import (
     branched,
     branches_hold,
@@ -35,7 +36,6 @@ from ..plant.generated import (
 )
 from . import channels
 from .channels import at_nodes, next_break, segment_of
-from .outcome import DONE, LOG_FULL, STEP_TOO_SMALL, TOO_MANY_STEPS
 from .resume import INFLUENCED, store
 from .reversal import ENOUGH, least, most, polynomial, reached, speed_at
 from .starting import LONGEST, MOMENT, STILL, launched, letting_go, started
@@ -51,7 +51,7 @@ KINK = 0.005
 STIFF, SLOWED = 5.0, 0.5
 # Beyond a reversal the continued law is unstable. A step cut in its first half that goes on for more than
 # this many times in which a bristle relaxes is taken anew, shorter: rounding would grow, and be all that
-# the small differences of neighbours show (see `solve.neighbours`).
+# the small differences of neighbours show (see `engine.near`).
 UNSTABLE = 2.0
 # Over what a jump of the drive's slope adds within 1/rate: less is rounding of its value, and no jump.
 ROUNDED = 1e-3

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...actuator import Actuator
 from ...engine.binding import ComposedPlant, DriveTable, integrate
+from ...engine.outcome import DONE
 from ...friction import elements
 from ...friction.law import has_jumps
 from ...plant.system import values_of
@@ -22,7 +23,6 @@ from ...simulation import SimulationError
 from ...simulation.drives import checked_drive
 from ...simulation.models import Contact, classic
 from ...simulation.sensitivity import Moved, follow_moved, moved
-from ...solve.outcome import DONE
 from ...waveform.drive import evaluate
 from ...waveform.signal import Waveform
 from ..recorded.recorded_drive import drive_over
