@@ -5,7 +5,7 @@
 #   make test       all tests, compiled; then those of the kernels as plain Python; the lines that both have seen
 #   make check      lint, format, types, layers
 #   make drivers    others' drivers of controllers in an environment of their own, for the tests
-#   make mutation   flips signs in the physics and asks the tests to notice; SAMPLE=100 for that many, FILES=solve/ for some
+#   make mutation   flips signs in the physics and asks the tests to notice; SAMPLE=100 for that many, FILES=friction/ for some
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
 #   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)
 #   make lowest     a core of the tests with the lowest versions that pyproject.toml allows; PYTHON= one of them
@@ -37,7 +37,7 @@ PART ?=
 # Where another version of a dependency shows: units, data, files, the command line, figures, reports, fits.
 LOWEST_TESTS := tests/test_records.py tests/test_units.py tests/test_registry.py tests/test_known.py tests/test_cli.py \
   tests/test_mistyped_keys.py tests/parameters tests/recording tests/calibration tests/figures \
-  tests/friction/test_contract.py tests/solve/test_step.py tests/simulation/test_state.py tests/estimate/test_fit.py \
+  tests/friction/test_contract.py tests/engine/test_step.py tests/simulation/test_state.py tests/estimate/test_fit.py \
   tests/identify/test_saved.py tests/rig/test_gate.py tests/twins/test_pair.py tests/readers/test_text.py \
   tests/readers/test_matlab.py tests/readers/test_arrays.py tests/report/test_document.py tests/report/test_html.py \
   tests/report/test_results.py tests/report/test_writing.py tests/analysis/test_verification.py

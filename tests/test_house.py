@@ -177,7 +177,7 @@ def test_compiled_code_stands_only_in_the_rooms_that_the_kernel_cache_hashes() -
     signs = re.compile(r"from \.+_jit import|from \.+(friction(\.law)?|law) import .*\bregister\b")
     outside = [file for file in SOURCES if file.relative_to(PACKAGE).parts[0] not in KERNEL_ROOMS]
     assert not [room(file) for file in outside if signs.search(file.read_text())]
-    assert signs.search((PACKAGE / "solve" / "periods.py").read_text())
+    assert signs.search((PACKAGE / "friction" / "static.py").read_text())
 
 
 @pytest.mark.parametrize(

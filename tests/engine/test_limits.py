@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stickslip.solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 
 from engine import cases
 from engine.library import integrate
@@ -14,8 +13,8 @@ from engine.test_orbits import LAWS
 from engine.test_orbits import Task as Orbit
 from stickslip.engine import binding, members
 from stickslip.engine.laws import parameters
+from stickslip.engine.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from stickslip.plant.system import values_of
-from stickslip.solve.resume import NO_RESUME
 
 CASES = cases.cases()
 # Plants that a fixed size follows: nothing but bristle contacts with one state each, or static ones.
@@ -30,9 +29,7 @@ def followed(case: cases.Case, tolerance: float, most: int, times: np.ndarray) -
     q = case.state.copy()
     room = np.full((times.size, case.room.shape[1]), np.nan)
     span = np.array([0.0, case.end])
-    return integrate(
-        case.plant, case.drive, case.load, q, span, tolerance, False, most, times, room, NO_RESUME, None
-    ), q
+    return integrate(case.plant, case.drive, case.load, q, span, tolerance, False, most, times, room), q
 
 
 def test_a_state_that_is_no_number_ends_the_run() -> None:

@@ -13,8 +13,7 @@ from engine.own import Own
 from stickslip.engine import binding, members
 from stickslip.engine.outcome import DONE, TOO_MANY_STEPS
 from stickslip.friction import law as registered
-from stickslip.plant.generated import with_values
-from stickslip.plant.system import values_of
+from stickslip.plant.system import values_of, with_values
 from stickslip.simulation import simulate_ensemble
 from stickslip.waveform.members import Drives, member_of, stacked
 

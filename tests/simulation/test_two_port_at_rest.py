@@ -5,23 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import plants
 import reference
 import stickslip as ss
-from stickslip._jit import compiled
 from stickslip.piezo import MaxwellCapacitor, Piezo
-from stickslip.plant.generated import slope
 from stickslip.plant.system import state_size
 from stickslip.simulation import two_port
 from stickslip.simulation.models import Contact
 from stickslip.waveform.drive import constant
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=True)
-
-
-# What kernels call is not to be called from Python.
-@compiled
-def moving(plant, sides, q, u, normal):
-    return slope(plant, sides, q, u, normal)[0]
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -40,7 +33,7 @@ def test_nothing_moves_and_the_elements_give_the_voltage(seed: int) -> None:
     volts = float(random.uniform(-60.0, 100.0))
     of = Contact().system(one)
     q = Contact().rest(of, volts)
-    still = moving(of.plant, (1.0, 1.0), tuple(q), (volts, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    still = plants.motion(of.plant, (1.0, 1.0), q, (volts, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0))[0]
     assert np.abs(still).max() < 1e-9 * KANG.natural_frequency**2 * KANG.gain * 100.0
 
     y = q[0]

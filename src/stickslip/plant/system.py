@@ -14,8 +14,7 @@ creep, a controller).
 
 With k = ωₙ², c = 2ζωₙ, b = Cωₙ², p = -1/m and 1/m_e this is the thesis's model [kang2007, eq. 3.20-3.25].
 
-Which shares are there is part of the type: None is a zero that costs nothing, and each pattern of them, a
-*layout*, is compiled once (see `generated`).
+A share that is None is a zero that costs nothing.
 
 The last term is what a changing normal force does to a contact: what is newly loaded carries no tangential
 force (F stays, z falls in proportion), what is unloaded loses its share in proportion (z stays)
@@ -33,8 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._jit import record_class
-from ..friction.law import elements, has_branches, is_sampled, is_smooth, is_static
+from ..friction.law import elements
 from ..friction.normal_force import NormalForce
 
 
@@ -77,96 +75,10 @@ class Plant(NamedTuple):
     elements: tuple[Element, ...]
     rate: float
 
-    def record_types(self) -> tuple[type, ...]:
-        """Whose compiled functions a kernel contains."""
-        return tuple(type(e.law) for e in self.elements)
-
-
-class Shape(NamedTuple):
-    """What is known of an element when its kernels are compiled."""
-
-    states: int
-    static: bool
-    smooth: bool
-    sampled: bool
-    branched: bool
-    velocity: tuple[bool, ...]
-    push: tuple[bool, ...]
-    loaded: bool
-    drive_rate: bool
-    drive: bool
-    position: tuple[bool, ...]
-    feed: tuple[bool, ...]
-    along: bool
-
-
-class Layout(NamedTuple):
-    """What is known of a plant when its kernels are compiled: number of modes, shapes of the elements."""
-
-    modes: int
-    elements: tuple[Shape, ...]
-
-    @property
-    def first(self) -> tuple[int, ...]:
-        """Where the states of each element begin; at the end, how many there are in all."""
-        at, found = 2 * self.modes, []
-        for shape in self.elements:
-            found.append(at)
-            at += shape.states
-        return (*found, at)
-
-
-def layout_of(plant: Any) -> Layout:
-    """The layout of a plant, or of its Numba type."""
-    if isinstance(plant, Plant):
-        return Layout(len(plant.modes), tuple(_shape_of_record(e) for e in plant.elements))
-    modes, elements = plant.types[0], plant.types[1]
-    return Layout(len(modes), tuple(_shape_of_type(kind) for kind in elements))
-
-
-def _shape_of_record(element: Element) -> Shape:
-    def there(shares: Any) -> tuple[bool, ...]:
-        return tuple(share is not None for share in shares or ())
-
-    law = element.law
-    return Shape(
-        elements(law),
-        is_static(type(law)),
-        is_smooth(type(law)),
-        is_sampled(type(law)),
-        has_branches(law),
-        there(element.velocity),
-        there(element.push),
-        element.loaded is not None,
-        element.drive_rate is not None,
-        element.drive is not None,
-        there(element.position),
-        there(element.feed),
-        element.along is not None,
-    )
-
-
-def _shape_of_type(kind: Any) -> Shape:
-    """As of a record with ones wherever there is a number."""
-    values = [_ones(inner) for inner in kind.types[1:]]
-    return _shape_of_record(Element(_law_of(kind.types[0]), *values))
-
-
-def _ones(kind: Any) -> Any:
-    if hasattr(kind, "types") or hasattr(kind, "count"):
-        return tuple(_ones(inner) for inner in kind)
-    return None if str(kind) == "none" else 1.0
-
-
-def _law_of(kind: Any) -> Any:
-    made = record_class(kind)
-    assert made is not None
-    return tuple.__new__(made, tuple(_ones(inner) for inner in kind))
-
 
 def state_size(plant: Plant) -> int:
     """How many numbers its state has."""
-    return layout_of(plant).first[-1]
+    return 2 * len(plant.modes) + sum(elements(e.law) for e in plant.elements)
 
 
 def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:

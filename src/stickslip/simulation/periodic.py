@@ -22,8 +22,8 @@ from ..engine.binding import DriveTable
 from ..engine.members import ComposedMembers, MemberDrives
 from ..engine.orbits import find_orbits
 from ..engine.outcome import DONE, NOT_FOUND
-from ..friction.law import has_jumps
-from ..plant.system import Plant, layout_of, values_of
+from ..friction.law import elements, has_jumps
+from ..plant.system import Plant, values_of
 from ..waveform.drive import Drive
 from ..waveform.members import common
 
@@ -50,7 +50,7 @@ class Orbit(NamedTuple):
 def has_neighbours(plant: Plant) -> bool:
     """Whether derivatives may be those of `engine.near`: laws without states have events, those of several
     states corners, and others jumps, that a neighbour does not meet at the same time."""
-    one_state = all(shape.states == 1 for shape in layout_of(plant).elements)
+    one_state = all(elements(element.law) == 1 for element in plant.elements)
     return one_state and not any(has_jumps(element.law) for element in plant.elements)
 
 
