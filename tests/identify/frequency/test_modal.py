@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.problem import FitError
@@ -179,3 +180,29 @@ def test_needs_deviations() -> None:
     response = frequency_response(drive, system.steady(drive), system.SAMPLE_RATE)
     with pytest.raises(FitError, match="no deviations"):
         identify_frequency(response, 3)
+
+
+@pytest.mark.parametrize(
+    ("hertz", "damping", "noise"), [(800.0, 2e-5, 1e-9), (6e3, 0.02, 1e-10), (30.0, 0.02, 1e-10)]
+)
+def test_a_mode_beyond_where_it_is_searched_first(hertz: float, damping: float, noise: float) -> None:
+    """Damped by less than 1e-4, or above twice or below half the frequencies of the response: there the ends
+    of the first search were printed as ends of 95 % intervals."""
+    frequency, omega = np.linspace(100.0, 2000.0, 800), 2 * np.pi * hertz
+    s, rng = 2j * np.pi * frequency, np.random.default_rng(1)
+    noises = noise * (rng.standard_normal(s.size) + 1j * rng.standard_normal(s.size)) / np.sqrt(2)
+    found = 1e-7 * omega**2 / (s**2 + 2 * damping * omega * s + omega**2) + noises
+    axes = "frequency", "output", "input"
+    response = xr.Dataset(
+        {
+            "response": (axes, found[:, None, None], {"units": "m/V"}),
+            "deviation": (axes, np.full((s.size, 1, 1), noise), {"units": "m/V"}),
+        },
+        coords={"frequency": ("frequency", frequency, {"units": "Hz"}), "output": [1], "input": [1]},
+    )
+    fit = identify_frequency(response, 1, noise_known=True)
+    intervals = fit.confidence_intervals()
+    for name, truth in (("natural_frequency_1", omega), ("damping_ratio_1", damping)):
+        low, high = intervals[name]
+        assert low <= truth <= high
+    assert fit.converged

@@ -20,10 +20,12 @@ from ...progress import Progress, unheard, within
 from ...units import to_si
 from .amplitude import ALIKE, AmplitudeModel, law, law_by_exponent
 from .modal import (
+    ANY,
     LINES_IN_SEARCH,
     UNPREDICTED,
     Kind,
     ModalModel,
+    delay_parameter,
     identify_frequency,
     modal_design,
     modal_model,
@@ -195,11 +197,11 @@ class _Levels:
         shift, slope = np.linalg.lstsq(lines, shifts, rcond=None)[0]
         starts = [(float(w * np.exp(shift)), float(z)) for w, z in poles[:-1].reshape(-1, 2)]
         found = pole_parameters(starts, (np.pi * lowest, 4 * np.pi * highest))
-        found.append(Parameter("delay", float(poles[-1]), -longest, longest, "s", log=False))
+        found.append(delay_parameter(longest).starting_at(float(poles[-1])))
         for m in range(1, self.n_modes + 1):
             for name, value in (("natural_frequency", float(slope)), ("damping_ratio", 0.0)):
-                inside = min(max(value, -STEEPEST), STEEPEST)
-                found.append(Parameter(f"{name}_slope_{m}", inside, -STEEPEST, STEEPEST, log=False))
+                steep = Parameter(f"{name}_slope_{m}", 0.0, -STEEPEST, STEEPEST, log=False, limits=ANY)
+                found.append(steep.starting_at(value))
         return found
 
     def recordings(self) -> list[Linear]:

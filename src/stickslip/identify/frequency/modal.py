@@ -41,7 +41,8 @@ TURNED = (0.3, 0.6, 0.9)
 # Over the deviations; what a model may leave for its distortion and the modes it lacks.
 MOST_LEFT = 10.0
 LONGEST = 10.0  # delay, in periods of the highest frequency
-LEAST_DAMPING, MOST_DAMPING = 1e-4, 3.0
+LEAST_DAMPING, MOST_DAMPING = 1e-4, 3.0  # that are searched first
+ANY, POSITIVE = (-math.inf, math.inf), (0.0, math.inf)
 UNPREDICTED = "it is of responses to a drive; predict_response(fit.model, recording) gives its response"
 
 
@@ -274,11 +275,11 @@ def _fit(
     outputs, inputs = response["output"].to_numpy(), response["input"].to_numpy()
     single = outputs.size * inputs.size == 1
     unit = response["response"].attrs["units"]
-    limits = (np.pi * frequency[0], 4 * np.pi * frequency[-1])
+    ends = (np.pi * frequency[0], 4 * np.pi * frequency[-1])
     longest = LONGEST / frequency[-1]
     poles = [(2 * np.pi * f, zeta) for f, zeta in starts]
-    parameters = pole_parameters(poles, limits)
-    parameters.append(Parameter("delay", delay, -longest, longest, "s", log=False))
+    parameters = pole_parameters(poles, ends)
+    parameters.append(delay_parameter(longest).starting_at(delay))
     names = [p.name for p in parameters]
     recordings = []
     for o, i in product(range(outputs.size), range(inputs.size)):
@@ -305,13 +306,18 @@ def _fit(
     return replace(fit, model=model, unpredicted=UNPREDICTED)
 
 
-def pole_parameters(starts: Sequence[tuple[float, float]], limits: tuple[float, float]) -> list[Parameter]:
-    """Natural frequency [rad/s], within the limits, and damping ratio of each mode."""
+def delay_parameter(longest: float) -> Parameter:
+    """Delay [s], looked for up to the longest first."""
+    return Parameter("delay", 0.0, -longest, longest, "s", log=False, limits=ANY)
+
+
+def pole_parameters(starts: Sequence[tuple[float, float]], ends: tuple[float, float]) -> list[Parameter]:
+    """Natural frequency [rad/s], searched for within the ends first, and damping ratio of each mode."""
     parameters = []
     for m, (omega, zeta) in enumerate(starts, 1):
-        inside = min(max(omega, limits[0]), limits[1])
-        parameters.append(Parameter(f"natural_frequency_{m}", inside, *limits, "rad/s"))
-        parameters.append(Parameter(f"damping_ratio_{m}", zeta, LEAST_DAMPING, MOST_DAMPING))
+        frequency = Parameter(f"natural_frequency_{m}", ends[0], *ends, "rad/s", limits=POSITIVE)
+        damping = Parameter(f"damping_ratio_{m}", MOST_DAMPING, LEAST_DAMPING, MOST_DAMPING, limits=POSITIVE)
+        parameters += [frequency.starting_at(omega), damping.starting_at(zeta)]
     return parameters
 
 

@@ -289,6 +289,7 @@ def _problem(seen: Sequence[Observed], grid: Grid, timing: Timing, unit: str, ti
             *ends.get(name, (0.0 if name in reach else -math.inf, reach.get(name, math.inf))),
             units.get(name, unit if name.startswith("offset") else f"{unit}/V"),
             log=False,
+            limits=(0.0, math.inf) if name in reach else None,
         )
         for name, value in (begin | (timing._asdict() if timed else {})).items()
         if name != "gain"
