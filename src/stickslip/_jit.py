@@ -46,7 +46,7 @@ _COMPILES, _SAVES = 60.0, 10.0
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 _PACKAGE = Path(__file__).parent
 # The rooms that hold compiled code (tests/test_house.py sees to it): kernels depend on no other file.
-KERNEL_ROOMS = ("_jit.py", "mechanism.py", "friction", "waveform")
+KERNEL_ROOMS = ("_jit.py", "mechanism.py", "friction")
 
 
 def _source_hash(files: list[Path], names: str = "") -> str:

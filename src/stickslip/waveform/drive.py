@@ -17,8 +17,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._jit import inlined
-
 
 class Drive(NamedTuple):
     """A drive signal in segments; the last segment goes on for ever.
@@ -47,7 +45,6 @@ def constant(value: float) -> Drive:
     )
 
 
-@inlined
 def value_slope_curvature(drive, i, t):
     """u, du/dt and d²u/dt² at time t, by the formula of segment i."""
     tau = t - drive.start[i]

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._jit import inlined
 from .drive import Drive
 from .pieces import SLIVER, Piece
 
@@ -26,7 +25,6 @@ class Drives(NamedTuple):
     harmonic: Array
 
 
-@inlined
 def member_of(drives, m):
     """The table of one member, as views."""
     return Drive(drives.before[m], drives.start[m], drives.polynomial[m], drives.first[m], drives.harmonic[m])
