@@ -266,8 +266,7 @@ def named(found: Solution, grid: Grid) -> Values:
         values["skew"] = grid.skew
     if grid.times.size:
         values["creep"] = found.creep
-    values |= {f"offset_{i}": float(o) for i, o in enumerate(found.offsets, start=1)}
-    return values | {"gain": found.gain}
+    return values | {f"offset_{i}": float(o) for i, o in enumerate(found.offsets, 1)} | {"gain": found.gain}
 
 
 def _problem(seen: Sequence[Observed], grid: Grid, timing: Timing, unit: str, timed: bool) -> Problem:
@@ -294,9 +293,9 @@ def _problem(seen: Sequence[Observed], grid: Grid, timing: Timing, unit: str, ti
         for name, value in (begin | (timing._asdict() if timed else {})).items()
         if name != "gain"
     ]
+    fixed = {} if timed else timing._asdict()
     beside = [Parameter("gain", unit=f"{unit}/V", tied=" + ".join(plays))]
-    if not timed:
-        beside += [Parameter(name, value, unit="s", fixed=True) for name, value in timing._asdict().items()]
+    beside += [Parameter(name, value, unit="s", fixed=True) for name, value in fixed.items()]
     recordings = [
         Residuals(described.residuals(i), one.position, None, one.name, unit, _known(one), one.time)
         for i, one in enumerate(seen)
