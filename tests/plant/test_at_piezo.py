@@ -14,7 +14,7 @@ from stickslip.piezo.creep import Lags, relaxed
 from stickslip.plant.at_piezo import at_piezo, cycle_of
 from stickslip.units import QuantityError
 from stickslip.waveform import Chirp, Multisine, Ramp, Sequence
-from stickslip.waveform.drive import evaluate
+from stickslip.waveform.drive import Drive, evaluate
 
 END, PRECISION = 1.0, 1e-5
 RANDOM = np.random.default_rng(8)
@@ -106,3 +106,18 @@ def test_creep_of_a_table_is_that_of_samples(drive: Any) -> None:
 def test_a_chirp_with_creep_is_refused() -> None:
     with pytest.raises(QuantityError, match="creep cannot follow a Chirp"):
         at_piezo(Piezo(None, Creep((1.0,), (0.01,))), DRIVES[6].drive(END), END, PRECISION)
+
+
+@pytest.mark.parametrize("turns", [(0.53, 0.57), (0.2, 0.8), (-0.5, -0.4), (0.3, 1.5)])
+def test_a_cubic_segment_turns_where_its_slope_is_zero(turns: tuple[float, float]) -> None:
+    """Also where both turns are within an eighth of the segment; and plays are taken along where it is at
+    their edges: u' = k (t - t_1)(t - t_2), against samples that have the tips."""
+    first, second = turns
+    k = 9e3  # V; within the range of the reference
+    polynomial = np.array([[5.0, k * first * second, -0.5 * k * (first + second), k / 3.0]])
+    table = Drive(5.0, np.zeros(1), polynomial, np.zeros(2, np.int64), np.zeros((0, 4)))
+    one = PrandtlIshlinskii((0.0, 0.01, 1.0, 30.0, 300.0), (0.5, 0.3, 0.4, 0.3, 0.2))
+    made = at_piezo(Piezo(one), table, 1.0, PRECISION)
+    times = np.union1d(np.linspace(0.0, 1.0, 20_001), [t for t in turns if 0.0 < t < 1.0])
+    expected = reference.prandtl_ishlinskii(one, evaluate(table, times)[0], 5.0)
+    np.testing.assert_allclose(evaluate(made, times)[0], expected, rtol=0.0, atol=1e-7)
