@@ -208,7 +208,7 @@ TARGETS = (
     Target("design/choice.py", ("tests/design/test_choice.py",), ("criterion", "score", "together")),
     Target("engine/c/members.c", ("tests/engine/test_members.py",)),
     Target("engine/c/orbits.c", ("tests/engine/test_orbits.py", "tests/engine/test_limits.py")),
-    Target("engine/c/linear.h", ("tests/engine/test_linear.py",)),
+    Target("engine/c/linear.h", ("tests/engine/test_orbits.py",)),
     Target("engine/c/near.inl", (NEAR,)),
     Target("engine/c/engine.c", (*ENGINE, NEAR)),
     Target("engine/c/*.inl", (*ENGINE, NEAR)),
