@@ -1,6 +1,6 @@
 """The only Numba decorators of the package, and what they promise.
 
-* `compiled`, `merged`, `inlined`: plain functions that kernels call; compiled into them, never on their own.
+* `compiled`, `inlined`: plain functions that kernels call; compiled into them, never on their own.
 * `overload`: one name, several implementations, chosen by the type of a record. Kernels that call the name
   stay module-level functions, so that they are cached on disk (a law passed in as a function would miss the
   cache in every new process).
@@ -205,12 +205,6 @@ event.register("numba:compile", _Announcer())
 def compiled(function: Callable[..., Any]) -> Any:
     """A function to be called from kernels (from Python too, for tests)."""
     return numba.njit(function, **_OPTIONS)
-
-
-def merged(function: Callable[..., Any]) -> Any:
-    """As `compiled`, but made part of what calls it before either is compiled: for large functions that are
-    called in one place, which would be optimised and emitted once more with each caller."""
-    return numba.njit(function, inline="always", **_OPTIONS)
 
 
 def inlined(function: Callable[..., Any]) -> Any:

@@ -318,3 +318,19 @@ def same(one: Any, other: Any) -> bool:
     if isinstance(one, MethodType):
         return one.__func__ is other.__func__ and same(one.__self__, other.__self__)
     return bool(one == other)
+
+
+def numbers_in(value: Any) -> Iterator[Any]:
+    """Yield all numbers of a record and of the records and tuples in it, in order."""
+    if isinstance(value, tuple):
+        for inner in value:
+            yield from numbers_in(inner)
+    elif value is not None:
+        yield value
+
+
+def with_numbers(value: Any, numbers: Iterator[float]) -> Any:
+    """Return the record with other numbers, in the order of `numbers_in`, unchecked."""
+    if isinstance(value, tuple):
+        return tuple.__new__(type(value), [with_numbers(inner, numbers) for inner in value])
+    return None if value is None else next(numbers)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..friction.law import element
+from ..records import numbers_in, with_numbers
 from ._abi import ffi
 from .binding import Array, ComposedPlant, DriveTable, called, doubles, sized
 from .laws import parameters, row
@@ -198,26 +199,10 @@ def integers(array: Integers, name: str) -> Any:
 
 def _parameters(law: Any, numbers: Iterator[Array], count: int) -> Array:
     """Parameters of a law as the engine takes them, for each member [members, numbers]."""
-    given = np.empty((count, sum(1 for _ in _numbers(law))))
+    given = np.empty((count, sum(1 for _ in numbers_in(law))))
     for place in given.T:
         place[:] = next(numbers)
     if element(law, 0) is law and len(row(law)) == given.shape[1]:
         return given
-    own = [_with_numbers(law, iter(values)) for values in given.tolist()]
+    own = [with_numbers(law, iter(values)) for values in given.tolist()]
     return np.array([parameters(one) for one in own])
-
-
-def _numbers(value: Any) -> Iterator[float]:
-    """All numbers of a record, in the order of `plant.system.values_of`."""
-    if isinstance(value, tuple):
-        for inner in value:
-            yield from _numbers(inner)
-    elif value is not None:
-        yield value
-
-
-def _with_numbers(value: Any, numbers: Iterator[float]) -> Any:
-    """The record with other numbers, unchecked."""
-    if isinstance(value, tuple):
-        return tuple.__new__(type(value), [_with_numbers(inner, numbers) for inner in value])
-    return None if value is None else next(numbers)

@@ -23,13 +23,13 @@ from ..units import QuantityError
 from ..waveform.drive import Drive
 from .cubics import Cubics, cubics_struct, filled, with_cubics
 
-# Terms of the series of I_3 for z <= 1; the next one is below rounding.
+# Terms of the series of I_3 for z from -1 to 1; the next one is below rounding.
 TERMS = 18
 
 
 def weights(z):
     """Return I_0, I_1, I_2 and I_3 for a step of z time constants."""
-    if z > 1.0:
+    if abs(z) > 1.0:
         first = -math.expm1(-z) / z
         second = (1.0 - first) / z
         third = (1.0 - 2.0 * second) / z

@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 
 from ..friction.law import elements
 from ..friction.normal_force import NormalForce
+from ..records import numbers_in, with_numbers
 
 
 class Mode(NamedTuple):
@@ -84,16 +85,7 @@ def state_size(plant: Plant) -> int:
 def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
     """All numbers of a plant in the order that `with_values` takes them, [count, numbers]; where a
     number is an array of `count`, each row has its own."""
-    found: list[Any] = []
-
-    def walk(values: tuple[Any, ...]) -> None:
-        for value in values:
-            if isinstance(value, tuple):
-                walk(value)
-            elif value is not None:
-                found.append(value)
-
-    walk(plant)
+    found = list(numbers_in(plant))
     if count == 1 and all(isinstance(value, float) for value in found):
         return np.array([found])
     made = np.empty((count, len(found)))
@@ -102,16 +94,9 @@ def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
     return made
 
 
-def with_values(plant: Any, values: Any) -> Any:
+def with_values(plant: Plant, values: NDArray[np.float64]) -> Plant:
     """A plant of this layout with these numbers, in the order of `values_of`, unchecked."""
-    count = iter(range(len(values)))
-
-    def made(value: Any) -> Any:
-        if isinstance(value, tuple):
-            return tuple.__new__(type(value), tuple([made(inner) for inner in value]))
-        return None if value is None else float(values[next(count)])
-
-    return made(plant)
+    return with_numbers(plant, iter(values.tolist()))
 
 
 def speeds(plant: Plant, q: NDArray[np.float64], u: float, rate: float) -> list[float]:

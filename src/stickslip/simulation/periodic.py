@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..engine.binding import DriveTable
 from ..engine.members import ComposedMembers, MemberDrives
-from ..engine.orbits import find_orbits
+from ..engine.orbits import Orbits, find_orbits
 from ..engine.outcome import DONE, NOT_FOUND
 from ..friction.law import elements, has_jumps
 from ..plant.system import Plant, values_of
@@ -54,6 +54,33 @@ def has_neighbours(plant: Plant) -> bool:
     return one_state and not any(has_jumps(element.law) for element in plant.elements)
 
 
+def orbits_of(
+    plant: Plant,
+    values: NDArray[np.float64],
+    drives: MemberDrives,
+    load: Drive,
+    outcomes: NDArray[np.int64],
+    states: NDArray[np.float64],
+    periods: NDArray[np.float64],
+    tolerance: float,
+    slider: int,
+) -> Orbits:
+    """Look for the orbits of members of a plant that have these numbers; see `engine.orbits.find_orbits`.
+    `slider`: the entry of the state that moves on."""
+    return find_orbits(
+        ComposedMembers(plant, values),
+        drives,
+        DriveTable(load),
+        outcomes,
+        states,
+        periods,
+        tolerance,
+        MAX_PERIODS,
+        slider,
+        has_neighbours(plant),
+    )
+
+
 def find_orbit(
     plant: Plant,
     slider: int,
@@ -70,18 +97,9 @@ def find_orbit(
         FloatingPointError: the motion could not be followed over one period.
     """
     states, outcomes = start[None].copy(), np.full(1, DONE)
-    found = find_orbits(
-        ComposedMembers(plant, values_of(plant)),
-        MemberDrives(common(drive), np.zeros(1, np.int64)),
-        DriveTable(load),
-        outcomes,
-        states,
-        np.array([period]),
-        tolerance,
-        MAX_PERIODS,
-        slider,
-        has_neighbours(plant),
-    )
+    drives = MemberDrives(common(drive), np.zeros(1, np.int64))
+    every = np.array([period])
+    found = orbits_of(plant, values_of(plant), drives, load, outcomes, states, every, tolerance, slider)
     if outcomes[0] not in (DONE, NOT_FOUND):
         raise FloatingPointError("the motion could not be followed over one period")
     moving = np.delete(np.delete(found.jacobian[0], slider, axis=0), slider, axis=1)

@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuator import Actuator
 from ..electronics.output import OutputStage
 from ..electronics.stack import Stack
-from ..engine.binding import DriveTable
-from ..engine.members import ComposedMembers, MemberDrives
-from ..engine.orbits import Orbits, find_orbits
+from ..engine.members import MemberDrives
+from ..engine.orbits import Orbits
 from ..engine.outcome import DONE, NOT_FOUND
 from ..plant.at_piezo import tabulated
 from ..progress import Progress, unheard
@@ -39,7 +38,7 @@ from .members import (
     waveform_columns,
 )
 from .models import contact_load, refuse_places
-from .periodic import MAX_PERIODS, has_neighbours
+from .periodic import orbits_of
 from .refinement import FINER
 from .steady import NOT_FOLLOWED, not_found, period_of, stable, unstable
 from .trajectory import checked_tolerance
@@ -205,20 +204,9 @@ def _orbits(
     of = prepared(*rows, None, tolerance, periodic=True, output=task.output)
     if states is not None:
         of.states[:] = states
-    plant = of.of.plant
-    found = find_orbits(
-        ComposedMembers(plant, of.values),
-        MemberDrives(of.drives, of.which),
-        DriveTable(of.load),
-        np.where(of.fine, DONE, REFUSED),
-        of.states,
-        of.ends,
-        task.tolerance,
-        MAX_PERIODS,
-        of.of.slider,
-        has_neighbours(plant),
-    )
-    return of, found
+    outcomes, drives = np.where(of.fine, DONE, REFUSED), MemberDrives(of.drives, of.which)
+    given = of.of.plant, of.values, drives, of.load, outcomes, of.states, of.ends
+    return of, orbits_of(*given, task.tolerance, of.of.slider)
 
 
 def _dataset(

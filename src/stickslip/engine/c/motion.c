@@ -4,13 +4,12 @@
  * part of an interval. An exponential Rosenbrock pair of order 3(2) [hochbruck2010, "exprb32"] with error control follows
  * it: of a law that is linear in its state at constant velocity, as LuGre, one step is exact whatever its length. */
 #include "engine.h"
+#include "piezo_laws.h"
 
 /* Steps within one interval between samples, after which the law counts as one that cannot be followed. */
 #define MOST_STEPS 100000
 /* Part of an interval that is rounding. */
 #define REST R(1e-12)
-/* Below this the functions phi are computed by their series, for their quotients cancel. */
-#define SMALL R(0.3)
 
 /* An interval: constant velocity [m/s], duration [s], normal force over its reference at both ends. */
 struct interval {
@@ -23,23 +22,6 @@ struct deflection {
     const real_t *p;
     real_t v, growth;
 };
-
-/* phi_k(x) = 1/k! + x phi_{k+1}(x), phi_0 = exp. */
-static void phi_functions(real_t x, real_t phi[4])
-{
-    if (r_abs(x) < SMALL) {
-        phi[3] = R(0.0);
-        for (int k = 12; k >= 0; k--) /* the sum of x^k / (k + 3)! */
-            phi[3] = (R(1.0) + x * phi[3]) / R(k + 3);
-        phi[3] /= R(2.0);
-        phi[2] = R(0.5) + x * phi[3];
-        phi[1] = R(1.0) + x * phi[2];
-        return;
-    }
-    phi[1] = r_expm1(x) / x;
-    phi[2] = (phi[1] - R(1.0)) / x;
-    phi[3] = (phi[2] - R(0.5)) / x;
-}
 
 /* Rate of the deflection at the normal force n over its reference: what is newly loaded carries no tangential force (see
  * `stickslip/plant/system.py`). */
@@ -58,13 +40,13 @@ static real_t stepped(const struct deflection *of, real_t z, real_t n, real_t h,
 {
     real_t size = r_abs(z), off = r_min(R(1e-5) * size, r_max(tolerance, R(1e-9) * size)) + R(1e-15);
     real_t in = r_copysign(off, z), rate = renewed(of, z, n);
-    real_t slope = (rate - renewed(of, z - in, n)) / in, phi[4];
+    real_t slope = (rate - renewed(of, z - in, n)) / in;
     bool renews = of->growth > R(0.0) && n > R(0.0);
     real_t by_time = renews ? r_square(of->growth / n) * z : R(0.0);
-    phi_functions(h * slope, phi);
-    real_t second = z + h * (phi[1] * rate + h * phi[2] * by_time);
+    ss_weights_result phi = ss_weights(-h * slope); /* phi_1, phi_2 and 2 phi_3 of h times the slope */
+    real_t second = z + h * (phi.i0 * rate + h * phi.i1 * by_time);
     real_t bends = renewed(of, second, n + h * of->growth) - rate - slope * (second - z) - h * by_time;
-    real_t correction = R(2.0) * h * phi[3] * bends;
+    real_t correction = h * phi.i2 * bends;
     *error = r_abs(correction);
     return second + correction;
 }

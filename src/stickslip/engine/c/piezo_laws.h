@@ -39,7 +39,7 @@ static inline ss_weights_result ss_weights(real_t z)
     real_t first = R(NAN);
     real_t second = R(NAN);
     real_t third = R(NAN);
-    if (z > R(1.0)) {
+    if (r_abs(z) > R(1.0)) {
         first = -r_expm1(-z) / z;
         second = (R(1.0) - first) / z;
         third = (R(1.0) - R(2.0) * second) / z;
