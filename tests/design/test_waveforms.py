@@ -51,14 +51,14 @@ def test_the_best_sawtooth_has_the_step_that_is_wanted(micrometres: float):
 
 def test_of_many_hills_it_finds_a_high_one():
     """A stage with a damping ratio of 0.045 answers to harmonics of its drive. SciPy's differential evolution
-    ends at 3.74 mm/s with four seeds, evolutions by CMA-ES from the sawtooth at 2.8; ours, of fourteen seeds,
-    at 3.76 ten times, at 3.99 twice, and at 2.60 twice: rounding decides which."""
+    ends at 3.74 mm/s with four seeds, evolutions by CMA-ES from the sawtooth at 2.8; ours, of forty seeds,
+    at 3.76 in 32 and at 3.99 in five. Three find nothing better than the sawtooth, 2.60."""
     light, found = member(6).actuator, []
     for seed in range(10):
         one = ss.optimise_waveform(light, goal="speed", knots=4, max_voltage=100.0, seed=seed)
         assert one.evaluations < 3000
         found.append(one.value)
-    assert np.count_nonzero(np.array(found) > 3.7e-3) >= 7
+    assert np.count_nonzero(np.array(found) > 3.7e-3) >= 8
     assert min(found) > 2.5e-3
 
 
