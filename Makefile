@@ -2,7 +2,7 @@
 # that is possible; the rest comes from the lock file.
 #
 #   make demo       identify, verify and simulate; writes out/demo/report.html
-#   make test       all tests, compiled; then those of the kernels as plain Python; the lines that both have seen
+#   make test       all tests, and the lines that they have seen
 #   make check      lint, format, types, layers
 #   make drivers    others' drivers of controllers in an environment of their own, for the tests
 #   make mutation   flips signs in the physics and asks the tests to notice; SAMPLE=100 for that many, FILES=friction/ for some
@@ -21,13 +21,7 @@ READY := $(VENV)/.ready
 
 # Three processes suit two cores, for browsers and devices are waited for; a file to each: what its tests share (a
 # server, a browser) is made once.
-# The first run compiles the kernels, later ones find them in the user's cache.
 PYTEST ?= $(BIN)/python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder
-# What runs as plain Python too, where coverage sees the lines inside the kernels: what calls these most directly,
-# but for the tests marked as too long for it.
-PLAIN_TESTS := $(addprefix tests/,friction piezo electronics waveform solve simulation plant/test_at_piezo.py \
-  test_mechanism.py test_jit.py) \
-  -m "not compiled"
 # Of the first two seconds of each test: a lower bound, for much less time.
 COVERED := -p tools.brief_coverage --cov
 COVERAGE ?= 94
@@ -85,8 +79,7 @@ demo: $(READY) engine
 	$(BIN)/stickslip demo --out out/demo
 
 test: $(READY) engine tools drivers
-	$(PYTEST) $(COVERED) --cov-report=
-	NUMBA_DISABLE_JIT=1 $(PYTEST) $(COVERED) --cov-append --cov-fail-under=$(COVERAGE) $(PLAIN_TESTS)
+	$(PYTEST) $(COVERED) --cov-fail-under=$(COVERAGE)
 
 # The tests drive the panel in a real browser, and compile exported models and the kernel of a GPU.
 tools:

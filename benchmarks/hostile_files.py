@@ -137,15 +137,6 @@ def large_bomb(path: Path) -> None:
     np.savez_compressed(path, time=clock.round(0), x=noise)
 
 
-WARM = """
-from stickslip import load_actuator
-from stickslip.simulation import simulate, steady_step
-from stickslip.waveform.periodic import Sawtooth
-simulate(load_actuator("kang2007"), Sawtooth(65.0, 5.0), 0.01)
-steady_step(load_actuator("kang2007"), Sawtooth(65.0, 5.0))
-"""  # as `stickslip.panel.warming`, which compiles in the server's process
-
-
 def ended(way: str, name: str, run: Run) -> Cost:
     """Return the cost of a program that has ended."""
     lines = run.said.splitlines() or [""]
@@ -264,9 +255,8 @@ class Panel:
 
 @contextmanager
 def serving(folder: Path) -> Iterator[Panel]:
-    """Serve a folder, with warm kernels."""
+    """Serve a folder."""
     folder.mkdir()
-    subprocess.run([sys.executable, "-c", WARM], check=True)
     panel = Panel(folder)
     try:
         panel.client.get("/history")
@@ -327,9 +317,6 @@ Python and commands: each run is a child of a process that has imported what it 
 memory of that start, measured once, are added. Panel: time is that of a request, memory that of the
 larger of the server and the process that reads. An upload of which a preview can be shown is taken, too.
 The answer of a list is no error: the row of the file has the reason.
-
-The panel's kernels were compiled before. A first start on a machine compiles them in the server's
-process, which then takes 823 MB without any file; with warm kernels it takes 391 MB.
 
 Aim: {seconds:.0f} s of computing and {most:.0f} MB in any process, one sentence, no traceback, no fault
 of the server, and no file let in but for {read} that are the largest within the limits, or unusual only.

@@ -1,14 +1,11 @@
 """The first minute of a newcomer, and how soon the emergency stop acts, in a real browser.
 
-    python -m benchmarks.panel_minute [--chromium /usr/bin/chromium] [--repeats 5] [--stops 20] [--cold]
-
-With `--cold`, one time only, on a folder for kernels that is empty.
+python -m benchmarks.panel_minute [--chromium /usr/bin/chromium] [--repeats 5] [--stops 20]
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import statistics
 import subprocess
@@ -81,12 +78,11 @@ def stops(browser: Browser, url: str, count: int) -> list[float]:
     return found
 
 
-def serve(folder: str, cache: str | None) -> tuple[subprocess.Popen[str], str, float]:
+def serve(folder: str) -> tuple[subprocess.Popen[str], str, float]:
     """The panel on a folder, its address, and the seconds from the command to it: then a browser opens."""
     command = [sys.executable, "-m", "stickslip", "panel", folder, "--port", "0", "--no-browser"]
-    environment = {**os.environ, **({"STICKSLIP_CACHE_DIR": cache} if cache else {})}
     begun = time.monotonic()
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert server.stdout is not None
     found = re.search(r"http://\S+", server.stdout.readline())
     assert found is not None, "the panel did not start"
@@ -101,26 +97,25 @@ def main() -> None:
     parser.add_argument("--chromium", default="/usr/bin/chromium")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--stops", type=int, default=20)
-    parser.add_argument("--cold", action="store_true")
     asked = parser.parse_args()
     times: list[dict[str, float]] = []
     pressed: list[float] = []
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=asked.chromium, args=["--no-sandbox"])
-        for i in range(1 if asked.cold else asked.repeats):  # a server of its own each: a newcomer's is new
-            server, url, opened = serve(f"{folder}/{i}", f"{folder}/kernels" if asked.cold else None)
+        for i in range(asked.repeats):  # a server of its own each: a newcomer's is new
+            server, url, opened = serve(f"{folder}/{i}")
             try:
                 times.append({"opened": opened, **first_minute(browser, url)})
-                if not asked.cold and i + 1 == asked.repeats:
+                if i + 1 == asked.repeats:
                     pressed = stops(browser, url, asked.stops)
             finally:
                 server.terminate()
                 server.wait()
         browser.close()
-    keep(times, pressed, asked.cold)
+    keep(times, pressed)
 
 
-def keep(times: list[dict[str, float]], pressed: list[float], cold: bool) -> None:
+def keep(times: list[dict[str, float]], pressed: list[float]) -> None:
     """Print and keep the figures."""
     names = {
         "opened": "from the command to the page's opening",
@@ -140,7 +135,7 @@ def keep(times: list[dict[str, float]], pressed: list[float], cold: bool) -> Non
         rows.append(("emergency stop, from the key to the begin of the ramp", text))
         numbers["emergency_stop_ms"] = pressed
     result: dict[str, Any] = numbers
-    record("minute: cold, nothing compiled yet" if cold else "minute", rows, result)
+    record("minute", rows, result)
 
 
 if __name__ == "__main__":

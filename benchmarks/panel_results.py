@@ -24,8 +24,7 @@ ABOUT = {
         "the walk watched to its end (4 s of it are the walk), Identify opened, Start fit pressed. "
         "The emergency stop is timed from the key press in the browser to the instant at which the "
         "rig is told to ramp to 0 V, by the clock of the machine that both are on; up to 50 ms of it "
-        "are the rig's block. With `--cold` no kernel has been compiled before: the page opens when "
-        "a walk can start, and what fits need besides is compiled beside that, in their process.",
+        "are the rig's block.",
     ),
     "streaming": (
         "The stream",

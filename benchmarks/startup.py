@@ -1,4 +1,4 @@
-"""How long a newcomer waits: the import, the first simulation, the first compilation, in fresh processes."""
+"""How long a newcomer waits: the import and the first simulation, in fresh processes."""
 
 from __future__ import annotations
 
@@ -20,27 +20,24 @@ SIMULATION = f"""
 ss.simulate(ss.load_actuator("kang2007"), ss.Sawtooth(amplitude=65.0, frequency=5.0), duration=1.6)
 """
 # What a first simulation imports, so that its byte code is there, as after the first use of an installation.
-LIBRARIES = (
-    "import numba.core.registry, pint, scipy.linalg, xarray; numba.njit(lambda: 0)(); pint.UnitRegistry()"
-)
+LIBRARIES = "import pint, scipy.linalg, xarray; pint.UnitRegistry()"
 
 
 def measure_startup() -> tuple[list[Row], dict[str, str]]:
     """Rows with wall and CPU times, s, less those of an empty process, and what was aimed at."""
     with tempfile.TemporaryDirectory() as folder:
         kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-        place = kept | {"STICKSLIP_CACHE_DIR": folder, "PYTHONPYCACHEPREFIX": folder}
+        place = kept | {"PYTHONPYCACHEPREFIX": folder}
         _process(LIBRARIES, place)
         empty = [_process("pass", place) for _ in range(5)]
-        cold = [_process(SIMULATION, place)]
+        _process(SIMULATION, place)
         simulation = [_process(SIMULATION, place) for _ in range(7)]
         imported = [_process(IMPORT, place) for _ in range(11)]
     rows = [
         _row("import stickslip", imported, empty, 0.3),
-        _row("import and first simulation, kernels compiled before", simulation, empty, 0.5),
-        _row("import and first simulation, kernels to be compiled", cold, empty, 15.0),
+        _row("import and first simulation", simulation, empty, 0.5),
     ]
-    return rows, {name: version(name) for name in ("stickslip", "numba", "numpy", "pint", "xarray")}
+    return rows, {name: version(name) for name in ("stickslip", "numpy", "pint", "xarray")}
 
 
 def _process(program: str, environment: Mapping[str, str]) -> tuple[float, float]:

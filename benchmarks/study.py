@@ -28,7 +28,6 @@ import numpy as np
 from distributed import Client
 
 import stickslip as ss
-from stickslip import _jit
 from stickslip.study import Grid, Random, Study, WalksFromRest, compare_studies
 from stickslip.study.running import prepared
 from stickslip.study.store import Store
@@ -57,7 +56,6 @@ def throughput(members: int = 1 << 18, task: int = 1 << 14) -> None:
     programs run too."""
     study = Study(Random(RANGES, members), WalksFromRest(KANG, LONG), task=task)
     columns = study.columns({"member": slice(0, members)})
-    study.computed(study.first_members())  # compiled, or read from the cache
     begun, wall = cpu(), time.perf_counter()
     bare = ss.simulate_ensemble(KANG, LONG, parameters=columns, threads=2)
     bare_cpu, bare_wall = cpu() - begun, time.perf_counter() - wall
@@ -96,7 +94,6 @@ def overhead(tasks: int = 200) -> None:
     task = 1 << 14
     study = Study(Random(RANGES, tasks * task), WalksFromRest(KANG, LONG), task=task)
     place = {"member": slice(0, task)}
-    study.computed(study.first_members())
     with tempfile.TemporaryDirectory() as folder:
         store = prepared(study, Path(folder, "s.zarr"))
         found, times = study.computed(study.columns(place)), []
@@ -114,39 +111,30 @@ def overhead(tasks: int = 200) -> None:
 
 
 def memory(members: int = 1 << 18, task: int = 1 << 14) -> None:
-    """Most memory of all processes of a study, with kernels that are there and with none, by its size."""
-    for words, cache in (("kernels there", None), ("none", "cold")):
-        for size in (members // 4, members):
-            with tempfile.TemporaryDirectory() as name:
-                folder = Path(name)
-                environment = {
-                    **os.environ,
-                    **({"STICKSLIP_CACHE_DIR": f"{folder}/{cache}"} if cache else {}),
-                }
-                environment |= {"PYTHONPATH": str(Path(__file__).parents[1]), "STUDY_LOG": name}
-                code = _LOCAL.format(members=size, task=task, store=folder / "s.zarr")
-                if cache:  # a store that is there, as another machine finds it: who begins it has compiled
-                    begun = Study(Random(RANGES, size), WalksFromRest(KANG, SHORT), task=task)
-                    prepared(begun, folder / "s.zarr")
-                client = subprocess.Popen([sys.executable, "-c", code], env=environment)
-                most: dict[str, int] = {}
-                while client.poll() is None:
-                    look(name, most)
-                    time.sleep(0.02)
-                print(f"{words}, {size:,} members: {json.dumps(most)} MB", flush=True)
+    """Most memory of the workers of a study, by its size."""
+    for size in (members // 4, members):
+        with tempfile.TemporaryDirectory() as name:
+            environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "STUDY_LOG": name}
+            code = _LOCAL.format(members=size, task=task, store=Path(name) / "s.zarr")
+            client = subprocess.Popen([sys.executable, "-c", code], env=environment)
+            most = 0
+            while client.poll() is None:
+                most = max(most, looked_at(name))
+                time.sleep(0.02)
+            print(f"{size:,} members: {most} MB", flush=True)
 
 
-def look(name: str, most: dict[str, int]) -> None:
-    """Keep the most memory of workers that know the name, and of one that compiles [MB]."""
+def looked_at(name: str) -> int:
+    """Return the most memory [MB] of the workers that know the name."""
+    most = 0
     for one in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
             words = (one / "cmdline").read_bytes().split(b"\0")
             known = f"STUDY_LOG={name}".encode() in (one / "environ").read_bytes().split(b"\0")
-            if b"stickslip.study.worker" not in words or not known:
-                continue
-            kind = "compiles" if b"compile" in words else "works"
-            status = (one / "status").read_text()
-            most[kind] = max(most.get(kind, 0), int(status.split("VmHWM:")[1].split()[0]) // 1024)
+            if known and b"stickslip.study.worker" in words:
+                status = (one / "status").read_text()
+                most = max(most, int(status.split("VmHWM:")[1].split()[0]) // 1024)
+    return most
 
 
 _LOCAL = """
@@ -176,9 +164,8 @@ class Cluster:
         return self._start("worker", self.address, *options)
 
     def _start(self, *words: str) -> subprocess.Popen[bytes]:
-        environment = {**os.environ, "STICKSLIP_CACHE_DIR": str(_jit._cache_root())}  # compiled already
         with (self._folder / "log").open("ab") as log:
-            return subprocess.Popen([sys.executable, "-m", "dask", *words], stderr=log, env=environment)
+            return subprocess.Popen([sys.executable, "-m", "dask", *words], stderr=log)
 
     def alive(self) -> None:
         """Start again what has ended."""
@@ -258,7 +245,6 @@ def kills(members: int = 1 << 20, task: int = 2048, count: int = 50, pause: floa
 _CLIENT = """
 import sys
 import stickslip as ss
-from stickslip import _jit
 from benchmarks.study import KANG, RANGES, SHORT
 from stickslip.study import Random, Study, WalksFromRest
 study = Study(Random(RANGES, {members}), WalksFromRest(KANG, SHORT), "{file}:logged", task={task})

@@ -16,7 +16,6 @@ import pytest
 from packaging.requirements import Requirement
 
 import stickslip
-from stickslip._jit import KERNEL_ROOMS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "stickslip"
@@ -28,11 +27,11 @@ TRACKED = subprocess.run(
 LONGEST_FILE = 400
 LARGEST_FILE = 500_000  # bytes
 NO_NAMES = {"utils", "util", "core", "base", "manager", "helpers", "misc", "common"}
-BUILT = {".pyc", ".so", ".o", ".nbi", ".nbc", ".coverage", ".egg-info", ".whl"}
+BUILT = {".pyc", ".so", ".o", ".coverage", ".egg-info", ".whl"}
 
 # The rooms that may import a heavy dependency; everything else reaches it through them.
 OWNERS = {
-    "numba": {"_jit", "engine/numba_laws"},
+    "numba": {"engine/numba_laws"},
     "pint": {"units"},
     "pandas": {"readers/csv", "recording/schema", "history/table", "study/exports"},
     "matplotlib": {"figures"},
@@ -170,14 +169,6 @@ def test_every_test_runs() -> None:
             node.attr for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Attribute)
         }
         assert not names & idle, file.name
-
-
-def test_compiled_code_stands_only_in_the_rooms_that_the_kernel_cache_hashes() -> None:
-    """Else an edit of it would be served stale. The sign: importing the compiler, or registering a law."""
-    signs = re.compile(r"from \.+_jit import|from \.+(friction(\.law)?|law) import .*\bregister\b")
-    outside = [file for file in SOURCES if file.relative_to(PACKAGE).parts[0] not in KERNEL_ROOMS]
-    assert not [room(file) for file in outside if signs.search(file.read_text())]
-    assert signs.search((PACKAGE / "friction" / "static.py").read_text())
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip._jit import compiled
 from stickslip.friction import Dahl, LuGre, MaxwellSlip
 from stickslip.records import Quantity, did_you_mean, quantities, record
 from stickslip.units import QuantityError
@@ -204,24 +203,6 @@ def test_what_tools_see() -> None:
     assert quantities(Beam)["mass"] == Quantity("kg", "m", "mass", above=0)
     assert did_you_mean("sigma0", ("sigma_0", "mass")) == " (did you mean 'sigma_0'?)"
     assert did_you_mean("xyz", ("sigma_0", "mass")) == ""
-
-
-@compiled
-def _energy(beam, x):
-    return 0.5 * beam.stiffness * x * x
-
-
-@compiled
-def _stiffer(plank, factor):
-    return Plank(plank.weight, factor * plank.hardness)
-
-
-def test_compiled_functions_take_and_make_records() -> None:
-    assert _energy(Beam(1, 8), 0.5) == 1.0
-    made = _stiffer(Plank(1, 2), 3.0)
-    assert made == Plank(1, 6)
-    with pytest.raises(QuantityError, match="must be >= 0 N/m"):
-        _stiffer(Plank(1, 2), -3.0)  # checked when it comes back to Python
 
 
 @given(st.floats())

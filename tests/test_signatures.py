@@ -280,7 +280,6 @@ def labelled(values: Any, unit: str) -> xr.DataArray:
     return xr.DataArray(1e3 * np.asarray(values), dims="x", attrs={"units": f"m{unit}"})
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("name", ARRAYS)
 def test_an_array_may_have_its_unit(name: str) -> None:
     """Of xarray, and strings in lists and in arrays: as the same numbers in SI."""

@@ -125,7 +125,6 @@ def test_net_step_is_that_of_the_periods() -> None:
     assert said == "0.3 m: net_step_error is 2 %, which is not < 1 %"
 
 
-@pytest.mark.compiled
 def test_a_residual_that_is_mostly_an_offset_is_said_to_be() -> None:
     """Of a walk that began before its recording, or another zero of the position: no fault of the model's."""
     model, drive = load_actuator("kang2007"), Sequence(Rest(0.05), Sawtooth(65.0, 20.0, periods=3))

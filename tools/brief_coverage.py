@@ -18,8 +18,6 @@ _TRACED = 2.0  # s of CPU time
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    if sys.gettrace() is None:  # Numba compiles, which is not traced (tests/conftest.py) and does not count
-        signal.setitimer(signal.ITIMER_VIRTUAL, _TRACED)
     sys.settrace(None)
 
 

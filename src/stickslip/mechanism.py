@@ -1,6 +1,6 @@
 r"""The equations of motion, once, for every engine.
 
-A stage and a slider (the end-effector) that meet in one friction contact, in the form that kernels use:
+A stage and a slider (the end-effector) that meet in one friction contact, for exports:
 
 .. math::
 
@@ -16,8 +16,6 @@ pulled through a spring has b_e, c_e, k_e and a stage at rest. A `kinematic` sta
 from __future__ import annotations
 
 from typing import NamedTuple
-
-from ._jit import compiled, inlined
 
 # Rows of the state vector; the internal states of the friction law follow.
 STAGE, STAGE_VELOCITY, SLIDER, SLIDER_VELOCITY, FIRST_BRISTLE = 0, 1, 2, 3, 4
@@ -43,7 +41,6 @@ class Mechanism(NamedTuple):
     rate: float
 
 
-@inlined
 def stage_acceleration(mech, u, y, w, force):
     """Acceleration of the stage for the drive u and the friction force."""
     return (
@@ -55,7 +52,6 @@ def stage_acceleration(mech, u, y, w, force):
     )
 
 
-@inlined
 def slider_acceleration(mech, u, x, s, force):
     """Acceleration of the slider for the drive u and the friction force."""
     return (
@@ -67,7 +63,6 @@ def slider_acceleration(mech, u, x, s, force):
     )
 
 
-@compiled
 def holding_force(mech, u, ddu, q):
     """The force that a contact at rest carries: the one for which stage and slider accelerate alike."""
     slider = slider_acceleration(mech, u, q[SLIDER], q[SLIDER_VELOCITY], 0.0)
@@ -77,7 +72,6 @@ def holding_force(mech, u, ddu, q):
     return (stage - slider) / (mech.reaction + mech.mobility)
 
 
-@compiled
 def joined(mech, offset):
     """Stage and slider moving as one body, x_e = y + offset: its own equation in the stage's place.
 

@@ -2,7 +2,7 @@
 
 A record is a ``typing.NamedTuple`` whose fields say their unit, symbol, meaning and range. The decorator
 `record` makes construction check all of that and accept unit strings. Being a named tuple, the same object
-goes into a compiled kernel as it is: there is no second, "fast" copy of any parameter.
+goes to the engine as it is: there is no second, "fast" copy of any parameter.
 """
 
 from __future__ import annotations

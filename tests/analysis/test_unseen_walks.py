@@ -28,7 +28,6 @@ def recorded(path: Path, model: ss.Actuator, volts: float, seed: int) -> None:
     np.savetxt(path, np.column_stack(columns), "%.6f", ",", header="t [ms],x [um],u [V]", comments="")
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize(("unseen", "code"), [(MODEL, 0), (SLIPPERY, 1)])
 def test_the_exit_code_is_that_of_the_sentence(tmp_path: Path, unseen: ss.Actuator, code: int) -> None:
     recorded(tmp_path / "fitted.csv", MODEL, 65.0, 1)

@@ -117,7 +117,6 @@ def run(folder: Path, out: Path, after: float = 0.0, file: str = "campaign.yaml"
         signal.signal(signal.SIGALRM, before)
 
 
-@pytest.mark.compiled
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # a file was being read
 def test_a_campaign_that_is_interrupted_again_and_again(
     folder: Path, tmp_path: Path, finished: Counter, monkeypatch: pytest.MonkeyPatch
@@ -163,7 +162,6 @@ def _interrupted(*_: Any, **__: Any) -> None:
     raise KeyboardInterrupt
 
 
-@pytest.mark.compiled
 def test_what_changes_is_computed_again_and_nothing_else(
     folder: Path, tmp_path: Path, finished: Counter
 ) -> None:

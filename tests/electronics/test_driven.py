@@ -126,7 +126,6 @@ def test_where_the_current_folds_back_the_tolerance_is_kept_over_many_periods(se
     assert np.abs(found - fine).max() < 5e-3
 
 
-@pytest.mark.compiled
 def test_a_tighter_tolerance_is_kept() -> None:
     of, waveform, farad = random_case(3)
     times = np.linspace(0.0, 6e-3, 20_001)[:-1]

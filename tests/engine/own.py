@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip._jit import compiled
 from stickslip.friction import register
 
 TABLE_V = (0.0, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
@@ -58,7 +57,6 @@ NUMBERS = Numbers(1.4e6, 0.54, 1e-3)
 SHAPES = Shapes(1.4e6, (0.5, 0.3, 0.2), 3, True, Numbers(1e5, 0.3, 1e-2))
 
 
-@compiled
 def curve(v, low, high, speed):
     return low + (high - low) * math.exp(-((v / speed) ** 2))
 

@@ -13,9 +13,7 @@ import pytest
 
 from stickslip.engine import laws
 from stickslip.engine.translator import Translation, TranslationError
-from stickslip.friction import law as registered
-from stickslip.friction import normal_force
-from stickslip.friction.static import static_slope
+from stickslip.friction import LuGre, Stribeck, normal_force
 
 C = Path(laws.__file__).parent / "c"
 N = 10_000
@@ -147,6 +145,66 @@ def terms(law: Any, role: str, p: np.ndarray, given: list[np.ndarray], dimension
     return np.array([force, rate]).T if dimensions == 2 else np.abs(z)
 
 
+Contact = tuple[float, float]
+
+
+def on_branch(law: Any, v: float, z: float, side: float, branch: int) -> Contact:
+    """Force and rate on a branch of a law, or of one without any."""
+    known = laws.functions(type(law))
+    if "branch_rate" not in known:
+        return known["rate"](law, v, z)
+    force, rate = known["branch_rate"](law, abs(v), side * z, branch)
+    return side * force, side * rate
+
+
+def slopes(law: Any, v: float, z: float, side: float, branch: int) -> list[float]:
+    """F, dF/dv, dF/dz, dż/dv, dż/dz by differences away from rest and off the bound."""
+    at = math.copysign(v, side)
+    dv = math.copysign(1e-5 * abs(at) + 1e-11, side)
+    dz = math.copysign(1e-5 * abs(z) + 1e-15, z)
+    (f, r), (f_v, r_v), (f_z, r_z) = (
+        on_branch(law, *one, side, branch) for one in ((at, z), (at + dv, z), (at, z + dz))
+    )
+    return [f, (f_v - f) / dv, (f_z - f) / dz, (r_v - r) / dv, (r_z - r) / dz]
+
+
+def beyond_rest(law: Any, v: float, z: float, side: float, branch: int) -> list[float]:
+    """Force and rate as on one side of v = 0, mirrored in the point v = 0 beyond it."""
+    here = on_branch(law, math.copysign(v, side), z, side, branch)
+    if v * side >= 0.0:
+        return list(here)
+    return [2.0 * rest - one for rest, one in zip(on_branch(law, 0.0, z, side, branch), here, strict=True)]
+
+
+def kink(law: Any, z: float, v: float) -> float:
+    """By how much dż/dv jumps at v = 0, times a speed."""
+    rate = laws.functions(type(law))["rate"]
+    return abs(rate(law, v, z)[1] + rate(law, -v, z)[1])
+
+
+def bounded(law: Any, z: float, towards: float) -> float:
+    """A state on the bound that it moves towards."""
+    project = laws.functions(type(law)).get("project", lambda law, z: z)
+    bound = project(law, z + towards)
+    return bound if bound != z + towards else project(law, z)
+
+
+def static_slope(law: Any, v: float, side: float) -> list[float]:
+    """F and dF/dv of a static law; a difference that is small where v is."""
+    rate = laws.functions(type(law))["rate"]
+    dv = 1e-5 * abs(v) + (min(1e-11, 1e-2 * abs(v)) if abs(v) > 1e-14 else 1e-11)
+    force = rate(law, side * abs(v), side)[0]
+    return [force, side * (rate(law, side * (abs(v) + dv), side)[0] - force) / dv]
+
+
+def seen(library: ctypes.CDLL, law: type, *columns: np.ndarray) -> np.ndarray:
+    """What a step in C sees of contacts with these parameters, velocities, states, sides and branches."""
+    i = [library.name_of(k).decode() for k in range(len(laws.packaged()))].index(law.__name__)
+    found = np.empty((len(columns[0]), 10))
+    library.see(i, ctypes.c_long(len(found)), *map(pointer, columns), pointer(found))
+    return found
+
+
 @pytest.mark.parametrize("law", laws.packaged(), ids=lambda law: law.__name__)
 def test_a_step_in_c_sees_the_same_slopes(law: Any, library: ctypes.CDLL) -> None:
     """To the last bit, for parameters that need no exponential: differences would magnify its rounding."""
@@ -159,18 +217,40 @@ def test_a_step_in_c_sees_the_same_slopes(law: Any, library: ctypes.CDLL) -> Non
         p[:, i] = {"exponent": 1.0, "damping_velocity": np.inf}.get(name, p[:, law._fields.index(same)])
     side = rng.choice([-1.0, 1.0], n)
     branch = rng.integers(0, 2, n) * ("choose" in laws.functions(law))
-    i = [library.name_of(k).decode() for k in range(len(laws.packaged()))].index(law.__name__)
-    found, branches = np.empty((n, 10)), branch.astype(np.int32)
-    library.see(i, ctypes.c_long(n), *map(pointer, (p, v, z, side, branches, found)))
-    plain = [getattr(one, "py_func", one) for one in (registered.law_slopes, registered.smooth_rate)]
-    kink, bound, steep = (one.py_func for one in (registered.reversal_kink, registered.bounded, static_slope))
+    found = seen(library, law, p, v, z, side, branch.astype(np.int32))
     static = "breakaway" in laws.functions(law)
-    for k in range(n):
-        own, sides = tuple.__new__(law, p[k].tolist()), float(side[k] * (1 + branch[k]))
-        at = (own, float(v[k]), float(z[k]), sides)
-        expected = [*plain[0](*at), *plain[1](*at), kink(own, float(z[k]), float(v[k]))]
-        last = steep(own, float(v[k]), float(side[k])) if static else (bound(own, at[2], 1e-3 * at[2]), 0.0)
+    for k, (speed, state, way) in enumerate(zip(v.tolist(), z.tolist(), side.tolist(), strict=True)):
+        own, at = tuple.__new__(law, p[k].tolist()), (speed, state, way, int(branch[k]))
+        expected = [*slopes(own, *at), *beyond_rest(own, *at), kink(own, state, speed)]
+        last = static_slope(own, speed, way) if static else [bounded(own, state, 1e-3 * state), 0.0]
         np.testing.assert_array_equal(found[k], [*expected, *last])
+
+
+@pytest.mark.parametrize("exponent", [0.1, 0.3, 0.5, 0.7, 1.0, 2.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_slope_of_a_stribeck_curve(exponent: float, side: float, library: ctypes.CDLL) -> None:
+    """In closed form, at any speed: the force may fall ever more steeply towards rest."""
+    law = Stribeck(0.5, 0.8, 2e-3, 3.0, exponent)
+    speed = np.array([3e-14, 1e-11, 1e-8, 1e-6, 1e-5, 3e-3, 0.2])
+    ones = np.ones(speed.size)
+    columns = (np.tile(law, (speed.size, 1)), side * speed, side * ones, side * ones)
+    found = seen(library, Stribeck, *columns, np.zeros(speed.size, np.int32))
+    power = (speed / 2e-3) ** exponent
+    np.testing.assert_allclose(found[:, 8], side * (0.5 + 0.3 * np.exp(-power) + 3.0 * speed), rtol=1e-14)
+    rounding = 4e-16 / (1e-5 * speed + np.minimum(1e-2 * speed, 1e-11))
+    expected = 3.0 - 0.3 * exponent * power / speed * np.exp(-power)
+    assert np.all(np.abs(found[:, 9] - expected) <= np.maximum(1e-2 * np.abs(expected), rounding))
+
+
+def test_a_bristle_beyond_its_reversal(library: ctypes.CDLL) -> None:
+    """Value and slope at v = 0 are those of the side; dż/dv jumps by 2 |z| sigma_0/g."""
+    law, h = LuGre(1.4e6, 35.0, 0.7, 0.54, 0.7, 1e-3), 1e-7
+    v = np.array([h, 0.0, -h, 2e-3])
+    columns = (np.tile(law, (4, 1)), v, np.full(4, 3e-7), np.ones(4), np.zeros(4, np.int32))
+    found = seen(library, LuGre, *columns)
+    np.testing.assert_allclose(found[1, 5:7] - found[2, 5:7], found[0, 5:7] - found[1, 5:7], rtol=1e-9)
+    g = 0.54 + 0.16 * math.exp(-4.0)
+    assert found[3, 7] == pytest.approx(2.0 * 3e-7 * 1.4e6 / g * 2e-3, rel=1e-12)
 
 
 def test_the_normal_force_along_the_stroke_is_the_same_in_c(library: ctypes.CDLL) -> None:
@@ -184,9 +264,9 @@ def test_the_normal_force_along_the_stroke_is_the_same_in_c(library: ctypes.CDLL
     records = [tuple.__new__(normal_force.NormalForce, one) for one in p.tolist()]
     expected = []
     for record, at in zip(records, x.tolist(), strict=True):
-        along, softening = normal_force._along(record, at), normal_force._softening(record, at)
-        kept = normal_force._kept(record, at) if at > 0.0 else math.nan
-        leaning, uniform = normal_force._leaning(record, at), normal_force._uniform(record)
+        along, softening = normal_force.along(record, at), normal_force.softening(record, at)
+        kept = normal_force.kept(record, at) if at > 0.0 else math.nan
+        leaning, uniform = normal_force.leaning(record, at), normal_force.uniform(record)
         expected.append([*along, softening, kept, leaning, float(uniform)])
     wanted = np.array(expected)
     known = np.isfinite(wanted)

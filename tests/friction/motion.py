@@ -1,4 +1,4 @@
-"""Compiled laws under a prescribed motion: the kernels of the contract tests."""
+"""Laws under a prescribed motion, for the contract tests."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import math
 
 import numpy as np
 
-from stickslip._jit import kernel
 from stickslip.friction.law import element, elements, force, project, rate
 
 
-@kernel
 def evaluate(law, v, z):
     """Force [n] and rate of each state [n, elements] at the points (v[i], z[i])."""
     forces = np.empty(v.size)
@@ -22,7 +20,6 @@ def evaluate(law, v, z):
     return forces, rates
 
 
-@kernel
 def bounded(law, z):
     """What the law's own bounds make of the states z [n, elements]."""
     out = np.empty(z.shape)
@@ -32,7 +29,6 @@ def bounded(law, z):
     return out
 
 
-@kernel
 def response(law, v, dt, start):
     """Steps of constant velocity v[i] for dt[i], each one Runge-Kutta step of order 4 per element.
 

@@ -136,3 +136,12 @@ def test_a_file_that_becomes_shorter_while_it_is_read_is_tried_again(fence: Fenc
     assert str(error) == f"{file}: it became shorter while it was read; is it being written? Try again"
     file.write_bytes(b"whole again")
     assert fence(acts.size, file, 5.0, 2**28) == 11
+
+
+def test_a_relative_path_is_of_the_folder_that_its_owner_works_in(
+    fence: Fence, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also after the owner has gone to another folder."""
+    fence(acts.size, file, 0.5, 100 * 2**20)
+    monkeypatch.chdir(file.parent)
+    assert fence(acts.size, Path(file.name), 0.5, 100 * 2**20) == 5

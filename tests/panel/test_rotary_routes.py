@@ -79,7 +79,6 @@ def test_its_fields_say_rad_and_newton_metres(choices: dict[str, Any]) -> None:
             assert known[name]["low"] < value < known[name]["high"], name
 
 
-@pytest.mark.compiled
 def test_explore_moves_it_as_what_slides(client: httpx.Client, choices: dict[str, Any]) -> None:
     paths = ("/api/explore/motion", "/api/explore/steps")
     (straight, slow), (turned, curves) = (
@@ -116,7 +115,6 @@ def test_values_are_refused_in_its_units(client: httpx.Client, choices: dict[str
     assert "no N m" in client.post("/api/design/check", json=asked).json()["error"]
 
 
-@pytest.mark.compiled
 def test_design_maps_and_moves_it(client: httpx.Client, choices: dict[str, Any]) -> None:
     model = model_of(choices, SET)
     _, grid = answered(client, "/api/design/map", model | {"voltage": 80.0, "load": -0.05 * RADIUS})
@@ -134,7 +132,6 @@ def test_design_maps_and_moves_it(client: httpx.Client, choices: dict[str, Any])
     assert {one["unit"] for one in told} == {"N m/rad", "N m s/rad", "N m", "rad/s", ""}
 
 
-@pytest.mark.compiled
 def test_a_prediction_says_angles(client: httpx.Client) -> None:
     asked = {"parameters": SET, "shape": "Sawtooth", "amplitude": "65 V", "frequency": "20 Hz", "periods": 3}
     numbers = client.post("/path/predict", json=asked).json()["numbers"]
@@ -162,7 +159,6 @@ def walked(client: httpx.Client, path: str = "/bench/start", last: str = "done")
     return experiment
 
 
-@pytest.mark.compiled
 def test_from_the_bench_to_a_fit(client: httpx.Client, folder: Path, choices: dict[str, Any]) -> None:
     not_real_time = {"path": ["rig", "real_time"], "value": False}
     client.post("/bench/set", json=not_real_time).raise_for_status()
@@ -206,7 +202,6 @@ def test_from_the_bench_to_a_fit(client: httpx.Client, folder: Path, choices: di
     assert found["coulomb_force"]["value"] == pytest.approx(TURNS.friction.coulomb_force, rel=0.05)
 
 
-@pytest.mark.compiled
 def test_the_way_home_and_the_end_stop_are_angles(client: httpx.Client) -> None:
     """After the walk of the test before, or of its own."""
     client.post("/bench/load", json={"name": EXPERIMENT}).raise_for_status()

@@ -122,7 +122,6 @@ def test_a_table_of_a_drive_is_within_its_precision(wave: ss.Sine) -> None:
     assert np.abs(evaluate(table, times)[0] - exact).max() < 1e-4
 
 
-@pytest.mark.compiled
 def test_a_stage_walks_with_it_and_every_period_closes() -> None:
     saw = ss.Sawtooth(65.0, 20.0)
     plain = ss.load_actuator("kang2007").replace(stage_reaction=False)

@@ -25,8 +25,6 @@ LUGRE = LuGre(1.399e6, 34.9, 0.0, 0.5401, 0.6)
 TIMES = np.linspace(0.0, 0.0399, 40)
 DRIVE = Sine(30.0, 50.0)
 
-pytestmark = pytest.mark.compiled
-
 
 def followed(plant: Plant, drive: Drive, times: np.ndarray = TIMES, tolerance: float = 1e-10) -> np.ndarray:
     """States at the times, from zero."""

@@ -57,7 +57,7 @@ def test_whole_document() -> None:
     assert found["command"] == "stickslip demo"
     assert found["assumptions"] == ["end_effector_mass = 0.1 kg: brass"]
     assert found["citations"].startswith("@misc{kang2007")
-    assert found["versions"].keys() >= {"stickslip", "Python", "numpy", "scipy", "numba"}
+    assert found["versions"].keys() >= {"stickslip", "Python", "numpy", "scipy"}
     assert "elapsed" not in strict(results_json(sample(), circumstances()))
 
 

@@ -47,7 +47,6 @@ def run(folder, *command: str, **content: object):
     return done, json.loads(results.read_text(encoding="utf-8"))["numbers"] if results.exists() else {}
 
 
-@pytest.mark.compiled
 def test_drives_and_actuators_are_those_of_what_slides() -> None:
     search = {"frequency": (20.0, 400.0), "budget": 60, "seed": 3}
     slow = {"scenarios": [{"external_force": "-0.1 N"}], "minimum_speed": "1 um/s"}
@@ -71,7 +70,6 @@ def test_drives_and_actuators_are_those_of_what_slides() -> None:
         optimise_actuator({"one": TURNS, "other": SLIDES}, goal="speed", free=free)
 
 
-@pytest.mark.compiled
 def test_steps_and_loads_are_angles_and_torques(tmp_path) -> None:
     volts = {"voltage": [30.0, 50.0, 65.0], "frequency": 20.0}
     straight, turned = (step_table(step_map(one, **volts)) for one in (SLIDES, TURNS))
@@ -88,7 +86,6 @@ def test_steps_and_loads_are_angles_and_torques(tmp_path) -> None:
     assert torque == pytest.approx(RADIUS * force, rel=1e-3)
 
 
-@pytest.mark.compiled
 def test_a_plan_is_that_of_what_slides(tmp_path) -> None:
     free = ["sigma_0", "coulomb_force"]
     drives = {
@@ -110,7 +107,6 @@ def test_a_plan_is_that_of_what_slides(tmp_path) -> None:
         turned.save(tmp_path / "experiment.yaml")
 
 
-@pytest.mark.compiled
 def test_a_design_file_says_angles(folder) -> None:
     asked = {
         "goal": {"step": 1.5e-3},
@@ -126,7 +122,6 @@ def test_a_design_file_says_angles(folder) -> None:
     assert re.search(r"best sawtooth.*rad", report)
 
 
-@pytest.mark.compiled
 def test_a_move_goes_to_an_angle(folder) -> None:
     asked = {
         "title": "Turn",
@@ -161,7 +156,6 @@ def test_a_move_goes_to_an_angle(folder) -> None:
     )
 
 
-@pytest.mark.compiled
 def test_hysteresis_of_what_turns(folder) -> None:
     bent = ss.piezo.Piezo(ss.piezo.PrandtlIshlinskii((0.0, 10.0, 30.0), (0.7, 0.15, 0.15)))
     clamped = TURNS.replace(clamped=True, piezo=bent)

@@ -31,7 +31,6 @@ from stickslip.rig.bench import Mounted
 from stickslip.units import QuantityError
 
 
-@pytest.mark.compiled
 def test_the_motion_is_that_of_what_slides_on_a_radius() -> None:
     straight = ss.simulate(SLIDES, DRIVE, energy=True)
     turned = ss.simulate(TURNS, DRIVE, tolerance=1e-9 / RADIUS, energy=True)
@@ -49,7 +48,6 @@ def test_the_motion_is_that_of_what_slides_on_a_radius() -> None:
     assert "rad" not in units(straight).values()
 
 
-@pytest.mark.compiled
 def test_ensembles_maps_and_derivatives_are_labelled() -> None:
     drive = ss.Sawtooth(65.0, 20.0)
     given = {"sigma_0": ["200 N m/rad", "0.2 N m/mrad"], "external_force": ["1 mN m", 0.001]}
@@ -105,7 +103,6 @@ def test_results_keep_it_and_those_of_earlier_versions_are_read() -> None:
     assert model_of(earlier).replace(name=SLIDES.name) == SLIDES
 
 
-@pytest.mark.compiled
 def test_from_the_rig_to_a_fit() -> None:
     """Recorded through an encoder of 50 nrad on the virtual bench, behind its amplifier."""
     bench = load_bench("kang2007-bench")
@@ -129,7 +126,6 @@ def test_from_the_rig_to_a_fit() -> None:
         VirtualRig(SLIDES, turning)
 
 
-@pytest.mark.compiled
 def test_the_command_line_says_angles(tmp_path) -> None:
     path = write_parameters(tmp_path / "rotary.toml", parameter_text(TURNS, "a rotary stage", "measured"))
     asked = ["simulate", str(path), "--waveform", "Sawtooth", "--amplitude", "65", "--frequency", "20"]
@@ -211,7 +207,6 @@ def run(folder, kind: str, limit: str = "5 urad") -> tuple[str, dict]:
     return done.output, json.loads(results.read_text(encoding="utf-8"))["numbers"] if results.exists() else {}
 
 
-@pytest.mark.compiled
 def test_files_fit_and_verify_angles(tmp_path) -> None:
     write_parameters(tmp_path / "rotary.toml", parameter_text(TURNS, "a rotary stage", "measured"))
     rest = ss.waveform.Rest(0.05)
@@ -272,7 +267,6 @@ map: {voltage: [40 V, 65 V], frequency: 20 Hz, load: [0, -0.2 mN m], tolerance: 
 """
 
 
-@pytest.mark.compiled
 def test_studies_and_maps_say_angles(tmp_path) -> None:
     write_parameters(tmp_path / "rotary.toml", parameter_text(TURNS, "a rotary stage", "measured"))
     (tmp_path / "study.yaml").write_text(STUDY, encoding="utf-8")
@@ -295,7 +289,6 @@ def test_studies_and_maps_say_angles(tmp_path) -> None:
     assert made.numbers["map"]["net_step"]["unit"] == "rad"
 
 
-@pytest.mark.compiled
 def test_exported_code_turns(tmp_path) -> None:
     found = walk(TURNS, tmp_path / "turns", waveform=DRIVE)
     truth = ss.simulate(TURNS, DRIVE, DRIVE.duration, sample_rate=1e3, tolerance=1e-8)

@@ -47,7 +47,6 @@ def test_samples_without_a_period_have_no_steady_step() -> None:
 SAW = Sawtooth(20.0, 1000.0, rise_fraction=0.8)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("drive", "load"),
     [

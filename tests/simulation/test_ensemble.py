@@ -59,7 +59,6 @@ def test_a_member_is_what_a_simulation_of_it_gives(name: str) -> None:
         )
 
 
-@pytest.mark.compiled
 def test_the_stage_varies_too_on_however_many_threads() -> None:
     values = {
         "natural_frequency": np.array([3000.0, 3303.1, 3600.0]),
@@ -76,7 +75,6 @@ def test_the_stage_varies_too_on_however_many_threads() -> None:
         assert float(several["net_displacement"][m]) == pytest.approx(float(x[-1]), abs=1e-12)
 
 
-@pytest.mark.compiled
 def test_summaries_alone_are_the_same_numbers() -> None:
     values = {"coulomb_force": np.linspace(0.2, 1.0, 7)}
     summary = simulate_ensemble(MODEL, DRIVE, 0.1, parameters=values)
@@ -185,7 +183,6 @@ def test_a_member_that_cannot_be_finished_keeps_what_it_has() -> None:
         assert np.isnan(found["end_effector_position"][m, kept:]).all()
 
 
-@pytest.mark.compiled
 def test_threads_and_blocks_do_not_change_a_number_and_progress_is_told() -> None:
     values = {"sigma_0": np.geomspace(5e5, 3e6, 600)}
     told: list[tuple[str, float]] = []

@@ -11,8 +11,6 @@ import pytest
 
 import stickslip as ss
 
-pytestmark = pytest.mark.compiled
-
 MOST = 300_000  # steps of one run
 
 

@@ -14,7 +14,6 @@ from stickslip.actuator import StageModes
 from stickslip.parameters.writing import parameter_text
 from stickslip.units import QuantityError
 
-pytestmark = pytest.mark.compiled
 KANG = ss.load_actuator("kang2007")
 DRIVE = ss.Sawtooth(65.0, 50.0)
 

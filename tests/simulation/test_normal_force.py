@@ -198,7 +198,6 @@ def test_files_keep_it(tmp_path: Path) -> None:
         ss.load_actuator(file)
 
 
-@pytest.mark.compiled
 def test_a_rig_feels_the_place_that_it_has_come_to() -> None:
     """Two thirds of the friction: it records what a contact records that has as much everywhere."""
     along, bench = NormalForce(slope=-1.0 / 3e-3), ss.rig.load_bench("kang2007-bench")

@@ -13,7 +13,6 @@ from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
 from stickslip.units import QuantityError
 from stickslip.waveform.drive import evaluate
 
-pytestmark = pytest.mark.compiled  # trajectories, too long for plain Python
 PLAIN = ss.load_actuator("kang2007")
 HYSTERESIS = PrandtlIshlinskii((0.0, 3.0, 8.0, 15.0), (0.8, 0.08, 0.08, 0.04), (20.0, 40.0), (-0.02, -0.02))
 BENT = PLAIN.replace(piezo=Piezo(HYSTERESIS))

@@ -63,7 +63,6 @@ def agree(found: dict[str, float], model: Any, waveform: Any, share: float) -> N
         assert by * size == pytest.approx((high - low) / 1e-3 * 0.5, rel=share, abs=2e-11), name
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("waveform", [SAW, KNOTS], ids=lambda one: type(one).__name__)
 @pytest.mark.parametrize("piezo", PIEZOS)
 def test_of_the_steady_step(piezo: str, waveform: Any) -> None:
@@ -78,7 +77,6 @@ def test_of_the_steady_step(piezo: str, waveform: Any) -> None:
     agree(found, model, waveform, 0.01)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("piezo", PIEZOS)
 def test_of_a_trajectory(piezo: str) -> None:
     model, times = KANG.replace(piezo=PIEZOS[piezo]), np.linspace(0.0, 0.05, 40)
@@ -95,7 +93,6 @@ def test_of_a_trajectory(piezo: str) -> None:
         assert float(np.abs(found.sel(parameter=name) - by).max()) < 6e-3 * float(np.abs(by).max()), name
 
 
-@pytest.mark.compiled
 def test_cubics_of_creep_change_by_more_than_the_difference() -> None:
     """Their coefficients are cancellations: a millionth changes them by 228 times that, more does not."""
     creep = Creep((0.003, 0.04, 0.6), (0.01, 0.015, 0.01))
@@ -106,7 +103,6 @@ def test_cubics_of_creep_change_by_more_than_the_difference() -> None:
     agree(found, model, saw, 0.02)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("tolerance", [1e-9, 1e-10, 1e-11, 1e-12])
 def test_an_element_that_only_just_slips(tolerance: float) -> None:
     """Whether it slips at all is a matter of the last digits there; the derivative is that of its way from
@@ -120,7 +116,6 @@ def test_an_element_that_only_just_slips(tolerance: float) -> None:
         assert found[name] == pytest.approx((high - low) / h, rel=2e-3), name
 
 
-@pytest.mark.compiled
 def test_what_never_slips_keeps_how_it_began() -> None:
     model, weak = KANG.replace(piezo=Piezo(PORT)), ss.Sawtooth(12.0, 40.0, rise_fraction=0.9)
     assert math.isfinite(ss.steady_step(model, weak))
@@ -128,7 +123,6 @@ def test_what_never_slips_keeps_how_it_began() -> None:
         steady_step_derivatives(model, weak, parameters=["gain"])
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("piezo", [*PIEZOS, "port"])
 def test_members_are_what_one_after_the_other_gives(piezo: str) -> None:
     model, times = KANG.replace(piezo=PIEZOS.get(piezo, Piezo(PORT))), np.linspace(0.0, 0.03, 7)

@@ -206,7 +206,6 @@ def test_a_light_load_slips_more() -> None:
     np.testing.assert_allclose(half, same["end_effector_position"], atol=1e-10)
 
 
-@pytest.mark.compiled
 def test_a_constant_load_scales_the_law() -> None:
     """Doubling the normal force is doubling every force of the law at the same deflection."""
     doubled = MODEL.replace(friction=LuGre(2 * 1.399e6, 2 * 34.9, 0.0, 2 * 0.5401, 2 * 0.5401))
@@ -217,7 +216,6 @@ def test_a_constant_load_scales_the_law() -> None:
         np.testing.assert_allclose(one[name], other[name], atol=1e-8 if "position" in name else 1e-4)
 
 
-@pytest.mark.compiled
 def test_a_load_that_breathes_in_step_with_the_drive_changes_the_step() -> None:
     """Light in the ramp is no matter; light in the flyback lets the slider slip more."""
     light = Sine(amplitude=0.3, frequency=5.0, phase=np.pi / 2, offset=1.0)

@@ -21,7 +21,6 @@ def test_they_are_of_all_models() -> None:
     }
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("number", [3, 4, 5, 6])
 def test_the_position_is_that_of_brute_force(number: int) -> None:
     m = member(number, 0)

@@ -52,7 +52,6 @@ def value(model: Actuator, name: str) -> float:
 
 
 @pytest.mark.parametrize("law", CASES)
-@pytest.mark.compiled
 def test_derivatives_are_central_differences_of_simulations(law: str) -> None:
     friction, of_law = CASES[law]
     model = MODEL.replace(friction=friction)
@@ -70,7 +69,6 @@ def test_derivatives_are_central_differences_of_simulations(law: str) -> None:
         np.testing.assert_allclose(derivative, expected, rtol=0, atol=3e-3 * np.abs(expected).max())
 
 
-@pytest.mark.compiled
 def test_where_the_normal_force_jumps_what_is_new_carries_nothing() -> None:
     """Twice while the contact sticks: unloaded, the bristle keeps its deflection; loaded, its force."""
     load = Sampled([0.0, 0.031, 0.0632], [1.0, 0.5, 1.5], "hold")
@@ -89,7 +87,6 @@ def test_where_the_normal_force_jumps_what_is_new_carries_nothing() -> None:
         np.testing.assert_allclose(derivative, expected, rtol=0, atol=1e-3 * np.abs(expected).max())
 
 
-@pytest.mark.compiled
 def test_a_steady_motion_under_a_normal_force_that_jumps_is_stable() -> None:
     load = Sampled([0.0, 0.005, 0.013], [1.0, 0.5, 1.2], "hold", period=0.02)
     found = steady_step_derivatives(MODEL, DRIVE, parameters=["coulomb_force"], load=load)
@@ -146,7 +143,6 @@ KNOTS = PeriodicKnots(
 )
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("tolerance", [1e-9, 1e-10])
 def test_rounding_does_not_grow_in_steps_beyond_a_reversal(tolerance: float) -> None:
     """The neighbours' code is compiled by itself and rounds otherwise: it was wrong by a factor 37."""
@@ -162,7 +158,6 @@ def test_rounding_does_not_grow_in_steps_beyond_a_reversal(tolerance: float) -> 
     np.testing.assert_allclose(derivative, expected, rtol=0, atol=0.02 * np.abs(expected).max())
 
 
-@pytest.mark.compiled
 def test_the_error_of_a_derivative_is_said() -> None:
     """A vibration that hardly decays: its phase is in the derivative, and not in the position's tolerance."""
     model = MODEL.replace(damping_ratio=0.01, natural_frequency=2e4, stage_reaction=True)
@@ -176,7 +171,6 @@ def test_the_error_of_a_derivative_is_said() -> None:
         assert np.all(wrong <= 2.0 * found["derivative_error"])
 
 
-@pytest.mark.compiled
 def test_a_derivative_that_cannot_be_followed_is_said() -> None:
     """A contact as stiff as 4e11 N/m, where a search of a drifting walk once went."""
     law = LuGre(425807260462.28375, 0.03323179480471928, 0.0, 0.5505447091105381, 0.5505447091105381, 1e-3)
@@ -236,7 +230,6 @@ def test_a_disturbed_start_dies_out_as_the_model_says(name: str) -> None:
     np.testing.assert_allclose(by, expected, rtol=0, atol=2e-2 * scale)
 
 
-@pytest.mark.compiled
 def test_derivatives_of_the_steady_step() -> None:
     names = ["sigma_0", "coulomb_force", "end_effector_mass", "gain", "external_force"]
     found = steady_step_derivatives(MODEL, DRIVE, parameters=names)
@@ -265,7 +258,6 @@ def test_refusals_name_what_is_wrong() -> None:
         steady_step_derivatives(MODEL, DRIVE, parameters=["initial_stage_position"])
 
 
-@pytest.mark.compiled
 def test_the_steady_step_by_a_law_of_several_states() -> None:
     """Each spring's state is a row of the periodic state."""
     law = MaxwellSlip((1.0e6, 0.6e6), (0.25, 0.29))

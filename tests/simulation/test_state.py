@@ -58,9 +58,7 @@ def whole_and_parts(
     return whole, first, ss.simulate(model, waveform, times=late, initial_state=first, **options)
 
 
-@pytest.mark.parametrize(
-    "cut", [0.013, *(pytest.param(cut, marks=pytest.mark.compiled) for cut in (0.37, 0.5, 0.93))]
-)
+@pytest.mark.parametrize("cut", [0.013, 0.37, 0.5, 0.93])
 @pytest.mark.parametrize("name", CASES)
 def test_goes_on_to_the_last_bit(name: str, cut: float) -> None:
     model, waveform, duration, options = CASES[name]
@@ -80,7 +78,6 @@ def moved(m: Member) -> float:
     return float(np.random.default_rng([3, m.number]).uniform(0.05, 0.95))
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("number", range(9))
 def test_random_actuators_go_on_within_their_estimates(number: int) -> None:
     """To the last bit where both took the same steps; else both are as near to the truth as they say."""
@@ -124,7 +121,6 @@ def test_another_drive_goes_on_from_the_state_itself() -> None:
     assert float(rest.bristle_deflection[0]) == end.bristle_deflections[0]
 
 
-@pytest.mark.compiled
 def test_a_drive_that_was_another_before_goes_on_from_the_state_itself() -> None:
     """Two drives of many samples look alike when printed; they differ just before the state."""
     t = np.linspace(0.0, 0.2, 4001)

@@ -23,7 +23,6 @@ STATIC = ss.Actuator(
 TIMES = (0.0, 0.00304, 0.00726, 0.01328)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("tolerance", [1e-8, 1e-9, 1e-10])
 @pytest.mark.parametrize("volts", [75.24, 75.0])
 def test_a_contact_that_comes_to_rest_within_rounding_goes_on(tolerance: float, volts: float) -> None:
@@ -34,7 +33,6 @@ def test_a_contact_that_comes_to_rest_within_rounding_goes_on(tolerance: float, 
     assert found.attrs["error_estimate"] <= tolerance
 
 
-@pytest.mark.compiled
 def test_random_static_stages_are_followed() -> None:
     random = np.random.default_rng(2)
     for _ in range(30):

@@ -58,7 +58,6 @@ def test_periods_that_are_whole_but_for_rounding() -> None:
             refuse_other_period(ss.Sine(0.0, 1.0 / other, offset=0.8), period)  # it does not vary
 
 
-@pytest.mark.compiled
 def test_a_load_that_fits_gives_the_step_that_is_waited_for() -> None:
     """Loads of a half to a fifth of the period, and of all of it, with jumps and without."""
     rng = np.random.default_rng(11)
@@ -75,7 +74,6 @@ def test_a_load_that_fits_gives_the_step_that_is_waited_for() -> None:
             assert ss.steady_step(KANG, drive, load=load) == pytest.approx(steps, abs=5e-10)
 
 
-@pytest.mark.compiled
 def test_members_into_whose_period_the_load_does_not_fit() -> None:
     load = ss.Sine(0.3, 50.0, offset=1.0)
     found = ss.steady_steps(KANG, DRIVE, parameters={"frequency": [50.0, 25.0, 40.0, -1.0]}, load=load)
@@ -88,7 +86,6 @@ def test_members_into_whose_period_the_load_does_not_fit() -> None:
         ss.steady_steps(KANG, DRIVE, parameters={"frequency": [50.0, 25.0]}, load=ss.Step(0.5, 0.1, 1.0))
 
 
-@pytest.mark.compiled
 def test_no_derivative_by_the_drive_s_period_under_a_load_that_keeps_its_own() -> None:
     load = ss.Sine(0.3, 50.0, offset=1.0)
     assert steady_step_derivatives(KANG, DRIVE, parameters=["amplitude"], load=load)["amplitude"] > 0.0

@@ -45,7 +45,6 @@ WAVEFORMS = {
 }
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_members_step_as_each_alone(law: str, name: str) -> None:
@@ -84,7 +83,6 @@ def test_members_step_as_each_alone(law: str, name: str) -> None:
         assert float(found["largest_multiplier"][m]) == pytest.approx(largest, rel=1e-6, abs=1e-12)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("law", ["Dahl", "LuGre", "Elastoplastic", "Coulomb"])
 def test_members_step_as_motions_that_were_waited_for(law: str) -> None:
     rng = np.random.default_rng(7)
@@ -99,7 +97,6 @@ def test_members_step_as_motions_that_were_waited_for(law: str) -> None:
         assert float(found["net_step"][m]) == pytest.approx(waited, abs=2 * TOLERANCE)
 
 
-@pytest.mark.compiled
 def test_the_error_is_that_to_a_finer_orbit() -> None:
     """Of random actuators; `error_estimate` may be too large, for it is that of a coarser integration."""
     rng = np.random.default_rng(11)
@@ -146,7 +143,6 @@ def test_one_fails_and_the_others_stay() -> None:
     assert told[-1] == ("solving for periodic motion", 1.0)
 
 
-@pytest.mark.compiled
 def test_a_slider_that_runs_away_has_no_steady_step() -> None:
     """More load than friction holds: it falls, ever faster."""
     force = [0.0, 2.0]
@@ -159,7 +155,6 @@ def test_a_slider_that_runs_away_has_no_steady_step() -> None:
     assert str(error.value).removeprefix("no steady stepping: ") == str(found["reason"].values[1])
 
 
-@pytest.mark.compiled
 def test_threads_do_not_change_a_number() -> None:
     values = {"amplitude": np.linspace(10, 140, 150)}
     one, two = (steady_steps(KANG, Sawtooth(65.0, 200.0), parameters=values, threads=n) for n in (1, 2))
@@ -180,7 +175,6 @@ def test_what_cannot_be_asked() -> None:
     )
 
 
-@pytest.mark.compiled
 def test_a_waveform_without_a_common_period_is_refused_alone() -> None:
     """The period of a multisine follows from its frequencies."""
     model: Actuator = KANG.replace(min_voltage=-150.0)
@@ -190,7 +184,6 @@ def test_a_waveform_without_a_common_period_is_refused_alone() -> None:
     assert "has no period" in str(found["reason"].values[1])
 
 
-@pytest.mark.compiled
 @pytest.mark.filterwarnings("error")
 def test_what_is_refused_brings_no_warnings_of_numpy() -> None:
     """Numbers that no record takes reach the arithmetic of all members."""

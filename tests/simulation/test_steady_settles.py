@@ -19,7 +19,6 @@ KANG = load_actuator("kang2007").replace(min_voltage=-200.0, max_voltage=300.0)
 TOLERANCE = 1e-10  # m
 
 
-@pytest.mark.compiled
 def test_of_two_orbits_the_one_from_rest() -> None:
     """Orbits of -162.171 nm and of -169.848 nm, into which `simulate` settles in 100 periods."""
     model = KANG.replace(
@@ -35,7 +34,6 @@ def test_of_two_orbits_the_one_from_rest() -> None:
     assert steady_step(model, drive, tolerance=TOLERANCE) == pytest.approx(-169.84854487e-9, abs=TOLERANCE)
 
 
-@pytest.mark.compiled
 def test_a_newton_step_does_not_throw_the_motion_away() -> None:
     """`simulate` settles at 52913.006 nm in 4000 periods."""
     model = KANG.replace(
@@ -54,7 +52,6 @@ def test_a_newton_step_does_not_throw_the_motion_away() -> None:
     assert steady_step(model, drive, tolerance=TOLERANCE) == pytest.approx(fine, abs=TOLERANCE)
 
 
-@pytest.mark.compiled
 def test_steps_of_a_fast_stage_with_light_damping_keep_their_tolerance() -> None:
     """One integration moves the end-effector by up to four of its tolerances here, to either side: of 300
     steps 5.7 % were beyond the tolerance, and 0.53 nm were off with an error of 0.03 nm."""
@@ -79,7 +76,6 @@ def test_steps_of_a_fast_stage_with_light_damping_keep_their_tolerance() -> None
     assert np.mean(off > TOLERANCE) <= 0.01
 
 
-@pytest.mark.compiled
 def test_two_integrations_that_agree_by_chance_are_not_believed() -> None:
     """Two engine tolerances gave 43360.71 and 43360.67 nm; `simulate` settles at 43359.622 nm."""
     model = KANG.replace(
@@ -104,7 +100,6 @@ def test_two_integrations_that_agree_by_chance_are_not_believed() -> None:
     assert orbit.step == pytest.approx(43359.622e-9, abs=TOLERANCE)
 
 
-@pytest.mark.compiled
 def test_beyond_an_unstable_orbit_the_one_that_is_settled_into() -> None:
     """One of 591 nm is unstable; `simulate` settles at -3572.8557 nm."""
     model = KANG.replace(
@@ -119,7 +114,6 @@ def test_beyond_an_unstable_orbit_the_one_that_is_settled_into() -> None:
     assert step == pytest.approx(-3572.85572263e-9, abs=TOLERANCE)
 
 
-@pytest.mark.compiled
 def test_a_motion_that_rounding_decides_is_given_up_in_bounded_steps() -> None:
     """A bristle that nothing damps, near breakaway: it creeps by 4 to 14 nm a period, at any tolerance."""
     model = KANG.replace(
@@ -142,7 +136,6 @@ def by_waiting(model: Actuator, drive: Sawtooth, periods: int) -> float:
     return float(ends[1] - ends[0])
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("seed", range(6))
 def test_elements_of_a_piezo_that_do_not_slip_keep_how_they_began(seed: int) -> None:
     """Of small drives the widest elements never slip back, so that there are orbits beside each other."""
@@ -163,7 +156,6 @@ def test_elements_of_a_piezo_that_do_not_slip_keep_how_they_began(seed: int) -> 
         assert math.isclose(steady_step(model, drive, tolerance=TOLERANCE), orbit.step)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("seed", range(4))
 def test_elements_of_a_contact_that_do_not_slip_keep_how_they_began(seed: int) -> None:
     random = np.random.default_rng(10 + seed)

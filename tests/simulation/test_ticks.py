@@ -29,7 +29,6 @@ def ticked(model, volts: np.ndarray, **options) -> np.ndarray:
     return np.array(found)
 
 
-@pytest.mark.compiled
 def test_ticks_are_the_whole_drive() -> None:
     whole = simulate(KANG, Sampled(TIMES, WALK), times=TIMES)["end_effector_position"].values
     assert np.ptp(whole) > 2e-6
@@ -47,7 +46,6 @@ def test_a_voltage_that_is_held_is_a_step() -> None:
         assert motion.stage_position == pytest.approx(stage, abs=1e-9)
 
 
-@pytest.mark.compiled
 def test_a_piezo_keeps_its_plays_and_its_creep() -> None:
     """Against the drive table of the whole run, exact; here only the ends of ticks are. 30 V are 3 um."""
     piezo = Piezo(PrandtlIshlinskii((0.0, 2.0, 6.0), (0.6, 0.2, 0.2)), Creep((0.01, 0.1), (0.02, 0.02)))

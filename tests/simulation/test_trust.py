@@ -80,7 +80,6 @@ def test_force_stays_when_the_normal_force_grows_and_falls_in_proportion(law: ob
     assert lost["friction_force"].values[-1] == 0.0
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("load", [0.45, 0.5, -0.5, 0.53])
 def test_one_tolerance_near_stall(load: float) -> None:
     model, drive = KANG.replace(external_force=load), Sawtooth(75.0, 5.0, periods=3)
@@ -125,7 +124,6 @@ VIBRATING = {
 }
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("name", VIBRATING)
 def test_a_contact_creeps_under_vibrations_smaller_than_the_tolerance(name: str) -> None:
     actuator, drive = VIBRATING[name]
@@ -137,7 +135,6 @@ def test_a_contact_creeps_under_vibrations_smaller_than_the_tolerance(name: str)
     np.testing.assert_allclose(net["net_displacement"], fine[-1], atol=3e-9, rtol=0)
 
 
-@pytest.mark.compiled
 def test_static_laws_end_at_one_place_at_every_tolerance() -> None:
     model, drive = KANG.replace(friction=Coulomb(F_C)), Sawtooth(20.0, 50.0, periods=8)
     ends = []
@@ -150,7 +147,6 @@ def test_static_laws_end_at_one_place_at_every_tolerance() -> None:
     np.testing.assert_array_less(np.abs(np.array(ends) - ends[-1]), [1.3e-8, 1.3e-9, 1.3e-10, 1.3e-12])
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("rise", [0.9, 0.95, 0.99, 1.0])
 def test_steady_step_where_the_slider_never_rests(rise: float) -> None:
     model, drive = KANG.replace(stage_reaction=False), Sawtooth(100.0, 2000.0, rise_fraction=rise)
@@ -168,7 +164,6 @@ def test_the_energy_account_costs_no_steps() -> None:
     np.testing.assert_array_equal(plain["end_effector_position"], kept["end_effector_position"])
 
 
-@pytest.mark.compiled
 def test_what_cannot_be_shown_is_said() -> None:
     """A finer run that is not allowed to reach the end tells nothing."""
     drive = Sawtooth(65.0, 50.0, periods=2)
@@ -179,7 +174,6 @@ def test_what_cannot_be_shown_is_said() -> None:
     assert math.isnan(found.attrs["error_estimate"])
 
 
-@pytest.mark.compiled
 def test_a_stribeck_curve_that_falls_at_rest_is_refused_above_which_it_nears_its_limit() -> None:
     """The law tends to stiction and Coulomb friction as v_s does to 0."""
     drive = Sawtooth(65.0, 5.0, periods=4)
@@ -196,7 +190,6 @@ def test_a_stribeck_curve_that_falls_at_rest_is_refused_above_which_it_nears_its
         Stribeck(F_C, 0.7, 1e-8)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("seed", range(3))
 def test_a_sampled_drive_is_followed_without_starting_anew_at_each_sample(seed: int) -> None:
     """A recorded voltage: where only its slope jumps, by little, the steps need not be short."""

@@ -12,7 +12,6 @@ from stickslip.parameters.writing import parameter_text
 from stickslip.piezo import MaxwellCapacitor, Piezo, PrandtlIshlinskii
 from stickslip.units import QuantityError
 
-pytestmark = pytest.mark.compiled
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=True)
 PLAYS = PrandtlIshlinskii((0.0, 3.0, 8.0, 15.0), (0.8, 0.08, 0.08, 0.04))
 DRIVE = ss.Sawtooth(65.0, 50.0, rise_fraction=0.95)

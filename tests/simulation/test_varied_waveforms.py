@@ -63,7 +63,6 @@ def changed(waveform, values: dict[str, float]):
     return type(waveform)(**fields)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("name", DRAWN)
 def test_a_member_is_what_a_simulation_of_it_gives(name: str) -> None:
     waveform, limits = DRAWN[name]
@@ -129,7 +128,6 @@ def test_members_end_with_their_own_waveforms() -> None:
     assert found.sizes == {"member": 2}
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("law", "field", "value"),
     [
@@ -214,7 +212,6 @@ def test_a_name_that_model_and_waveform_share_is_refused() -> None:
         checked_columns(named, Sawtooth(65.0, 50.0), {"frequency": [1.0]})
 
 
-@pytest.mark.compiled
 def test_blocks_and_threads_change_nothing() -> None:
     values = drawn(DRAWN["sawtooth"][1], 300)
     one, two = (

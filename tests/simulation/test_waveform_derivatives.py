@@ -34,7 +34,6 @@ CASES: dict[str, tuple[Any, Any, list[str]]] = {
 }
 
 # As plain Python the others show no other lines of the solver.
-LONG = [n if n == "a jump" else pytest.param(n, marks=pytest.mark.compiled) for n in CASES]
 
 
 def with_field(waveform: Any, name: str, value: float) -> Any:
@@ -53,7 +52,7 @@ def differences(model: Any, waveform: Any, name: str, times: np.ndarray, load: A
 
 
 @pytest.mark.filterwarnings("ignore::stickslip.simulation.SimulationWarning")
-@pytest.mark.parametrize("name", LONG)
+@pytest.mark.parametrize("name", CASES)
 def test_of_a_trajectory(name: str) -> None:
     model, waveform, fields = CASES[name]
     times = np.linspace(0.0, 7.3 / waveform.frequency, 40)
@@ -71,7 +70,6 @@ def test_of_a_trajectory(name: str) -> None:
     )
 
 
-@pytest.mark.compiled
 @pytest.mark.filterwarnings("ignore::stickslip.simulation.SimulationWarning")
 def test_of_a_trajectory_whose_normal_force_jumps() -> None:
     """While the contact sticks, and while it slides: the jumps stay where they are when the drive moves."""
@@ -85,7 +83,7 @@ def test_of_a_trajectory_whose_normal_force_jumps() -> None:
         assert float(near.max()) < 3e-3 * float(np.abs(expected).max()), field
 
 
-@pytest.mark.parametrize("name", LONG)
+@pytest.mark.parametrize("name", CASES)
 def test_of_the_steady_step(name: str) -> None:
     model, waveform, fields = CASES[name]
     found = ss.simulation.steady_step_derivatives(model, waveform, parameters=fields, tolerance=1e-12)
@@ -99,7 +97,6 @@ def test_of_the_steady_step(name: str) -> None:
         assert found[field] == pytest.approx((steps[0] - steps[1]) / (2.0 * h), rel=3e-3, abs=2e-12), field
 
 
-@pytest.mark.compiled
 def test_by_every_knot() -> None:
     names = [f"value_{i}" for i in (2, 3, 4)] + [f"time_{i}" for i in (2, 3, 4)]
     found = ss.simulation.steady_step_derivatives(KANG, KNOTS, parameters=names, tolerance=1e-12)

@@ -62,7 +62,6 @@ def test_a_campaign_of_what_was_recorded(recorded: Path, tmp_path: Path) -> None
     assert drives[1].fields["periods"] == 8
 
 
-@pytest.mark.compiled
 def test_campaign_of_the_example(tmp_path: Path) -> None:
     made = run("new", "campaign", "--out", tmp_path / "campaign.yaml")
     done = run_said(made.output, "--no-figures", "--out", tmp_path / "out")
@@ -134,7 +133,6 @@ def test_an_experiment_and_an_actuator_as_recorded(recorded: Path, tmp_path: Pat
     assert mine.max_voltage == 80.0
 
 
-@pytest.mark.compiled
 def test_recordings_of_an_angle(tmp_path: Path) -> None:
     """On a radius of 12 mm: the moments of inertia are of it, and so is where the fit starts."""
     model = ss.load_actuator("kang2007").replace(stage_reaction=True)

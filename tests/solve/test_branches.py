@@ -19,7 +19,6 @@ def test_they_are_what_they_should_be() -> None:
     assert not isinstance(chosen[-1].load, float)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("number", NUMBERS)
 def test_right_and_in_few_steps(number: int) -> None:
     m = member(number, SEED)

@@ -110,7 +110,6 @@ def random_walk(seed: int) -> tuple[Actuator, object, list[Piece], Array]:
     return a, saw, drive, np.linspace(0.0, 2.0 * period, 160)[1:-1]
 
 
-@pytest.mark.compiled
 def test_slips_agree_with_scipy_and_its_events() -> None:
     """Within two tolerances, and nine of ten within three times the estimate."""
     honest = []
@@ -128,7 +127,6 @@ def test_slips_agree_with_scipy_and_its_events() -> None:
     assert np.mean(honest) > 0.9
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("exponent", [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0])
 def test_all_calls_see_the_slips_of_any_exponent(exponent: float) -> None:
     """Where each second slip of an exponent of a half was missed: 6.7 µm instead of 15.6."""

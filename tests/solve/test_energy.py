@@ -32,7 +32,6 @@ def integral(t: np.ndarray, values: np.ndarray) -> float:
     return float(np.sum(0.5 * (values[1:] + values[:-1]) * np.diff(t)))
 
 
-@pytest.mark.compiled
 @every_law
 @pytest.mark.parametrize(
     "changes",
@@ -63,7 +62,6 @@ def test_account_closes_for_other_drives(drive: object) -> None:
     assert np.abs(d["energy_defect"].values).max() < 0.5 * LIMIT
 
 
-@pytest.mark.compiled
 def test_terms_are_their_definitions() -> None:
     """Each from the sampled trajectory, by the trapezoidal rule, within one rise of the drive."""
     model = actuator(LuGre(1.399e6, 34.9, 5.0, 0.5401, 0.7), incline=0.1)
@@ -89,7 +87,6 @@ def test_terms_are_their_definitions() -> None:
     assert last["external_work"] == pytest.approx(weight * (x[-1] - x[0]), rel=1e-9)
 
 
-@pytest.mark.compiled
 def test_friction_work_of_coulomb_friction_is_force_times_path() -> None:
     t = np.linspace(0.0, 0.1, 20_001)
     d = simulate(actuator(Coulomb(0.5401)), DRIVE, times=t, tolerance=1e-11, energy=True)
@@ -104,7 +101,6 @@ def test_a_contact_that_is_clamped_does_no_work() -> None:
     assert np.abs(d["energy_defect"].values).max() < LIMIT
 
 
-@pytest.mark.compiled
 def test_a_static_stage_moves_the_end_effector_by_friction_alone() -> None:
     """No energy of the stage: the contact's work on the end-effector is its kinetic energy."""
     model = actuator(LUGRE, natural_frequency=math.inf, external_force=0.05)

@@ -13,8 +13,6 @@ from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.shapes import Constant
 
-pytestmark = pytest.mark.compiled
-
 # Where a law has a set-valued corner with no flag for it (stiction of the reset integrator at each reversal,
 # stiction of the Maxwell elements while sliding slows down) SciPy has no smooth pieces to follow, and a Dahl
 # exponent below 1 takes it half a minute.

@@ -18,13 +18,11 @@ def test_they_differ() -> None:
     assert any(d.incline for d in chosen)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("number", NUMBERS)
 def test_error_stays_below_ten_tolerances(number: int) -> None:
     assert error(draw(number))[0] < 10.0
 
 
-@pytest.mark.compiled
 def test_the_reference_does_not_depend_on_its_own_tolerance() -> None:
     for number in NUMBERS:
         coarse, fine = (reference(draw(number), tolerance) for tolerance in (1e-10, 1e-12))

@@ -41,7 +41,7 @@ NET_STEP = {"P1": 2.672345e-6, "P2": 3.119194e-6}  # printed beside the trajecto
 
 @pytest.mark.parametrize(
     "tolerance",
-    [1e-8, 1e-9, *(pytest.param(tolerance, marks=pytest.mark.compiled) for tolerance in (1e-10, 1e-11))],
+    [1e-8, 1e-9, 1e-10, 1e-11],
 )
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_error_stays_below_ten_tolerances(problem: str, tolerance: float) -> None:
@@ -52,7 +52,6 @@ def test_error_stays_below_ten_tolerances(problem: str, tolerance: float) -> Non
     assert np.max(np.abs(found["stage_position"].values - reference["y"])) < 10 * tolerance
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_the_output_grid_does_not_change_the_solution(problem: str) -> None:
     coarse = simulate(PROBLEMS[problem], DRIVE, 0.4, sample_rate=1e3, tolerance=1e-10)
@@ -66,7 +65,6 @@ def test_the_output_grid_does_not_change_the_solution(problem: str) -> None:
             assert np.max(np.abs(one[name].values - same[name].values)) < 1e-10
 
 
-@pytest.mark.compiled
 def test_samples_between_steps_are_as_good_as_the_steps() -> None:
     reference = simulate(PROBLEMS["P1"], DRIVE, 0.4, sample_rate=50e3, tolerance=1e-12)
     found = simulate(PROBLEMS["P1"], DRIVE, 0.4, sample_rate=50e3, tolerance=1e-9)
@@ -82,7 +80,6 @@ def test_the_periodic_motion_is_what_a_short_trajectory_settles_to() -> None:
     assert steady_step(PROBLEMS["P1"], drive) == pytest.approx(settled[-1] - settled[-2], abs=1e-9)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_steady_step_is_that_of_the_settled_trajectory(problem: str) -> None:
     assert steady_step(PROBLEMS[problem], DRIVE, tolerance=1e-11) == pytest.approx(
@@ -93,14 +90,12 @@ def test_steady_step_is_that_of_the_settled_trajectory(problem: str) -> None:
     assert steady_step(PROBLEMS[problem], DRIVE) == pytest.approx(settled, abs=2e-10)
 
 
-@pytest.mark.compiled
 def test_steady_step_backward_mirrors_forward() -> None:
     forward = steady_step(PROBLEMS["P1"], DRIVE)
     backward = steady_step(PROBLEMS["P1"], ReverseSawtooth(amplitude=65.0, frequency=5.0))
     assert backward == pytest.approx(-forward, abs=1e-10)
 
 
-@pytest.mark.compiled
 def test_steady_orbit_is_a_fixed_point_at_high_frequency() -> None:
     """At 2 kHz the transient outlasts many periods; the orbit must still repeat from period to period."""
     drive = Sawtooth(amplitude=20.0, frequency=2000.0)
@@ -111,7 +106,6 @@ def test_steady_orbit_is_a_fixed_point_at_high_frequency() -> None:
     assert steady_step(PROBLEMS["P1"], drive) == pytest.approx(last, abs=1e-10)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("kilohertz", [15.0, 60.0])
 def test_steady_step_is_right_where_transients_outlast_thousands_of_periods(kilohertz: float) -> None:
     """A multiplier of 0.999: what one period still changes says little about how far the orbit is."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 import stickslip as ss
 
 
-@pytest.mark.compiled
 def test_a_contact_that_turns_back_for_a_moment_is_seen() -> None:
     """The fastest known free drive, and others around it, turn it for microseconds within one step; with that
     unseen a net step is off by up to 37 tolerances."""

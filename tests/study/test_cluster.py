@@ -20,7 +20,6 @@ from distributed import Client
 
 import stickslip as ss
 import study_functions
-from stickslip import _jit
 from stickslip.study import Draws, Grid, Own, Study, StudyError, WalksFromRest
 from stickslip.study.store import Store
 
@@ -55,10 +54,8 @@ class Cluster:
         return self._start("worker", address or self.address, *options)
 
     def _start(self, *words: str) -> subprocess.Popen:
-        # The kernels of all tests, not a node's own.
-        environment = {**os.environ, "STICKSLIP_CACHE_DIR": str(_jit._cache_root())}
         with (self._folder / "log").open("ab") as log:
-            return subprocess.Popen([sys.executable, "-m", "dask", *words], stderr=log, env=environment)
+            return subprocess.Popen([sys.executable, "-m", "dask", *words], stderr=log)
 
     def end(self) -> None:
         for process in (self.scheduler, *self.workers):

@@ -308,10 +308,8 @@ def scripts() -> list[str]:
 def test_the_scripts_for_queues_do_their_shards(stores: Path, tmp_path: Path) -> None:
     """As SLURM and HTCondor call them, one shard by each; the queues themselves are not here."""
     slurm, condor = scripts()
-    environment = {k: v for k, v in os.environ.items() if k != "STICKSLIP_CACHE_DIR"}
-    environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment['PATH']}"
-    environment |= {"SLURM_ARRAY_TASK_ID": "1", "SLURM_ARRAY_TASK_COUNT": "2", "TMPDIR": str(tmp_path)}
-    environment["USER"] = "somebody"
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    environment |= {"SLURM_ARRAY_TASK_ID": "1", "SLURM_ARRAY_TASK_COUNT": "2"}
     store = tmp_path / "map.zarr"
     for script, words, done in ((slurm, [], [True, False, True]), (condor, ["2", "2"], [True, True, True])):
         text = script.replace("/shared/map.zarr", str(store))
@@ -320,5 +318,4 @@ def test_the_scripts_for_queues_do_their_shards(stores: Path, tmp_path: Path) ->
         command = ["sh", str(tmp_path / "script"), *words]
         subprocess.run(command, cwd=stores, env=environment, check=True, capture_output=True)
         assert Store(store).done().tolist() == done
-    assert [f.name for f in (tmp_path / "stickslip-somebody").iterdir()]
     assert compare_studies(store, stores / "whole.zarr").equal

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import pickle
 import resource
 import shutil
 import signal
@@ -20,6 +19,7 @@ import xarray as xr
 
 import stickslip as ss
 import study_functions
+from stickslip.engine.library import library
 from stickslip.study import (
     Grid,
     Own,
@@ -31,9 +31,7 @@ from stickslip.study import (
     WalksFromRest,
     estimate_study,
     stop_study,
-    task,
 )
-from stickslip.study.running import prepared
 from stickslip.study.sealing import sealed
 from stickslip.study.store import Store
 
@@ -144,7 +142,7 @@ def test_a_store_of_another_version_is_refused(walks: tuple[Study, Path], tmp_pa
     old = shutil.copytree(path, tmp_path / "old.zarr")
     content = json.loads((old / "zarr.json").read_text())
     manifest = json.loads(content["attributes"]["study"])
-    assert manifest["description"]["kernels"].startswith("kernels-")
+    assert manifest["description"]["engine"] == library().STICKSLIP_ABI
     manifest["description"]["package"], manifest["identity"] = "0.0.9", "0" * 64
     content["attributes"]["study"] = json.dumps(manifest)
     (old / "zarr.json").write_text(sealed(content))
@@ -272,7 +270,7 @@ def test_a_worker_that_hangs_before_it_begins_is_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "hangs.py").write_text(HANGS)
-    monkeypatch.setattr("stickslip.study.local.FIRST", 3.0)  # s; twice as long for each that is lost
+    monkeypatch.setattr("stickslip.study.local.BEGINS", 3.0)  # s; twice as long for each that is lost
     monkeypatch.setattr("stickslip.study.local.ATTEMPTS", 7)  # on a busy machine others are lost too
     study = Study(GRID, Own(f"{tmp_path / 'hangs.py'}:squares"), task=6)
     found = ss.run_study(study, tmp_path / "s.zarr", workers=1)
@@ -292,27 +290,6 @@ def test_a_stop_ends_it_and_what_is_finished_is_kept(tmp_path: Path, gate: Path)
     assert 4 <= done.sum() < done.size
     assert begin(file, store, "--workers", "1").wait() == 0  # an old stop stops nobody
     np.testing.assert_array_equal(xr.open_zarr(store, chunks=None)["value"], EXPECTED)
-
-
-def test_kernels_are_compiled_by_a_process_that_ends(
-    walks: tuple[Study, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of a machine that has not seen the study: its worker asks for it once."""
-    study, path = walks
-    store, calls = Store(path), []
-    monkeypatch.setattr(task, "tried", lambda identity: tmp_path / identity[:4])
-    monkeypatch.setattr(subprocess, "run", lambda command, **more: calls.append((command, more["input"])))
-    for _ in range(2):
-        task.received(task.load_of(study, store))
-    ((command, given),) = calls
-    assert command[1:] == ["-m", "stickslip.study.worker", "compile"]
-    monkeypatch.undo()
-    monkeypatch.setenv("STUDY_LOG", str(tmp_path / "log"))
-    own_load = pickle.dumps(task.load_of(own("squares"), prepared(own("squares"), tmp_path / "own.zarr")))
-    assert pickle.loads(given).identity == store.identity
-    (tmp_path / "log").unlink()
-    assert subprocess.run(command, input=own_load, check=False).returncode == 0
-    assert (tmp_path / "log").read_text() == "0.0 0.0 2\n"
 
 
 def test_a_task_that_fails_everywhere_is_reported_and_the_others_are_kept(tmp_path: Path) -> None:
@@ -400,7 +377,6 @@ def test_what_cannot_be(tmp_path: Path, call, message: str) -> None:
     assert not (tmp_path / "s.zarr").exists()
 
 
-@pytest.mark.compiled
 def test_a_grid_may_have_its_unit(tmp_path: Path) -> None:
     """An array of xarray, in millinewtons; another is another study."""
     given = xr.DataArray([540.0, 400.0], dims="x", attrs={"units": "mN"})

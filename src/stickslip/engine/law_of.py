@@ -70,7 +70,7 @@ def _made(record: Any, kind: Record, slowest: bool, interface: Interface = LAW) 
     if not slowest:
         print(
             f"stickslip: the {interface.noun} {type(record).__name__} runs as plain Python, some fifty times "
-            "slower than compiled; install a C compiler, or pip install numba",
+            "slower than compiled; install a C compiler, or pip install stickslip[numba]",
             file=sys.stderr,
         )
     made = called_back.law(record, kind, interface)

@@ -107,10 +107,10 @@ def header(what: str, name: str, text: str, include: str = "law.h") -> str:
 def generated() -> dict[str, str]:
     """Name and text of the C files that are made from the laws of the package."""
     along, force = Translation(), of_numbers(normal_force.NormalForce)
-    along.function(normal_force._along, (force, REAL), ("share", "steep", "curved"))
-    for function in (normal_force._softening, normal_force._kept, normal_force._leaning):
+    along.function(normal_force.along, (force, REAL), ("share", "steep", "curved"))
+    for function in (normal_force.softening, normal_force.kept, normal_force.leaning):
         along.function(function, (force, REAL))
-    along.function(normal_force._uniform, (force,))
+    along.function(normal_force.uniform, (force,))
     return {
         "laws.h": header("The friction laws of the package in C.", "laws", LAW.packaged(packaged())),
         "normal_force.h": header("The normal force along the stroke in C.", "normal_force", along.text()),

@@ -50,7 +50,7 @@ class Method:
         self.stage = [Y, *range(MORE, self.size, 2)]
         a, push = np.zeros((self.size, self.size)), np.zeros(self.size)
         a[Y, W] = a[X, S] = 1.0
-        zero = np.zeros(3)
+        zero = 0.0, 0.0, 0.0
         for row, accelerate in ((W, stage_acceleration), (S, slider_acceleration)):
             rest = accelerate(mech, *zero, 0.0)
             a[row, row - 1] = accelerate(mech, 0.0, 1.0, 0.0, 0.0) - rest

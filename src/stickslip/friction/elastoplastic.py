@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from .._jit import compiled
 from ..records import Quantity, record
 from ..units import QuantityError
 from .law import register
@@ -48,7 +47,6 @@ class Elastoplastic(NamedTuple):
             )
 
 
-@compiled
 def plastic_share(v, z, z_ba, z_ss):
     """alpha(z, v), from 0 (all motion deflects the bristle) to 1 (as in LuGre) [kang2007, fig. 2.4]."""
     deflection = abs(z)

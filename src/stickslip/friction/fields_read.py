@@ -1,5 +1,4 @@
-"""Fields of its record that a law's function reads, found before it is compiled: Numba says of a mistyped one
-what fills a screen."""
+"""Fields of its record that a law's function reads, found before a run is stopped by a mistyped one."""
 
 from __future__ import annotations
 

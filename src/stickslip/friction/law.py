@@ -1,6 +1,6 @@
 r"""Interface of a friction law, for every engine.
 
-A law is a frozen record (its parameters) and one compiled function in the symbols of its paper,
+A law is a frozen record (its parameters) and one function in the symbols of its paper,
 
     F, ż = rate(law, v, z)
 
@@ -21,12 +21,10 @@ Forces are those at the reference normal force; a normal-force input multiplies 
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from .. import registry
-from .._jit import compiled, fused, overload, record_class
 from .fields_read import refuse_unknown_fields
 
 
@@ -81,7 +79,7 @@ def register(
 
     Args:
         law_type: the record, a ``typing.NamedTuple``.
-        rate: ``rate(law, v, z) -> (F, ż)``, a plain function that Numba can compile; none for a composed
+        rate: ``rate(law, v, z) -> (F, ż)``, a plain function; none for a composed
             law, whose elements have it.
         breakaway: ``breakaway(law) -> N``, for a static law only.
         elements: ``elements(law) -> int``, for a composed law only, with `element`.
@@ -149,10 +147,6 @@ def has_jumps(law: Any) -> bool:
     return bool(getattr(law, "jumps", has_branches(law)))
 
 
-def _of(numba_type: Any) -> _Implementation | None:
-    return _IMPLEMENTATIONS.get(record_class(numba_type))  # type: ignore[arg-type]
-
-
 def _implementation(law: Any) -> _Implementation:
     try:
         return _IMPLEMENTATIONS[type(law)]
@@ -200,171 +194,6 @@ def project(law: Any, z: float) -> float:
     return function(law, z) if function else z
 
 
-def ticked_state(law: Any, v: float, z: float) -> float:
-    """The state of a sampled element after its tick."""
-    function = _implementation(law).tick
-    return function(law, v, z) if function else z
-
-
-@overload(ticked_state)
-def _ticked_state(law: Any, v: Any, z: Any) -> Any:
-    implementation = _of(law)
-    return (implementation.tick or (lambda law, v, z: z)) if implementation else None
-
-
-@overload(rate)
-def _rate(law: Any, v: Any, z: Any) -> Any:
-    implementation = _of(law)
-    return implementation.rate if implementation else None
-
-
-@overload(breakaway)
-def _breakaway(law: Any) -> Any:
-    implementation = _of(law)
-    if implementation is None:
-        return None
-    return implementation.breakaway or (lambda law: 0.0)
-
-
-@overload(elements)
-def _elements(law: Any) -> Any:
-    implementation = _of(law)
-    if implementation is None:
-        return None
-    return implementation.elements or ((lambda law: 0) if implementation.breakaway else (lambda law: 1))
-
-
-@overload(element)
-def _element(law: Any, i: Any) -> Any:
-    implementation = _of(law)
-    if implementation is None:
-        return None
-    return implementation.element or (lambda law, i: law)
-
-
-@overload(project)
-def _project(law: Any, z: Any) -> Any:
-    implementation = _of(law)
-    if implementation is None:
-        return None
-    return implementation.project or (lambda law, z: z)
-
-
-@fused
-def branch_of(side, i):
-    """The side of a contact that tells the branch of its state i: see `with_branch`."""
-    return math.copysign(1.0 + ((int(abs(side)) - 1) >> 2 * i & 3), side)
-
-
-@fused
-def with_branch(side, i, branch):
-    """A side, -1 or 1, whose size tells the branches of the contact's states as well: 1 where all are 0, and
-    branch times 4^i more for that of state i."""
-    return side + math.copysign(float(branch << 2 * i), side)
-
-
-def rate_on(law: Any, v: float, z: float, side: float) -> tuple[float, float]:
-    """`rate` on the branch that the side tells."""
-    branches = _implementation(law).branches
-    return _branched(law, v, z, side, branches.rate) if branches else rate(law, v, z)
-
-
-def _branched(law: Any, v: float, z: float, side: float, rate: Callable[..., Any]) -> tuple[float, float]:
-    sign = math.copysign(1.0, side)
-    force, dz = rate(law, abs(v), sign * z, int(abs(side)) - 1)
-    return sign * force, sign * dz
-
-
-def branch_at(law: Any, side: float, v: float, dv: float, z: float) -> int:
-    """The branch of a state at an instant; 0 for a law without any."""
-    branches, sign = _implementation(law).branches, math.copysign(1.0, side)
-    return branches.choose(law, abs(v), sign * dv, sign * z) if branches else 0
-
-
-def branch_left(law: Any, side: float, v: float, dv: float, z: float) -> float:
-    """Negative where the branch of a state has ended."""
-    branches, sign = _implementation(law).branches, math.copysign(1.0, side)
-    return branches.left(law, sign * v, sign * dv, sign * z, int(abs(side)) - 1) if branches else 1.0
-
-
-@overload(rate_on)
-def _rate_on(law: Any, v: Any, z: Any, side: Any) -> Any:
-    branches = implementation.branches if (implementation := _of(law)) else None
-    if branches is None:
-        return lambda law, v, z, side: rate(law, v, z)
-    of, branched = fused(branches.rate), fused(_branched)
-    return lambda law, v, z, side: branched(law, v, z, side, of)
-
-
-@overload(branch_at)
-def _branch_at(law: Any, side: Any, v: Any, dv: Any, z: Any) -> Any:
-    branches = implementation.branches if (implementation := _of(law)) else None
-    if branches is None:
-        return lambda law, side, v, dv, z: 0
-    of = fused(branches.choose)
-    return lambda law, side, v, dv, z: of(
-        law, abs(v), math.copysign(1.0, side) * dv, math.copysign(1.0, side) * z
-    )
-
-
-@overload(branch_left)
-def _branch_left(law: Any, side: Any, v: Any, dv: Any, z: Any) -> Any:
-    branches = implementation.branches if (implementation := _of(law)) else None
-    if branches is None:
-        return lambda law, side, v, dv, z: 1.0
-    of, sign = fused(branches.left), math.copysign
-    return lambda law, side, v, dv, z: of(
-        law, sign(1.0, side) * v, sign(1.0, side) * dv, sign(1.0, side) * z, int(abs(side)) - 1
-    )
-
-
-@fused
-def smooth_rate(law, v, z, side):
-    """Force and rate on one side of v = 0, continued beyond it by reflection in the point v = 0, which keeps
-    value
-    and slope: the kink of |v| never enters a step, which is cut at the reversal afterwards."""
-    force, dz = rate_on(law, math.copysign(v, side), z, side)
-    if v * side >= 0.0:
-        return force, dz
-    force_0, dz_0 = rate_on(law, 0.0, z, side)
-    return 2.0 * force_0 - force, 2.0 * dz_0 - dz
-
-
-@fused
-def law_slopes(law, v, z, side):
-    """F, dF/dv, dF/dz, dż/dv, dż/dz by one-sided differences: outwards in v from the `side` of v = 0 (0: of
-    no contact, by v itself), and off a bound on z."""
-    at = math.copysign(v, side) if side != 0.0 else v
-    dv = math.copysign(1e-5 * abs(at) + 1e-11, side)
-    dz = math.copysign(1e-5 * abs(z) + 1e-15, z)
-    force, rate_0 = rate_on(law, at, z, side)
-    force_v, rate_v = rate_on(law, at + dv, z, side)
-    force_z, rate_z = rate_on(law, at, z + dz, side)
-    return (
-        force,
-        (force_v - force) / dv,
-        (force_z - force) / dz,
-        (rate_v - rate_0) / dv,
-        (rate_z - rate_0) / dz,
-    )
-
-
-@fused
-def reversal_kink(law, z, beyond):
-    """By how much dż/dv jumps at v = 0, times the speed `beyond` [m/s]."""
-    return abs(rate(law, beyond, z)[1] + rate(law, -beyond, z)[1])
-
-
-@fused
-def bounded(law, z, towards):
-    """z put on a bound of the law that it moves towards and is within an error of; else the steps would
-    shrink before it for ever, for the rate jumps there."""
-    ahead = z + towards
-    bound = project(law, ahead)
-    return bound if bound != ahead else project(law, z)
-
-
-@compiled
 def force(law: Any, v: float, z: Any) -> float:
     """Total friction force [N]; `z` holds the internal states (of a static law: the direction)."""
     total = 0.0

@@ -17,7 +17,6 @@ import math
 from typing import Annotated, NamedTuple
 
 from ..records import Quantity, record
-from .exponential import decay
 from .law import register
 from .stribeck import check_stiction, stribeck_curve
 
@@ -44,7 +43,7 @@ def lugre(law, v, z):
     g = stribeck_curve(v, law.coulomb_force, law.stiction_force, law.stribeck_velocity, 2.0)
     sigma_1 = law.sigma_1
     if law.damping_velocity < math.inf:
-        sigma_1 *= decay((v * (1.0 / law.damping_velocity)) ** 2)
+        sigma_1 *= math.exp(-((v * (1.0 / law.damping_velocity)) ** 2))
     dz = v - abs(v) * z * (law.sigma_0 / g)  # in this order: with constant g the division waits for nothing
     return law.sigma_0 * z + sigma_1 * dz + law.sigma_2 * v, dz
 

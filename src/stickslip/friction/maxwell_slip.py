@@ -19,7 +19,6 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from .._jit import compiled
 from ..records import Quantity, record
 from ..units import QuantityError
 from .law import Branches, register
@@ -61,7 +60,7 @@ class MaxwellSlip(NamedTuple):
 
 
 class MaxwellElement(NamedTuple):
-    """One element as kernels see it; its stiction is r W_i, and only the first has the viscous part."""
+    """One element as the engine sees it; its stiction is r W_i, and only the first has the viscous part."""
 
     stiffness: float
     strength: float
@@ -98,7 +97,6 @@ def element_rate(law, v, z):
     return law.stiffness * z + law.sigma_2 * v, dz
 
 
-@compiled
 def over_limit(law, speed, growth, z):
     """How far its deflection is over that at which it slides, relative; and how fast that grows, over the
     speed: above 1 the spring cannot follow."""

@@ -36,7 +36,6 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._jit import inlined
 from ..records import Quantity, record
 from ..units import QuantityError, array_si
 
@@ -71,7 +70,7 @@ class NormalForce(NamedTuple):
 
     def presses(self, position: float) -> bool:
         """Whether more than a millionth of the reference presses the contact at a position [m]."""
-        return _along(self, position)[0] > 1e-6
+        return along(self, position)[0] > 1e-6
 
     def factor(self, position: ArrayLike) -> NDArray[np.float64]:
         """p(x), at positions [m] of what slides.
@@ -80,7 +79,7 @@ class NormalForce(NamedTuple):
             QuantityError: there the contact has lifted off.
         """
         x = array_si(position, "m", "position")
-        found = np.array([_along(self, one)[0] for one in x.ravel().tolist()]).reshape(x.shape)
+        found = np.array([along(self, one)[0] for one in x.ravel().tolist()]).reshape(x.shape)
         if not np.all(found > 0.0):
             where = float(x[~(found > 0.0)].ravel()[0])
             raise QuantityError(f"the normal force falls to zero: at {where:g} m the contact has lifted off")
@@ -91,7 +90,8 @@ class NormalForce(NamedTuple):
 _NOTHING = (math.nan, math.nan, math.nan)
 
 
-def _along(force: Any, x: float) -> tuple[float, float, float]:
+def along(force: Any, x: float) -> tuple[float, float, float]:
+    """Return p(x), p'/p [1/m] and its slope [1/m^2]; NaN where the contact has lifted off."""
     at = force.origin + x
     base = 1.0 + force.slope * at
     if not base > 0.0:
@@ -108,29 +108,22 @@ def _along(force: Any, x: float) -> tuple[float, float, float]:
     return whole, steepness, second / whole - steepness * steepness
 
 
-def _softening(force: Any, n: float) -> float:
+def softening(force: Any, n: float) -> float:
+    """Return n^(q-1), for a normal force n."""
     q = force.stiffness_exponent
     return n ** (q - 1.0) if q != 1.0 and n > 0.0 else 1.0
 
 
-def _kept(force: Any, ratio: float) -> float:
+def kept(force: Any, ratio: float) -> float:
+    """Return the factor on the deflection at a jump of the load, which was `ratio` times the new one."""
     return ratio if ratio < 1.0 else ratio ** (1.0 - force.stiffness_exponent)
 
 
-def _leaning(force: Any, f: float) -> float:
+def leaning(force: Any, f: float) -> float:
+    """Return the factor on a force f [N] by its direction."""
     return 1.0 + force.asymmetry if f > 0.0 else 1.0 - force.asymmetry
 
 
-def _uniform(force: Any) -> bool:
+def uniform(force: Any) -> bool:
+    """Return whether the normal force is the same along the stroke."""
     return force.slope * force.power == 0.0 and force.ripple == 0.0
-
-
-# In kernels: p(x), p'/p [1/m] and its slope [1/m²]; NaN where the contact has lifted off.
-along = inlined(_along)
-# n^(q-1).
-softening = inlined(_softening)
-# The factor on ζ at a jump of the load, which was `ratio` times the new one.
-kept = inlined(_kept)
-uniform = inlined(_uniform)
-# The factor on a force f by its direction.
-leaning = inlined(_leaning)

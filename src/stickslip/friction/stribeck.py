@@ -12,16 +12,14 @@ micrometre.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, NamedTuple
 
-from .._jit import compiled
 from ..records import Quantity, record
 from ..units import QuantityError
-from .exponential import decay
 from .law import register
 
 
-@compiled
 def stribeck_curve(v, coulomb_force, stiction_force, stribeck_velocity, exponent):
     """g(v) [N], the magnitude of the steady sliding friction without its viscous part; at least F_C."""
     if stiction_force <= coulomb_force:  # constant friction needs no exponential
@@ -30,7 +28,7 @@ def stribeck_curve(v, coulomb_force, stiction_force, stribeck_velocity, exponent
         return stiction_force
     ratio = abs(v) * (1.0 / stribeck_velocity)  # divided once a step: nothing waits for it
     power = ratio * ratio if exponent == 2.0 else ratio**exponent
-    return coulomb_force + (stiction_force - coulomb_force) * decay(power)
+    return coulomb_force + (stiction_force - coulomb_force) * math.exp(-power)
 
 
 def check_stiction(law: Any) -> None:

@@ -64,7 +64,7 @@ class Fence:
             Exception: raised by the function.
         """
         status = os.stat(path)
-        key = (str(path), status.st_mtime_ns, status.st_size)
+        key = (os.path.abspath(path), status.st_mtime_ns, status.st_size)
         if not self._places.acquire(blocking=False):
             raise GateBusy(f"{path}: other files are being read; try again in a moment")
         try:
@@ -97,7 +97,8 @@ class Fence:
         self, act: Callable[[Path], Any], path: Path, computing: float, memory: int
     ) -> tuple[str, Any]:
         """Return "done", "error", "fault" or "busy", and the answer, the error or the sentence."""
-        request = pickle.dumps((act, path, computing, memory))
+        folder = Path(path.anchor) if path.is_absolute() else Path.cwd()
+        request = pickle.dumps((act, path, computing, memory, folder))
         self._start()
         try:
             self._connection.send_bytes(request)
@@ -166,7 +167,8 @@ def work(connection: Connection) -> None:
 def _answered(request: bytes) -> bytes:
     """Return the pickled kind and answer of a request; see `Fence._asked`."""
     try:
-        act, path, computing, memory = pickle.loads(request)  # imports the module of the function
+        act, path, computing, memory, folder = pickle.loads(request)  # imports the module of the function
+        os.chdir(folder)  # whose relative path it is
     except Exception as error:
         return pickle.dumps(("error", _plain(error)))
     try:

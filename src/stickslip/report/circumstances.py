@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from .._version import __version__
 
-_LIBRARIES = ("numpy", "scipy", "numba", "xarray", "pandas", "h5netcdf", "matplotlib", "jinja2")
+_LIBRARIES = ("numpy", "scipy", "xarray", "pandas", "h5netcdf", "matplotlib", "jinja2")
 
 
 @dataclass(frozen=True)

@@ -24,11 +24,11 @@ from pathlib import Path
 from typing import Any
 
 from ..calibration.storage import from_text
-from ..lock import locked
 from .devices import open_device
 from .gate import PositionInput
 from .home import Home
 from .limits import LONGEST_STOP, Limits
+from .lock import locked
 from .memory import collected_on_request, give_memory_back
 from .protocols import Array, Capabilities, RigError
 from .supervisor import ANOTHER, Order, Supervisor, state_of

@@ -29,7 +29,7 @@ from .layout import Layout
 from .local import ONE_THREAD, Tasks
 from .measures import told
 from .store import Store
-from .task import Done, Load, received, run_task, use_own_cache
+from .task import Done, Load, received, run_task
 
 # Tasks that each thread of a worker has or waits for; with fewer than these left new ones are given, many in
 # one message, which is far less than a message for each. s that a lost scheduler is waited for.
@@ -47,7 +47,6 @@ def one_task(path: str, number: int) -> None:
         with _PREPARING:
             if path not in _PREPARED:
                 os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-                use_own_cache()
                 _PREPARED[path] = received(_read(Path(path)))
         run_task(*_PREPARED[path], number)
     except StudyError:

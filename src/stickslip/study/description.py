@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from .. import _jit
 from .._version import __version__
+from ..engine.library import library
 from ..registry import origin
 from ..units import own_unit
 from .own import OwnFunction, content_hash
@@ -23,13 +23,12 @@ TOLD = 4
 
 
 def described(study: Any) -> dict[str, Any]:
-    """A study, the package and its compiled physics, and the user's own files, as JSON knows it."""
+    """A study, the package and its engine, and the user's own files, as JSON knows it."""
     return {
         "study": {key: _plain(getattr(study, key)) for key in ("points", "measure", "summary", "keep")},
         "order": _order(study.points),
         "package": __version__,
-        # Kernels are kept under a hash of all that they are compiled from.
-        "kernels": _jit._package_cache().name,
+        "engine": library().STICKSLIP_ABI,  # the hash of its sources
     }
 
 

@@ -137,12 +137,9 @@ class Study:
 
     @cached_property
     def _trial(self) -> xr.Dataset:
-        return self.computed(self.first_members())
-
-    def first_members(self) -> Columns:
-        """What varies, of two members: for a trial."""
+        """The results of two members."""
         place = {axis.dim: slice(0, min(2, axis.size)) for axis in self.axes}
-        return {name: column[:2] for name, column in self.columns(place).items()}
+        return self.computed({name: column[:2] for name, column in self.columns(place).items()})
 
     def _summarised(self, found: xr.Dataset, columns: Columns) -> tuple[xr.Dataset, xr.Dataset]:
         """What the summary says of members, and what was found, with those that it fails for."""

@@ -30,12 +30,10 @@ from .task import Done, Load
 ATTEMPTS = 3
 # A task is late when it takes this many times as long as others do, and at least so long [s].
 LATE, AT_LEAST = 3.0, 2.0
-# A worker that does not begin within so many times what the first one took, and at least so long [s], hangs;
-# the first one may have to compile. With each that is lost it doubles: the machine may be busy.
-BEGINS, LEAST, FIRST = 5.0, 60.0, 900.0
+# s in which a worker begins; doubled with each that is lost, for the machine may be busy.
+BEGINS = 60.0
 # One thread for each worker: what libraries have of their own would fight for the processors.
 ONE_THREAD = (
-    "NUMBA_NUM_THREADS",
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
@@ -176,13 +174,13 @@ def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done],
     answers: queue.Queue[tuple[Worker, Any]] = queue.Queue()
     tasks, store = Tasks(waiting=todo[::-1]), Store(load.store)
     team = [Worker(load, answers)]
-    lost, patience = 0, FIRST
+    lost = 0
     try:
         while len(tasks.done) + len(tasks.failed) < len(todo):
             if store.must_end():
                 raise StudyError(STOPPED)
             for one in team:
-                if not one.ready and time.monotonic() - one.begun > patience * 2.0**lost:
+                if not one.ready and time.monotonic() - one.begun > BEGINS * 2.0**lost:
                     one.process.kill()  # its end is heard as that of any other
             try:
                 worker, answer = answers.get(timeout=0.5)
@@ -200,8 +198,7 @@ def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done],
                     team.append(Worker(load, answers))
                 else:
                     _take(worker, answer, tasks, heard)
-                    if "ready" in answer and len(team) == 1:  # by now the kernels are compiled
-                        patience = max(LEAST, BEGINS * (time.monotonic() - worker.begun))
+                    if "ready" in answer and len(team) == 1:  # what the first refuses is said once
                         team += [Worker(load, answers) for _ in range(min(workers, len(todo)) - 1)]
             for idle in (one for one in team if one.ready and one.task is None):
                 number = tasks.take()

@@ -16,13 +16,13 @@ from ..progress import Progress, unheard
 from ..simulation.errors import SimulationWarning
 from ..units import QuantityError
 from .creating import create
-from .description import described, identity
+from .description import described
 from .design import Study
 from .errors import StudyError
 from .layout import Layout
 from .local import processors, run_local
 from .store import Store, has_arrays, open_study
-from .task import Done, load_of, tried
+from .task import Done, load_of
 
 # Members of the trial that an estimate is from.
 TRIAL = 64
@@ -134,7 +134,6 @@ def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
     description = described(study)
     if not (Path(path) / "zarr.json").exists() and not has_arrays(Path(path)):
         create(path, description, study.layout(), study.axes, study.inner(), study.title)
-        tried(identity(description)).touch()
     there = Store(path)
     there.check(description, study.task)
     there.check_known()

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import math
-import os
 import pickle
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
-from .. import _jit
 from .._version import __version__
-from ..lock import locked
 from .description import described, identity
 from .design import Study
 from .errors import StudyError
@@ -62,7 +54,7 @@ def load_of(study: Study, store: Store, folders: Sequence[str] = ()) -> Load:
 
 
 def received(load: Load) -> tuple[Study, Store]:
-    """The study on a worker, its kernels compiled, once on each machine.
+    """Return the study and its store on a worker.
 
     Raises:
         StudyError: the worker has another package, law or function, or does not see the store.
@@ -76,32 +68,7 @@ def received(load: Load) -> tuple[Study, Store]:
         raise StudyError(f"the worker sees another study in {store.path}")
     if here != load.identity:
         store.check(described(study))
-    # One process of this user and machine tries, the others wait for it and find the kernels.
-    with locked(_jit._package_cache() / "compiling.lock", math.inf):
-        if not tried(load.identity).exists():
-            # What compiles takes more memory than what works: a process that ends. If it fails, tasks will.
-            command = [sys.executable, "-m", "stickslip.study.worker", "compile"]
-            subprocess.run(command, input=pickle.dumps(load), stdout=subprocess.DEVNULL, check=False)
-            tried(load.identity).touch()
     return study, store
-
-
-def tried(identity: str) -> Path:
-    """A file that is there once this machine has computed members of the study, and so has its kernels."""
-    return _jit._package_cache() / f"tried-{identity[:16]}"
-
-
-def use_own_cache() -> None:
-    """Keep kernels on this machine's own disk, unless STICKSLIP_CACHE_DIR says where: on file systems of
-    several machines compilers race."""
-    if "STICKSLIP_CACHE_DIR" in os.environ:
-        return
-    user = os.getuid() if hasattr(os, "getuid") else 0
-    folder = Path(tempfile.gettempdir()) / f"stickslip-kernels-{user}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    if hasattr(os, "getuid") and folder.stat().st_uid != user:
-        raise StudyError(f"{folder} is somebody else's: set STICKSLIP_CACHE_DIR")
-    os.environ["STICKSLIP_CACHE_DIR"] = str(folder)
 
 
 def run_task(study: Study, store: Store, number: int) -> Done:

@@ -1,7 +1,7 @@
 """A worker of this machine: a process that is given a study on its standard input, then tasks by number.
 
 It answers each with a line of JSON. It ends when its input does: a study whose process was killed leaves
-nothing behind that goes on computing. With the word "compile" it computes two members, and ends.
+nothing behind that goes on computing.
 """
 
 from __future__ import annotations
@@ -13,10 +13,8 @@ import signal
 import sys
 from typing import Any
 
-from .design import Study
 from .errors import StudyError
 from .measures import told
-from .own import put_in_use
 from .task import Load, received, run_task
 
 
@@ -30,11 +28,6 @@ def main() -> None:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     load: Load = pickle.load(sys.stdin.buffer)
     sys.path[:] = list(load.folders) or sys.path
-    if "compile" in sys.argv[1:]:
-        put_in_use(load.files)
-        study: Study = pickle.loads(load.study)
-        study.computed(study.first_members())
-        return
 
     def say(**what: Any) -> None:
         answers.write(json.dumps(what) + "\n")

@@ -29,7 +29,6 @@ def test_the_largest_mode_is_the_first_and_the_response_is_the_same() -> None:
     assert with_modes(KANG, one).further_modes is None
 
 
-@pytest.mark.compiled
 def test_from_a_measured_response_to_a_simulated_sine() -> None:
     """A response with noise, fitted by real modes; the stage then moves as the response said."""
     random, frequency = np.random.default_rng(0), np.linspace(20.0, 4.5e3, 600)

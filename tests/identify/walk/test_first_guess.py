@@ -40,7 +40,6 @@ def test_points_are_far_from_each_other_by_any_value(one: float, other: float, a
     assert far({"a": 2.0, "b": one}, {"a": 2.0, "b": other}, ["a", "b"]) is apart
 
 
-@pytest.mark.compiled
 def test_a_fit_that_does_not_explain_its_walk_begins_again_from_everywhere() -> None:
     """All that describes the first periods best is of one kind: a slider that follows its stage late."""
     chain, random = clean_chain(random_truth(130)), np.random.default_rng(130)

@@ -192,7 +192,6 @@ def test_rigid_friction_delay_and_offset_in_short() -> None:
     assert sampled.values["coulomb_force"] == pytest.approx(0.5, rel=1e-3)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("given", ["volts", "start", "direction"])
 def test_a_drive_that_is_not_the_recorded_one_is_told(given: str) -> None:
     model, drive = actuator(*TRUTH.values()), Sequence(Rest(0.02), Sawtooth(65.0, 100.0, periods=3))
@@ -207,7 +206,6 @@ def test_a_drive_that_is_not_the_recorded_one_is_told(given: str) -> None:
         identify_friction(walk, model, ["coulomb_force"], drive=drive, **quick)
 
 
-@pytest.mark.compiled
 def test_a_recording_that_begins_long_after_its_drive() -> None:
     """The first periods of the drive, by which other starts are chosen, are not in it."""
     model, drive = actuator(*TRUTH.values()), Sawtooth(65.0, 100.0, periods=8)

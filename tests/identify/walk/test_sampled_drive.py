@@ -25,7 +25,6 @@ def recorded(model: ss.Actuator, seed: int, rest: float = REST) -> tuple[ss.Samp
     return drive, ss.make_recording(TIMES, {"end_effector_position": position + noise})
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("rest", [REST, 0.002])
 def test_a_wrong_gain_is_said_and_a_right_one_not(rest: float) -> None:
     """By the rest before the drive moves, or else by the white noise of the samples."""

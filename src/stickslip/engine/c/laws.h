@@ -180,7 +180,7 @@ static inline real_t ss_stribeck_curve(real_t v, real_t coulomb_force, real_t st
     }
     real_t ratio = r_abs(v) * (R(1.0) / stribeck_velocity);
     real_t power = exponent == R(2.0) ? ratio * ratio : r_pow(ratio, exponent);
-    return coulomb_force + (stiction_force - coulomb_force) * r_exp(-(power));
+    return coulomb_force + (stiction_force - coulomb_force) * r_exp(-power);
 }
 
 /* stickslip.friction.stribeck.stribeck */
@@ -266,7 +266,7 @@ static inline ss_lugre_result ss_lugre(const ss_LuGre *law, real_t v, real_t z)
     real_t g = ss_stribeck_curve(v, law->coulomb_force, law->stiction_force, law->stribeck_velocity, R(2.0));
     real_t sigma_1 = law->sigma_1;
     if (law->damping_velocity < R(INFINITY)) {
-        sigma_1 = sigma_1 * r_exp(-(r_square(v * (R(1.0) / law->damping_velocity))));
+        sigma_1 = sigma_1 * r_exp(-r_square(v * (R(1.0) / law->damping_velocity)));
     }
     real_t dz = v - r_abs(v) * z * (law->sigma_0 / g);
     return (ss_lugre_result){law->sigma_0 * z + sigma_1 * dz + law->sigma_2 * v, dz};

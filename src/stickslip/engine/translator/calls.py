@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ...friction.exponential import decay
 from .conditions import chosen
 from .expressions import (
     NODES,
@@ -157,8 +156,6 @@ def _known(context: Context, node: ast.Call, function: Any, values: list[Value])
         return as_bool(context, node, one)  # in C there is one member, not many
     if function in (float, np.float64) and one is not None:
         return as_real(context, node, one)
-    if function is decay:  # in C a call costs what it costs
-        return Value(f"r_exp(-({as_real(context, node, values[0]).text}))", REAL)
     return _of_numpy(context, node, function, values)
 
 
