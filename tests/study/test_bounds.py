@@ -5,21 +5,23 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import tracemalloc
 import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import google_crc32c
+import numpy as np
 import pytest
 
 import stickslip as ss
 import study_functions
 from stickslip.analysis.study import study_of_file
-from stickslip.study import StudyError, export_study, study_state
-from stickslip.study.chunks import comment_of, with_comment
+from stickslip.study import StudyError, export_study, open_study, study_state
+from stickslip.study.chunks import ChunkError, chunk_bytes, comment_of, texts_of, with_comment
 from stickslip.study.creating import create
-from stickslip.study.layout import MOST_CHUNK_BYTES
+from stickslip.study.layout import MOST_CHUNK_BYTES, TEXT
 from stickslip.study.sealing import checks_of, sealed, task_seal
 from stickslip.study.store import Store
 from stickslip.units import QuantityError
@@ -105,18 +107,62 @@ def test_a_forged_layout_is_said(store: Path, case: str) -> None:
         study_state(store)
 
 
-def test_texts_that_unpack_to_more_than_a_chunk_may(store: Path) -> None:
-    """A forged seal and 128 MB of one letter, which take 125 kB."""
-    there = Store(store)
-    file = store / "reason" / "c" / "0" / "0"
+def forge_texts(store: Path, raw: bytes) -> None:
+    """Put other texts into the first task, with a seal that is right."""
+    there, file = Store(store), store / "reason" / "c" / "0" / "0"
     packer = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
-    packed = packer.compress(bytes(MOST_CHUNK_BYTES + 1)) + packer.flush()
+    packed = packer.compress(raw) + packer.flush()
     checks = checks_of(comment_of(file.read_bytes()[:-4])[0], there._key, 0)
     checks["reason"] = google_crc32c.value(packed)
     data = with_comment(packed, task_seal(there._key, 0, checks))
     file.write_bytes(data + google_crc32c.value(data).to_bytes(4, "little"))
-    with pytest.raises(StudyError, match="task 0: reason unpacks to more than 128,000,000 bytes"):
-        export_study(store, store.parent / "a.csv")
+
+
+def lengths(*found: int) -> bytes:
+    return b"".join(one.to_bytes(4, "little") for one in found)
+
+
+TEXTS = {  # a task has 3 texts
+    "128 MB": (bytes(MOST_CHUNK_BYTES + 1), "unpacks to more than 128,000,000 bytes"),
+    "many": (lengths(30_000_000) + bytes(120_000_000), "has not 3 texts"),
+    "few": (lengths(2, 0, 0), "has not 3 texts"),
+    "short": (lengths(3, 0, 0, 9) + b"abc", "texts of wrong lengths"),
+    "long": (lengths(3, 0, 0, 1) + b"abc", "texts of wrong lengths"),
+    "far": (lengths(3, 2**32 - 1, 0, 0) + b"abc", "texts of wrong lengths"),
+    "Latin-1": (lengths(3, 0, 0, 1) + b"\xfc", "not in UTF-8"),
+}
+
+
+@pytest.mark.parametrize("case", TEXTS)
+def test_texts_are_bounded_before_they_are_made(store: Path, case: str) -> None:
+    raw, words = TEXTS[case]
+    forge_texts(store, raw)
+    tracemalloc.start()
+    for read in (lambda: export_study(store, store.parent / "a.csv"), lambda: open_study(store).load()):
+        with pytest.raises(StudyError, match=f"task 0: reason .*{words}"):
+            read()
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 2.5 * MOST_CHUNK_BYTES
+
+
+def test_a_task_of_many_texts_is_bounded_by_their_memory() -> None:
+    """Each text of two letters takes ten times its bytes; what could not be read again is not written."""
+    raw = lengths(5_000_000) + (lengths(2) + b"ab") * 5_000_000
+    packed = zlib.compress(raw, 1, wbits=-zlib.MAX_WBITS)
+    with pytest.raises(ChunkError, match=r"reason takes more than 256,000,000 bytes of memory"):
+        texts_of("reason", packed, 5_000_000)
+    with pytest.raises(ChunkError, match=r"takes more than 256,000,000 bytes of memory"):
+        chunk_bytes(np.full(1000, "x" * 256_000), TEXT)
+
+
+def test_metadata_of_the_library_decide_nothing(store: Path) -> None:
+    """Shapes and packing that are forged for other readers, with a seal that is right."""
+    group = json.loads((store / "zarr.json").read_text())
+    for one in group["consolidated_metadata"]["metadata"].values():
+        one["shape"][0], one["codecs"] = 4 * 10**12, []
+    (store / "zarr.json").write_text(sealed(group))
+    assert open_study(store).load().sizes == {"x": 4, "y": 3}
 
 
 def test_a_study_beyond_the_bounds_is_refused_before_it_is_stored(store: Path) -> None:

@@ -17,10 +17,19 @@ import stickslip as ss
 import study_functions
 from stickslip.analysis.study import study_of_file
 from stickslip.cli import app
-from stickslip.study import Grid, Own, Study, StudyError, compare_studies, merge_studies, study_state
+from stickslip.study import (
+    Grid,
+    Own,
+    Study,
+    StudyError,
+    compare_studies,
+    export_study,
+    merge_studies,
+    open_study,
+    study_state,
+)
 from stickslip.study.picture import study_picture
 from stickslip.study.sealing import sealed
-from stickslip.study.store import Store
 from stickslip.units import QuantityError
 
 FILE = study_functions.__file__
@@ -175,14 +184,77 @@ def test_a_name_leads_nowhere(whole: Path, tmp_path: Path, name: str) -> None:
         ss.run_study(study, tmp_path / "new.zarr", workers=1)
 
 
-@pytest.mark.filterwarnings("default::stickslip.simulation.SimulationWarning")
-def test_a_link_in_a_store_leads_nowhere(whole: Path, tmp_path: Path) -> None:
+LINKED = [
+    "value/c",
+    "value/c/1",
+    "status/c",
+    "status/c/1",
+    "reason/c",
+    "x/c",
+    "x",
+    "value/c/1/0",
+    "status/c/1/0",
+]
+
+
+def moved(store: Path, name: str) -> Path:
+    """Move a folder or file of a store outside, and leave a link to it."""
+    outside = store.parent / "outside"
+    shutil.move(store / name, outside)
+    (store / name).symlink_to(outside)
+    return outside
+
+
+@pytest.mark.parametrize("name", LINKED)
+def test_a_link_in_a_store_is_not_followed(whole: Path, tmp_path: Path, name: str) -> None:
     store = Path(shutil.copytree(whole, tmp_path / "s.zarr"))
-    shutil.move(store / "value" / "c", tmp_path / "outside")
-    (store / "value" / "c").symlink_to(tmp_path / "outside")
-    (tmp_path / "outside" / "1" / "0").unlink()
+    moved(store, name)
+    for read in (
+        lambda: open_study(store).load(),
+        lambda: export_study(store, tmp_path / "s.nc"),
+        lambda: compare_studies(whole, store),
+        lambda: compare_studies(store, whole),
+        lambda: merge_studies([store], tmp_path / "m.zarr"),
+    ):
+        with pytest.raises(StudyError, match="leads out of the store: remove the link"):
+            read()
+
+
+@pytest.mark.filterwarnings("default::stickslip.simulation.SimulationWarning")
+@pytest.mark.parametrize("name", ["value/c", "status/c", "reason/c/1", "status/c/1/0"])
+def test_nothing_is_written_through_a_link(whole: Path, tmp_path: Path, name: str) -> None:
+    """A task that has to be computed again is neither removed nor written outside of the store."""
+    store = Path(shutil.copytree(whole, tmp_path / "s.zarr"))
+    (store / "reason" / "c" / "1" / "0").write_bytes(b"damaged")
+    outside = moved(store, name)
+    before = content(outside) if outside.is_dir() else outside.read_bytes()
     done = stickslip(whole.parent / "study.yaml", "--store", store, "--workers", 1)
-    assert done.exit_code == 1
-    assert "leads out of the store" in done.stderr
-    assert not (tmp_path / "outside" / "1" / "0").exists()
-    assert Store(store).damage(1)
+    if outside.is_dir():
+        assert done.exit_code == 1
+        assert "leads out of the store" in done.stderr
+        assert content(outside) == before
+        with pytest.raises(StudyError, match="leads out of the store"):
+            merge_studies([whole], store)
+        assert content(outside) == before
+    else:  # a link to a file is replaced by the file
+        assert done.exit_code == 0, done.output
+        assert outside.read_bytes() == before
+        assert content(store) == content(whole)
+
+
+def test_a_store_opens_as_zarr_opens_it(whole: Path) -> None:
+    mine, theirs = open_study(whole), xr.open_zarr(whole, chunks=None)
+    assert mine.attrs == theirs.attrs
+    for part in (
+        {},
+        {"x": 1},
+        {"x": -1, "y": slice(1, None)},
+        {"y": slice(None, None, -2)},
+        {"x": slice(2, 2)},
+        {"x": [2, 0]},
+    ):
+        a, b = mine.isel(part).load(), theirs.isel(part).load()
+        assert {*a.coords} == {*b.coords}
+        for name in theirs.variables:
+            assert a[name].attrs == b[name].attrs
+            np.testing.assert_array_equal(a[name], b[name])

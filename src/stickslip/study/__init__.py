@@ -23,12 +23,12 @@ from .points import Draws as Draws
 from .points import Grid as Grid
 from .points import Random as Random
 from .points import Range as Range
+from .reading import open_study as open_study
 from .running import Estimate as Estimate
 from .running import estimate_study as estimate_study
 from .running import run_study as run_study
 from .state import State as State
 from .state import stop_study as stop_study
 from .state import study_state as study_state
-from .store import open_study as open_study
 
 __getattr__ = _renamed(__name__, {"Walk": "WalksFromRest"})

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import io
 import os
-import stat
 import uuid
 import zlib
 from collections.abc import Iterator
@@ -23,12 +22,16 @@ import google_crc32c
 import numpy as np
 from numpy.typing import NDArray
 
+from ..gate.errors import GateError
+from ..gate.files import opened
 from .layout import MOST_CHUNK_BYTES, TEXT
 
 PART = ".part"
 MOST_METADATA_BYTES = 10_000_000  # bytes of a file of metadata; that of 1,000 results has 1 MB
 MOST_COORDINATE_BYTES = 1_000_000_000  # bytes of the values of one name that varies: 125 million members
 _CRC = 4  # bytes
+_LENGTH = 4  # bytes of the length of a text, and of the number of texts
+_TEXT_BYTES = 64  # bytes of memory of a text of Python besides its letters: 49 to 76, by its letters
 _GZIP = b"\x1f\x8b\x08\x10" + bytes(4) + b"\x04\xff"  # header: a comment follows, no time, fast, any system
 
 
@@ -42,9 +45,14 @@ def part_beside(path: Path) -> Path:
 
 
 def chunk_bytes(values: NDArray[Any], dtype: str) -> bytes:
-    """Return the content of a chunk; of texts, the part of the gzip data after its header."""
+    """Return the content of a chunk; of texts, the part of the gzip data after its header.
+
+    Raises:
+        ChunkError: texts that take more memory than a chunk may.
+    """
     if dtype == TEXT:
         raw = _texts(values)
+        _check_memory(raw, values.size)
         packer = zlib.compressobj(1, zlib.DEFLATED, -zlib.MAX_WBITS)
         ends = (part.to_bytes(4, "little") for part in (zlib.crc32(raw), len(raw) & 0xFFFFFFFF))
         return b"".join([packer.compress(raw), packer.flush(), *ends])
@@ -88,27 +96,62 @@ def write_chunk(path: Path, data: bytes) -> None:
         raise
 
 
-def check_unpacked(name: str, packed: bytes) -> None:
-    """Raise ChunkError if texts, gzip data without its header, unpack to more bytes than a chunk may have."""
+def unpacked(name: str, packed: bytes, count: int) -> bytes:
+    """Return what `count` texts, gzip data without its header, unpack to.
+
+    Raises:
+        ChunkError: no gzip data, of another number of texts, or of more memory than a chunk may have.
+    """
     try:
-        unpacked = zlib.decompressobj(-zlib.MAX_WBITS).decompress(packed, MOST_CHUNK_BYTES + 1)
+        raw = zlib.decompressobj(-zlib.MAX_WBITS).decompress(packed, MOST_CHUNK_BYTES + 1)
     except zlib.error:
         raise ChunkError(f"{name} is no gzip data") from None
-    if len(unpacked) > MOST_CHUNK_BYTES:
+    if len(raw) > MOST_CHUNK_BYTES:
         raise ChunkError(f"{name} unpacks to more than {MOST_CHUNK_BYTES:,} bytes")
+    if len(raw) < _LENGTH * (1 + count) or int.from_bytes(raw[:_LENGTH], "little") != count:
+        raise ChunkError(f"{name} has not {count:,} texts")
+    try:
+        _check_memory(raw, count)
+    except ChunkError as error:
+        raise ChunkError(f"{name} {error}") from None
+    return raw
 
 
-def read_chunk(path: Path, size: int | None = None) -> bytes:
+def _check_memory(raw: bytes, count: int) -> None:
+    """Raise ChunkError for texts that may take more memory than a chunk may, if each has letters."""
+    letters = len(raw) - _LENGTH * (1 + count)
+    if 8 * count + _TEXT_BYTES * min(count, letters) + letters > 2 * MOST_CHUNK_BYTES:
+        raise ChunkError(f"takes more than {2 * MOST_CHUNK_BYTES:,} bytes of memory")
+
+
+def texts_of(name: str, packed: bytes, count: int) -> NDArray[Any]:
+    """Return texts from gzip data without its header; raises ChunkError as `unpacked`."""
+    raw, found, at = unpacked(name, packed, count), np.full(count, "", dtype=object), _LENGTH
+    if len(raw) == _LENGTH * (1 + count):
+        return found
+    try:
+        for i in range(count):
+            end = at + _LENGTH + int.from_bytes(raw[at : at + _LENGTH], "little")
+            found[i], at = raw[at + _LENGTH : end].decode(), end
+    except UnicodeDecodeError:
+        raise ChunkError(f"{name} has texts that are not in UTF-8") from None
+    if at != len(raw):
+        raise ChunkError(f"{name} has texts of wrong lengths")
+    return found
+
+
+def read_chunk(store: Path, name: str, size: int | None = None) -> bytes:
     """What a chunk holds, without its checksum.
 
     Args:
-        path: the file.
+        store: its folder.
+        name: of the file, in the store.
         size: bytes that it must have, without its checksum; None: any.
 
     Raises:
         ChunkError: it is not there, of another length, or not what was written.
     """
-    data = plain_bytes(path, _CRC + (MOST_CHUNK_BYTES if size is None else size))
+    data = plain_bytes(store, name, _CRC + (MOST_CHUNK_BYTES if size is None else size))
     if len(data) < _CRC or (size is not None and len(data) != size + _CRC):
         raise ChunkError(f"has {len(data)} bytes")
     if google_crc32c.value(data[:-_CRC]) != int.from_bytes(data[-_CRC:], "little"):
@@ -116,31 +159,39 @@ def read_chunk(path: Path, size: int | None = None) -> bytes:
     return data[:-_CRC]
 
 
-def plain_bytes(path: Path, most: int = MOST_METADATA_BYTES) -> bytes:
-    """Return the content of a plain file of up to `most` bytes; raises ChunkError."""
-    with plain_file(path, most) as file:
+def plain_bytes(store: Path, name: str, most: int = MOST_METADATA_BYTES) -> bytes:
+    """Return the content of a plain file of a store, of up to `most` bytes; raises ChunkError."""
+    with plain_file(store, name, most) as file:
         return file.read()
 
 
 @contextmanager
-def plain_file(path: Path, most: int) -> Iterator[io.BufferedReader]:
-    """Open a plain file of up to `most` bytes: others (a pipe, a device) may never end.
+def plain_file(store: Path, name: str, most: int) -> Iterator[io.BufferedReader]:
+    """Open a plain file of a store, of up to `most` bytes.
 
     Raises:
-        ChunkError: it is no plain file, is larger, or cannot be read.
+        ChunkError: it is no plain file, lies outside of the store, is larger, or cannot be read.
     """
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise ChunkError("is no plain file")
-        if status.st_size > most:
-            raise ChunkError(f"has {status.st_size:,} bytes; up to {most:,} are possible")
-        with path.open("rb") as file:
+        with opened(in_store(store, name)) as file:
+            size = os.fstat(file.fileno()).st_size
+            if size > most:
+                raise ChunkError(f"has {size:,} bytes; up to {most:,} are possible")
             yield file
+    except GateError:
+        raise ChunkError("is no plain file") from None
     except FileNotFoundError:
         raise ChunkError("is missing") from None
     except OSError as error:
         raise ChunkError(f"cannot be read: {error.strerror}") from None
+
+
+def in_store(store: Path, name: str) -> Path:
+    """Return the path of a file or folder of a store, links resolved; raises ChunkError for one outside."""
+    found = Path(os.path.realpath(store / name))
+    if not found.is_relative_to(os.path.realpath(store)):
+        raise ChunkError("leads out of the store: remove the link")
+    return found
 
 
 def _texts(values: NDArray[Any]) -> bytes:

@@ -15,7 +15,8 @@ from ..progress import Progress, unheard
 from .chunks import part_beside
 from .description import differences
 from .errors import StudyDiffers, StudyError
-from .store import Store, blocks, open_study
+from .reading import blocks, open_study
+from .store import Store
 
 
 class Comparison(NamedTuple):
@@ -132,8 +133,7 @@ def merge_studies(
             if damage := store.damage(number):
                 damaged[number] = f"{store.path}: task {number}: {damage}"
                 continue
-            for variable in merged.layout.variables:
-                _copied(store.path, target, merged.layout.key(variable, number))
+            merged.copy(store, number)
             damaged.pop(number, None)
             progress("merging", number / merged.layout.tasks)
     if damaged:
@@ -154,14 +154,3 @@ def _begin(first: Store, target: Path) -> None:
         raise StudyError(f"{target}: {error.strerror or error}") from None
     finally:
         shutil.rmtree(begun, ignore_errors=True)
-
-
-def _copied(source: Path, target: Path, key: str) -> None:
-    path = target / key
-    path.parent.mkdir(parents=True, exist_ok=True)
-    begun = part_beside(path)
-    try:
-        shutil.copyfile(source / key, begun)
-        os.replace(begun, path)
-    finally:
-        begun.unlink(missing_ok=True)

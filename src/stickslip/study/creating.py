@@ -114,7 +114,8 @@ def _metadata(
         )
         made[...] = values
     written = sorted(one for one in path.rglob("*") if one.is_file() and one.parent != path)
-    manifest["files"] = {one.relative_to(path).as_posix(): file_hash(one) for one in written}
+    names = [one.relative_to(path).as_posix() for one in written]
+    manifest["files"] = {name: file_hash(path, name) for name in names}
     with warnings.catch_warnings():
         # Not part of the format, says the library; who does not know it reads the arrays' own.
         warnings.simplefilter("ignore")

@@ -15,7 +15,8 @@ import xarray as xr
 from ..progress import Progress, unheard
 from ..recording.replacing import replaced_whole
 from ..units import QuantityError
-from .store import Store, blocks, open_study
+from .reading import blocks, open_study
+from .store import Store
 
 
 def export_study(

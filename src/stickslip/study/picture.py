@@ -110,10 +110,13 @@ def _at_random(description: Any) -> set[str]:
 
 
 def _coordinates(store: Store) -> dict[str, tuple[Variable, Array]]:
-    try:
-        return store.coordinates()
-    except (ChunkError, ValueError, LookupError, TypeError) as error:
-        raise StudyError(f"{store.path}: its coordinates are damaged: {error}") from None
+    """What varies along one dimension of the study."""
+    found = store.coordinates()
+    return {
+        name: one
+        for name, one in found.items()
+        if len(one[0].dims) == 1 and {*one[0].dims} <= {*store.layout.dims}
+    }
 
 
 def _columns(

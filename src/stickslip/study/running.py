@@ -21,7 +21,8 @@ from .design import Study
 from .errors import StudyError
 from .layout import Layout
 from .local import processors, run_local
-from .store import Store, has_arrays, open_study
+from .reading import open_study
+from .store import Store, has_arrays
 from .task import Done, load_of
 
 # Members of the trial that an estimate is from.

@@ -43,10 +43,10 @@ def checks_of(seal: bytes, key: str, number: int) -> dict[str, int]:
     return found
 
 
-def file_hash(path: Path) -> str:
-    """Return the hash of a file of metadata or coordinates; raises ChunkError."""
-    most = MOST_METADATA_BYTES if path.name == "zarr.json" else MOST_COORDINATE_BYTES
-    with plain_file(path, most) as file:
+def file_hash(store: Path, name: str) -> str:
+    """Return the hash of a file of metadata or coordinates of a store; raises ChunkError."""
+    most = MOST_METADATA_BYTES if name.endswith("zarr.json") else MOST_COORDINATE_BYTES
+    with plain_file(store, name, most) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -12,10 +12,11 @@ from __future__ import annotations
 import contextlib
 import errno
 import json
+import math
 import os
 import re
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +29,14 @@ from ..gate.text import load_json
 from .chunks import (
     PART,
     ChunkError,
-    check_unpacked,
     checksum,
     chunk_bytes,
     comment_of,
+    in_store,
     plain_bytes,
     read_chunk,
+    texts_of,
+    unpacked,
     with_comment,
     write_chunk,
 )
@@ -65,7 +68,8 @@ class Store:
             manifest = load_json(group["attributes"]["study"], "its manifest")
             form = manifest["format"]
             if form == FORMAT:
-                self.title = str(group["attributes"]["title"])
+                self.about: dict[str, Any] = group["attributes"]
+                self.title = str(self.about["title"])
                 self.description: dict[str, Any] = manifest["description"]
                 self.identity: str = manifest["identity"]
                 self.layout: Layout = layout_of(manifest["layout"])
@@ -85,9 +89,8 @@ class Store:
         self._asked_before = self._asked()
 
     def _group(self) -> dict[str, Any]:
-        file = self.path / "zarr.json"
         try:
-            found = load_json(plain_bytes(file), str(file))
+            found = load_json(plain_bytes(self.path, "zarr.json"), str(self.path / "zarr.json"))
             return dict(found, attributes=dict(found["attributes"]))
         except ChunkError as error:
             if has_arrays(self.path):
@@ -111,7 +114,7 @@ class Store:
         try:
             if not all(part.isidentifier() or part in ("zarr.json", "0") for part in name.split("/")):
                 raise ChunkError("has no name of a file in it")
-            if file_hash(self.path / name) != self.files[name]:
+            if file_hash(self.path, name) != self.files[name]:
                 raise ChunkError("is not as it was written")
         except ChunkError as error:
             raise self._damaged(name, str(error)) from None
@@ -128,12 +131,16 @@ class Store:
             )
 
     def done(self) -> NDArray[np.bool_]:
-        """Return whether each task is done, from the files that are there: a layout may have far more."""
+        """Return whether each task is done, from the files that are there: a layout may have far more.
+
+        Raises:
+            StudyError: they are not in the store.
+        """
         layout, status = self.layout, self.layout.variables[-1]
         found = np.zeros(layout.tasks, dtype=bool)
         places: list[tuple[int, ...]] = [()]
         for count in layout.counts:
-            folders = ((at, self.path.joinpath(status.name, "c", *map(str, at))) for at in places)
+            folders = [(at, self._place("/".join([status.name, "c", *map(str, at)]))) for at in places]
             places = [(*at, i) for at, folder in folders for i in _numbers(folder) if i < count]
         for number in (int(np.ravel_multi_index(at, layout.counts)) for at in places):
             found[number] = self._file(status, number).exists()
@@ -170,27 +177,29 @@ class Store:
         return f"{self.path}: task {number}: {damage}: run the study again, which computes it anew"
 
     def forget(self, number: int) -> None:
-        """A task is not done any more."""
-        self._file(self.layout.variables[-1], number).unlink(missing_ok=True)
+        """A task is not done any more; raises StudyError where its status is not in the store."""
+        self._written(self.layout.variables[-1], number).unlink(missing_ok=True)
 
     def write(self, number: int, found: xr.Dataset, varied: Mapping[str, NDArray[np.float64]]) -> None:
         """The results of a task, over "member", status last; `varied`, of each name along its own dimension.
 
         Raises:
-            StudyError: there is no room.
+            StudyError: there is no room, or a link leads out of the store.
         """
-        contents = {
-            one.name: chunk_bytes(self._filled(number, one, found, varied), one.dtype)
-            for one in self.layout.variables
-        }
+        try:
+            contents = {
+                one.name: chunk_bytes(self._filled(number, one, found, varied), one.dtype)
+                for one in self.layout.variables
+            }
+        except ChunkError as error:
+            raise StudyError(
+                f"{self.path}: {self._text.name} of a task {error}: take fewer members a task (task: ...)"
+            ) from None
         seal = task_seal(self._key, number, {name: checksum(data) for name, data in contents.items()})
         contents[self._text.name] = with_comment(contents[self._text.name], seal)
         for variable in self.layout.variables:
-            file = self._file(variable, number)
-            if not Path(os.path.realpath(file.parent)).is_relative_to(os.path.realpath(self.path)):
-                raise StudyError(f"{file} leads out of the store: remove the link")
             try:
-                write_chunk(file, contents[variable.name])
+                write_chunk(self._written(variable, number), contents[variable.name])
             except OSError as error:
                 if error.errno in FULL:
                     raise StudyError(
@@ -221,30 +230,44 @@ class Store:
         return whole
 
     def read(self, number: int, variable: Variable) -> NDArray[Any]:
-        """Numbers of a task, over the variable's dimensions; raises ChunkError."""
-        data = self._content(variable, number)
-        whole = np.frombuffer(data, np.dtype(variable.dtype).newbyteorder("<"))
-        place = self.layout.place(number)
+        """Numbers or texts of a task, over the variable's dimensions; raises ChunkError."""
+        data, place = self._content(variable, number), self.layout.place(number)
+        if variable.dtype == TEXT:
+            whole = texts_of(variable.name, data, math.prod(self.layout.chunk(variable)))
+        else:
+            whole = np.frombuffer(data, np.dtype(variable.dtype).newbyteorder("<"))
         there = tuple(slice(0, place[dim].stop - place[dim].start) for dim in variable.dims)
         return whole.reshape(self.layout.chunk(variable))[there]
+
+    def copy(self, other: Store, number: int) -> None:
+        """Write a task of another store of the same study.
+
+        Raises:
+            ChunkError: it is damaged.
+            StudyError, OSError: it cannot be written.
+        """
+        for variable in self.layout.variables:
+            size = None if variable.dtype == TEXT else self.layout.size(variable)
+            data = _chunk(variable.name, other.path, other.layout.key(variable, number), size)
+            write_chunk(self._written(variable, number), data)
 
     def _content(self, variable: Variable, number: int) -> bytes:
         """Return the content of a chunk that is where it belongs, texts packed; raises ChunkError."""
         size = None if variable.dtype == TEXT else self.layout.size(variable)
-        data = _chunk(variable.name, self._file(variable, number), size)
+        data = _chunk(variable.name, self.path, self.layout.key(variable, number), size)
         comment, packed = self._sealed(number, data if variable.dtype == TEXT else None)
         content = packed if variable.dtype == TEXT else data
         if comment.get(variable.name) != checksum(content):
             raise ChunkError(f"{variable.name} is of another task, study or variable")
         if variable.dtype == TEXT:
-            check_unpacked(variable.name, content)
+            unpacked(variable.name, content, math.prod(self.layout.chunk(variable)))
         return content
 
     def _sealed(self, number: int, data: bytes | None) -> tuple[dict[str, int], bytes]:
         """Return what the seal of a task lists, and its packed texts; `data`, if they were read already."""
         name = self._text.name
         if data is None:
-            data = _chunk(name, self._file(self._text, number), None)
+            data = _chunk(name, self.path, self.layout.key(self._text, number), None)
         try:
             comment, packed = comment_of(data)
             return checks_of(comment, self._key, number), packed
@@ -252,20 +275,24 @@ class Store:
             raise ChunkError(f"{name} {error}") from None
 
     def coordinates(self) -> dict[str, tuple[Variable, NDArray[np.float64]]]:
-        """What varies and is known beforehand: values of grids and draws; raises StudyError."""
-        found, sizes = {}, dict(zip(self.layout.dims, self.layout.shape, strict=True))
+        """What varies and is known beforehand: values of grids and draws, and coordinates of the results'
+        own, such as time; raises StudyError."""
         self.check_known()
-        for name in (file.removesuffix("/c/0") for file in self.files if file.endswith("/c/0")):
-            about = load_json(plain_bytes(self.path / name / "zarr.json"), name)
-            (dim, *more) = about["dimension_names"]
-            if more or dim not in sizes:  # of the results' own, such as time
-                continue
-            data = read_chunk(self.path / name / "c" / "0", 8 * sizes[dim])
-            found[name] = (
-                Variable(name, (dim,), (), "float64", about["attributes"]),
-                np.frombuffer(data, "<f8"),
-            )
-        return found
+        known = {name.partition("/")[0] for name in self.files} - {one.name for one in self.layout.variables}
+        try:
+            return {name: self._coordinate(name) for name in sorted(known)}
+        except (ChunkError, ValueError, LookupError, TypeError, AttributeError) as error:
+            raise StudyError(f"{self.path}: its coordinates are damaged: {error}") from None
+
+    def _coordinate(self, name: str) -> tuple[Variable, NDArray[np.float64]]:
+        about = load_json(plain_bytes(self.path, f"{name}/zarr.json"), name)
+        shape = tuple(map(int, about["shape"]))
+        found = Variable(name, tuple(map(str, about["dimension_names"])), (), "float64", about["attributes"])
+        sizes = dict(zip(self.layout.dims, self.layout.shape, strict=True))
+        if shape != tuple(sizes.get(dim, n) for dim, n in zip(found.dims, shape, strict=True)):
+            raise ChunkError(f"{name} has the shape {shape}")
+        data = _chunk(name, self.path, "/".join([name, "c", *("0" for _ in shape)]), 8 * math.prod(shape))
+        return found, np.frombuffer(data, "<f8").astype(float).reshape(shape)
 
     def stop(self) -> None:
         """Ask all that work on it, on whatever machine, to end."""
@@ -299,6 +326,18 @@ class Store:
     def _file(self, variable: Variable, number: int) -> Path:
         return self.path / self.layout.key(variable, number)
 
+    def _written(self, variable: Variable, number: int) -> Path:
+        """Return the file of a chunk that is written or removed; raises StudyError for a folder elsewhere."""
+        folder, _, name = self.layout.key(variable, number).rpartition("/")
+        return self._place(folder) / name
+
+    def _place(self, name: str) -> Path:
+        """Return the path of a folder of the store; raises StudyError for one outside."""
+        try:
+            return in_store(self.path, name)
+        except ChunkError as error:
+            raise StudyError(f"{self.path / name} {error}") from None
+
 
 def _numbers(folder: Path) -> list[int]:
     """Return the names in a folder that are numbers; none if it is no folder."""
@@ -308,10 +347,10 @@ def _numbers(folder: Path) -> list[int]:
         return []
 
 
-def _chunk(name: str, file: Path, size: int | None) -> bytes:
+def _chunk(name: str, store: Path, file: str, size: int | None) -> bytes:
     """`read_chunk` of a variable; its ChunkError names it."""
     try:
-        return read_chunk(file, size)
+        return read_chunk(store, file, size)
     except ChunkError as error:
         raise ChunkError(f"{name} {error}") from None
 
@@ -320,27 +359,6 @@ def has_arrays(path: Path) -> bool:
     """Return whether a folder has arrays of a store, which may have lost its own zarr.json."""
     for file in path.glob("*/zarr.json"):
         with contextlib.suppress(ChunkError):
-            if b'"node_type": "group"' not in plain_bytes(file):  # another store
+            if b'"node_type": "group"' not in plain_bytes(path, f"{file.parent.name}/{file.name}"):  # another
                 return True
     return False
-
-
-def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
-    """The results of a study so far, as `xarray.open_zarr` opens them: read when they are asked for.
-
-    Where nothing is computed yet, status is -1, numbers are NaN and reasons empty.
-
-    Raises:
-        StudyError: it is no store of a study, or its metadata are damaged. Results are verified when they are
-            read, but not their places: `export_study`, `merge_studies` and `compare_studies` do that.
-    """
-    Store(path).check_known()
-    return xr.open_zarr(path, chunks=None, consolidated=True)
-
-
-def blocks(store: Store) -> Iterator[tuple[dict[str, slice], xr.Dataset]]:
-    """The part of each task and its results, in memory, task after task."""
-    whole = open_study(store.path)
-    for number in range(store.layout.tasks):
-        place = store.layout.place(number)
-        yield place, whole.isel(place).load()

@@ -1,0 +1,117 @@
+"""Results of a store as an xarray Dataset: each chunk is checked when it is asked for."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from xarray.backends import BackendArray
+from xarray.core import indexing
+
+from .chunks import ChunkError
+from .errors import StudyError
+from .layout import TEXT, Variable
+from .store import Store
+
+
+def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
+    """The results of a study so far, as `xarray.open_zarr` opens them: read when they are asked for.
+
+    Where nothing was computed when the store was opened, status is -1, numbers are NaN and reasons empty.
+
+    Raises:
+        StudyError: it is no store of a study, or its metadata are damaged. Reading damaged or misplaced
+            results raises StudyError too.
+    """
+    store = Store(path)
+    known = {name: (one.dims, values, one.about) for name, (one, values) in store.coordinates().items()}
+    done = store.done().reshape(store.layout.counts)
+    found = {
+        one.name: (
+            (*one.dims, *(dim for dim, _ in one.inner)),
+            indexing.LazilyIndexedArray(_Results(store, one, done)),
+            one.about,
+        )
+        for one in store.layout.variables
+    }
+    about = dict(store.about)
+    beside = {*str(about.pop("coordinates", "")).split(), *known}
+    try:
+        return xr.Dataset({**found, **known}, attrs=about).set_coords(sorted(beside & {*found, *known}))
+    except ValueError as error:  # dimensions of several sizes
+        raise StudyError(f"{store.path}: its coordinates are damaged: {error}") from None
+
+
+def blocks(store: Store) -> Iterator[tuple[dict[str, slice], xr.Dataset]]:
+    """The part of each task and its results, in memory, task after task."""
+    whole = open_study(store.path)
+    for number in range(store.layout.tasks):
+        place = store.layout.place(number)
+        yield place, whole.isel(place).load()
+
+
+class _Results(BackendArray):
+    """Results of one variable, of the tasks that are `done`."""
+
+    def __init__(self, store: Store, variable: Variable, done: NDArray[np.bool_]) -> None:
+        self._store, self._variable, self._done = store, variable, done
+        self.shape = store.layout.whole(variable)
+        self.dtype = np.dtype(object if variable.dtype == TEXT else variable.dtype)
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        return indexing.explicit_indexing_adapter(
+            key, self.shape, indexing.IndexingSupport.BASIC, self._selected
+        )
+
+    def _selected(self, key: tuple[int | slice, ...]) -> NDArray[Any]:
+        """Return the values of one number or slice along each dimension."""
+        asked = [
+            range(size)[one] if isinstance(one, slice) else range(one, one + 1)
+            for one, size in zip(key, self.shape, strict=True)
+        ]
+        box = [range(min(one), max(one) + 1) if one else range(0) for one in asked]
+        whole = np.full([len(one) for one in box], self._variable.missing, self.dtype)
+        for number in self._tasks(box) if math.prod(whole.shape) else ():
+            self._put(number, box, whole)
+        return whole[
+            tuple(
+                slice(None, None, one.step) if isinstance(part, slice) else 0
+                for part, one in zip(key, asked, strict=True)
+            )
+        ]
+
+    def _tasks(self, box: list[range]) -> list[int]:
+        """Return tasks that are done and hold the values of a box, each value once."""
+        layout, dims = self._store.layout, self._variable.dims
+        spans = dict(zip(dims, box, strict=False))
+        parts = [
+            range(spans[dim].start // part, -(-spans[dim].stop // part)) if dim in spans else range(count)
+            for dim, part, count in zip(layout.dims, layout.task, layout.counts, strict=True)
+        ]
+        found = np.argwhere(self._done[tuple(slice(one.start, one.stop) for one in parts)])
+        mine = [i for i, dim in enumerate(layout.dims) if dim in spans]
+        first = np.unique(found[:, mine], axis=0, return_index=True)[1]
+        at = found[first] + [one.start for one in parts]
+        return np.atleast_1d(np.ravel_multi_index(tuple(at.T), layout.counts)).tolist()
+
+    def _put(self, number: int, box: list[range], whole: NDArray[Any]) -> None:
+        """Put what a task has of a box in its place."""
+        variable, place = self._variable, self._store.layout.place(number)
+        try:
+            values = self._store.read(number, variable)
+        except ChunkError as error:
+            raise StudyError(self._store.repair(number, str(error))) from None
+        to, of = [], []
+        for dim, span in itertools.zip_longest(variable.dims, box):
+            part = place[dim] if dim is not None else slice(span.start, span.stop)
+            low, high = max(part.start, span.start), min(part.stop, span.stop)
+            to.append(slice(low - span.start, high - span.start))
+            start = part.start if dim is not None else 0
+            of.append(slice(low - start, high - start))
+        whole[tuple(to)] = values[tuple(of)]
