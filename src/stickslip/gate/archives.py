@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .errors import GateError
+from .files import name_of, opened
 from .limits import LIMITS, check_count, check_regular, check_size
 
 _PACKED = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # as NumPy packs; others reserve memory as a file says
@@ -18,13 +19,17 @@ _PACKED = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # as NumPy packs; others r
 class _Table(io.FileIO):
     """A file of which no more than a table of contents of the largest size is read at once."""
 
+    def __init__(self, path: Path, file: io.BufferedReader) -> None:
+        super().__init__(file.fileno(), closefd=False)
+        self._path = path
+
     def read(self, size: int | None = -1, /) -> Any:
         most = LIMITS.directory + 1
         found = super().read(most if size is None or size < 0 else min(size, most))
         if len(found) > LIMITS.directory:
             raise GateError(
-                f"{self.name}: its table of contents has more than {LIMITS.directory:,} bytes; save only the "
-                "arrays that are needed"
+                f"{self._path}: its table of contents has more than {LIMITS.directory:,} bytes; save only "
+                "the arrays that are needed"
             )
         return found
 
@@ -37,15 +42,17 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
     """
     check_regular(path)
     try:
-        with _Table(path) as table, zipfile.ZipFile(table) as archive:
-            entries = archive.infolist()
+        with opened(path) as file:
+            with zipfile.ZipFile(_Table(path, file)) as archive:
+                entries = archive.infolist()
             check_count(path, len(entries), LIMITS.visits, "arrays")
             check_size(path, sum(one.file_size for one in entries))
             for one in entries:
                 if one.compress_type not in _PACKED:
                     raise GateError(f"{path}: {one.filename!r} is packed as NumPy does not; use numpy.savez")
-        with np.load(path, allow_pickle=False) as arrays:
-            members = {name: arrays[name] for name in arrays.files}
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as arrays:
+                members = {name: arrays[name] for name in arrays.files}
     except GateError:
         raise
     except Exception as error:  # from zlib.error to a header that is no Python
@@ -62,6 +69,7 @@ def read_npy(path: Path, *, mapped: bool = False) -> np.ndarray:
     """
     check_regular(path)
     try:
-        return np.load(path, mmap_mode="r" if mapped else None, allow_pickle=False)
+        with opened(path) as file:
+            return np.load(name_of(file), mmap_mode="r" if mapped else None, allow_pickle=False)
     except Exception as error:  # the header is a piece of Python, which is wrong in a dozen ways
         raise GateError(f"{path}: not a readable NPY file (cut off or damaged?): {error}") from error

@@ -27,3 +27,9 @@ def opened(path: str | os.PathLike[str]) -> io.BufferedReader:
     except BaseException:
         os.close(handle)
         raise
+
+
+def name_of(file: io.BufferedReader) -> str:
+    """Return a path of an open file, whatever has taken its own name since: for libraries that open files
+    themselves, by a path."""
+    return f"/dev/fd/{file.fileno()}"

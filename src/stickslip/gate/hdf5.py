@@ -9,7 +9,6 @@ these are refused before a number is read. The tree of groups and arrays is buil
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +19,7 @@ import numpy as np
 from h5py import h5, h5a, h5d, h5f, h5g, h5l, h5o, h5p, h5r, h5s, h5t, h5z  # pyright: ignore[reportAttributeAccessIssue]
 
 from .errors import GateError
+from .files import name_of, opened
 from .hdf5_chunks import check_chunks, filters_of, refuse_packed_names
 from .hdf5_heap import check_heaps
 from .limits import LIMITS, Visits, check_count, check_regular, check_size
@@ -283,7 +283,8 @@ def _kind(stored: Any) -> str:
 
 def is_hdf5(path: Path) -> bool:
     """Return whether a file is HDF5, at its start or after a block of another program (MATLAB)."""
-    return h5f.is_hdf5(os.fsencode(path))
+    with opened(path) as file:
+        return h5f.is_hdf5(name_of(file).encode())
 
 
 @contextmanager
@@ -314,12 +315,12 @@ def read_hdf5_array(path: Path, name: str) -> np.ndarray:
 @contextmanager
 def _opened(path: Path) -> Iterator[Hdf5Tree]:
     check_regular(path)
-    with _damage(path):
-        opened = h5py.File(path, "r")
-    with opened:
+    with opened(path) as plain, _damage(path):
+        file = h5py.File(name_of(plain), "r")
+    with file:
         with _damage(path):
-            check_heaps(path, opened.id.get_create_plist().get_sizes())
-            tree = Hdf5Tree(path, opened.id)
+            check_heaps(path, file.id.get_create_plist().get_sizes())
+            tree = Hdf5Tree(path, file.id)
         yield tree
 
 

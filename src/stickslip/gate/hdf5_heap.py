@@ -11,6 +11,7 @@ import struct
 from pathlib import Path
 
 from .errors import GateError
+from .files import opened
 from .limits import LIMITS, check_count
 
 _SIGN = b"GCOL\1\0\0\0"  # with version and reserved bytes
@@ -30,7 +31,7 @@ def check_heaps(path: Path, sizes: tuple[int, int]) -> None:
     """
     if sizes != (8, 8):
         raise GateError(f"{path}: an HDF5 file with addresses of {sizes[0]} bytes; 8 are read: save it again")
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+    with opened(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         at, count = content.find(_SIGN), 0
         while at >= 0:
             count += _texts(path, content, at, LIMITS.chunks - count)

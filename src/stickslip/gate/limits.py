@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from .errors import GateError
+from .files import opened
 
 
 class Limits(NamedTuple):
@@ -74,7 +75,7 @@ def _written_bytes(path: Path, size: int, enough: int) -> int:
     """Return how many bytes of a file are no holes, counted no further than `enough`; all, where the file
     system does not say it."""
     found = at = 0
-    with path.open("rb", buffering=0) as file:
+    with opened(path) as file:
         while at < size and found < enough:
             try:
                 start = os.lseek(file.fileno(), at, os.SEEK_DATA)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from .errors import GateError
+from .files import opened
 from .limits import LIMITS, Visits, allowed_bytes, check_count, check_size
 
 _HEADER = 128  # bytes before the first variable of version 5
@@ -125,7 +126,7 @@ def check_matlab5(path: Path) -> None:
     Raises:
         GateError: the file has more variables or cells, deeper ones, or unpacks to more than `LIMITS` allows.
     """
-    with path.open("rb") as file:
+    with opened(path) as file:
         head = file.read(_HEADER)
         try:
             if 0 in head[:4]:

@@ -13,6 +13,7 @@ import zlib
 from pathlib import Path
 
 from .errors import GateError
+from .files import opened
 from .limits import LIMITS, Visits, allowed_bytes, check_count, check_size
 
 _HEADER = 64  # where the first block stands
@@ -30,12 +31,16 @@ def check_mdf(path: Path) -> None:
     """Refuse an MDF 4 file that asammdf would not read in bounded time and memory; what is no MDF 4 passes.
 
     Raises:
-        GateError: the file has more blocks than `LIMITS` allows, deeper ones or some in a circle, unpacks to
-            more, or has XML with entities.
+        GateError: the file is of another version, has more blocks than `LIMITS` allows, deeper ones or some
+            in a circle, unpacks to more, or has XML with entities.
     """
-    with path.open("rb") as file:
-        if not file.read(12).startswith((b"MDF     4", b"UnFinMF 4")):
+    with opened(path) as file:
+        head = file.read(12)
+        if head[:8] not in (b"MDF     ", b"UnFinMF "):
             return
+        if head[8:9] != b"4":  # which asammdf would build unchecked
+            version = head[8:].decode("ascii", "replace").strip(" \0")
+            raise GateError(f"{path}: an MDF file of version {version}; 4 is read")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
             for sign in (b"<!ENTITY", b"<!DOCTYPE"):
                 if content.find(sign) >= 0:

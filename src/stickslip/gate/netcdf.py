@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .errors import GateError
+from .files import opened
 from .hdf5 import Hdf5Array, Hdf5Tree, hdf5_tree, is_hdf5
 from .limits import LIMITS, check_count, check_regular
 
@@ -42,7 +43,7 @@ def read_netcdf(path: Path) -> Netcdf:
     """
     check_regular(path)
     if not is_hdf5(path):
-        with path.open("rb") as file:
+        with opened(path) as file:
             classic = file.read(3) == b"CDF"
         if classic:
             raise GateError(f"{path}: NetCDF 3 (classic); 4 is read: nccopy -k nc4 OLD.nc NEW.nc makes one")

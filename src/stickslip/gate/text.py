@@ -23,6 +23,7 @@ import numpy as np
 
 from .elsewhere import applied
 from .errors import GateError
+from .files import opened
 
 MOST_BYTES = 1_000_000  # bytes of a file that a person writes: an input file, a parameter set
 MOST_RESULT_BYTES = 100_000_000  # bytes of a JSON that a program wrote: a fit with 5 million numbers
@@ -54,13 +55,10 @@ def read_file(path: str | os.PathLike[str], most: int = MOST_BYTES) -> bytes:
         GateError: no plain file (a folder, a pipe, a device), or a larger one.
         OSError: the file cannot be read.
     """
-    path = Path(path)
-    if path.exists() and not path.is_file():  # a pipe may never answer who opens it
-        raise GateError(f"{path}: no plain file")
-    with path.open("rb") as file:
+    with opened(path) as file:
         raw = file.read(most + 1)
-    if len(raw) > most:
-        raise too_large(str(path), max(len(raw), path.stat().st_size), most)
+        if len(raw) > most:
+            raise too_large(str(path), max(len(raw), os.fstat(file.fileno()).st_size), most)
     return raw
 
 

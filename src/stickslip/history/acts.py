@@ -13,6 +13,7 @@ from typing import Any
 
 from ..gate.elsewhere import applied
 from ..gate.errors import GateBusy, GateError
+from ..gate.files import opened
 from ..gate.text import load_json
 from .storable import storable
 
@@ -74,7 +75,7 @@ def present_names(acts: Iterable[dict[str, Any]]) -> dict[str, str]:
 
 def _acts_of(path: Path) -> list[dict[str, Any]]:
     """Return the acts of a file, with present names."""
-    with path.open("rb") as file:
+    with opened(path) as file:
         size = file.seek(0, os.SEEK_END)
         file.seek(max(size - MOST_BYTES, 0))
         return _with_present_names(_told(file.read(MOST_BYTES).split(b"\n")))

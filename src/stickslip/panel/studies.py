@@ -21,6 +21,8 @@ from typing import IO, Any, NamedTuple
 from fastapi import APIRouter, Response
 from pydantic import Field
 
+from ..gate.errors import GateError
+from ..gate.files import opened
 from ..input_file import Strict
 from ..readers.process import Reader
 from ..recording import RecordingError
@@ -178,7 +180,7 @@ def _found(folder: Folder) -> tuple[list[str], list[str]]:
         if name.endswith(f"/{STORE}"):
             stores.append(name.removesuffix(f"/{STORE}"))
         elif not name.endswith(".json"):
-            with contextlib.suppress(OSError, FolderError), open(folder.path(name), "rb") as file:
+            with contextlib.suppress(OSError, FolderError, GateError), opened(folder.path(name)) as file:
                 if _KIND.search(file.read(_LOOKED)):
                     files.append(name)
     return files, stores

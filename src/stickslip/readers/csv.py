@@ -7,6 +7,7 @@ double would round them to 0.2 us.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Hashable, Iterator, Sequence
 from io import TextIOWrapper
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from ..gate.errors import GateError
+from ..gate.files import opened
 from ..gate.limits import LIMITS
 from ..recording import RecordingError
 from .layout import LINE_END, MISSING, TextLayout, find_layout
@@ -75,7 +77,7 @@ def _read_columns(
     filled = position = 0
     with (
         reading_progress(path) as show_progress,
-        path.open("rb") as raw,
+        opened(path) as raw,
         TextIOWrapper(raw, encoding=layout.encoding, errors="replace", newline="") as file,
     ):
         for _ in range(layout.first_line):
@@ -179,7 +181,7 @@ def _is_date(text: str) -> bool:
 
 def _rows(path: Path, layout: TextLayout) -> Iterator[tuple[int, str]]:
     """Number (from 1) and text of each line of data: the slow way, to say where an error is."""
-    with path.open(encoding=layout.encoding, errors="replace") as file:
+    with opened(path) as raw, TextIOWrapper(raw, encoding=layout.encoding, errors="replace") as file:
         for number, line in enumerate(_Lines(path, file), 1):
             if number > layout.first_line and layout.is_data(line):
                 yield number, line.split(layout.comment)[0] if layout.comment else line
@@ -208,8 +210,8 @@ def _check_last_line(path: Path, layout: TextLayout) -> None:
     """A file that ends in the middle of a row was cut off, and even its last number may be wrong."""
     if layout.encoding == "utf-16":
         return  # a cut may fall between the bytes of a sign
-    with path.open("rb") as file:
-        file.seek(max(path.stat().st_size - (1 << 16), 0))
+    with opened(path) as file:
+        file.seek(max(os.fstat(file.fileno()).st_size - (1 << 16), 0))
         tail = file.read().decode(layout.encoding, errors="replace")
     last = LINE_END.split(tail)[-1]  # empty if the file ends with a line end, as most do
     fields = layout.split(last)

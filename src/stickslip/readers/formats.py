@@ -6,6 +6,7 @@ import codecs
 from pathlib import Path
 
 from .. import registry
+from ..gate.files import opened
 from ..gate.limits import check_regular
 from ..recording import RecordingError
 from .source import Format
@@ -35,7 +36,7 @@ def find_format(path: Path) -> str:
     check_regular(path)
     if not path.stat().st_size:  # of the system's own files (/proc), some of which wait for ever, too
         raise RecordingError("the file is empty")
-    with path.open("rb") as file:
+    with opened(path) as file:
         head = file.read(1 << 16)
     ending = path.suffix.lower()
     known = _formats()

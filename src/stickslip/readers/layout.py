@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from ..gate.files import opened
 from ..gate.limits import LIMITS, check_count
 from ..recording import RecordingError
 from .counted import Counting, counted
@@ -138,7 +139,7 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
 
 def _head(path: Path) -> tuple[str, bytes, list[str]]:
     """Return the encoding of a text, its first bytes, and their lines."""
-    with path.open("rb") as file:
+    with opened(path) as file:
         head = file.read(LIMITS.line)
         more = len(head) == LIMITS.line and file.read(1) != b""
     encoding = _encoding(head)

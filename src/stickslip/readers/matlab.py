@@ -15,6 +15,7 @@ import numpy as np
 import scipy.io
 
 from ..gate.errors import GateError
+from ..gate.files import opened
 from ..gate.hdf5 import SIGNATURE, Hdf5Array, Hdf5Group, hdf5_tree, is_hdf5, read_hdf5_array
 from ..gate.limits import Visits, check_size
 from ..gate.matlab5 import check_matlab5
@@ -80,7 +81,8 @@ def matlab_name(part: Part) -> str:
 
 def _tree_of_v5(path: Path) -> dict[str, Any]:
     check_matlab5(path)
-    variables = scipy.io.loadmat(path, appendmat=False)
+    with opened(path) as file:
+        variables = scipy.io.loadmat(file)
     return {name: _v5_node(value) for name, value in variables.items() if not name.startswith("__")}
 
 

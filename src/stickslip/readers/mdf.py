@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..gate.files import name_of, opened
 from ..gate.limits import LIMITS, check_count, check_size
 from ..gate.mdf import check_mdf
 from ..recording import RecordingError
@@ -55,12 +56,10 @@ def _opened(path: Path) -> Any:
     except ImportError:
         raise RecordingError("MDF files need asammdf: pip install 'stickslip[mdf]'") from None
     try:
-        file = MDF(path)
+        with opened(path) as plain:
+            file = MDF(name_of(plain))
     except Exception as error:  # it has exceptions of its own, and lets others through
         raise RecordingError(f"not a readable MDF file (cut off or damaged?): {error}") from error
-    if not str(file.version).startswith("4"):
-        file.close()
-        raise RecordingError(f"an MDF file of version {file.version}; 4 is read")
     return file
 
 

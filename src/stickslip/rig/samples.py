@@ -22,6 +22,7 @@ from typing import BinaryIO
 import numpy as np
 import xarray as xr
 
+from ..gate.files import opened
 from ..recording import save_recording
 from ..recording.replacing import is_running
 from .protocols import Array
@@ -178,11 +179,11 @@ def _head(file: BinaryIO) -> tuple[int, int]:
 
 
 def _read(path: Path) -> xr.Dataset | None:
-    with path.open("rb") as file:
+    with opened(path) as file:
         count, length = _head(file)
         if length == 0:
             return None
-        if length + 8 * count > path.stat().st_size:
+        if length + 8 * count > os.fstat(file.fileno()).st_size:
             raise ValueError("damaged")
         making = Making.from_text(file.read(length).decode())
         width = len(making.inputs)
