@@ -35,13 +35,7 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(n, marks=pytest.mark.compiled) if n in ("MaxwellSlip", "ResetIntegrator") else n
-        for n in LAWS
-    ],
-)
+@pytest.mark.parametrize("name", LAWS)
 def test_a_member_is_what_a_simulation_of_it_gives(name: str) -> None:
     law, field = LAWS[name]
     allowed = TOLERANCE if name in JUMPS else ROUNDING

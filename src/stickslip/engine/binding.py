@@ -222,6 +222,8 @@ def _refuse_shared_place(struct: Any) -> None:
     element, in which the push of another element is not."""
     elements = [struct.element[e] for e in range(struct.elements)]
     for e, one in enumerate(elements):
+        if one.along and not one.pushed:
+            raise QuantityError(f"element {e} pushes no mode along which its normal force could change")
         for i, other in enumerate(elements):
             if one.along and i != e and other.pushed >> one.place & 1:
                 raise QuantityError(
