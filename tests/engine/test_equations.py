@@ -351,3 +351,6 @@ def test_a_place_that_another_element_pushes_is_refused() -> None:
     ComposedPlant(plant)
     with pytest.raises(QuantityError, match="element 0 changes along mode 1, which element 1 pushes too"):
         ComposedPlant(plant._replace(elements=(first, both)))
+    nowhere = first._replace(push=(None, None, None))
+    with pytest.raises(QuantityError, match="element 0 pushes no mode along which"):
+        ComposedPlant(plant._replace(elements=(nowhere, second)))
