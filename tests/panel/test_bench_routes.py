@@ -318,14 +318,3 @@ def test_how_runs_differ_is_set_on_the_bench(client: httpx.Client) -> None:
     refused = change(client, ["rig", "variation", "stiffness"], "4 N")
     assert refused.status_code == 400
     assert "rig.variation: Variation.stiffness = '4 N'" in refused.json()["error"]
-
-
-def test_an_experiment_is_not_parsed_in_the_server(client: httpx.Client, monkeypatch) -> None:
-    client.post("/bench/save", json={"name": "parsed.yaml"}).raise_for_status()
-
-    def parsed(*_: object) -> None:
-        raise AssertionError("parsed in the server's process")
-
-    monkeypatch.setattr("stickslip.input_file.gate_yaml", parsed)
-    answer = client.post("/bench/load", json={"name": "parsed.yaml"})
-    assert (answer.status_code, answer.json()) == (200, {"name": "parsed.yaml"})

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -92,3 +94,29 @@ def test_every_text_is_parsed_by_the_process_that_reads(
     assert parsed == []
     text.load_json(b"{}", str(folder))
     assert parsed == [str(folder)]  # what is watched for is seen
+
+
+ASKED = """
+import sys
+from pathlib import Path
+from stickslip.panel.reading import ready
+fit, saved = Path(sys.argv[1]), Path(sys.argv[2])
+ready(fit)
+before = {*sys.modules}
+from stickslip.analysis.fit_parameters import fit_parameters, results_summary
+from stickslip.history.describing import described_fit, described_set
+fit_parameters(fit, "x", "y")
+results_summary(fit)
+described_fit(fit)
+described_set(saved)
+print([one for one in sorted({*sys.modules} - before) if one.startswith(("stickslip.", "scipy.", "xarray."))])
+"""
+
+
+def test_the_first_question_finds_its_modules_imported(folder: Path) -> None:
+    """The process that reads files imports them while the server starts, for the first question waits."""
+    results, saved = folder / FIT / "results.json", folder / f"{BRASS}"
+    done = subprocess.run(
+        [sys.executable, "-c", ASKED, results, saved], capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.returncode) == ("[]\n", 0), done.stderr

@@ -9,7 +9,7 @@ from ..gate.text import read_json
 from ..parameters.writing import parameter_text
 from ..registry import use_file
 from ..units import QuantityError
-from .verification import results_model
+from .results import model_and_chain
 
 
 def fit_parameters(path: Path, title: str, source: str, used: Sequence[str] = ()) -> str:
@@ -26,7 +26,7 @@ def fit_parameters(path: Path, title: str, source: str, used: Sequence[str] = ()
     """
     for file in used:
         use_file(file)
-    model = results_model(path)
+    model, _ = model_and_chain(path)
     try:
         found = read_json(path)["numbers"].get("parameters", {}).items()
     except (LookupError, TypeError, AttributeError):

@@ -45,8 +45,8 @@ from ..units import optional_si, to_si, unit_for
 from .file import Analysis, AnalysisError
 from .move_document import DRIVE, POSITION, move_document
 from .move_model import Aim, at_draws, at_ends, at_intervals, feedforward_of
+from .results import model_and_chain
 from .study import DrawsSpec
-from .verification import results_model
 from .walk import changed
 
 Quantity = float | str
@@ -238,7 +238,7 @@ def _tuned_on(file: MoveFile, plant: Actuator, folder: Path) -> tuple[Actuator, 
     if file.model is not None and file.fit is not None:
         raise AnalysisError("a move has 'model', a parameter set, or 'fit', a results.json, not both")
     if file.fit is not None:
-        model = results_model(folder / file.fit)
+        model, _ = model_and_chain(folder / file.fit)
         others = at_intervals(model, folder / file.fit)
     else:
         model, others = (plant if file.model is None else _model(file.model, folder)), []

@@ -16,10 +16,7 @@ from ..actuator import Actuator
 from ..chain import Chain
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
-from ..gate.errors import damaged
-from ..gate.text import read_json
-from ..identify.results import chain_of, model_numbers, model_of
-from ..identify.saved import FORMAT, load_fit
+from ..identify.results import model_numbers
 from ..identify.walk.prediction import Predictor
 from ..input_file import Seconds, explain, load_yaml
 from ..progress import Progress
@@ -32,6 +29,7 @@ from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
 from .alignment import POSITION, aligned, aligned_by_itself, on_level, said_drives
 from .file import Analysis, AnalysisError, read_parts
+from .results import model_and_chain
 from .walk import WalkRecording, changed, with_changes
 
 MOST_PICTURES = 8
@@ -122,11 +120,6 @@ class VerificationAnalysis(Analysis):
         return Predictor(model, chain), chain
 
 
-def results_model(path: Path) -> Actuator:
-    """The actuator of a results.json; raises AnalysisError."""
-    return _results(path)[0]
-
-
 class ModelOfFile(Protocol):
     """A file whose model is that of `fit`, a results.json, or of the parameter set `model`; `change` and
     `friction` change fields of it."""
@@ -148,28 +141,8 @@ def _of_file(file: ModelOfFile, folder: Path) -> tuple[Actuator, Chain]:
     """The model, and what a position channel shows of it, as far as a results.json says."""
     if file.fit is None:
         return changed(folder, str(file.model), file.change, file.friction), Chain()
-    base, chain = _results(folder / file.fit)
+    base, chain = model_and_chain(folder / file.fit)
     return with_changes(base, file.change, file.friction), chain
-
-
-def _results(path: Path) -> tuple[Actuator, Chain]:
-    """The actuator of a results.json or of a saved fit, and what a position channel shows of it."""
-    said = f"{path}: no results of an identification with a model"
-    with damaged(AnalysisError, said):
-        content = read_json(path)
-        if content.get("format") == FORMAT:
-            predictor = getattr(load_fit(path).predict, "__self__", None)
-            if not isinstance(predictor, Predictor):
-                raise ValueError("it is a saved fit, but of no walk")
-            return predictor.model, predictor.chain
-        try:
-            numbers = content["numbers"]
-            return model_of(numbers["model"]), chain_of(numbers)
-        except KeyError as error:
-            raise AnalysisError(
-                f"{said}: there is no {error} in it; what stickslip identify, campaign or run has written of "
-                "a walk holds one"
-            ) from error
 
 
 def _verified(
@@ -216,7 +189,8 @@ def verification_analysis(
             raise AnalysisError(
                 f"{path}: name the recordings to predict: stickslip verify {path.name} my.csv"
             )
-        _results(path)  # before columns are asked for, which would not help what holds no model of a walk
+        # Before columns are asked for, which would not help what holds no model of a walk.
+        model_and_chain(path)
         named, said = _pairs("--column", columns), _pairs("--unit", units)
         entries = [_entry(Path(file), named, said) for file in recordings]
         content: dict[str, Any] = {

@@ -87,11 +87,11 @@ class Fence:
 
     def close(self) -> None:
         """End the process."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
+        process, self._process = self._process, None  # a question may wait for it, in another thread
+        if process is not None:
+            process.kill()
+            process.wait()
             self._connection.close()
-            self._process = None
 
     def _asked(
         self, act: Callable[[Path], Any], path: Path, computing: float, memory: int
@@ -99,7 +99,7 @@ class Fence:
         """Return "done", "error", "fault" or "busy", and the answer, the error or the sentence."""
         folder = Path(path.anchor) if path.is_absolute() else Path.cwd()
         request = pickle.dumps((act, path, computing, memory, folder))
-        self._start()
+        process = self._start()
         try:
             self._connection.send_bytes(request)
             if not self._connection.poll(STUCK * computing):
@@ -110,7 +110,7 @@ class Fence:
                 )
             return pickle.loads(self._connection.recv_bytes())
         except (EOFError, OSError):
-            code = self._process.wait()
+            code = process.wait()
             self.close()
         if code == -signal.SIGPROF:
             return "fault", f"{path}: it could not be read within {computing:.0f} s of computing: damaged?"
@@ -125,14 +125,15 @@ class Fence:
             f"({_ending(code)}); is the machine short of memory? Try again",
         )
 
-    def _start(self) -> None:
-        if self._process is not None and self._process.poll() is None:
-            return
+    def _start(self) -> subprocess.Popen[bytes]:
+        process = self._process
+        if process is not None and process.poll() is None:
+            return process
         self.close()
         here, there = socket.socketpair()
         with there:
             # Not by multiprocessing, which would run a user's script once more in the new process.
-            self._process = subprocess.Popen(
+            process = self._process = subprocess.Popen(
                 [sys.executable, "-m", "stickslip.gate.process", str(there.fileno())],
                 pass_fds=[there.fileno()],
                 stdin=subprocess.DEVNULL,
@@ -141,7 +142,7 @@ class Fence:
         try:
             if self._connection.poll(_STARTS):
                 self._connection.recv_bytes()
-                return
+                return process
         except (EOFError, OSError):
             pass
         self.close()

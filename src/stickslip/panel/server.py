@@ -111,7 +111,7 @@ def create_app(
         beating = asyncio.create_task(beat())
         # A thread that computes keeps the others waiting for so long; Python's 5 ms are a third of a picture.
         sys.setswitchinterval(1e-3)
-        end_warming = warm_up(hub, readiness, fitting, runner)
+        end_warming = warm_up(hub, readiness, fitting, runner, read)
         with collected_on_request():
             yield
             beating.cancel()

@@ -1,18 +1,22 @@
-"""Preparation in the background, after the first page: the solver, then fits and Explore."""
+"""Preparation in the background: reading of files, then, after the first page, solver, fits and Explore."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from ..actuator import load_actuator
+from ..readers.process import Reader
+from ..recording import RecordingError
 from ..rig import RigError
 from ..simulation import simulate, steady_step
 from ..waveform.periodic import Sawtooth
 from .fits import USUAL_LAW, Fitting
 from .readiness import Readiness
+from .reading import ready
 from .running import Runner
 from .stream import Client, Hub, Message
 
@@ -20,7 +24,9 @@ _WITHOUT_PAGE = 2.0  # s after which the solver is loaded though no page has com
 _MOST_WAIT = 60.0  # s that one preparation waits for another, at most
 
 
-def warm_up(hub: Hub, readiness: Readiness, fitting: Fitting, runner: Runner) -> Callable[[], None]:
+def warm_up(
+    hub: Hub, readiness: Readiness, fitting: Fitting, runner: Runner, read: Reader
+) -> Callable[[], None]:
     """Begin, in threads; what is returned ends it."""
     page, solver, ended = threading.Event(), threading.Event(), threading.Event()
 
@@ -37,6 +43,10 @@ def warm_up(hub: Hub, readiness: Readiness, fitting: Fitting, runner: Runner) ->
             fitting.wait(_MOST_WAIT)  # their process may be compiling what step curves need
             if not ended.is_set():
                 steady_step(load_actuator("kang2007"), Sawtooth(65.0, 5.0))
+
+    def files() -> None:
+        with suppress(RecordingError):
+            read.apply(ready, Path(__file__))
 
     def rig() -> None:
         page.wait()
@@ -55,6 +65,6 @@ def warm_up(hub: Hub, readiness: Readiness, fitting: Fitting, runner: Runner) ->
         page.set()
 
     hub.greetings.append(greet)
-    for work in (simulation, fits, rig):
+    for work in (files, simulation, fits, rig):
         threading.Thread(target=work, daemon=True).start()
     return end

@@ -1,0 +1,1 @@
+from .running import run_file as run_file
