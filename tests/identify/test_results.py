@@ -11,7 +11,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.analysis.file import AnalysisError
-from stickslip.analysis.verification import results_model
+from stickslip.analysis.results import model_and_chain
 from stickslip.chain import Chain
 from stickslip.export import ExportError, export_c
 from stickslip.export.source import exported_values
@@ -95,7 +95,7 @@ def test_what_is_wrong_names_file_field_and_unit(tmp_path: Path, place: str, val
     file = tmp_path / "results.json"
     file.write_text(json.dumps({"numbers": {"model": numbers}}))
     with pytest.raises(AnalysisError, match=rf"results\.json: .*{words}"):
-        results_model(file)
+        model_and_chain(file)
     with pytest.raises(ExportError, match=rf"results\.json: .*{words}"):
         export_c(str(file), tmp_path / "c")
 

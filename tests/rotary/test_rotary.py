@@ -14,8 +14,8 @@ import stickslip as ss
 from export.building import walk
 from rotary.turning import DRIVE, RADIUS, SLIDES, TURNS, units
 from stickslip.analysis.design import design_analysis
+from stickslip.analysis.results import model_and_chain
 from stickslip.analysis.study import study_of_file
-from stickslip.analysis.verification import results_model
 from stickslip.analysis.walk import with_changes
 from stickslip.cli import app
 from stickslip.electronics import Encoder
@@ -227,7 +227,7 @@ def test_files_fit_and_verify_angles(tmp_path) -> None:
     assert force["low"] < TURNS.friction.coulomb_force < force["high"]
     assert (found["rmse"]["unit"], found["recordings"]["recording_2"]["rmse"]["unit"]) == ("rad", "rad")
 
-    assert results_model(tmp_path / "walk" / "results.json").rotary
+    assert model_and_chain(tmp_path / "walk" / "results.json")[0].rotary
 
     _, found = run(tmp_path, "campaign")
     known = found["friction"]["parameters_with_all_errors"]
