@@ -37,25 +37,6 @@ def test_a_name_that_stood_at_the_top_says_where_it_is(name: str, room: str) -> 
         assert getattr(ss, name) is getattr(getattr(ss, room), name)
 
 
-@pytest.mark.parametrize(
-    ("room", "former", "now"),
-    [
-        ("control", "StepTable", "StepSizes"),
-        ("control", "Walk", "Stepping"),
-        ("identify", "Walk", "PlannedWalk"),
-        ("study", "Walk", "WalksFromRest"),
-    ],
-)
-def test_a_name_that_a_room_had_before_says_what_it_is(room: str, former: str, now: str) -> None:
-    module = getattr(ss, room)
-    said = rf"stickslip\.{room}\.{former} is stickslip\.{room}\.{now}"
-    with pytest.warns(DeprecationWarning, match=said) as warned:
-        assert getattr(module, former) is getattr(module, now)
-    assert {one.filename for one in warned} == {__file__}, "it is of who asks"
-    with pytest.raises(AttributeError, match="Wal"):
-        _ = module.Wal
-
-
 def test_an_extra_that_is_missing_hides_nothing_else() -> None:
     program = (
         "import sys; sys.modules['matplotlib'] = sys.modules['pydantic'] = None; import stickslip as ss; "

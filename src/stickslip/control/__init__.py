@@ -1,6 +1,5 @@
 """Control: discrete blocks, the state machine of a move, the estimator in open loop, tuning by model."""
 
-from .._lazy import renamed as _renamed
 from .blocks import ControlWarning as ControlWarning
 from .blocks import LowPass as LowPass
 from .blocks import Notch as Notch
@@ -37,5 +36,3 @@ from .tuning import Requirement as Requirement
 from .tuning import Tuning as Tuning
 from .tuning import check_margins as check_margins
 from .tuning import tune as tune
-
-__getattr__ = _renamed(__name__, {"Walk": "Stepping", "StepTable": "StepSizes"})

@@ -17,9 +17,6 @@ from ..piezo import Piezo
 from ..records import Quantity, quantities, quantities_of
 from ..units import QuantityError
 
-# Written where they are true alone, for what was saved by earlier versions has them not.
-LATER = {"rotary": Entry(False)}
-
 
 def model_numbers(model: Actuator) -> dict[str, Any]:
     """An actuator for results.json, whole: `model_of` makes it again.
@@ -27,7 +24,7 @@ def model_numbers(model: Actuator) -> dict[str, Any]:
     Infinite fields, which are the defaults, are left out.
     """
     found = {
-        "actuator": {k: v for k, v in _fields(model).items() if k not in LATER or v},
+        "actuator": _fields(model),
         **registry.laws.written(type(model.friction)),
         "friction": _fields(model.friction, model),
     }
@@ -106,8 +103,7 @@ def model_of(numbers: Mapping[str, Any]) -> Actuator:
 
 def _made(record_type: Any, fields: Any, where: str, turns: bool = False, **given: Any) -> Any:
     """A record from its fields as `_fields` wrote them: what that always writes has no default here."""
-    later = {name: entry for name, entry in LATER.items() if name in record_type._fields}
-    entries = later | _entries(fields, where)
+    entries = _entries(fields, where)
     for name, default in _written(quantities(record_type), record_type._field_defaults).items():
         if name not in entries:
             raise QuantityError(f"{where}: [{name}] is missing")

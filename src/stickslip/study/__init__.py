@@ -5,7 +5,6 @@ A `Study` says which members (`Grid`, `Random`, `Draws`, or several of them), wh
 xarray opens while it grows; docs/scaling.md says how to run one on clusters.
 """
 
-from .._lazy import renamed as _renamed
 from .comparing import Compared as Compared
 from .comparing import Comparison as Comparison
 from .comparing import compare_studies as compare_studies
@@ -30,5 +29,3 @@ from .running import run_study as run_study
 from .state import State as State
 from .state import stop_study as stop_study
 from .state import study_state as study_state
-
-__getattr__ = _renamed(__name__, {"Walk": "WalksFromRest"})
