@@ -121,16 +121,6 @@ def is_law(candidate: object) -> bool:
     return type(candidate) in _IMPLEMENTATIONS
 
 
-def is_static(law_type: type) -> bool:
-    """Whether records of this type are set-valued at rest."""
-    return _IMPLEMENTATIONS[law_type].breakaway is not None
-
-
-def is_sampled(law_type: type) -> bool:
-    """Whether records of this type have a state that changes at ticks."""
-    return _IMPLEMENTATIONS[law_type].tick is not None
-
-
 def is_smooth(law_type: type) -> bool:
     """Whether records of this type have no kink at v = 0."""
     return _IMPLEMENTATIONS[law_type].smooth

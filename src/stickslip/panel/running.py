@@ -31,9 +31,6 @@ from .live import Live
 from .statistics import Statistics, drive_channel
 from .stream import Hub
 
-Sees = Callable[[dict[str, NDArray[np.float64]]], None]
-
-
 _AT_ZERO = 0.5  # V, the most that the drive of a run at rest is measured to be
 
 

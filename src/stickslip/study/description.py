@@ -19,7 +19,6 @@ from .points import Grid, Part, Random
 
 # Longer lists are said by their hash.
 SHOWN = 64
-TOLD = 4
 
 
 def described(study: Any) -> dict[str, Any]:
