@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import copy
+import importlib
 import inspect
 import math
 import operator
 import pickle
-from typing import Annotated, NamedTuple
+import pkgutil
+from collections.abc import Iterator
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import stickslip
 from stickslip.friction import Dahl, LuGre, MaxwellSlip
-from stickslip.records import Quantity, did_you_mean, quantities, record
+from stickslip.records import Quantity, did_you_mean, quantities, record, sequences
 from stickslip.units import QuantityError
 
 
@@ -212,3 +216,55 @@ def test_range_of_any_float(number: float) -> None:
         assert 0 <= number < 1
     except QuantityError:
         assert not 0 <= number < 1
+
+
+def every_record() -> Iterator[Any]:
+    """The records with quantities of all modules of the package, but of those that are no Python."""
+    for module in pkgutil.walk_packages(stickslip.__path__, "stickslip."):
+        if not module.name.endswith(("__main__", "._engine")):
+            for one in vars(importlib.import_module(module.name)).values():
+                own = inspect.isclass(one) and one.__module__ == module.name and hasattr(one, "_fields")
+                if own and quantities(one):
+                    yield one
+
+
+def wrong_values(quantity: Quantity) -> Iterator[object]:
+    """What a single value may not be: no number, another unit, not finite, and each bound passed."""
+    yield from (math.nan, True, "much", "", [[1.0]], {}, 10**400, "3 cd", f"nan {quantity.unit}", 1j)
+    for limit, allowed, way in (
+        (quantity.minimum, True, -math.inf), (quantity.above, False, -math.inf),
+        (quantity.maximum, True, math.inf), (quantity.below, False, math.inf),
+    ):  # fmt: skip
+        if limit is not None and math.isfinite(limit):
+            wrong = np.nextafter(limit, way) if allowed else limit
+            yield from (float(wrong), f"{float(wrong)!r} {quantity.unit}")
+    for endless, limit in ((math.inf, quantity.maximum), (-math.inf, quantity.minimum)):
+        if limit != endless:
+            yield endless
+
+
+def some_value(quantity: Quantity) -> float:
+    return next(x for x in (1.0, 0.5, 2.0, 0.0, 10.0, 300.0, 1e-3, -1.0, 1e6) if quantity.allows(x))
+
+
+def test_every_field_of_every_record_refuses_by_its_name() -> None:
+    """Of bounds, units and kinds, each as the record itself says them."""
+    accepted, records = [], list(every_record())
+    assert len(records) > 75
+    for one in records:
+        known, several = quantities(one), sequences(one)
+        good = {name: "V" if name == "unit" else None for name in one._fields}
+        good |= {n: (some_value(q),) if n in several else some_value(q) for n, q in known.items()}
+        for name, quantity in known.items():
+            wrong = [[value] if name in several else value for value in wrong_values(quantity)]
+            for value in [*wrong, *(["3", 3.0] if name in several else [[1.0, 2.0]])]:
+                try:
+                    one(**{**good, name: value})
+                except QuantityError as error:
+                    if not str(error).startswith(f"{one.__name__}.{name}"):
+                        accepted.append(f"{one.__name__}.{name} = {value!r}: {error}")
+                except Exception as error:
+                    accepted.append(f"{one.__name__}.{name} = {value!r}: {error!r}")
+                else:
+                    accepted.append(f"{one.__name__}.{name} = {value!r} is accepted")
+    assert not accepted, "\n".join(accepted)
