@@ -9,7 +9,7 @@ import lazy_loader
 
 
 def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """Return `__getattr__`, `__dir__` and `__all__` of a package; what an extra lacks is named with its extra."""
+    """Return `__getattr__`, `__dir__` and `__all__` of a package; a missing extra is named."""
     imported, names, listed = lazy_loader.attach_stub(package, file)
 
     def found(name: str) -> Any:

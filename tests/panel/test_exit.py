@@ -17,8 +17,8 @@ import httpx
 import pytest
 import uvicorn
 from fastapi import FastAPI
-
 from stickslip._jit import _package_cache
+
 from stickslip.panel.connections import server_config
 
 from .conftest import PATIENCE, Panel
