@@ -19,6 +19,7 @@ w = ss.Sawtooth(amplitude=65.0, frequency=50.0)
 """
 CALLS = """
 ss.simulate(a, w, 0.1, energy=True)
+assert "scipy.signal" not in sys.modules  # as long to import as all the rest
 ss.simulate(a, ss.Sine(40.0, 50.0, offset=40.0), 0.1)
 ss.simulate_ensemble(a, w, 0.1, parameters={"sigma_0": [1e6, 2e6], "amplitude": [30.0, 60.0]})
 ss.steady_step(a, w)

@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import signal as dsp
 
 from ..records import Quantity, record
 from ..units import QuantityError, to_si, with_prefix
@@ -55,9 +55,9 @@ def sections(filter: Filter, sample_rate: float) -> NDArray[np.float64]:
         raise QuantityError(f"Filter.corner = {corner} must be below half the sample rate, {rate}")
     order = int(filter.order)
     if filter.family == "bessel":  # SciPy's general function knows only the normalisation in phase
-        made = dsp.bessel(order, filter.corner, norm="mag", output="sos", fs=sample_rate)
+        made = scipy.signal.bessel(order, filter.corner, norm="mag", output="sos", fs=sample_rate)
     else:
-        made = dsp.iirfilter(
+        made = scipy.signal.iirfilter(
             order,
             filter.corner,
             filter.ripple,
@@ -73,7 +73,7 @@ def sections(filter: Filter, sample_rate: float) -> NDArray[np.float64]:
 def filtered(filter: Filter, signal: NDArray[np.float64], sample_rate: float | str) -> NDArray[np.float64]:
     """The signal [n] behind the filter; raises QuantityError as `sections`."""
     made = sections(filter, to_si(sample_rate, "Hz", "sample_rate"))
-    return dsp.sosfilt(made, signal, zi=dsp.sosfilt_zi(made) * signal[0])[0]
+    return scipy.signal.sosfilt(made, signal, zi=scipy.signal.sosfilt_zi(made) * signal[0])[0]
 
 
 def first_order(signal: NDArray[np.float64], sample_rate: float, bandwidth: float) -> NDArray[np.float64]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from .. import registry
 from ..records import Quantity, record
@@ -53,7 +53,7 @@ class InductiveSensor(NamedTuple):
     ) -> NDArray[np.float64]:
         """Its output [n], V, for the position [n], m, sampled at `sample_rate` Hz."""
         gap = np.clip(position + self.standoff, self.gaps[0], self.gaps[-1])
-        ideal = CubicSpline(self.gaps, self.voltages)(gap)
+        ideal = scipy.interpolate.CubicSpline(self.gaps, self.voltages)(gap)
         clean = delayed(first_order(ideal, sample_rate, self.bandwidth), sample_rate, self.delay)
         noise = white_noise(position.size, self.noise_density, sample_rate, random)
         noisy = clean + noise + random_walk(position.size, self.drift, sample_rate, random)
