@@ -28,9 +28,7 @@ SAME = {
 # cubics in fixed sizes, orbits of several members and long searches need tests of their own; each removes its lines here.
 NOT_NOTICED = {
     "kinematics.inl": (
-        "if (P->mode[m].stiffness == R(0.0) && r_abs(q[2 * m] - begun[2 * m]) > apart)",
         "real_t later = (r_abs(u[SLOPE]) + r_abs(u[CURVATURE]) / P->rate) / P->rate;",
-        "free = free || P->mode[m].stiffness == R(0.0);",
         "if (!OF(is_contact)(P, e) || STATES_OF(P, e) == 0 || (E->felt & E->pushed) == 0)",
         "real_t p = -OF(own_push)(P, e) * E->normal, k = R(0.0), c = R(0.0);",
         "k += p * slopes.force_z * slopes.rate_v * soft;",
@@ -46,12 +44,7 @@ NOT_NOTICED = {
         "real_t inside = R(0.5) * (step[LOG_START] + step[LOG_END]) + shift;",
         "real_t stop = r + 1 == of->log->filled ? t_end : r_min(row[LOG_END] + shift, t_end);",
     ),
-    "members.c": ("return outcome == NO_MEMORY || outcome == STOPPED ? outcome : DONE;",),
-    "near.inl": (
-        "if (i + 1 < drive->segments && drive->start[i + 1] <= near->end) {",
-        "if (L.fraction < R(1.0))",
-        "if (log->filled > 0) {",
-    ),
+    "near.inl": ("if (log->filled > 0) {",),
     "orbits.c": (
         "outcome = own > outcome ? own : outcome;",
         "A.periods += of->smooth ? 2 : O->n;",
@@ -61,30 +54,16 @@ NOT_NOTICED = {
         "struct attempt A = newton(O, S.level, of->max_periods - S.count);",
         "if (!S.found && !A.far && patience > ANCHORED * PATIENCE && A.moved < R(INFINITY)) {",
         "S.best.error = r_max(S.best.error, r_abs(S.walked - S.best.step));",
-        "return outcome == NO_MEMORY || outcome == STOPPED ? outcome : DONE;",
         "bool enough = compared && A.found.error <= tolerance && A.level <= FINER * before.level &&",
         "*matrices[k] = O->memory + n * (count + k * n);",
         "O->q = of->states + m * O->n;",
         "O->J = of->jacobians + m * O->n * O->n;",
     ),
     "periods.inl": (
-        "OF(gone)(w->P, w->q, J->begun, !WATCHED(J->near.of != NULL) ? R(2.0) * apart : R(0.0), net);",
         "if (WATCHED(J->resume != NULL) && n > 0 && !J->ending)",
-        "if (J->i >= drive->segments)",
-        "bool more = after < drive->segments && drive->start[after] < J->t_end;",
-        "J->ending = J->ending || (left == 0 && !more);",
-        "bool ahead = n > 0 && J->i < J->cycle.first, flushed;",
         "if (n > 0 && ((J->i >= first && (J->i - first) % n != 0) || w->drive->start[J->i] != w->t))",
         "struct log log = {.rows = task->count > 0 || (near != NULL && near->count > 0) ? LOG_ROWS : 0,",
         "tolerance = OF(careful_tolerance)(P, task->end - task->begin, tolerance);",
-    ),
-    "repeats.h": (
-        "if (begin + cycle >= table->segments)",
-        "return j + 1 < load->segments && load->start[j + 1] - t <= SAME_TIME * period ? -1 : 0;",
-        "real_t period = drive->start[begin + cycle] - drive->start[begin];",
-        "if (cycle.of_load > 0) {",
-        "if (j + cycle.of_load > load->segments || table_meets(drive, load, i, j, period) != met ||",
-        "real_t end = r_min(i + n < drive->segments ? drive->start[i + n] : t_end, t_end);",
     ),
     "run.inl": (
         "if (!WATCHED(w->resume != NULL) || w->t_break != t_end || !(w->h > R(0.1) * left))",
@@ -97,10 +76,5 @@ NOT_NOTICED = {
         "if (w->accepted + w->rejected >= tried + STANDING) {",
         "if (w->t - passed <= R(STANDING) * RESOLVED_TIME * r_max(r_abs(w->t), R(1e-3)))",
         "tried = w->accepted + w->rejected;",
-    ),
-    "table.h": (
-        "u[CURVATURE] = R(2.0) * c[2] + R(6.0) * c[3] * tau;",
-        "u[node][VALUE] = c[0] + at * (c[1] + at * (c[2] + at * c[3]));",
-        "u[AT_START][SLOPE] = c[1] + tau * (R(2.0) * c[2] + tau * R(3.0) * c[3]);",
     ),
 }

@@ -23,7 +23,7 @@ STICKSLIP_API void inner_kinks(const struct plant *P, const double *q, double be
 STICKSLIP_API void inner_bring(const struct plant *P, double *q, const double *u, int64_t e, double speed);
 STICKSLIP_API void inner_ride(const struct plant *P, const double *sides, double *q, const double *u, const double *begun,
                               const double *u_begun);
-STICKSLIP_API double inner_apart(const struct plant *P, const double *q, const double *other, double apart, double *gone);
+STICKSLIP_API double inner_apart(const struct plant *P, const double *q, const double *other, double *gone);
 STICKSLIP_API void inner_unload(const struct plant *P, double *q, double ratio);
 STICKSLIP_API double inner_unrest(const struct plant *P, const double *dq, const double *u);
 STICKSLIP_API double inner_jolt(const struct plant *P, const double *u);
@@ -33,6 +33,9 @@ STICKSLIP_API double inner_take(const struct plant *P, const double *sides, cons
                                 double *within, double *fast);
 STICKSLIP_API void inner_coefficients(double *A, double *C, double *D, double *H, double *nodes, double *gamma);
 STICKSLIP_API void inner_table(const struct table *table, int64_t i, double t, double h, double *at, double *nodes);
+STICKSLIP_API void inner_cycle(const struct table *drive, const struct table *load, int64_t *found);
+STICKSLIP_API double inner_repeats(const struct table *drive, const struct table *load, int64_t i, const int64_t *cycle,
+                                   double period, double t_end);
 STICKSLIP_API void inner_polynomial(const struct plant *P, const struct table *drive, double t, double h, const double *q,
                                     const double *next, const double *rows, double *a);
 STICKSLIP_API double inner_speed_at(double theta, const double *a);
@@ -95,9 +98,9 @@ void inner_ride(const struct plant *P, const double *sides, double *q, const dou
     ride_any(P, &on, q, u, begun, u_begun);
 }
 
-double inner_apart(const struct plant *P, const double *q, const double *other, double apart, double *gone)
+double inner_apart(const struct plant *P, const double *q, const double *other, double *gone)
 {
-    gone_any(P, q, other, apart, gone);
+    gone_any(P, q, other, gone);
     return drift_apart_any(P, q, other);
 }
 
@@ -198,4 +201,18 @@ double inner_most(double side, const double *a)
 double inner_reached(double speed, double low, double high, double side, const double *a)
 {
     return speed_reached(speed, low, high, side, a);
+}
+
+void inner_cycle(const struct table *drive, const struct table *load, int64_t *found)
+{
+    struct cycle cycle = cycle_of(drive, load);
+    found[0] = cycle.segments;
+    found[1] = cycle.first;
+    found[2] = cycle.of_load;
+}
+
+double inner_repeats(const struct table *drive, const struct table *load, int64_t i, const int64_t *cycle, double period,
+                     double t_end)
+{
+    return (double)count_repeats(drive, load, i, (struct cycle){cycle[0], cycle[1], cycle[2]}, period, t_end);
 }

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
+from stickslip.friction import Coulomb
 from stickslip.simulation import simulate, steady_step
 from stickslip.units import QuantityError
 from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.periodic import Sawtooth, Sine, Triangle
 from stickslip.waveform.sampled import Sampled
+from stickslip.waveform.sequence import Sequence
 
 ACTUATOR = load_actuator("kang2007")
 
@@ -73,3 +75,19 @@ def test_a_load_that_does_not_repeat_with_the_drive_is_followed() -> None:
     load = Sine(0.1, 707.1, offset=1.0)
     short, long = (simulate(ACTUATOR, SAW, n * 1e-3, load=load, sample_rate=1e3) for n in (20, 80))
     assert long.attrs["steps"] > 5.0 * short.attrs["steps"]
+
+
+def test_pulses_of_another_width_are_followed_and_not_copied() -> None:
+    """Periods that differ in where their segments begin alone; the motion has come to rest before each."""
+    period = 0.125
+
+    def pulse(width: float) -> Sampled:
+        times = np.array([0.0, 0.125, width, width + 0.125, 1.0])
+        return Sampled(period * times, [0.0, 40.0, 40.0, 0.0, 0.0])
+
+    narrow, wide = pulse(0.25), pulse(0.625)
+    walk = Sequence(*[(narrow, period)] * 4, *[(wide, period)] * 4)
+    stage = ACTUATOR.replace(friction=Coulomb(0.5))
+    found = simulate(stage, walk, duration=8 * period, sample_rate=8 / period).stage_position.values
+    up = found[4::8] > 0.9 * found.max()  # in the middle of each period
+    assert up.tolist() == [False] * 4 + [True] * 4

@@ -57,8 +57,8 @@ static real_t of_harmonics(const struct table *drive, int64_t i, real_t at, real
 static void polynomial_from(const struct table *drive, int64_t i, real_t tau, real_t moved[4])
 {
     const real_t *c = drive->polynomial[i];
-    moved[0] = c[0] + tau * (c[1] + tau * (c[2] + tau * c[3]));
-    moved[1] = c[1] + tau * (R(2.0) * c[2] + R(3.0) * tau * c[3]);
+    moved[0] = cubic_at(c, tau);
+    moved[1] = cubic_slope(c, tau);
     moved[2] = c[2] + R(3.0) * tau * c[3];
     moved[3] = c[3];
 }
@@ -82,7 +82,7 @@ static real_t parts_of(const struct lags *of, const real_t c[4], const real_t *x
 /* The shares of all lags over a piece whose polynomial is c; their states go on to its end. */
 static void creep_piece(const struct lags *of, const real_t c[4], real_t *x, struct cubic_piece *piece)
 {
-    real_t length = piece->length, value = c[0] + length * (c[1] + length * (c[2] + length * c[3]));
+    real_t length = piece->length, value = cubic_at(c, length);
     piece->value = piece->rise = piece->change = piece->fall = R(0.0);
     for (int64_t k = 0; k < of->count; k++) {
         real_t tau = of->tau[k], share = of->share[k], z = length / tau;

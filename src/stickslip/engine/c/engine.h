@@ -121,6 +121,12 @@ struct stickslip_orbits {
     int32_t smooth;                 /* 1: derivatives may be those of neighbours */
 };
 
+/* Whether an outcome ends a call for all members, and not for one alone. */
+static inline bool ends_all(int outcome)
+{
+    return outcome == STOPPED || outcome == NO_MEMORY;
+}
+
 /* Completes a plant whose modes and elements are filled in. Returns DONE, or DOES_NOT_FIT if it is larger than the
  * engine's room. */
 STICKSLIP_API int stickslip_compose(struct plant *plant);

@@ -112,13 +112,13 @@ static real_t OF(drift_apart)(const struct plant *P, const real_t *q, const real
     return far;
 }
 
-/* How far the positions that nothing holds have moved, where that is more than `apart`; 0 for all else. */
-static void OF(gone)(const struct plant *P, const real_t *q, const real_t *begun, real_t apart, real_t *net)
+/* How far the positions that nothing holds have moved; 0 for all else. */
+static void OF(gone)(const struct plant *P, const real_t *q, const real_t *begun, real_t *net)
 {
     for (int c = 0; c < STATES(P); c++)
         net[c] = R(0.0);
     for (int m = 0; m < MODES(P); m++)
-        if (P->mode[m].stiffness == R(0.0) && r_abs(q[2 * m] - begun[2 * m]) > apart)
+        if (P->mode[m].stiffness == R(0.0))
             net[2 * m] = q[2 * m] - begun[2 * m];
 }
 
@@ -164,18 +164,15 @@ static real_t OF(jolt)(const struct plant *P, const real_t *u)
     return OF(strongest_drive)(P) * (r_abs(u[VALUE]) + later);
 }
 
-/* Whether a body can be anywhere, so that a period may repeat further on. */
-static bool OF(moves_freely)(const struct plant *P)
+/* Whether the motion is the same wherever the bodies that nothing holds are, so that a period may repeat further on. */
+static bool OF(same_anywhere)(const struct plant *P)
 {
-    bool free = false;
-    for (int m = 0; m < MODES(P); m++)
-        free = free || P->mode[m].stiffness == R(0.0);
     for (int e = 0; e < ELEMENTS(P); e++) {
         const struct element *E = &P->element[e];
         if (E->positioned || E->law->tick != NULL || (E->along != NULL && !ss_uniform(E->along)))
             return false;
     }
-    return free;
+    return true;
 }
 
 /* Puts each internal state on the branch on which it is at speeds whose rates are given by dq. */

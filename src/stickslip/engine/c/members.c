@@ -3,8 +3,8 @@
 
 #include "engine.h"
 
-/* Follows member m, with room for its samples of `columns` numbers. Returns its outcome. */
-static int follow_member(const struct stickslip_members *of, int64_t m, int64_t columns, real_t *samples)
+/* Follows member m, with room for its samples of `columns` numbers. */
+static void follow_member(const struct stickslip_members *of, int64_t m, int64_t columns, real_t *samples)
 {
     struct stickslip_result result = {of->spans[m][0], 0, 0};
     struct stickslip_task task = {
@@ -24,13 +24,11 @@ static int follow_member(const struct stickslip_members *of, int64_t m, int64_t 
     };
     for (int64_t k = 0; k < of->samples; k++)
         samples[k * columns + of->column] = (real_t)NAN;
-    int outcome = stickslip_integrate(&task, &result);
-    of->outcomes[m] = outcome;
+    of->outcomes[m] = stickslip_integrate(&task, &result);
     of->reached[m] = result.reached;
     of->steps[m] = result.accepted + result.rejected;
     for (int64_t k = 0; k < of->samples; k++)
         of->positions[m * of->samples + k] = samples[k * columns + of->column];
-    return outcome;
 }
 
 STICKSLIP_API int stickslip_integrate_members(const struct stickslip_members *of)
@@ -41,9 +39,13 @@ STICKSLIP_API int stickslip_integrate_members(const struct stickslip_members *of
     int64_t columns = P->states + (P->elements > 0 ? P->elements : 1);
     real_t *samples = malloc((size_t)(of->samples * columns + 1) * sizeof *samples);
     int outcome = samples == NULL ? NO_MEMORY : DONE;
-    for (int64_t m = 0; m < of->count && outcome != NO_MEMORY && outcome != STOPPED; m++)
-        if (of->outcomes[m] == DONE)
-            outcome = follow_member(of, m, columns, samples);
+    for (int64_t m = 0; m < of->count && outcome == DONE; m++) {
+        if (of->outcomes[m] != DONE)
+            continue;
+        follow_member(of, m, columns, samples);
+        if (ends_all((int)of->outcomes[m]))
+            outcome = (int)of->outcomes[m];
+    }
     free(samples);
-    return outcome == NO_MEMORY || outcome == STOPPED ? outcome : DONE;
+    return outcome;
 }

@@ -57,7 +57,7 @@ static void OF(own_step)(const struct table *drive, const struct stickslip_near 
         return;
     const real_t *own = near->drives[p].start;
     real_t stop = near->end, own_stop = near->ends[p];
-    if (i + 1 < drive->segments && drive->start[i + 1] <= near->end) {
+    if (table_next_has_begun(drive, i, near->end)) {
         stop = drive->start[i + 1];
         own_stop = own[i + 1];
     }
@@ -120,10 +120,7 @@ static void OF(take_alike)(struct OF(logged) *L, const struct table *load, const
     trace[TRACE_NEW] = S->next[column];
     for (int k = 0; k < 3; k++)
         trace[TRACE_ROWS + k] = S->rows[k][column];
-    if (L->fraction < R(1.0))
-        OF(at)(P, L->fraction, q, S, end);
-    else
-        OF(copy)(P, S->next, end);
+    OF(at)(P, L->fraction, q, S, end);
     OF(settle)(P, end, S->u[AT_END], L->local);
     OF(settle_alike)(L->P, L->end, P, end);
     OF(copy)(P, end, q);
@@ -146,10 +143,7 @@ static void OF(replay)(const struct OF(walk) *w, const struct OF(neighbours) *N)
         table_at_nodes(w->drive, L.i, t, h, L.step.u);
         table_at_nodes(w->load, L.j, t, h, L.step.normal);
         L.fraction = r_min(L.row[LOG_FRACTION], R(1.0));
-        if (L.fraction < R(1.0))
-            OF(logged_at)(w->P, L.row, L.fraction, L.end);
-        else
-            OF(copy)(w->P, OF(logged_states)(w->P, L.row) + STATES(w->P), L.end);
+        OF(logged_at)(w->P, L.row, L.fraction, L.end);
         OF(settle)(w->P, L.end, L.step.u[AT_END], w->local);
         for (int64_t p = 0; p < N->of->count; p++) {
             OF(own_step)(w->drive, N->of, p, L.i, t, h, OF(trace)(N, p, r));
@@ -170,7 +164,7 @@ static void OF(carry)(const struct OF(neighbours) *N, int64_t periods)
     for (int64_t p = 0; p < N->of->count; p++) {
         const struct plant *P = OF(near_plant)(N, p);
         real_t net[ROOM_STATES], *q = OF(near_state)(N, p);
-        OF(gone)(P, q, N->begun + p * STATES(P), R(0.0), net);
+        OF(gone)(P, q, N->begun + p * STATES(P), net);
         for (int c = 0; c < STATES(P); c++)
             q[c] += (real_t)periods * net[c];
     }

@@ -224,7 +224,7 @@ static struct attempt newton(struct orbit *O, real_t level, int64_t max_periods)
             if (compared) /* on from where the last step began */
                 put(O, O->begun, O->aim);
             A.far = A.far && A.moved == none;
-            A.outcome = A.outcome == STOPPED || A.outcome == NO_MEMORY ? A.outcome : NOT_FOUND;
+            A.outcome = ends_all(A.outcome) ? A.outcome : NOT_FOUND;
             return A;
         }
         bool slowly = gap > SLOWLY * before.gap && gap > NOISE * before.level;
@@ -316,7 +316,7 @@ static struct search search(struct orbit *O)
         put(O, O->q, O->r);
         struct attempt A = newton(O, S.level, of->max_periods - S.count);
         S.count += A.periods;
-        if (A.outcome == STOPPED || A.outcome == NO_MEMORY) {
+        if (ends_all(A.outcome)) {
             S.outcome = A.outcome;
             return S;
         }
@@ -344,7 +344,7 @@ static struct search search(struct orbit *O)
         }
         wait_for(O, &S, wait);
     }
-    if (!S.found || S.outcome == STOPPED || S.outcome == NO_MEMORY)
+    if (!S.found || ends_all(S.outcome))
         return S;
     if (!S.sure) /* what the motion does instead */
         S.best.error = r_max(S.best.error, r_abs(S.walked - S.best.step));
@@ -375,8 +375,8 @@ static bool make_room(struct orbit *O)
     return true;
 }
 
-/* Finds the orbit of member m. Returns its outcome. */
-static int find_member(struct orbit *O, int64_t m)
+/* Finds the orbit of member m. */
+static void find_member(struct orbit *O, int64_t m)
 {
     const struct stickslip_orbits *of = O->of;
     O->m = m;
@@ -397,7 +397,6 @@ static int find_member(struct orbit *O, int64_t m)
     of->residuals[m] = S.best.residual;
     of->radius[m] = S.best.radius;
     of->tried[m] = S.count;
-    return S.outcome;
 }
 
 STICKSLIP_API int stickslip_find_orbits(const struct stickslip_orbits *of)
@@ -406,11 +405,15 @@ STICKSLIP_API int stickslip_find_orbits(const struct stickslip_orbits *of)
         return DONE;
     struct orbit O = {.of = of, .n = of->plants->states};
     int outcome = make_room(&O) ? DONE : NO_MEMORY;
-    for (int64_t m = 0; m < of->count && outcome != NO_MEMORY && outcome != STOPPED; m++)
-        if (of->outcomes[m] == DONE)
-            outcome = find_member(&O, m);
+    for (int64_t m = 0; m < of->count && outcome == DONE; m++) {
+        if (of->outcomes[m] != DONE)
+            continue;
+        find_member(&O, m);
+        if (ends_all((int)of->outcomes[m]))
+            outcome = (int)of->outcomes[m];
+    }
     free(O.memory);
     free(O.order);
     free(O.beside);
-    return outcome == NO_MEMORY || outcome == STOPPED ? outcome : DONE;
+    return outcome;
 }

@@ -66,18 +66,17 @@ static int OF(run_and_read)(struct OF(journey) *J, real_t stop, bool *flushed)
     }
 }
 
-/* Copies the last period `left` times. What is left of a transient, which makes it differ by `apart` from the one before, is
- * no step: a contact that sticks does not creep by it. */
-static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t apart, real_t period_start)
+/* Copies the last period `left` times. */
+static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t period_start)
 {
     struct OF(walk) *w = &J->walk;
     const struct table *drive = w->drive;
     real_t net[ROOM_STATES], moved[ROOM_STATES];
     int64_t begins = J->i - J->cycle.segments;
-    OF(gone)(w->P, w->q, J->begun, !WATCHED(J->near.of != NULL) ? R(2.0) * apart : R(0.0), net);
+    OF(gone)(w->P, w->q, J->begun, net);
     for (int64_t p = 1; p <= left; p++) {
         int64_t after = J->i + J->cycle.segments;
-        real_t end = after < drive->segments ? drive->start[after] : J->t_end;
+        real_t end = table_next_break(drive, after - 1, J->t_end);
         for (int c = 0; c < STATES(w->P); c++)
             moved[c] = (real_t)p * net[c];
         OF(read)(J, begins, drive->start[J->i] - period_start, p, moved, end);
@@ -89,8 +88,6 @@ static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t apart, 
     if (WATCHED(J->near.of != NULL))
         OF(carry)(&J->near, left);
     J->ending = true;
-    if (J->i >= drive->segments)
-        J->cycle.segments = 0;
 }
 
 /* After a whole period: copies it as often as it repeats. */
@@ -102,12 +99,11 @@ static void OF(end_period)(struct OF(journey) *J, real_t period_start, real_t st
     if (J->compared && !flushed) {
         int64_t left = count_repeats(drive, w->load, J->i, J->cycle, stop - period_start, J->t_end);
         /* With more time it might have gone on otherwise, unless the drive changes here. */
-        int64_t after = J->i + J->cycle.segments;
-        bool more = after < drive->segments && drive->start[after] < J->t_end;
-        J->ending = J->ending || (left == 0 && !more);
+        bool last = table_next_break(drive, J->i + J->cycle.segments - 1, J->t_end) >= J->t_end;
+        J->ending = J->ending || (left == 0 && last);
         real_t apart = OF(drift_apart)(w->P, w->q, J->before);
         if (left > 0 && (real_t)left * apart <= SAME * J->tolerance)
-            OF(copy_periods)(J, left, apart, period_start);
+            OF(copy_periods)(J, left, period_start);
     }
     J->compared = true;
     OF(copy)(w->P, w->q, J->before);
@@ -119,14 +115,9 @@ static int OF(follow)(struct OF(journey) *J)
     struct OF(walk) *w = &J->walk;
     const struct table *drive = w->drive;
     while (w->t < J->t_end) {
-        int64_t n = J->cycle.segments;
-        bool ahead = n > 0 && J->i < J->cycle.first, flushed;
-        bool whole = n > 0 && !ahead && J->i + n < drive->segments && drive->start[J->i + n] < J->t_end;
-        real_t stop = J->t_end, period_start = w->t;
-        if (ahead)
-            stop = r_min(drive->start[J->cycle.first], J->t_end);
-        if (whole)
-            stop = drive->start[J->i + n];
+        int64_t n = J->cycle.segments, next = J->i < J->cycle.first ? J->cycle.first : J->i + n;
+        real_t stop = n > 0 ? table_next_break(drive, next - 1, J->t_end) : J->t_end, period_start = w->t;
+        bool flushed;
         if (WATCHED(J->resume != NULL) && n > 0 && !J->ending)
             OF(store)(w->P, J->resume, w->t, w->h, w->fresh, J->compared, &w->on, w->q, J->before);
         OF(copy)(w->P, w->q, J->begun);
@@ -135,12 +126,10 @@ static int OF(follow)(struct OF(journey) *J)
         int outcome = OF(run_and_read)(J, stop, &flushed);
         if (outcome != DONE)
             return outcome;
-        if (whole)
+        if (J->i < J->cycle.first)
+            J->i = next;
+        else if (stop < J->t_end)
             OF(end_period)(J, period_start, stop, flushed);
-        else if (ahead)
-            J->i = J->cycle.first;
-        else
-            J->cycle.segments = 0;
     }
     return DONE;
 }
@@ -168,7 +157,7 @@ static void OF(depart)(struct OF(journey) *J)
     OF(copy)(P, w->q, J->before);
     if (resumed)
         OF(take_up)(J);
-    if (OF(moves_freely)(P))
+    if (OF(same_anywhere)(P))
         J->cycle = cycle_of(w->drive, w->load);
     J->i = table_segment_of(w->drive, w->t);
     int64_t n = J->cycle.segments, first = J->cycle.first;

@@ -31,15 +31,23 @@ static inline bool segments_alike(const struct table *table, int64_t i, int64_t 
     return true;
 }
 
+/* Whether `count` segments from i on follow the formulas of those `cycle` segments before, each a period later. Formulas
+ * alone do not tell: pulses of another width have the same. */
+static inline bool table_repeats(const struct table *table, int64_t i, int64_t count, int64_t cycle)
+{
+    const real_t *start = table->start;
+    real_t period = start[i] - start[i - cycle];
+    for (int64_t k = i; k < i + count; k++)
+        if (!segments_alike(table, k, k - cycle) || r_abs(start[k] - start[k - cycle] - period) > SAME_TIME * period)
+            return false;
+    return true;
+}
+
 /* Whether the segments after the first `cycle` ones from `begin` on are like these. */
 static inline bool table_is_periodic(const struct table *table, int64_t begin, int64_t cycle)
 {
-    if (begin + cycle >= table->segments)
-        return false;
-    for (int64_t j = begin; j < begin + cycle && j < table->segments - cycle; j++)
-        if (!segments_alike(table, j, j + cycle))
-            return false;
-    return true;
+    int64_t i = begin + cycle, left = table->segments - i;
+    return left > 0 && table_repeats(table, i, left < cycle ? left : cycle, cycle);
 }
 
 static inline bool table_is_constant(const struct table *table)
@@ -90,15 +98,6 @@ static inline struct cycle cycle_of(const struct table *drive, const struct tabl
     return (struct cycle){0, 0, 0};
 }
 
-/* Whether the segments from i on are like those a period before. */
-static inline bool repeats_once(const struct table *table, int64_t i, int64_t cycle)
-{
-    for (int64_t k = i; k < i + cycle; k++)
-        if (!segments_alike(table, k, k - cycle))
-            return false;
-    return true;
-}
-
 /* How many whole periods from segment i of the drive on, within t_end, repeat the period [s] before i. */
 static inline int64_t count_repeats(const struct table *drive, const struct table *load, int64_t i, struct cycle cycle,
                                     real_t period, real_t t_end)
@@ -111,16 +110,15 @@ static inline int64_t count_repeats(const struct table *drive, const struct tabl
         j += cycle.of_load;
     }
     for (; i + n <= drive->segments; i += n, count++) {
-        if (!repeats_once(drive, i, n))
+        if (!table_repeats(drive, i, n, n))
             return count;
         if (cycle.of_load > 0) {
             if (j + cycle.of_load > load->segments || table_meets(drive, load, i, j, period) != met ||
-                !repeats_once(load, j, cycle.of_load))
+                !table_repeats(load, j, cycle.of_load, cycle.of_load))
                 return count;
             j += cycle.of_load;
         }
-        real_t end = r_min(i + n < drive->segments ? drive->start[i + n] : t_end, t_end);
-        if (r_abs(end - drive->start[i] - period) > SAME_TIME * period)
+        if (r_abs(table_next_break(drive, i + n - 1, t_end) - drive->start[i] - period) > SAME_TIME * period)
             return count;
     }
     return count;

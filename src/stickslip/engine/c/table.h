@@ -22,11 +22,22 @@ enum { VALUE, SLOPE, CURVATURE, THIRD, DERIVATIVES };
 /* Where a step looks at a table: the six distinct nodes of Rodas5P, and the middle of the step. */
 enum { AT_START = 0, AT_END = 5, AT_MIDDLE = 6, INSTANTS = 7 };
 
+/* A cubic, and its slope. */
+static inline real_t cubic_at(const real_t *c, real_t tau)
+{
+    return c[0] + tau * (c[1] + tau * (c[2] + tau * c[3]));
+}
+
+static inline real_t cubic_slope(const real_t *c, real_t tau)
+{
+    return c[1] + tau * (R(2.0) * c[2] + tau * R(3.0) * c[3]);
+}
+
 static inline void table_polynomial(const struct table *table, int64_t i, real_t tau, real_t *u)
 {
     const real_t *c = table->polynomial[i];
-    u[VALUE] = c[0] + tau * (c[1] + tau * (c[2] + tau * c[3]));
-    u[SLOPE] = c[1] + tau * (R(2.0) * c[2] + tau * R(3.0) * c[3]);
+    u[VALUE] = cubic_at(c, tau);
+    u[SLOPE] = cubic_slope(c, tau);
     u[CURVATURE] = R(2.0) * c[2] + R(6.0) * c[3] * tau;
     u[THIRD] = R(6.0) * c[3];
 }
@@ -71,11 +82,9 @@ static inline void table_values_at_nodes(const struct table *table, int64_t i, r
     }
     real_t tau = t - table->start[i];
     const real_t *c = table->polynomial[i];
-    for (int node = 0; node < INSTANTS; node++) {
-        real_t at = tau + RODAS_NODES[node] * h;
-        u[node][VALUE] = c[0] + at * (c[1] + at * (c[2] + at * c[3]));
-    }
-    u[AT_START][SLOPE] = c[1] + tau * (R(2.0) * c[2] + tau * R(3.0) * c[3]);
+    for (int node = 0; node < INSTANTS; node++)
+        u[node][VALUE] = cubic_at(c, tau + RODAS_NODES[node] * h);
+    u[AT_START][SLOPE] = cubic_slope(c, tau);
 }
 
 /* The segment that holds time t; at a break point, the later one. */
