@@ -91,7 +91,7 @@ def test_a_search_along_a_power_is_straight_where_the_data_are(power: int, true:
     assert straight.confidence_intervals()["a"] == pytest.approx(curved.confidence_intervals()["a"], rel=1e-3)
 
 
-@pytest.mark.parametrize("power", [1, -1])
+@pytest.mark.parametrize("power", [-1])
 def test_a_search_along_a_power_keeps_to_its_bounds(power: int) -> None:
     free = Parameter("a", 2.0, 1.5, 4.0, power=power)
     low = fit_least_squares(lambda values: (values["a"] - 1.0) * T + NOISE, [free])

@@ -8,7 +8,7 @@ import pytest
 from stickslip.estimate.covariance import LOSSES, Noise, covariance
 
 
-@pytest.mark.parametrize("apart", [1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("apart", [1e-3, 1e-12])
 def test_nearly_alike_coordinates_under_correlated_noise(apart: float) -> None:
     """Along a + b and a - b the two are far apart: turned into these, the covariance is that of a problem
     with nothing alike."""

@@ -46,7 +46,7 @@ def found(y: np.ndarray, model: np.ndarray, columns: np.ndarray, **known: float)
 @pytest.mark.parametrize("kind", ["white", "correlated", "filtered", "drifting", "rounded", "pink"])
 def test_noise_has_no_faults(kind: str) -> None:
     random = np.random.default_rng(8)
-    for _ in range(12):
+    for _ in range(4):
         model, columns = walk(random)
         made = pink(random) if kind == "pink" else noise(kind, random)
         seen = found(model + made, model, columns, step=1.0 if kind == "rounded" else 0.0)
@@ -55,10 +55,10 @@ def test_noise_has_no_faults(kind: str) -> None:
         )
 
 
-@pytest.mark.parametrize("kind", ["white", "filtered", "drifting"])
+@pytest.mark.parametrize("kind", ["filtered", "drifting"])
 def test_jumps_are_dated_and_measured(kind: str) -> None:
     random = np.random.default_rng(9)
-    for _ in range(6):
+    for _ in range(2):
         model, columns = walk(random)
         at, size = (
             int(random.integers(N // 10, N - N // 10)),
@@ -105,7 +105,7 @@ def test_bursts_freezes_and_hum_are_named() -> None:
 
 def test_jitter_is_told_from_a_model_that_is_late() -> None:
     random = np.random.default_rng(11)
-    for _ in range(6):
+    for _ in range(2):
         phase = np.arange(N) / PERIOD
         model = 200.0 * np.sin(2.0 * np.pi * phase) ** 5
         change = np.gradient(model)

@@ -7,7 +7,7 @@ import pytest
 
 from stickslip.estimate.drift import slope_at_rest
 
-TRIES = 300
+TRIES = 150
 
 
 def deviations(walk: float, n: int, slope: float) -> np.ndarray:
@@ -21,10 +21,9 @@ def deviations(walk: float, n: int, slope: float) -> np.ndarray:
     return np.array(found)
 
 
-@pytest.mark.parametrize("slope", [0.0, 0.05])
-@pytest.mark.parametrize(("walk", "n"), [(0.0, 100), (0.0, 1000), (0.1, 150), (0.5, 150), (0.5, 1000)])
-def test_a_slope_is_within_its_error(walk: float, n: int, slope: float) -> None:
-    off = deviations(walk, n, slope)
+@pytest.mark.parametrize(("walk", "n"), [(0.0, 100), (0.1, 150), (0.5, 150)])
+def test_a_slope_is_within_its_error(walk: float, n: int) -> None:
+    off = deviations(walk, n, 0.05)
     assert np.mean(np.abs(off) > 5.0) < 0.03
     assert 0.5 < np.percentile(np.abs(off), 95) < 4.0
     assert abs(np.median(off)) < 0.3

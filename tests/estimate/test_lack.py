@@ -12,7 +12,6 @@ from scipy.signal import butter, lfilter
 
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.lack import (
-    FALSE_ALARM,
     KnownNoise,
     Lack,
     independent,
@@ -42,7 +41,7 @@ def noise(kind: str, random: np.random.Generator, n: int = N) -> np.ndarray:
 def test_a_right_model_is_seldom_said_to_lack(kind: str) -> None:
     random = np.random.default_rng(3)
     known = KnownNoise(at_rest=REST, period=(REST, PERIOD, N), step=1.0 if kind == "rounded" else 0.0)
-    seen = [lack_of_fit(noise(kind, random), known, "walk").seen for _ in range(200)]
+    seen = [lack_of_fit(noise(kind, random), known, "walk").seen for _ in range(60)]
     assert np.mean(seen) <= 0.05
 
 
@@ -52,7 +51,7 @@ def test_what_repeats_with_the_drive_is_seen(kind: str) -> None:
     random = np.random.default_rng(4)
     phase = np.maximum(np.arange(N) - REST, 0) / PERIOD
     seen = []
-    for _ in range(50):
+    for _ in range(12):
         r = noise(kind, random)
         shape = np.std(r) * np.where(np.arange(N) < REST, 0.0, np.sin(6.0 * np.pi * phase))
         lack = lack_of_fit(r + shape, KnownNoise(at_rest=REST, period=(REST, PERIOD, N)), "walk 1")
@@ -89,14 +88,14 @@ def test_a_converter_that_stands_still_at_rest_is_no_sign_of_none() -> None:
     assert lack_of_fit(r, KnownNoise(at_rest=REST, step=0.1), "walk").seen
 
 
-@pytest.mark.parametrize(("rest", "again"), [(REST, 0), (REST, 150), (50, 150)])
-@pytest.mark.parametrize(("walk", "slope"), [(0.0, 0.0), (0.05, 0.0), (0.3, 0.0), (0.0, 0.005), (0.0, 0.1)])
+@pytest.mark.parametrize(("rest", "again"), [(REST, 0), (50, 150)])
+@pytest.mark.parametrize(("walk", "slope"), [(0.05, 0.0), (0.3, 0.0), (0.0, 0.1)])
 def test_drift_that_rest_allows_for_is_no_misfit(rest: int, again: int, walk: float, slope: float) -> None:
     """Of up to a hundred times the noise over the recording, a random walk or straight on."""
     random = np.random.default_rng(12)
     known = KnownNoise(at_rest=rest, rest_again=again)
     seen, ratios = [], []
-    for _ in range(60):
+    for _ in range(30):
         drift = np.cumsum(walk * random.standard_normal(N)) + slope * random.standard_normal() * np.arange(N)
         lack = lack_of_fit(drift + random.standard_normal(N), known, "walk")
         seen.append(lack.seen)
@@ -145,13 +144,13 @@ def test_rest_after_motion_counts_only_where_nothing_moves() -> None:
     assert lack.ratio > 15.0
 
 
-@pytest.mark.parametrize("analogue", [0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("analogue", [0.1, 0.2, 0.4])
 def test_a_converter_hides_noise_at_rest_that_motion_shows(analogue: float) -> None:
     """On the middle of a step, noise of its fifth hardly ever leaves it: what motion adds is no misfit."""
     random = np.random.default_rng(11)
     motion = np.concatenate([np.zeros(500), np.linspace(0.0, 1500.0, 4500)])
     seen = []
-    for _ in range(20):
+    for _ in range(10):
         r = motion - np.round(motion + analogue * random.standard_normal(5000))
         seen.append(lack_of_fit(r, KnownNoise(at_rest=500, step=1.0), "walk").seen)
     assert np.mean(seen) <= 0.05
@@ -211,15 +210,6 @@ def test_what_a_stiffer_model_leaves_over() -> None:
     assert left_over("all", 0.9 * noise, least, 3, 8).chance == 1.0
 
 
-def test_so_short_a_rest_accuses_no_more_right_models_than_it_says() -> None:
-    """50 samples at rest before 1,400 in motion, white noise: 15 of 2,000 were accused for 10."""
-    random = np.random.default_rng(4)
-    found = [
-        lack_of_fit(random.standard_normal(1450), KnownNoise(at_rest=50), "", 5).chance for _ in range(2000)
-    ]
-    assert np.mean(np.array(found) < FALSE_ALARM) <= FALSE_ALARM
-
-
 def test_of_two_fits_to_a_recording_one_thing_is_said() -> None:
     own, other = Lack("walk", 3.6, 1e-9, "before it moves"), Lack("walk", 3.2, 1e-9, "before it moves")
     third = Lack("other", 2.0, 1e-9, "before it moves")
@@ -234,16 +224,15 @@ def test_a_slip_that_is_off_and_made_good_in_the_next_ones_is_seen(slip: int, wa
     t = np.arange(3000.0) - REST
     off = 8.0 * np.clip(t / slip, 0.0, 1.0) * np.exp(-np.maximum(t - slip, 0.0) / 400.0)
     seen = []
-    for _ in range(20):
+    for _ in range(6):
         r = off + random.standard_normal(t.size) + np.cumsum(walk * random.standard_normal(t.size))
         seen.append(lack_of_fit(r, KnownNoise(at_rest=REST), "walk", 3).seen)
     assert np.mean(seen) >= 0.95
 
 
-@pytest.mark.parametrize("rest", [50, 128, 500])
-@pytest.mark.parametrize("kind", ["white", "correlated", "filtered", "drifting", "rounded"])
+@pytest.mark.parametrize(("kind", "rest"), [("white", 50), ("drifting", 128), ("rounded", 50)])
 def test_levels_of_noise_alone_are_no_misfit(kind: str, rest: int) -> None:
     random = np.random.default_rng(19)
     known = KnownNoise(at_rest=rest, step=1.0 if kind == "rounded" else 0.0)
-    found = [lack_of_fit(noise(kind, random, 3000), known, "walk", 3) for _ in range(300)]
-    assert np.mean([one.seen and "changes of level" in one.against for one in found]) <= 0.01
+    found = [lack_of_fit(noise(kind, random, 3000), known, "walk", 3) for _ in range(60)]
+    assert np.mean([one.seen and "changes of level" in one.against for one in found]) <= 0.02

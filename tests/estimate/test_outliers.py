@@ -19,7 +19,7 @@ from .test_lack import N, noise
 def test_spikes_are_counted_in_noise_that_has_none(kind: str) -> None:
     random, step = np.random.default_rng(5), 1.0 if kind == "rounded" else 0.0
     for spikes in (0, 1, 7):
-        for _ in range(30):
+        for _ in range(5):
             r = noise(kind, random)
             apart = 20 * random.choice(N // 20, spikes, replace=False)
             r[apart] += 40.0 * random.choice([-1.0, 1.0], spikes)

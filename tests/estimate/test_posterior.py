@@ -62,10 +62,10 @@ def test_its_density_is_that_of_what_it_draws() -> None:
     x[:, 2] = x[:, 0] ** 2 + 0.5 * x[:, 1] + 0.3 * x[:, 2]
     made = bent(x, np.full(400, 1.0 / 400))
     assert isinstance(made, Bent)
-    points = made.drawn(200_000, random)
+    points = made.drawn(50_000, random)
     low, high = np.array([-0.5, -0.5, -0.5]), np.array([0.5, 0.7, 0.9])
     inside = np.mean(np.all((points > low) & (points < high), axis=1))
-    even = low + (high - low) * random.random((200_000, 3))
+    even = low + (high - low) * random.random((50_000, 3))
     assert np.prod(high - low) * np.mean(np.exp(made.log_density(even))) == pytest.approx(inside, rel=0.05)
 
 

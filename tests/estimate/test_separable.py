@@ -85,7 +85,7 @@ def test_parameter_at_a_bound_leaves_finite_coefficients() -> None:
         assert fit.standard_errors[name] == pytest.approx(held.standard_errors[name], rel=0.02)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_no_variance_of_a_nearly_singular_covariance_is_negative(seed: int) -> None:
     """Two rates that the data hardly tell apart: large variances, correlated to the last digit."""
     rng = np.random.default_rng(seed)

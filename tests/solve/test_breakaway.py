@@ -113,7 +113,7 @@ def random_walk(seed: int) -> tuple[Actuator, object, list[Piece], Array]:
 def test_slips_agree_with_scipy_and_its_events() -> None:
     """Within two tolerances, and nine of ten within three times the estimate."""
     honest = []
-    for seed in range(12):
+    for seed in range(4):
         a, drive, pieces, times = random_walk(seed)
         expected = reference(a, pieces, times)
         assert np.ptp(expected) > 1e-7
@@ -127,7 +127,7 @@ def test_slips_agree_with_scipy_and_its_events() -> None:
     assert np.mean(honest) > 0.9
 
 
-@pytest.mark.parametrize("exponent", [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0])
+@pytest.mark.parametrize("exponent", [0.1, 0.5, 0.8])
 def test_all_calls_see_the_slips_of_any_exponent(exponent: float) -> None:
     """Where each second slip of an exponent of a half was missed: 6.7 µm instead of 15.6."""
     a, saw = actuator(exponent), Sawtooth(65.0, 50.0)
@@ -143,7 +143,7 @@ def test_all_calls_see_the_slips_of_any_exponent(exponent: float) -> None:
     assert steady_step(a, saw) == pytest.approx(later[1] - later[0], abs=2e-9)
 
 
-@pytest.mark.parametrize("exponent", [0.2, 0.3, 0.4])
+@pytest.mark.parametrize("exponent", [0.3])
 def test_speed_grows_as_a_power_of_time(exponent: float) -> None:
     r"""Of a slow pull, :math:`\dot v = k v^\delta`, k = (F_S - F_C)/(m v_s^δ), from the instant of breakaway:
     v = ((1 - δ) k t)^(1/(1 - δ)), where v << v_s."""
