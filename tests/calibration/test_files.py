@@ -92,20 +92,17 @@ def test_an_identification_file_names_calibrations(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read, apply_calibration(recording(), {"sensor": CHAIN})["sensor"])
 
 
-@pytest.mark.parametrize(
-    ("calibrations", "error", "message"),
-    [
+def test_calibrations_that_do_not_fit() -> None:
+    for calibrations, error, message in (
         ({"nothing": CHAIN}, RecordingError, "no variable 'nothing'"),
         ({"end_effector_position": CHAIN}, CalibrationError, "readings are in m, but"),
         ({"sensor": CHAIN[::-1]}, CalibrationError, "takes m"),
         ({"sensor": []}, CalibrationError, "no calibration"),
         ({"sensor": "kang2007-inductive"}, CalibrationError, "did you mean"),
         ({"sensor": "gone.json"}, CalibrationError, r"gone\.json"),
-    ],
-)
-def test_calibrations_that_do_not_fit(calibrations: dict, error: type, message: str) -> None:
-    with pytest.raises(error, match=message):
-        apply_calibration(recording(), calibrations)
+    ):
+        with pytest.raises(error, match=message):
+            apply_calibration(recording(), calibrations)
 
 
 GOOD = json.loads(
@@ -113,9 +110,8 @@ GOOD = json.loads(
 )
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
+def test_wrong_files() -> None:
+    for changes, message in (
         ({"kind": "x"}, "kind"),
         ({"colour": 1}, "'colour' is unknown"),
         ({"coefficients": [1.0]}, "coefficients"),
@@ -125,11 +121,9 @@ GOOD = json.loads(
         ({"covariance": [[1.0]]}, "covariance"),
         ({"max_error": "small"}, "max_error"),
         ({"name": 3}, "name"),
-    ],
-)  # fmt: skip
-def test_wrong_files(changes: dict, message: str) -> None:
-    with pytest.raises(CalibrationError, match=message):
-        from_text(json.dumps({**GOOD, **changes}))
+    ):
+        with pytest.raises(CalibrationError, match=message):
+            from_text(json.dumps({**GOOD, **changes}))
 
 
 WILD = st.recursive(
@@ -144,22 +138,18 @@ def test_wild_files_are_refused_in_words(content: object) -> None:
         from_text(json.dumps(content))
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
+def test_wrong_tables(tmp_path: Path) -> None:
+    for text, message in (
         ("", "at least"),
         ("y [mm], a\n0, 1\n1, 2\n", "line 1: 'a' names no unit"),
         ("y [mm], a [smoot]\n0, 1\n1, 2\n", "line 1"),
         ("y [mm], a [V], b [mm]\n0,1,1\n1,2,2\n", "one unit"),
         ("y [mm], a [V]\n0, 1\n# note\n1\n", "line 4: 1 cells"),
         ("y [mm], a [V]\n0, 1\n1, one\n", "line 3"),
-    ],
-)
-def test_wrong_tables(tmp_path: Path, text: str, message: str) -> None:
-    path = tmp_path / "table.csv"
-    path.write_text(text)
-    with pytest.raises(CalibrationError, match=message):
-        read_table(path)
+    ):
+        (path := tmp_path / "table.csv").write_text(text)
+        with pytest.raises(CalibrationError, match=message):
+            read_table(path)
 
 
 def test_units_of_a_table(tmp_path: Path) -> None:

@@ -115,10 +115,10 @@ def test_closed_cycle_dissipates(law, frequency, strokes):
 
 
 @every_law
-@pytest.mark.parametrize("v", [3e-4, -3e-4, 1e-3, 1e-2, -1e-2])
-def test_steady_sliding_force_is_the_stribeck_curve(law, v):
-    last, _ = at_constant_velocity(law, v, 100 * scale(law), 2500)
-    assert last[-1] == pytest.approx(reference.steady_state_force(law, v), rel=1e-6)
+def test_steady_sliding_force_is_the_stribeck_curve(law):
+    for v in (3e-4, -3e-4, 1e-3, 1e-2, -1e-2):
+        last, _ = at_constant_velocity(law, v, 100 * scale(law), 1500)
+        assert last[-1] == pytest.approx(reference.steady_state_force(law, v), rel=1e-6)
 
 
 @every_bristle_law

@@ -22,13 +22,8 @@ def test_lags_obey_their_equation() -> None:
     for k in range(3):
         path = solve_ivp(
             lambda t, x, k=k: (np.interp(t, times, values) - x) / tau[k],
-            (times[0], times[-1]),
-            [2.0],
-            t_eval=times,
-            rtol=1e-9,
-            atol=1e-9,
-            max_step=0.01,
-        )
+            *((times[0], times[-1]), [2.0]), t_eval=times, rtol=1e-9, atol=1e-9, max_step=0.01,
+        )  # fmt: skip
         np.testing.assert_allclose(found[:, k], path.y[0], atol=2e-6)
 
 
@@ -106,15 +101,10 @@ def test_what_is_no_creep_is_refused() -> None:
         Creep((0.1, 1.0), (0.01,))
     with pytest.raises(QuantityError, match="must ascend"):
         Creep((1.0, 0.1), (0.01, 0.01))
-    with pytest.raises(QuantityError, match=r"shares\[0\] = -0.01 is out of range"):
-        Creep((1.0,), (-0.01,))
     with pytest.raises(QuantityError, match=r"0 s < begin < end"):
         spread(1.0, 0.1)
     with pytest.raises(QuantityError, match="must be a piezo model"):
         Piezo(hysteresis=0.15)
-
-
-def test_a_part_in_the_place_of_the_other_is_refused() -> None:
     plays, creep = PrandtlIshlinskii((0.0,), (1.0,)), Creep.logarithmic(0.01)
     for wrong in ((creep, plays), (creep, None), (plays, plays)):
         with pytest.raises(QuantityError, match="hysteresis comes first and creep is a Creep"):

@@ -63,20 +63,15 @@ def test_unloaded_it_follows_the_plays_that_it_is_made_of(capacitance: float) ->
     np.testing.assert_allclose(found, drive, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("made", "said"),
-    [
+def test_what_cannot_be_is_refused() -> None:
+    for made, said in (
         (lambda: MaxwellCapacitor(1e-6, (1e4,), (1.0, 2.0)), "one of each"),
         (lambda: MaxwellCapacitor(1e-6, (), ()), "one of each"),
-        (lambda: MaxwellCapacitor(-1e-6, (1e4,), (1.0,)), "capacitance"),
         (lambda: MaxwellCapacitor(1e-6, (1e4, 1e4), (2.0, 1.0)), "must ascend"),
-        (lambda: MaxwellCapacitor(1e-6, (1e4,), (1.0,), 1), "True or False"),
         (lambda: Piezo(MaxwellCapacitor(1e-6, (1e4,), (1.0,)), Creep((1.0,), (0.01,))), "creep"),
         (lambda: of_plays(PLAYS._replace(weights=(0.8, 0.1, 0.1, 0.1))), "sum to 1"),
         (lambda: of_plays(PLAYS._replace(dead_zones=(1.0,), slopes=(0.1,))), "dead"),
         (lambda: MaxwellCapacitor.of_plays(PLAYS, 1e-6, -1e-7, 1e6), "must be > 0"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_is_refused(made, said: str) -> None:
-    with pytest.raises(QuantityError, match=said):
-        made()
+    ):
+        with pytest.raises(QuantityError, match=said):
+            made()
