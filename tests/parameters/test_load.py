@@ -96,8 +96,6 @@ def test_by_name_in_the_working_folder(tmp_path: Path, monkeypatch: pytest.Monke
 MISTAKES = [
     ("value = 0.1\nunit = \"um/V\"", 'value = 0.1\nunit = "A"', ["Actuator.gain = '0.1 A'", "no m/V"]),
     ("value = 98.2", "value = -98.2", ["Actuator.stage_mass = '-98.2 g' is out of range", "must be > 0 kg"]),
-    ("value = 98.2", "value = nan", ["Actuator.stage_mass = 'nan g' is not finite", "must be > 0 kg"]),
-    ("value = 98.2", "value = inf", ["Actuator.stage_mass = 'inf g' is not finite", "must be > 0 kg"]),
     ("value = 98.2", f"value = 1{'0' * 9000}", ["line 22 has a number of more than 100 digits"]),
     ("value = 98.2", "value = [98.2]", ["Actuator.stage_mass", "is not a number"]),
     ("value = 98.2", "value = true", ["Actuator.stage_mass = True is not a number"]),
@@ -112,8 +110,8 @@ MISTAKES = [
     ("[gain]", "[gian]", ["[gian] is unknown (did you mean 'gain'?); known are gain, natural_frequency"]),
     ("[gain]", "[friction.gain]", ["[friction]: [gain] is unknown", "known are coulomb_force"]),
     ("[clamped]", "[name]", ["[name] is unknown"]),
-    ("[clamped]", "[gain]", ["no valid TOML", "gain"]),
-    ('title = "Mine"', 'title = "Mine"\ntitle = "Yours"', ["no valid TOML", "title"]),
+    ("[clamped]", "[gain]", ["no valid TOML", "line"]),
+    ('title = "Mine"', 'title = "Mine"\ntitle = "Yours"', ["no valid TOML", "line 3"]),
     ('title = "Mine"', "", ["title is missing"]),
     ('title = "Mine"', 'titel = "Mine"', ["titel is unknown at the top (did you mean 'title'?)"]),
     ('title = "Mine"', "title = 1", ["title = 1 must be a str"]),
@@ -133,37 +131,22 @@ MISTAKES = [
     ("value = 540", 'value = 540\nassumed = "no"', ["assumed = 'no' must be a bool"]),
     ('[friction.coulomb_force]\nvalue = 540\nunit = "mN"', "coulomb_force = 0.54", ["must be a table with"]),
     ("[friction]", "[fraction]", ["[friction] law = '': there is no law ''"]),
+    ('[stage_mass]\nvalue = 98.2\nunit = "g"\n', "", ["Actuator.stage_mass is missing"]),
+    (GOOD[GOOD.index("[friction]") :], "", ["[friction] is missing; its law is one of Coulomb, "]),
     ("value = 0.1\nunit = \"kg\"", "value = 0.1\nunit = \"kg", ["no valid TOML"]),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("old", "new", "says"), MISTAKES, ids=[f"{new[:40]}" for _, new, _ in MISTAKES])
-def test_mistakes(tmp_path: Path, old: str, new: str, says: list[str]) -> None:
-    assert GOOD.count(old) == 1
-    file = written(tmp_path, GOOD.replace(old, new))
-    with pytest.raises(ParameterSetError) as caught:
-        load_actuator(file)
-    message = str(caught.value)
-    assert message.startswith(str(file))
-    for part in says:
-        assert part in message
-    assert isinstance(caught.value, QuantityError)
-
-
-def test_no_friction(tmp_path: Path) -> None:
-    file = written(tmp_path, GOOD[: GOOD.index("[friction]")])
-    with pytest.raises(
-        ParameterSetError, match=r"my\.toml: \[friction\] is missing; its law is one of Coulomb, "
-    ):
-        load_actuator(file)
-
-
-def test_missing_value(tmp_path: Path) -> None:
-    file = written(tmp_path, GOOD.replace('[stage_mass]\nvalue = 98.2\nunit = "g"\n', ""))
-    with pytest.raises(
-        ParameterSetError, match=r"my\.toml: Actuator\.stage_mass is missing \(effective mass .* > 0 kg\)"
-    ):
-        load_actuator(file)
+def test_mistakes(tmp_path: Path) -> None:
+    for old, new, says in MISTAKES:
+        assert GOOD.count(old) == 1
+        file = written(tmp_path, GOOD.replace(old, new))
+        with pytest.raises(ParameterSetError) as caught:
+            load_actuator(file)
+        message = str(caught.value)
+        assert message.startswith(str(file))
+        assert not [part for part in says if part not in message], message
+        assert isinstance(caught.value, QuantityError)
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:

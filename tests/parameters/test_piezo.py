@@ -45,19 +45,15 @@ def test_it_is_written_and_read_again(tmp_path: Path) -> None:
     assert "piezo.creep" in changed.citation
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
+def test_what_is_wrong_is_named(tmp_path: Path) -> None:
+    text = (Path(ss.__file__).parent / "parameters" / "sets" / f"{SET}.toml").read_text(encoding="utf-8")
+    for old, new, said in (
         ('model = "Creep"', 'model = "Crepe"', r"\[piezo.creep\] model = 'Crepe'.*did you mean 'Creep'"),
         ("[piezo.creep", "[piezo.crepp", r"\[piezo.crepp\] is unknown \(did you mean 'creep'"),
         ("[0.58, 0.03", "[-0.58, 0.03", r"\[piezo.hysteresis\].*weights\[0\] = -0.58 is out of range"),
         ('unit = "V"\nsymbol = "r_i"', 'unit = "um"\nsymbol = "r_i"', r"\[piezo.hysteresis\].*thresholds"),
-    ],
-)
-def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, said: str) -> None:
-    text = (Path(ss.__file__).parent / "parameters" / "sets" / f"{SET}.toml").read_text(encoding="utf-8")
-    assert old in text
-    file = tmp_path / "wrong.toml"
-    file.write_text(text.replace(old, new), encoding="utf-8")
-    with pytest.raises(ParameterSetError, match=said):
-        ss.load_actuator(file)
+    ):
+        assert old in text
+        (file := tmp_path / "wrong.toml").write_text(text.replace(old, new), encoding="utf-8")
+        with pytest.raises(ParameterSetError, match=said):
+            ss.load_actuator(file)

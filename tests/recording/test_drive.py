@@ -46,9 +46,8 @@ def test_waveforms_come_back(waveform) -> None:
     np.testing.assert_array_equal(read.value(t), waveform.value(t))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
+def test_what_names_none_is_none() -> None:
+    for text in (
         "",
         "a sawtooth of 65 V",
         '{"waveform": "Sawtooth", "amplitude": 65.0, "freq',
@@ -58,10 +57,8 @@ def test_waveforms_come_back(waveform) -> None:
         '{"waveform": "Mine", "waveform_of": "/tmp/own.py"}',
         "[1.0, 2.0]",
         "[" * 5000,
-    ],
-)
-def test_what_names_none_is_none(text: str) -> None:
-    assert named_drive(recording(text)) is None
+    ):
+        assert named_drive(recording(text)) is None
 
 
 def test_the_whole_of_a_long_one_is_kept_in_a_file(tmp_path: Path) -> None:
@@ -77,15 +74,8 @@ def test_a_simulation_and_a_measurement_carry_theirs() -> None:
     drive = Sequence(Rest(0.01), Sawtooth(20.0, 100.0, periods=2))
     actuator = load_actuator("kang2007")
     bench = load_bench("kang2007-bench")
-    for made in (
-        simulate(actuator, drive, 0.03),
-        measure(
-            VirtualRig(actuator, bench),
-            drive,
-            {"drive_voltage": Channel("drive")},
-            Capture(0.03, 1e-3),
-            Limits(),
-        ),
-    ):
+    channels = {"drive_voltage": Channel("drive")}
+    measured = measure(VirtualRig(actuator, bench), drive, channels, Capture(0.03, 1e-3), Limits())
+    for made in (simulate(actuator, drive, 0.03), measured):
         assert json.loads(made.attrs["drive"])["parts"][1][0]["frequency"] == 100.0
         assert repr(named_drive(made)) == repr(drive)

@@ -78,9 +78,10 @@ def test_flanks_that_the_samples_show_are_not_replaced_by_jumps() -> None:
     assert taken.whole
 
 
-@pytest.mark.parametrize(
-    "drive",
-    [
+@pytest.mark.parametrize("late", [0.0, 0.3, 0.7])
+def test_the_drive_that_a_channel_shows(late: float) -> None:
+    time = np.arange(4000) * 0.5e-3
+    for drive in (
         ss.Step(60.0),
         ss.Step(-20.0, offset=10.0),
         ss.Sawtooth(65.0, 20.0, periods=8),
@@ -88,19 +89,14 @@ def test_flanks_that_the_samples_show_are_not_replaced_by_jumps() -> None:
         ReverseSawtooth(35.5, 5.0, periods=2),
         Triangle(10.0, 10.0, periods=4),
         ss.Sine(30.0, 12.5, offset=40.0, periods=5),
-    ],
-    ids=repr,
-)
-@pytest.mark.parametrize("late", [0.0, 0.3, 0.7])
-def test_the_drive_that_a_channel_shows(drive: Any, late: float) -> None:
-    time = np.arange(4000) * 0.5e-3
-    volts = Sequence(Rest(0.1 + late * 0.5e-3, level=drive.offset), (drive, 1.8)).value(time)
-    volts += 0.01 * np.random.default_rng(7).standard_normal(time.size)
-    found = shown_drive(ss.make_recording(time, {"drive_voltage": (volts, "V")}))
-    assert found is not None
-    begins, waveform, _ = found
-    assert waveform == drive
-    assert begins == pytest.approx(0.1 + late * 0.5e-3, abs=1.5e-3)
+    ):
+        volts = Sequence(Rest(0.1 + late * 0.5e-3, level=drive.offset), (drive, 1.8)).value(time)
+        volts += 0.01 * np.random.default_rng(7).standard_normal(time.size)
+        found = shown_drive(ss.make_recording(time, {"drive_voltage": (volts, "V")}))
+        assert found is not None, drive
+        begins, waveform, _ = found
+        assert waveform == drive
+        assert begins == pytest.approx(0.1 + late * 0.5e-3, abs=1.5e-3)
 
 
 @pytest.mark.parametrize("drive", [ss.Sawtooth(65.0, 20.0, periods=8), ss.Sine(30.0, 12.5, offset=40.0)])
