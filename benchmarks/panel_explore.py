@@ -97,7 +97,6 @@ def main() -> None:
                 page = browser.new_page(viewport={"width": 1280, "height": 720})
                 page.goto(f"{found[0]}#explore")
                 page.locator(".explore[data-curves]").wait_for(timeout=120_000)
-                page.locator("#readiness").wait_for(state="hidden", timeout=120_000)
                 rows, numbers = [], {}
                 for label in ("Amplitude", "Bristle stiffness", "Mass of the end-effector"):
                     before = processor_time()

@@ -1,4 +1,4 @@
-"""Slow, obvious versions of what the package compiles: the oracle of the tests.
+"""Slow, obvious versions of what the engine computes: the oracle of the tests.
 
 Written from the papers' equations with NumPy and SciPy, in the papers' own variables (forces where the
 package integrates deflections, say), and sharing no code with it. A law is used for its fields only.

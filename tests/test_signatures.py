@@ -293,7 +293,7 @@ def test_a_tolerance_that_says_nothing_is_refused() -> None:
                 call(given)
 
 
-# What counts in units that are given beside, or in those of its results; and what is made with the kernels.
+# What counts in units that are given beside, or in those of its results.
 COUNTS_OTHERWISE = (
     "estimate.",
     "calibration.cross_validation",

@@ -287,7 +287,7 @@ def _not_run_here(text: str, path: str = "") -> str:
 
 
 def _run(file: Path, path: str | os.PathLike[str], content: str) -> ModuleType:
-    # The name is the same in every process, and wherever the file is: compiled kernels are kept with it.
+    # The same name in every process, wherever the file is: records are pickled between processes by name.
     name = f"own_{file.stem}_{content[:8]}"
     if name in sys.modules:  # a copy, beside the original
         name += f"_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"

@@ -122,7 +122,7 @@ def test_a_campaign_that_is_interrupted_again_and_again(
     folder: Path, tmp_path: Path, finished: Counter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At random instants; what was finished is not repeated, and the result is that of one run."""
-    expected = numbers(run(folder, tmp_path / "whole"))  # compiles, too
+    expected = numbers(run(folder, tmp_path / "whole"))
     begun = time.perf_counter()
     assert numbers(run(folder, tmp_path / "again")) == expected
     lasts = time.perf_counter() - begun

@@ -21,7 +21,7 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect, sync_playwright
 
-PATIENCE = 300.0  # s for a server on a busy machine, the first one of which may compile
+PATIENCE = 300.0  # s for a server on a busy machine
 expect.set_options(timeout=1e3 * PATIENCE)
 CLIENT = "tester"  # who the page of a test is
 AS_CLIENT = f"sessionStorage.getItem('client') || sessionStorage.setItem('client', '{CLIENT}')"
@@ -39,14 +39,11 @@ NOTES = """
 
 
 class Panel:
-    """``stickslip panel`` on a folder; `url` once it is there. `kernels`: a folder for them other than the
-    user's; `said`, what the terminal showed besides the address."""
+    """``stickslip panel`` on a folder; `url` once it is there, `said`: what its terminal showed before."""
 
-    def __init__(self, folder: Path, *options: str, kernels: Path | None = None) -> None:
+    def __init__(self, folder: Path, *options: str) -> None:
         self.folder, self.options, self.port = folder, options, "0"
         self.environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-        if kernels is not None:
-            self.environment["STICKSLIP_CACHE_DIR"] = str(kernels)
         self.start()
 
     def start(self) -> None:
@@ -192,7 +189,7 @@ def fitted(page: Page, panel: Panel, act: Callable[[], object]) -> dict[str, Any
     with page.expect_response("**/api/identify/start") as answered:
         act()
     assert answered.value.ok, answered.value.text()
-    end = time.monotonic() + 2.0 * PATIENCE  # the first time on a machine compiles
+    end = time.monotonic() + PATIENCE
     with connected(panel) as asking:
         while (state := asking.get("/api/identify/state").json())["phase"] == "running":
             assert time.monotonic() < end, "the fit does not end"

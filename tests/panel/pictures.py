@@ -166,7 +166,6 @@ def main(names: list[str]) -> None:
                     page = browser.new_page(viewport={"width": WIDE, "height": high})
                     page.set_default_timeout(SLOW)
                     page.goto(panel.url)
-                    expect(page.locator("#readiness")).to_be_hidden(timeout=SLOW)
                     steps(page)
                     page.wait_for_timeout(1500)
                     page.screenshot(path=FIGURES / f"panel-{name}.png")

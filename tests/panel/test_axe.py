@@ -14,11 +14,10 @@ import stickslip as ss
 import study_functions
 from stickslip.study import Grid, Own, Study
 
-from .conftest import PATIENCE, Panel
+from .conftest import Panel
 from .test_history_page import FIT, ONE, TWO, walk
 
 pytestmark = pytest.mark.browser
-SLOW = PATIENCE * 1e3  # ms
 AXE = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
 
 
@@ -89,7 +88,7 @@ def in_both_schemes(page: Page) -> list[str]:
 
 
 def bench(page: Page) -> Iterator[str]:
-    expect(page.locator("#start")).to_be_enabled(timeout=SLOW)
+    expect(page.locator("#start")).to_be_enabled()
     yield "as it opens"
     for name in ("Capture", "Sequence", "Statistics", "Variables", "Log"):
         page.get_by_role("tab", name=name).click()
@@ -101,7 +100,7 @@ def bench(page: Page) -> Iterator[str]:
     page.get_by_label("Rest after each").fill("1 h")
     page.get_by_role("button", name="Start the sequence").click()
     page.get_by_label("Values of variable 1 of run 1").wait_for()
-    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Done")
     expect(page.locator(".sequence-state")).to_contain_text("1 of 2")
     yield "a sequence that runs"
     page.locator("#stop").click()
@@ -139,7 +138,7 @@ def bench(page: Page) -> Iterator[str]:
 
 
 def identify(page: Page) -> Iterator[str]:
-    page.locator(".identify[data-phase=done]").wait_for(timeout=SLOW)
+    page.locator(".identify[data-phase=done]").wait_for()
     expect(page.get_by_label("The way on")).to_be_visible()
     yield "a fit and the way on"
     page.get_by_text("Notes on the recordings").click()
@@ -149,7 +148,7 @@ def identify(page: Page) -> Iterator[str]:
 
 
 def explore(page: Page) -> Iterator[str]:
-    page.locator(".explore[data-curves]").wait_for(timeout=SLOW)
+    page.locator(".explore[data-curves]").wait_for()
     yield "as it opens"
     page.get_by_role("button", name="Pin").click()
     page.locator(".explore-motion").get_by_role("button", name="Save as…").click()
@@ -164,15 +163,15 @@ def explore(page: Page) -> Iterator[str]:
 
 
 def design(page: Page) -> Iterator[str]:
-    page.locator(".design[data-old]").wait_for(timeout=SLOW)
+    page.locator(".design[data-old]").wait_for()
     yield "as it opens"
     page.get_by_role("button", name="Find the front").click()
-    page.locator(".design[data-front]").wait_for(timeout=SLOW)
+    page.locator(".design[data-front]").wait_for()
     page.locator("section.design-front .picture").focus()
     for _ in range(100):  # to its fastest drive
         page.keyboard.press("ArrowRight")
     page.get_by_role("button", name="What would this recording tell?").nth(1).click()
-    page.locator(".design-tells table").wait_for(timeout=SLOW)
+    page.locator(".design-tells table").wait_for()
     yield "a front, a drive of it, and what a recording would tell"
     page.get_by_label("Greatest voltage").first.fill("0 V")
     page.get_by_label("Greatest voltage").first.press("Enter")
@@ -181,17 +180,17 @@ def design(page: Page) -> Iterator[str]:
 
 
 def move(page: Page) -> Iterator[str]:
-    page.locator(".move-gains[data-answers]").wait_for(timeout=SLOW)
+    page.locator(".move-gains[data-answers]").wait_for()
     yield "as it opens"
     page.get_by_role("button", name="Go", exact=True).click()
-    expect(page.locator("#move-phase")).to_have_attribute("data-settled", "true", timeout=SLOW)
+    expect(page.locator("#move-phase")).to_have_attribute("data-settled", "true")
     page.get_by_label("Scan range").fill("1 m")
     page.get_by_label("Scan range").press("Enter")
     page.get_by_role("button", name="Scan", exact=True).click()
     expect(page.locator("#move-fault")).not_to_be_empty()
     yield "holding, a scan refused"
     page.get_by_role("button", name="Let go").click()
-    expect(page.locator("#move-phase")).to_have_text("At rest: the output is at 0 V", timeout=SLOW)
+    expect(page.locator("#move-phase")).to_have_text("At rest: the output is at 0 V")
     field = page.get_by_label("Bandwidth of the integral").first
     field.fill("900 Hz")
     field.press("Enter")
@@ -200,7 +199,7 @@ def move(page: Page) -> Iterator[str]:
 
 
 def history(page: Page) -> Iterator[str]:
-    page.locator("[data-run]").first.wait_for(timeout=SLOW)
+    page.locator("[data-run]").first.wait_for()
     yield "as it opens"
     page.locator(f"[data-run='{ONE}']").click()
     page.locator(".history-run .plot").wait_for()
@@ -230,11 +229,11 @@ def history(page: Page) -> Iterator[str]:
 
 
 def studies(page: Page) -> Iterator[str]:
-    page.locator("[data-study='map.zarr']").click(timeout=SLOW)
-    page.locator(".history-right[data-pictures]").wait_for(timeout=SLOW)
+    page.locator("[data-study='map.zarr']").click()
+    page.locator(".history-right[data-pictures]").wait_for()
     yield "a study and its picture"
     page.locator("[data-study='broken.zarr']").click()
-    page.locator(".history-run [role=status].fault").wait_for(timeout=SLOW)
+    page.locator(".history-run [role=status].fault").wait_for()
     yield "one that cannot be read"
 
 
@@ -266,7 +265,7 @@ def test_it_finds_what_is_wrong_in_the_dark_only(lab: Panel, page: Page) -> None
     style = "@media (prefers-color-scheme: dark) { h2, label { color: #333 !important; background: #222 } }"
     page.evaluate("document.adoptedStyleSheets.push(new CSSStyleSheet()), 0")
     page.evaluate("text => document.adoptedStyleSheets.at(-1).replaceSync(text)", style)
-    expect(page.locator("label").first).to_be_visible(timeout=SLOW)
+    expect(page.locator("label").first).to_be_visible()
     found = in_both_schemes(page)
     assert found
     assert all(one.startswith("dark: color-contrast") for one in found)

@@ -78,16 +78,6 @@ def test_a_refusal_moves_nothing(page: Page, panel: Panel) -> None:
         expect(page.get_by_label("Length", exact=True)).to_be_focused()
     noticed(page, "Length: a number in s, such as 50 ms")
     page.keyboard.press("Control+z")
-    # What is got ready is read whole, however narrow the header.
-    assert page.evaluate(
-        """() => {
-          const line = document.querySelector("#readiness");
-          [line.hidden, line.textContent] = [false, "Getting ready: the rig, LuGre friction, the step map …"];
-          const whole = line.scrollWidth <= line.clientWidth;
-          line.hidden = true;
-          return whole;
-        }"""
-    )
 
 
 def test_after_a_run_tiles_legend_and_clock_say_what_is(page: Page, panel: Panel) -> None:
@@ -183,7 +173,7 @@ def test_every_page_has_one_heading_and_says_what_comes(page: Page, panel: Panel
     page.goto(f"{panel.url}#{name}")
     wait = {"bench": "#start", "identify": ".identify[data-phase]", "explore": ".explore[data-curves]"}
     wait |= {"history": ".history", "design": ".design[data-old]"}
-    page.locator(wait[name]).wait_for(timeout=PATIENCE * 1e3)
+    page.locator(wait[name]).wait_for()
     expect(page.locator("h1")).to_have_count(1)
     levels = page.evaluate(
         "[...document.querySelectorAll('h1, h2, h3')].map((one) => Number(one.tagName[1]))"

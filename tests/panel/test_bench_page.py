@@ -19,14 +19,13 @@ pytestmark = pytest.mark.browser
 STATIC = Path(stickslip.__file__).parent / "panel" / "static"
 UNUSED = 3  # a licence, the notebook's module, the page itself, which is fetched as /
 SHOTS = Path(__file__).resolve().parents[2] / "out" / "panel-screenshots"
-SLOW = PATIENCE * 1e3  # ms
 
 
 def opened(page: Page, panel: Panel) -> Page:
     """The Bench page, in control and ready."""
     page.goto(panel.url)
     expect(page.locator("#connection")).to_have_text("connected")
-    expect(page.locator("#phase")).to_have_text(re.compile("Ready|Done|Stopped|Failed"), timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text(re.compile("Ready|Done|Stopped|Failed"))
     control = page.locator("#control")
     expect(control).to_have_text(re.compile("Take control|In control"))
     if control.inner_text() == "Take control":
@@ -45,8 +44,8 @@ def press(page: Page, button: str, phase: str) -> None:
     shown = page.locator("#phase")
     number = run_number(page)
     page.click(button)
-    expect(shown).to_have_attribute("data-number", str(number + 1), timeout=SLOW)
-    expect(shown).to_have_text(phase, timeout=SLOW)
+    expect(shown).to_have_attribute("data-number", str(number + 1))
+    expect(shown).to_have_text(phase)
 
 
 def run(page: Page, name: str) -> None:
@@ -94,12 +93,12 @@ def test_a_newcomer_presses_start_and_sees_a_walk(page: Page, panel: Panel) -> N
     end.keep()
     page.goto(panel.url)
     page.click("#start")  # nothing else: control comes with it
-    expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Running")
     draws(page)  # a line grows while it runs
     shot(page, "bench-running")
     expect(page.locator("#phase")).to_have_text("Running")
     end.let_go()
-    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Done")
     expect(page.locator("#tab-recordings li")).to_have_count(1)
     assert reading(page, "Drive") == pytest.approx(0.0, abs=0.3)
     shot(page, "bench-light")
@@ -205,7 +204,7 @@ def test_emergency_stop_by_key_ramps_at_the_next_block(page: Page, panel: Panel)
         page.wait_for_timeout(300)
         events.clear()
         page.keyboard.press("Escape")
-        expect(page.locator("#phase")).to_have_text("Stopped", timeout=SLOW)
+        expect(page.locator("#phase")).to_have_text("Stopped")
     page.get_by_role("tab", name="Log").click()
     expect(page.locator("#tab-log li", has_text="ramp to 0 V began").first).to_contain_text("emergency stop")
     told = [event for event in events if event and "beat" not in event]
@@ -234,7 +233,7 @@ def test_stop_and_emergency_button_and_home(page: Page, panel: Panel) -> None:
             page.select_option("#run-choice", "forward")
             press(page, "#start", "Running")
             page.click(button)
-            expect(page.locator("#phase")).to_have_text("Stopped", timeout=SLOW)
+            expect(page.locator("#phase")).to_have_text("Stopped")
     run(page, "forward")
     expect(page.get_by_role("article", name="Position")).not_to_contain_text("before the ramp")
     away = reading(page, "Position")
@@ -261,11 +260,11 @@ def test_a_second_page_sees_the_same_and_takes_control_over(
     page.select_option("#run-choice", "forward")
     end.keep()
     page.click("#start")
-    expect(other.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    expect(other.locator("#phase")).to_have_text("Running")
     expect(other.locator("#halt")).to_be_enabled()
     expect(other.get_by_text("Another page is in control")).to_be_visible()
     end.let_go()
-    expect(other.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(other.locator("#phase")).to_have_text("Done")
     draws(other)
     other.click("#control")
     expect(page.locator("#control")).to_have_text("Hand over control")
@@ -287,9 +286,9 @@ def test_a_run_goes_on_when_the_page_closes(page: Page, panel: Panel, browser: B
         press(first, "#start", "Running")
         context.close()
         page.goto(panel.url)
-        expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+        expect(page.locator("#phase")).to_have_text("Running")
         page.click("#stop")
-        expect(page.locator("#phase")).to_have_text("Stopped", timeout=SLOW)
+        expect(page.locator("#phase")).to_have_text("Stopped")
     before = len(list((panel.folder / "recordings").rglob("*.nc")))
     context = browser.new_context()
     context.add_init_script(AS_CLIENT)
@@ -297,10 +296,10 @@ def test_a_run_goes_on_when_the_page_closes(page: Page, panel: Panel, browser: B
     number = run_number(first)
     first.select_option("#run-choice", "walk")
     first.click("#start")
-    expect(first.locator("#phase")).to_have_attribute("data-number", str(number + 1), timeout=SLOW)
+    expect(first.locator("#phase")).to_have_attribute("data-number", str(number + 1))
     context.close()
     page.goto(panel.url)
-    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Done")
     draws(page)  # what went before is shown too
     assert len(list((panel.folder / "recordings").rglob("*.nc"))) == before + 1
 
@@ -314,7 +313,7 @@ def test_the_page_comes_back_after_the_server_was_killed(page: Page, panel: Pane
     page.click("text=Explore")  # which has never been fetched
     noticed(page, "does not answer")
     panel.start()
-    expect(page.locator("#connection")).to_have_text("connected", timeout=SLOW)
+    expect(page.locator("#connection")).to_have_text("connected")
     expect(page.locator(".explore")).to_be_visible()
     page.click("text=Bench")
     noticed(page, "Connected again")

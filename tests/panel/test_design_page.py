@@ -11,18 +11,16 @@ from playwright.sync_api import Page, expect
 import stickslip as ss
 from stickslip import design
 
-from .conftest import PATIENCE, Panel
+from .conftest import Panel
 
 pytestmark = pytest.mark.browser
-SLOW = PATIENCE * 1e3  # ms
 ACTUATOR = ss.load_actuator("kang2007")
 
 
 @pytest.fixture
 def opened(panel: Panel, page: Page) -> Page:
-    page.set_default_timeout(SLOW)
     page.goto(f"{panel.url}#design")
-    page.locator(".design[data-old]").wait_for(timeout=SLOW)
+    page.locator(".design[data-old]").wait_for()
     return page
 
 
@@ -59,12 +57,12 @@ def test_sliders_move_the_map(opened: Page) -> None:
     field = opened.get_by_label("Load").first
     field.fill("-50 mN")
     field.press("Enter")
-    expect(opened.locator(".design")).to_have_attribute("data-maps", re.compile("[2-9]"), timeout=SLOW)
+    expect(opened.locator(".design")).to_have_attribute("data-maps", re.compile("[2-9]"))
     assert in_micro(shown(opened, "Net step")) < in_micro(before)
     field = opened.get_by_label("Greatest voltage").first
     field.fill("50 V")
     field.press("Enter")
-    expect(opened.locator(".design-map dd").first).to_have_text(re.compile(r"^3\d"), timeout=SLOW)
+    expect(opened.locator(".design-map dd").first).to_have_text(re.compile(r"^3\d"))
     # What is out of range is said at its field, and no search begins with what held before.
     for name, text, said in [
         ("Greatest voltage", "-1 V", "must be > 0"),
@@ -91,7 +89,7 @@ def test_from_a_search_to_the_bench(panel: Panel, opened: Page) -> None:
         opened.get_by_label(name).first.fill(value)
         opened.get_by_label(name).first.press("Enter")
     opened.get_by_role("button", name="Find the fastest drive").click()
-    opened.locator(".design-results table").wait_for(timeout=SLOW)
+    opened.locator(".design-results table").wait_for()
     forces = [design.Scenario(name, external_force=f) for name, f in (("-0.1 N", -0.1), ("+0.1 N", 0.1))]
     found = ss.optimise_waveform(ACTUATOR, goal="speed", knots=8, max_voltage=100.0, scenarios=forces)
     rows = opened.locator(".design-results tbody tr")
@@ -104,12 +102,12 @@ def test_from_a_search_to_the_bench(panel: Panel, opened: Page) -> None:
     assert opened.locator(".design-fresh canvas").count() > 0
 
     opened.get_by_role("button", name="What would this recording tell?").nth(1).click()
-    expect(opened.locator(".design-tells tbody tr")).to_have_count(5, timeout=SLOW)
+    expect(opened.locator(".design-tells tbody tr")).to_have_count(5)
     opened.get_by_role("button", name="Send to the bench").nth(1).click()
     opened.get_by_role("link", name="to the bench").click()
-    expect(opened.locator("#start")).to_be_enabled(timeout=SLOW)
+    expect(opened.locator("#start")).to_be_enabled()
     opened.locator("#start").click()
-    expect(opened.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(opened.locator("#phase")).to_have_text("Done")
     walked = [ss.open_recording(path) for path in panel.folder.rglob("designed*.nc")]
     assert len(walked) == 1
     assert walked[0].end_effector_position.values[-50:].mean() > 0.2e-3, "faster than 2 mm/s for 0.1 s"
@@ -117,7 +115,7 @@ def test_from_a_search_to_the_bench(panel: Panel, opened: Page) -> None:
 
 def test_a_point_of_the_front(opened: Page) -> None:
     opened.get_by_role("button", name="Find the front").click()
-    opened.locator(".design[data-front]").wait_for(timeout=SLOW)
+    opened.locator(".design[data-front]").wait_for()
     opened.locator("section.design-front .picture").focus()
     opened.keyboard.press("ArrowRight")
     expect(opened.locator(".design-fresh h2")).to_have_text("Drive 1 of the front")
@@ -127,7 +125,7 @@ def test_a_point_of_the_front(opened: Page) -> None:
     count = opened.locator(".design").get_attribute("data-front")
     expect(opened.locator(".design-fresh h2")).to_have_text(f"Drive {count} of the front")
     opened.evaluate("location.hash = '#explore'")
-    opened.locator(".explore[data-curves]").wait_for(timeout=SLOW)
+    opened.locator(".explore[data-curves]").wait_for()
     opened.evaluate("location.hash = '#design'")
-    opened.locator(".design[data-front]").wait_for(timeout=SLOW)
+    opened.locator(".design[data-front]").wait_for()
     assert opened.locator(".design").get_attribute("data-front") == count, "kept meanwhile"

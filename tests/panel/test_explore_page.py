@@ -11,17 +11,16 @@ from playwright.sync_api import Browser, Locator, Page, Route, expect
 
 import stickslip as ss
 
-from .conftest import PATIENCE, Panel, until
+from .conftest import Panel, until
 
 pytestmark = pytest.mark.browser
-LONG = 1e3 * PATIENCE  # ms: the first simulation on a machine compiles it
 
 
 @pytest.fixture
 def explore(panel: Panel, page: Page) -> Page:
     """The page as it begins, everything drawn."""
     page.goto(f"{panel.url}#explore")
-    page.locator(".explore[data-curves][data-drawn]").wait_for(timeout=LONG)
+    page.locator(".explore[data-curves][data-drawn]").wait_for()
     return page
 
 
@@ -200,7 +199,7 @@ def test_another_law_and_another_waveform(explore: Page) -> None:
     expect(slider(explore, "Bristle stiffness")).to_have_count(0)
     explore.get_by_label("Waveform").select_option("ReverseSawtooth")
     expect(slider(explore, "Fall fraction")).to_be_visible()
-    expect(shown(explore, "Steady step")).to_contain_text("-", timeout=LONG)
+    expect(shown(explore, "Steady step")).to_contain_text("-")
     explore.get_by_label("Waveform").select_option("Step")
     expect(shown(explore, "Steady step")).to_have_text("–")
     explore.keyboard.press("Control+z")
@@ -225,7 +224,7 @@ def test_pins_compare_and_the_link_holds_everything(explore: Page, browser: Brow
     there = shown(explore, "Net displacement").inner_text()
     other = browser.new_page()
     other.goto(explore.url)
-    expect(shown(other, "Net displacement")).to_have_text(there, timeout=LONG)
+    expect(shown(other, "Net displacement")).to_have_text(there)
     expect(field(other, "Coulomb friction")).to_have_value("800 mN")
     expect(field(other, "Stiction")).to_have_value("800 mN")
     expect(other.locator(".chip")).to_contain_text("A: F_C = 800 mN")
@@ -252,7 +251,7 @@ def test_the_python_lines_give_what_is_shown(explore: Page) -> None:
 
 def test_a_damaged_link_still_opens(panel: Panel, page: Page) -> None:
     page.goto(f"{panel.url}#explore?set=nonsense&law=Magic&f.sigma_0=abc&w.amplitude=70&pin=x&pin=%0A%0A")
-    page.locator(".explore[data-curves]").wait_for(timeout=LONG)
+    page.locator(".explore[data-curves]").wait_for()
     expect(field(page, "Amplitude")).to_have_value("70 V")
     expect(field(page, "Bristle stiffness")).to_have_value("1.399 MN/m")
 
@@ -273,7 +272,7 @@ def test_looks(
     context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
     page = context.new_page()
     page.goto(f"{panel.url}#explore")
-    page.locator(".explore[data-curves]").wait_for(timeout=LONG)
+    page.locator(".explore[data-curves]").wait_for()
     page.wait_for_timeout(300)
     page.screenshot(path=str(tmp_path / f"explore-{name}.png"), full_page=True)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "nothing sticks out"

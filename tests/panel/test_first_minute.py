@@ -15,7 +15,6 @@ import stickslip as ss
 from .conftest import PATIENCE, Panel, fitted, run_number
 
 pytestmark = pytest.mark.browser
-SLOW = 2e3 * PATIENCE  # ms: the first time on a machine compiles
 
 
 def identified(page: Page, panel: Panel) -> dict[str, Any]:
@@ -32,15 +31,20 @@ def walked(page: Page, run: str) -> None:
     page.select_option("#run-choice", run)
     number = run_number(page)
     page.click("#start")
-    expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1), timeout=SLOW)
-    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1))
+    expect(page.locator("#phase")).to_have_text("Done")
 
 
 def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: Panel) -> None:
+    assert panel.said == []
     page.goto(panel.url)
     page.click("#start")
-    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Done")
+    page.click("text=Identify")
+    expect(page.locator(".identify")).to_have_attribute("data-phase", "none")
+    expect(page.locator(".identify-canvas")).to_be_hidden()  # no axes of nothing
     first = identified(page, panel)
+    expect(page.locator(".identify-canvas")).to_be_visible()
     # What the recording says of the rig is what the fit starts with, and it converges.
     assert first["fit"]["converged"]
     assert first["request"]["model"]["stage_reaction"] is False
@@ -54,8 +58,6 @@ def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: 
     assert found["sigma_0"]["value"] == pytest.approx(truth["sigma_0"], rel=0.15)
     assert found["coulomb_force"]["value"] == pytest.approx(0.967 * truth["coulomb_force"], rel=0.06)
     assert found["sigma_0"]["interval"][1] < 1.5 * found["sigma_0"]["interval"][0]
-    # What is prepared in the background is announced until it is there.
-    expect(page.locator("#readiness")).to_be_hidden(timeout=SLOW)
 
     # With a clamped step the stage is fitted first, as a campaign does it.
     walked(page, "step")
@@ -80,11 +82,9 @@ def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: 
     panel.kill()
     expect(page.locator("#connection")).to_have_text("connection lost")
     panel.start()
-    expect(page.locator("#connection")).to_have_text("connected", timeout=SLOW)
+    expect(page.locator("#connection")).to_have_text("connected")
     expect(page.locator(".identify")).to_have_attribute("data-phase", "done")
     page.reload()
-    expect(page.locator(".identify-results")).to_contain_text(
-        "The stage, from the clamped steps", timeout=SLOW
-    )
+    expect(page.locator(".identify-results")).to_contain_text("The stage, from the clamped steps")
     assert page.locator(".identify-results").inner_text() == shown
     assert httpx.get(f"{panel.url}api/identify/state", timeout=PATIENCE).json()["frames"]

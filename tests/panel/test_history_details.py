@@ -14,12 +14,11 @@ from playwright.sync_api import Page, expect
 from stickslip.history import note_act
 from stickslip.recording import make_recording, save_recording
 
-from .conftest import PATIENCE, Panel
+from .conftest import Panel
 from .test_history_page import walk
 from .test_upload import CUT, GERMAN
 
 pytestmark = pytest.mark.browser
-SLOW = PATIENCE * 1e3  # ms
 ONE, TWO = "recordings/one.nc", "recordings/two.nc"
 CAPTURE = json.dumps({"pre_trigger": 0.1, "trigger": {"signal": "drive_voltage", "level": 1.0}})
 
@@ -55,7 +54,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
 
 def opened(page: Page, lab: Panel, *names: str) -> Page:
     page.goto(f"{lab.url}#history?{'&'.join(f'run={name}' for name in names)}")
-    page.locator(".history-run").wait_for(timeout=SLOW)
+    page.locator(".history-run").wait_for()
     return page
 
 

@@ -14,12 +14,11 @@ import stickslip as ss
 from stickslip.history import Index, note_act, read_acts
 from stickslip.recording import make_recording, open_recording, save_recording
 
-from .conftest import PATIENCE, Panel
+from .conftest import Panel
 
 from damaged import hanging  # isort: skip
 
 pytestmark = pytest.mark.browser
-SLOW = PATIENCE * 1e3  # ms
 
 
 def walk(folder: Path, name: str, volts: float, before: float = 0.0, **attrs: str) -> None:
@@ -66,7 +65,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
 @pytest.fixture
 def history(page: Page, lab: Panel) -> Page:
     page.goto(f"{lab.url}#history")
-    page.locator("[data-run]").first.wait_for(timeout=SLOW)
+    page.locator("[data-run]").first.wait_for()
     return page
 
 
@@ -248,7 +247,7 @@ def test_a_damaged_upload_is_refused_and_the_page_lives(history: Page, lab: Pane
     history.get_by_role("button", name="Take in a file").click()
     for path in (broken, damaged):
         history.set_input_files("#upload-file", path)
-        expect(history.locator("dialog .fault")).to_contain_text(path.name, timeout=SLOW)
+        expect(history.locator("dialog .fault")).to_contain_text(path.name)
     assert not list((lab.folder / ".uploads").glob("*"))
 
 
@@ -257,7 +256,7 @@ def test_looks(lab: Panel, browser: Browser, tmp_path: Path, name: str, width: i
     context = browser.new_context(viewport={"width": width, "height": 850}, color_scheme=scheme)  # type: ignore[arg-type]
     page = context.new_page()
     page.goto(f"{lab.url}#history?run={ONE}")
-    page.locator(".history-run .plot").wait_for(timeout=SLOW)
+    page.locator(".history-run .plot").wait_for()
     page.screenshot(path=str(tmp_path / f"history-{name}.png"), full_page=True)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "nothing sticks out"
     context.close()

@@ -13,11 +13,10 @@ from playwright.sync_api import Page, expect
 import stickslip as ss
 from stickslip.panel.fitting import SHOWN, _thin
 
-from .conftest import PATIENCE, Panel
+from .conftest import Panel
 from .test_identify_page import save_walk
 
 pytestmark = pytest.mark.browser
-SLOW = PATIENCE * 1e3  # ms
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +41,8 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
 
 def test_of_the_benchs_recordings_the_newest_is_ticked_and_no_upload(page: Page, lab: Panel) -> None:
     page.goto(f"{lab.url}#identify")
-    expect(page.locator(".identify-list tbody tr")).to_have_count(2, timeout=SLOW)
-    expect(page.locator(".identify-list tbody tr").first).to_contain_text("own", timeout=SLOW)
+    expect(page.locator(".identify-list tbody tr")).to_have_count(2)
+    expect(page.locator(".identify-list tbody tr").first).to_contain_text("own")
     expect(page.get_by_label("Fit walk.nc")).to_be_checked()
     expect(page.get_by_label("Fit uploads/own.nc")).not_to_be_checked()
     slew = page.get_by_label("Slew rate")
@@ -59,7 +58,7 @@ def test_of_the_benchs_recordings_the_newest_is_ticked_and_no_upload(page: Page,
 
 def test_a_link_ticks_what_it_names(page: Page, lab: Panel) -> None:
     page.goto(f"{lab.url}#identify?recording=uploads/own.nc")
-    expect(page.get_by_label("Fit uploads/own.nc")).to_be_checked(timeout=SLOW)
+    expect(page.get_by_label("Fit uploads/own.nc")).to_be_checked()
     expect(page.get_by_label("Fit walk.nc")).not_to_be_checked()
 
 

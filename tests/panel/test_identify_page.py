@@ -22,7 +22,6 @@ from .conftest import PATIENCE, Panel, fitted
 from .test_exit import children
 
 pytestmark = pytest.mark.browser
-LONG = 2e3 * PATIENCE  # ms: the first fit on a machine compiles
 TRUTH = {"sigma_0": 1.1e6, "coulomb_force": 0.62}
 NOISE = 5e-9  # m
 SHARE = 0.02  # relative standard uncertainty of the sensor's scale
@@ -62,7 +61,7 @@ def identify(recorded: Panel, page: Page) -> Page:
     """The page, no fit running."""
     httpx.post(f"{recorded.url}api/identify/cancel", json={}, timeout=PATIENCE)
     page.goto(f"{recorded.url}#identify")
-    page.locator(".identify[data-phase]").wait_for(timeout=LONG)
+    page.locator(".identify[data-phase]").wait_for()
     untick(page, ".identify-list")
     return page
 
@@ -75,7 +74,7 @@ def untick(page: Page, where: str) -> None:
 
 
 def phase(page: Page, name: str) -> None:
-    expect(page.locator(".identify")).to_have_attribute("data-phase", name, timeout=LONG)
+    expect(page.locator(".identify")).to_have_attribute("data-phase", name)
 
 
 def drawn(page: Page) -> int:
@@ -144,7 +143,7 @@ def test_a_fit_from_start_to_report(
     expect(identify.locator(".identify-results table").first).to_contain_text("Coulomb friction")
     expect(identify.get_by_label("Fit walk_65V.nc")).to_be_checked()
     identify.get_by_role("link", name="Explore this model").click()
-    identify.locator(".explore[data-curves]").wait_for(timeout=LONG)
+    identify.locator(".explore[data-curves]").wait_for()
     stiffness = identify.locator(".slider", has=identify.get_by_role("slider", name="Bristle stiffness"))
     expect(stiffness.locator("input[type=text]")).to_have_value(re.compile(r"1\.[01]\d+ MN/m"))
 
@@ -160,12 +159,12 @@ def test_the_page_is_there_while_files_are_read(identify: Page) -> None:
     second.on("pageerror", lambda error: errors.append(str(error)))
     second.route("**/traces/recordings", lambda route: (time.sleep(2.0), route.continue_())[1])
     second.goto(identify.url)
-    second.locator(".identify-canvas[data-drawn]").wait_for(timeout=LONG)
+    second.locator(".identify-canvas[data-drawn]").wait_for()
     second.close()
     assert not errors
     held[0].continue_()
-    expect(identify.locator(".identify-list")).to_contain_text("walk_65V", timeout=LONG)
-    identify.locator(".identify[data-phase]").wait_for(timeout=LONG)
+    expect(identify.locator(".identify-list")).to_contain_text("walk_65V")
+    identify.locator(".identify[data-phase]").wait_for()
 
 
 def test_curves_that_come_before_the_answer_are_drawn(identify: Page, recorded: Panel) -> None:
@@ -173,14 +172,14 @@ def test_curves_that_come_before_the_answer_are_drawn(identify: Page, recorded: 
 
     def late(route: Route) -> None:
         answer = route.fetch()
-        end = time.monotonic() + LONG / 1e3
+        end = time.monotonic() + PATIENCE
         while httpx.get(f"{recorded.url}api/identify/state", timeout=PATIENCE).json()["phase"] == "running":
             assert time.monotonic() < end
             time.sleep(0.1)
         route.fulfill(response=answer)
 
     identify.route("**/api/identify/start", late)
-    with identify.expect_response("**/api/identify/start", timeout=LONG):
+    with identify.expect_response("**/api/identify/start"):
         start(identify)
     phase(identify, "done")
     expect(identify.locator(".identify-canvas")).not_to_have_class(re.compile("empty"))
@@ -191,7 +190,7 @@ def test_curves_that_come_before_the_answer_are_drawn(identify: Page, recorded: 
 def test_a_fit_goes_on_when_the_page_closes(recorded: Panel, browser: Browser) -> None:
     page = browser.new_page()
     page.goto(f"{recorded.url}#identify")
-    page.locator(".identify[data-phase]").wait_for(timeout=LONG)
+    page.locator(".identify[data-phase]").wait_for()
     with page.expect_response("**/api/identify/start"):
         start(page)
     page.close()
@@ -304,7 +303,7 @@ def test_looks(recorded: Panel, browser: Browser, tmp_path: Path, name: str, wid
     context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
     page = context.new_page()
     page.goto(f"{recorded.url}#identify")
-    page.locator(".identify[data-phase]").wait_for(timeout=LONG)
+    page.locator(".identify[data-phase]").wait_for()
     page.wait_for_timeout(500)
     page.screenshot(path=str(tmp_path / f"identify-{name}.png"), full_page=True)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "nothing sticks out"

@@ -17,7 +17,6 @@ from stickslip import open_recording
 from .conftest import CLIENT, PATIENCE, Panel, passing
 
 pytestmark = pytest.mark.browser
-SLOW = PATIENCE * 1e3  # ms
 
 
 def patient(panel: Panel) -> None:
@@ -38,9 +37,8 @@ def panel(panel: Panel) -> Panel:
 
 @pytest.fixture
 def opened(panel: Panel, page: Page) -> Page:
-    page.set_default_timeout(SLOW)
     page.goto(f"{panel.url}#move")
-    page.locator(".move-gains[data-answers]").wait_for(timeout=SLOW)
+    page.locator(".move-gains[data-answers]").wait_for()
     return page
 
 
@@ -55,7 +53,7 @@ def press(page: Page, name: str) -> None:
 
 
 def settled(page: Page, words: str = "Holding by the piezo: there") -> None:
-    expect(page.locator("#move-phase")).to_have_text(words, timeout=SLOW)
+    expect(page.locator("#move-phase")).to_have_text(words)
 
 
 def at_rest(page: Page) -> None:
@@ -197,5 +195,5 @@ def test_kill_9_in_mid_move(panel: Panel, opened: Page) -> None:
     assert "killed" in made.attrs["outcome"]
     assert np.all(np.isfinite(made["end_effector_position"].values))
     assert made["target_position"].values.max() == pytest.approx(900e-6)
-    opened.locator(".move-gains[data-answers]").wait_for(timeout=SLOW)
-    expect(opened.get_by_role("button", name="Go", exact=True)).to_be_enabled(timeout=SLOW)
+    opened.locator(".move-gains[data-answers]").wait_for()
+    expect(opened.get_by_role("button", name="Go", exact=True)).to_be_enabled()

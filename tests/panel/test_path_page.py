@@ -11,11 +11,10 @@ from playwright.sync_api import Page, expect
 import stickslip as ss
 from stickslip.history import read_acts
 
-from .conftest import PATIENCE, Panel
+from .conftest import Panel
 from .test_bench_page import opened, run
 
 pytestmark = pytest.mark.browser
-LONG = 2e3 * PATIENCE  # ms: the first fit on a machine compiles
 
 
 def links(folder: Path, name: str) -> dict[str, list[str]]:
@@ -26,9 +25,9 @@ def test_from_a_walk_to_a_verified_model(page: Page, panel: Panel) -> None:
     opened(page, panel)
     run(page, "forward")
     page.click("text=Identify")
-    page.locator(".identify[data-phase]").wait_for(timeout=LONG)
+    page.locator(".identify[data-phase]").wait_for()
     page.get_by_role("button", name="Start fit").click()
-    expect(page.locator(".identify")).to_have_attribute("data-phase", "done", timeout=LONG)
+    expect(page.locator(".identify")).to_have_attribute("data-phase", "done")
     fit = next(panel.folder.glob("fits/*")).relative_to(panel.folder).as_posix()
     walk = next(panel.folder.glob("recordings/*/forward.nc")).relative_to(panel.folder).as_posix()
 
@@ -50,7 +49,7 @@ def test_from_a_walk_to_a_verified_model(page: Page, panel: Panel) -> None:
     way.get_by_label("Amplitude").fill("55 V")
     way.get_by_label("Periods").fill("4")
     way.get_by_role("button", name="Predict").click()
-    expect(way.locator(".path-said")).to_contain_text("a period once it is steady", timeout=LONG)
+    expect(way.locator(".path-said")).to_contain_text("a period once it is steady")
     expect(way.locator(".plot-key")).to_have_count(3)
     (prediction,) = (path.relative_to(panel.folder).as_posix() for path in panel.folder.glob("predictions/*"))
     assert links(panel.folder, prediction) == {"parameters": ["parameters/brass.toml"]}
@@ -73,7 +72,7 @@ def test_from_a_walk_to_a_verified_model(page: Page, panel: Panel) -> None:
     expect(way.get_by_label("Recording to verify on")).to_have_value(made)
     expect(way.get_by_label("Recording to verify on").locator(f"option[value='{walk}']")).to_have_count(0)
     way.get_by_role("button", name="Verify").click()
-    expect(way.locator(".path-said")).to_contain_text("1 recording predicted, nothing fitted", timeout=LONG)
+    expect(way.locator(".path-said")).to_contain_text("1 recording predicted, nothing fitted")
     (verified,) = (path.relative_to(panel.folder).as_posix() for path in panel.folder.glob("verifications/*"))
     assert links(panel.folder, verified) == {"fit": [fit], "of": [made]}
     said = way.locator(".path-said").inner_text()

@@ -10,13 +10,12 @@ from playwright.sync_api import Page, expect
 import stickslip as ss
 from rotary.turning import RADIUS, SLIDES
 
-from .conftest import PATIENCE, Panel
+from .conftest import Panel
 from .test_explore_page import fault, field, shown, type_in
 from .test_move_page import at_rest, kept, press, put, settled
 from .turning import EXPERIMENT, SET, prepare
 
 pytestmark = pytest.mark.browser
-LONG = 1e3 * PATIENCE  # ms
 SIZES = {"nrad": 1e-9, "µrad": 1e-6, "mrad": 1e-3, "nm": 1e-9, "µm": 1e-6}
 
 
@@ -35,11 +34,10 @@ def number(text: str) -> float:
 
 
 def test_explore_says_rad_and_metres_again(turning: Panel, page: Page) -> None:
-    page.set_default_timeout(LONG)
     page.goto(f"{turning.url}#explore?set={SET}")
     page.locator(".explore[data-curves]").wait_for()
     expect(field(page, "Stroke per volt at rest")).to_have_value("8.80833333 µrad/V")
-    expect(shown(page, "Steady step")).to_contain_text("µrad", timeout=LONG)
+    expect(shown(page, "Steady step")).to_contain_text("µrad")
     step = ss.steady_step(SLIDES, ss.Sawtooth(65.0, 5.0))
     assert RADIUS * number(shown(page, "Steady step").inner_text()) == pytest.approx(step, rel=1e-3)
     type_in(page, "Bristle stiffness", "0.25 N m/mrad")
@@ -62,7 +60,6 @@ def test_explore_says_rad_and_metres_again(turning: Panel, page: Page) -> None:
 
 
 def test_design_begins_anew_in_the_units_of_the_set(turning: Panel, page: Page) -> None:
-    page.set_default_timeout(LONG)
     page.goto(f"{turning.url}#design")
     page.locator(".design[data-old]").wait_for()
     expect(field(page, "Spread of the load, ±")).to_have_value("100 mN")
@@ -76,7 +73,6 @@ def test_design_begins_anew_in_the_units_of_the_set(turning: Panel, page: Page) 
 
 
 def test_a_walk_is_recorded_and_an_angle_held(turning: Panel, page: Page) -> None:
-    page.set_default_timeout(LONG)
     page.goto(f"{turning.url}#bench")
     page.get_by_role("button", name="Load…").click()
     page.get_by_role("dialog").get_by_role("button", name=EXPERIMENT).click()

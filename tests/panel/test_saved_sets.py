@@ -17,7 +17,7 @@ from stickslip.piezo import BoucWen, Piezo
 
 from .conftest import PATIENCE, Panel, noticed
 from .serving import client_of
-from .test_identify_page import LONG, TRUTH, save_walk
+from .test_identify_page import TRUTH, save_walk
 
 BRASS, STEEL, BENT = (f"parameters/{name}.toml" for name in ("brass", "steel", "bent"))
 
@@ -47,7 +47,7 @@ def test_a_run_is_identified_from_its_page_and_with_a_saved_set(page: Page, lab:
     page.goto(f"{lab.url}#history")
     page.locator("[data-run='older.nc']").click()
     page.locator(".history-run").get_by_role("link", name="Identify").click()
-    page.locator(".identify[data-phase]").wait_for(timeout=LONG)
+    page.locator(".identify[data-phase]").wait_for()
     expect(page.get_by_label("Fit older.nc")).to_be_checked()
     expect(page.get_by_label("Fit newer.nc")).not_to_be_checked()
     page.goto(f"{lab.url}#identify?recording=gone.nc")
@@ -66,7 +66,7 @@ def test_a_run_is_identified_from_its_page_and_with_a_saved_set(page: Page, lab:
     expect(sets.locator(f"option[value='{STEEL}']")).to_have_count(1)
     expect(sets).to_have_value(BRASS)
     page.get_by_role("button", name="Start fit").click()
-    page.locator(".identify[data-phase=done]").wait_for(timeout=LONG)
+    page.locator(".identify[data-phase=done]").wait_for()
     state = httpx.get(f"{lab.url}api/identify/state", timeout=PATIENCE).json()
     assert (state["request"]["set"], state["request"]["recordings"]) == (BRASS, ["older.nc"])
     low, high = state["fit"]["parameters"]["sigma_0"]["interval"]
@@ -75,7 +75,7 @@ def test_a_run_is_identified_from_its_page_and_with_a_saved_set(page: Page, lab:
     (lab.folder / BRASS).unlink()  # a fit that began with it is shown all the same
     page.goto(f"{lab.url}#identify")
     page.reload()
-    page.locator(".identify[data-phase=done]").wait_for(timeout=LONG)
+    page.locator(".identify[data-phase=done]").wait_for()
     expect(page.get_by_role("textbox", name="Bristle stiffness")).to_have_value("1.1 MN/m")
     save_set(lab.folder, BRASS, **TRUTH, stiction_force=TRUTH["coulomb_force"])
 
@@ -85,7 +85,7 @@ def test_explore_begins_with_a_saved_set(page: Page, lab: Panel) -> None:
     page.goto(f"{lab.url}#explore")
     page.get_by_label("Parameter set").select_option(BRASS)
     expect(page.get_by_label("Bristle stiffness", exact=False).first).to_have_value("1.1 MN/m")
-    page.locator(".explore-numbers dd").first.wait_for(timeout=LONG)
+    page.locator(".explore-numbers dd").first.wait_for()
     page.reload()  # the link holds it
     expect(page.get_by_label("Parameter set")).to_have_value(BRASS)
 

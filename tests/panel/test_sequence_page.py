@@ -17,12 +17,11 @@ from stickslip.panel.folder import Folder
 from stickslip.panel.journal import Journal
 from stickslip.panel.statistics import Alarm, Statistics
 
-from .conftest import PATIENCE, Panel, endless, noticed, run_number
+from .conftest import Panel, endless, noticed, run_number
 from .test_bench_page import opened, press, run
 from .test_stream import Listening
 
 browser_test = pytest.mark.browser
-SLOW = PATIENCE * 1e3  # ms
 COLUMNS = [
     {"name": "drive_voltage", "unit": "V", "label": "drive"},
     {"name": "end_effector_position", "unit": "m", "label": "position"},
@@ -65,7 +64,7 @@ def test_a_sequence_runs_every_combination(page: Page, panel: Panel) -> None:
     )
     page.get_by_role("button", name="Start the sequence").click()
     state = page.locator(".sequence-state")
-    expect(state).to_have_text("Sequence done: 4 runs", timeout=SLOW)
+    expect(state).to_have_text("Sequence done: 4 runs")
     first = re.compile(r"1 of 4: step at step voltage 40 V · .* left")
     assert any(first.match(text) for text, _ in page.evaluate("window.shown"))
     assert all(disabled for text, disabled in page.evaluate("window.shown") if " of 4: " in text)
@@ -96,9 +95,9 @@ def test_a_stop_ends_the_sequence_too(page: Page, panel: Panel) -> None:
     # In the first run, or in the rest after it: the second would not begin for an hour.
     number = run_number(page)
     page.get_by_role("button", name="Start the sequence").click()
-    expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1), timeout=SLOW)
+    expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1))
     page.get_by_role("button", name="End after this run").click()
-    expect(state).to_contain_text("Sequence ended: ended after 1 of 3", timeout=SLOW)
+    expect(state).to_contain_text("Sequence ended: ended after 1 of 3")
     expect(page.locator("#phase")).to_have_text("Done")
     assert len(recordings(panel, "step")) == count + 2
 
@@ -110,11 +109,11 @@ def test_statistics_alarms_and_notes(page: Page, panel: Panel) -> None:
     tab(page, "Statistics")
     number = run_number(page)
     page.click("#start")
-    expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1), timeout=SLOW)
+    expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1))
     page.get_by_label("A note on this run").fill("somebody slammed the door")
     page.get_by_label("A note on this run").press("Enter")
     noticed(page, "with the recording")
-    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Done")
     rows = page.locator(".statistics tbody tr")
     expect(rows.filter(has_text="steps so far")).to_contain_text("6")
     page.get_by_label("A note on this run").fill("and opened it")

@@ -19,13 +19,12 @@ from stickslip.readers import process
 from stickslip.study import Grid, Own, Study, study_state
 from stickslip.study.sealing import sealed
 
-from .conftest import PATIENCE, Panel
+from .conftest import Panel
 from .serving import client_of
 from .test_stream import unpacked
 
 FILE = study_functions.__file__
 GRID = {"x": np.arange(20.0), "y": np.arange(12.0)}
-SLOW = PATIENCE * 1e3  # ms
 STUDY = """
 kind: study
 title: held squares
@@ -101,7 +100,7 @@ def studies(page: Page, lab: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[
     monkeypatch.setenv("STUDY_GATE", str(lab / "gate"))
     served = Panel(lab)
     page.goto(f"{served.url}#studies")
-    page.locator("[data-study]").first.wait_for(timeout=SLOW)
+    page.locator("[data-study]").first.wait_for()
     yield page
     served.end()
 
@@ -110,19 +109,17 @@ def studies(page: Page, lab: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[
 def test_begun_stopped_gone_on_with_and_looked_at(studies: Page, lab: Path) -> None:
     studies.get_by_role("button", name="Begin").click()
     name = "[data-study='held.zarr']"
-    studies.locator(f"li.shown {name}").wait_for(timeout=SLOW)
+    studies.locator(f"li.shown {name}").wait_for()
     stop, go_on = (studies.get_by_role("button", name=one, exact=True) for one in ("Stop", "Go on"))
-    studies.locator(".history-right[data-pictures]").wait_for(timeout=SLOW)  # while it grows
+    studies.locator(".history-right[data-pictures]").wait_for()  # while it grows
     stop.click()
-    expect(studies.locator(".history-run [role=status]").first).to_contain_text(
-        "stopped, as was asked", timeout=SLOW
-    )
+    expect(studies.locator(".history-run [role=status]").first).to_contain_text("stopped, as was asked")
     state = study_state(lab / "held.zarr")
     assert 0 < state.done < state.tasks
     expect(stop).to_be_disabled()
     (lab / "gate").touch()
     go_on.click()
-    expect(studies.locator(".history-right")).to_have_attribute("data-share", "1", timeout=SLOW)
+    expect(studies.locator(".history-right")).to_have_attribute("data-share", "1")
     expect(studies.locator(".history-run [role=status]").first).to_have_text("Complete.")
     expect(go_on).to_be_disabled()
     studies.get_by_label("In each cell").select_option("count")
@@ -131,4 +128,4 @@ def test_begun_stopped_gone_on_with_and_looked_at(studies: Page, lab: Path) -> N
     studies.keyboard.press("ArrowRight")
     expect(studies.locator(".studies-at")).to_have_text("x 0.5 to 1.5, y -0.5 to 0.5: 1")
     studies.locator("[data-study='endless.zarr']").click()
-    expect(studies.locator(".history-run [role=status].fault").first).to_be_visible(timeout=SLOW)
+    expect(studies.locator(".history-run [role=status].fault").first).to_be_visible()

@@ -10,10 +10,9 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, CDPSession, Page, Request, expect
 
-from .conftest import PATIENCE, Panel, until
+from .conftest import Panel, until
 
 pytestmark = pytest.mark.browser
-SLOW = PATIENCE * 1e3  # ms
 SMALLEST = 40  # px
 
 
@@ -26,8 +25,8 @@ def tablet(browser: Browser, panel: Panel) -> Iterator[Page]:
     page = context.new_page()
     page.goto(panel.url)
     page.locator("#start").tap()
-    expect(page.locator("#phase")).to_have_attribute("data-number", "1", timeout=SLOW)
-    expect(page.locator("#phase")).to_have_text("Done", timeout=2 * SLOW)
+    expect(page.locator("#phase")).to_have_attribute("data-number", "1")
+    expect(page.locator("#phase")).to_have_text("Done")
     yield page
     context.close()
 
@@ -105,7 +104,7 @@ def test_targets_are_as_large_as_a_finger(tablet: Page, panel: Panel, name: str)
     tablet.goto(f"{panel.url}#{name}")
     ready = {"bench": "#start", "identify": ".identify[data-phase]", "explore": ".explore[data-curves]"}
     ready |= {"history": ".history", "studies": ".studies", "design": ".design[data-old]"}
-    tablet.locator(ready[name]).wait_for(timeout=SLOW)
+    tablet.locator(ready[name]).wait_for()
     assert tablet.evaluate("matchMedia('(pointer: coarse)').matches")
     for summary in tablet.locator("details:not([open]) > summary").all():
         summary.tap()

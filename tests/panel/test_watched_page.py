@@ -21,7 +21,6 @@ from .serving import Link
 from .test_bench_page import drawn, draws
 
 pytestmark = pytest.mark.browser
-SLOW = PATIENCE * 1e3  # ms
 WATCHERS = 49  # and a page: 50
 # Everything that can have the focus, numbered; those that are reached by Tab say their number.
 FOCUSABLE = """() => [...document.querySelectorAll(
@@ -34,7 +33,7 @@ def ready(page: Page, url: str) -> None:
     """On the Bench page, nothing running, in control."""
     page.goto(url)
     expect(page.locator("#connection")).to_have_text("connected")
-    expect(page.locator("#phase")).to_have_text(re.compile("Ready|Done|Stopped|Failed"), timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text(re.compile("Ready|Done|Stopped|Failed"))
     control = page.locator("#control")
     expect(control).to_have_text(re.compile("Take control|In control"))
     if control.inner_text() == "Take control":
@@ -53,9 +52,9 @@ def test_an_experiment_without_a_mouse(page: Page, panel: Panel) -> None:
             page.keyboard.press("Tab")
         assert page.evaluate("document.activeElement.id") == focused
         page.keyboard.press(key)
-    expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1), timeout=SLOW)
+    expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1))
     expect(page.locator("#run-choice")).to_have_value("forward")
-    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Done")
     page.get_by_role("button", name="Save…").focus()
     page.keyboard.press("Enter")
     dialog = page.get_by_role("dialog", name="Save the experiment")
@@ -67,13 +66,13 @@ def test_an_experiment_without_a_mouse(page: Page, panel: Panel) -> None:
 
 def test_escape_closes_a_dialog_and_stops_only_where_none_is_open(page: Page, panel: Panel) -> None:
     page.goto(panel.url)
-    expect(page.locator("#start")).to_be_enabled(timeout=SLOW)
+    expect(page.locator("#start")).to_be_enabled()
     page.select_option("#run-choice", "walk")
     number = run_number(page)
     with endless(panel, "walk"):
         page.click("#start")
-        expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1), timeout=SLOW)
-        expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+        expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1))
+        expect(page.locator("#phase")).to_have_text("Running")
         page.get_by_role("button", name="Save…").click()
         expect(page.get_by_role("dialog")).to_be_visible()
         page.keyboard.press("Escape")
@@ -81,7 +80,7 @@ def test_escape_closes_a_dialog_and_stops_only_where_none_is_open(page: Page, pa
         page.wait_for_timeout(200)
         expect(page.locator("#phase")).to_have_text("Running")
         page.keyboard.press("Escape")
-        expect(page.locator("#phase")).to_have_text("Stopped", timeout=SLOW)
+        expect(page.locator("#phase")).to_have_text("Stopped")
 
 
 @pytest.mark.parametrize("name", ["bench", "identify", "explore", "history"])
@@ -93,7 +92,7 @@ def test_tab_reaches_everything_and_everything_has_a_name(page: Page, panel: Pan
         "history": ".history",
     }
     page.goto(f"{panel.url}#{name}")
-    page.locator(wait[name]).wait_for(timeout=SLOW)
+    page.locator(wait[name]).wait_for()
     page.wait_for_load_state("networkidle")
     page.wait_for_timeout(300)
     names = page.evaluate(FOCUSABLE)
@@ -120,7 +119,7 @@ def test_a_page_that_is_left_early_fills_no_other(page: Page, panel: Panel) -> N
     expect(page.locator("#connection")).to_have_text("connected")
     until(page, "performance.getEntriesByType('resource').some((one) => one.name.endsWith('identify.css'))")
     page.click("text=Explore")
-    page.locator(".explore[data-curves]").wait_for(timeout=SLOW)
+    page.locator(".explore[data-curves]").wait_for()
     end = time.monotonic() + PATIENCE
     while not held:
         assert time.monotonic() < end
@@ -172,7 +171,7 @@ def test_fifty_watch_one_run(page: Page, panel: Panel) -> None:
     page.select_option("#run-choice", "walk")
     page.click("#start")
     expect(page.locator("#phase")).not_to_have_attribute("data-number", str(number))
-    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Done")
     crowd.join(PATIENCE)
     assert len(counts) == WATCHERS
     assert len(set(counts)) == 1, "all see the same"
@@ -186,7 +185,7 @@ def test_what_happened_while_the_network_was_lost_is_shown(page: Page, panel: Pa
     page.select_option("#run-choice", "walk")
     number = run_number(page)
     page.click("#start")
-    expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1), timeout=SLOW)
+    expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1))
     link.cut()
     expect(page.locator("#connection")).to_have_text("connection lost")
     with connected(panel) as direct:  # the run goes on
@@ -198,13 +197,13 @@ def test_what_happened_while_the_network_was_lost_is_shown(page: Page, panel: Pa
     link.mend()
     expect(page.locator("#connection")).to_have_text("connected")
     noticed(page, "Connected again")
-    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Done")
     page.get_by_role("tab", name="Log").click()
     expect(page.locator("#tab-log li").first).to_contain_text("walk: finished")
     # It comes to show the same as a page that was not away.
     other = page.context.new_page()
     other.goto(panel.url)
-    expect(other.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(other.locator("#phase")).to_have_text("Done")
     draws(other)
     end = time.monotonic() + PATIENCE
     while drawn(page) <= 200 or pictured(page) != pictured(other):
@@ -297,7 +296,7 @@ def test_off_loopback_a_browser_needs_the_token(browser: Browser, tmp_path_facto
         assert answer is not None
         assert answer.status == 401
         page.goto(address)
-        expect(page.locator("#connection")).to_have_text("connected", timeout=SLOW)
+        expect(page.locator("#connection")).to_have_text("connected")
         assert "token" not in page.url
         assert page.evaluate("document.cookie") == "", "no script sees it"
         context.close()

@@ -189,11 +189,11 @@ def test_a_controller_that_never_answers_is_left_behind() -> None:
 
 
 def test_the_watchdog_waits_for_the_begin(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By a clock that goes on by more than it waits, as where a solver is compiled for the first time."""
+    """By a clock that goes on by more than it waits, as with a rig that takes long to start."""
     clock, ahead, looks = time.monotonic, [0.0], threading.Semaphore(0)
     monkeypatch.setattr(time, "monotonic", lambda: clock() + ahead[0])
 
-    class Compiling(VirtualRig):
+    class Slow(VirtualRig):
         def begin(self, inputs: tuple[str, ...]) -> list[float]:
             ahead[0] = 1000.0
             while looks.acquire(blocking=False):
@@ -202,7 +202,7 @@ def test_the_watchdog_waits_for_the_begin(monkeypatch: pytest.MonkeyPatch) -> No
                 assert looks.acquire(timeout=300.0)
             return super().begin(inputs)
 
-    rig, calm, limits = Compiling(ACTUATOR, BENCH), Asking(lambda tick: 1.0), Limits(watchdog=500.0)
+    rig, calm, limits = Slow(ACTUATOR, BENCH), Asking(lambda tick: 1.0), Limits(watchdog=500.0)
     made = regulate(rig, calm, 0.0, IDEAL, limits, 0.01, progress=lambda *_: looks.release())
     assert made.attrs["outcome"] == "complete"
 

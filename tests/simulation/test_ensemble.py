@@ -21,7 +21,7 @@ LUGRE = LuGre(1.399e6, 34.9, 0.0, 0.5401, 0.65)
 MODEL = Actuator(0.1057e-6, 3303.1, 0.524, 0.2, 0.1, LUGRE)
 DRIVE = Sawtooth(65.0, 50.0)
 TOLERANCE = 1e-10  # m
-# m. The two kernels round differently, and so do processors.
+# m. Lanes round differently, and so do processors.
 ROUNDING = 0.01 * TOLERANCE
 # Laws with a corner on which steps end: rounding decides on which side of it, and so on later steps.
 JUMPS = ("ResetIntegrator", "Coulomb", "MaxwellSlip")

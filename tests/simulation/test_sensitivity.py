@@ -114,7 +114,7 @@ def test_derivatives_side_by_side_are_those_alone(law: str) -> None:
 def test_the_position_is_that_of_the_simulation_and_units_are_told() -> None:
     found = sensitivities(MODEL, DRIVE, times=TIMES, parameters=["sigma_0", "initial_stage_velocity"])
     alone = follow_model(MODEL, DRIVE, TIMES, tolerance=1e-10).samples[:, SLIDER]  # where they settle
-    # Two kernels, compiled by themselves: products and sums are not rounded alike in both.
+    # With neighbours it is other code: products and sums are not rounded alike in both.
     np.testing.assert_allclose(found["end_effector_position"], alone, rtol=0, atol=1e-13)
     assert found["unit"].values.tolist() == ["N/m", "m/s"]
 
@@ -145,7 +145,7 @@ KNOTS = PeriodicKnots(
 
 @pytest.mark.parametrize("tolerance", [1e-9, 1e-10])
 def test_rounding_does_not_grow_in_steps_beyond_a_reversal(tolerance: float) -> None:
-    """The neighbours' code is compiled by itself and rounds otherwise: it was wrong by a factor 37."""
+    """With neighbours it is other code and rounds otherwise: it was wrong by a factor 37."""
     times = np.linspace(0.0, 3 * KNOTS.period, 41)
     found = sensitivities(STIFF, KNOTS, times=times, parameters=["sigma_1"], tolerance=tolerance)
     start = STIFF.friction.sigma_1

@@ -64,7 +64,7 @@ def test_of_a_trajectory(name: str) -> None:
         near = np.abs(found.derivative.sel(parameter=field) - expected)
         assert float(near.max()) < 3e-3 * float(np.abs(expected).max()), field
     alone = ss.sensitivities(model, waveform, times=times, parameters=["coulomb_force"], tolerance=1e-12)
-    # The same but for rounding: a drive that varies is another kernel. 1e-12 m for 1 N is the tolerance.
+    # The same but for rounding: a drive that varies takes other code. 1e-12 m for 1 N is the tolerance.
     np.testing.assert_allclose(
         found.derivative.sel(parameter="coulomb_force"), alone.derivative[0], rtol=1e-6, atol=1e-12
     )

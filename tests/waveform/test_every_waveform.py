@@ -1,4 +1,4 @@
-"""Waveforms made at random stay in their range and look the same to kernels; units; what is refused."""
+"""Waveforms made at random stay in their range and are the same in their tables; units; what is refused."""
 
 from __future__ import annotations
 

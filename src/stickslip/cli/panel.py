@@ -66,7 +66,7 @@ def panel(
         with suppress(KeyboardInterrupt):  # the way in which a panel ends
             uvicorn.Server(server_config(served)).run(sockets=[listening])
         # The rig was let go, and all processes were ended. Python would wait for the threads of requests that
-        # somebody left: one that compiles a law takes a minute.
+        # somebody left: a map of the steps of a law of many elements takes minutes.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(0)

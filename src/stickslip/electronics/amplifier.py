@@ -86,8 +86,8 @@ def small_signal_bandwidth(amplifier: Amplifier, capacitance: float | str) -> fl
 
 
 def limits(amplifier: Amplifier, farad: float) -> ChargingLimits:
-    """What the kernel needs to know of an amplifier and the capacitance [F] that it charges; raises
-    QuantityError for what is no amplifier."""
+    """Return the limits within which an amplifier charges a capacitance [F]; raises QuantityError for what is
+    no amplifier."""
     of_kind(amplifier, Amplifier, "amplifier")
     tau = 0.5 / (math.pi * amplifier.bandwidth) + amplifier.output_resistance * farad
     peak, steady = amplifier.max_current, min(amplifier.rms_current, amplifier.max_current)

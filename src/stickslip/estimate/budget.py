@@ -62,14 +62,12 @@ class Budget:
     def spend(self, cost: float) -> bool:
         """Count an evaluation, and return whether the budget is spent.
 
-        The time starts after the first evaluations, for these may compile.
-
         Args:
             cost: lowest weighted sum of squares of this search.
         """
         self._evaluations += 1
         self._lowest = min(self._lowest, cost)
-        if self._evaluations <= 3 or math.isnan(self._begun):
+        if math.isnan(self._begun):
             self._begun = time.thread_time()
         late = time.thread_time() - self._begun > SECONDS and self._evaluations >= FEWEST
         self.over = self.over or (late and self.explained < LITTLE)

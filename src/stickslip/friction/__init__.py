@@ -1,4 +1,4 @@
-"""Friction laws: a record and one compiled function each, in a file each. See `law` for what that means."""
+"""Friction laws: a record and one function each, in a file each. See `law` for what that means."""
 
 from .. import registry
 from .law import Branches as Branches

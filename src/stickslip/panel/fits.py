@@ -1,4 +1,4 @@
-"""The fit that runs, or ran last, and the process that is kept ready for the next one."""
+"""The fit that runs, or ran last, and the process that waits for the next one."""
 
 from __future__ import annotations
 
@@ -13,16 +13,13 @@ from typing import Any
 from ..gate.text import MOST_BYTES, read_file, read_json
 from ..history.storable import storable
 from ..registry import used_files
-from .fit_process import Begin, Prepare, work
+from .fit_process import Begin, work
 from .fitting import FitRequest
 from .folder import Folder
-from .readiness import Readiness
 from .stream import Hub, packed
 
 REPORTS = "fits"
 RUNNING = "running"
-# What is prepared before anybody asks: the law of the thesis.
-USUAL_LAW = "LuGre"
 _SHOWN = "shown.json"  # beside a report: what the page showed of that fit
 MOST_CURVES = 32_000_000  # bytes of a file of curves: the page is sent 2,000 points of each channel
 
@@ -30,37 +27,21 @@ MOST_CURVES = 32_000_000  # bytes of a file of curves: the page is sent 2,000 po
 class Fitting:
     """It belongs to no page: they come and go, and are told how it stands. `frames` are curves, packed."""
 
-    def __init__(self, folder: Folder, hub: Hub, readiness: Readiness) -> None:
-        self._folder, self._hub, self._readiness = folder, hub, readiness
+    def __init__(self, folder: Folder, hub: Hub) -> None:
+        self._folder, self._hub = folder, hub
         self._lock = threading.Lock()
         self._process: Any = None
         self._closed = False
         self._connection: Any = None
-        self._asked: set[str] = set()  # laws that this process prepares, or has prepared
-        self._pending: dict[str, Any] = {}  # those that are not ready yet, and the process that prepares them
-        self._settled = threading.Event()  # none is
-        self._settled.set()
         self._began = 0.0
         self._out = ""
         self.state, self.frames = _last(folder)
 
-    def prepare(self, law: str) -> None:
-        """Have the process compile, or load, what fits of a law need; returns at once."""
+    def start_process(self) -> None:
+        """Start the process in which fits run, unless it runs or the panel closes; returns at once."""
         with self._lock:
-            if self._closed:
-                return
-            self._ready()
-            if law in self._asked or self.state["phase"] == RUNNING:
-                return
-            self._asked.add(law)
-            self._pending[law] = self._process
-            self._settled.clear()
-            self._connection.send(Prepare(law))
-        self._readiness.begin(_called(law))
-
-    def wait(self, most: float) -> None:
-        """Until all that is being prepared is there, or was given up; `most` seconds."""
-        self._settled.wait(most)
+            if not self._closed:
+                self._ensure_process()
 
     def start(self, request: FitRequest) -> None:
         """Begin a fit; ValueError where one is running."""
@@ -69,11 +50,10 @@ class Fitting:
                 raise ValueError("a fit is running: wait for it, or cancel it")
             if self._closed:
                 raise ValueError("the panel closes")
-            self._ready()
+            self._ensure_process()
             self._began = time.monotonic()
             self._out = f"{REPORTS}/{datetime.now():%Y-%m-%d_%H-%M-%S}"
-            doing = "getting ready" if self._pending else "reading"
-            self.state = {"phase": RUNNING, "doing": doing, "request": request.model_dump()}
+            self.state = {"phase": RUNNING, "doing": "reading", "request": request.model_dump()}
             self.frames = {}
             self._tell()  # before any of its curves
             self._connection.send(Begin(request, self._out))
@@ -86,7 +66,7 @@ class Fitting:
             self.state = {**self.state, "phase": "cancelled", "elapsed": time.monotonic() - self._began}
             self._end()
         self._tell()
-        self.prepare(USUAL_LAW)
+        self.start_process()
 
     def close(self) -> None:
         """End the process, and begin no other."""
@@ -100,13 +80,12 @@ class Fitting:
         with self._lock:
             return self.frames[kind]
 
-    def _ready(self) -> None:
-        """A process that waits for requests."""
+    def _ensure_process(self) -> None:
+        """Start a process that waits for requests, unless one does."""
         if self._process is not None and self._process.is_alive():
             return
         context = multiprocessing.get_context("spawn")
         self._connection, there = context.Pipe()
-        self._asked = set()
         self._process = context.Process(
             target=work, args=(there, str(self._folder.root), used_files()), daemon=True
         )
@@ -129,9 +108,6 @@ class Fitting:
                 kind, fields, arrays = connection.recv()
             except (EOFError, OSError):
                 break
-            if kind == "prepared":
-                self._prepared(fields["law"], process)
-                continue
             with self._lock:
                 if process is not self._process or self.state["phase"] != RUNNING:
                     continue
@@ -144,8 +120,6 @@ class Fitting:
                     _keep(self._folder, self._out, self.state, self.frames)
             self._tell()
         process.join()
-        for law in [*self._pending]:
-            self._prepared(law, process)
         with self._lock:
             died = process is self._process and self.state["phase"] == RUNNING
             if died:
@@ -153,33 +127,18 @@ class Fitting:
         if died:
             self._tell()
 
-    def _prepared(self, law: str, process: Any) -> None:
-        with self._lock:
-            if self._pending.get(law) is not process:
-                return
-            del self._pending[law]
-            if not self._pending:
-                self._settled.set()
-        self._readiness.end(_called(law))
-
     def _take(self, kind: str, fields: dict[str, Any]) -> None:
         state = {**self.state, "elapsed": time.monotonic() - self._began}
         if kind == "step":
             state |= {"doing": "fitting", "step": {**state.get("step", {}), **fields}}
-        elif kind == "recordings":
-            state |= {**fields, "doing": "preparing"}
         elif kind == "failed":
             state |= {"phase": "failed", "error": self._folder.told(fields["error"])}
         elif kind == "done":
             state |= {"phase": "done"}
-        else:  # hysteresis, stage, fitted, verified, report
+        else:  # hysteresis, stage, recordings, fitted, verified, report
             doing = {"fitted": "verifying", "verified": "writing the report"}.get(kind, state["doing"])
             state |= {**fields, "doing": doing}
         self.state = state
-
-
-def _called(law: str) -> str:
-    return f"fits with {law}"
 
 
 def _keep(folder: Folder, out: str, state: dict[str, Any], frames: dict[str, bytes]) -> None:

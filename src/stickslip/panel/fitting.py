@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..actuator import Actuator
+from ..analysis.walk import UsedWalk, walk_document
 from ..campaign.hysteresis import Hysteresis, hysteresis_in
+from ..campaign.hysteresis_section import hysteresis_section
 from ..chain import Chain
 from ..estimate.result import Fit
 from ..estimate.search import SearchState
@@ -85,12 +87,6 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
     Raises:
         RecordingError, QuantityError, FitError: see `identify_friction`.
     """
-    from ..analysis.walk import (  # it draws: matplotlib is not for the server, only for fits
-        UsedWalk,
-        walk_document,
-    )
-    from ..campaign.hysteresis_section import hysteresis_section
-
     start = request.actuator(Sets(folder))
     rate = None if request.slew_rate is None else to_si(request.slew_rate, "V/s", "slew_rate")
     taken = sorted({*STAGE_PARAMETERS} & {*request.free}) if request.steps else []

@@ -16,28 +16,19 @@ from fastapi.responses import FileResponse
 from ..history.storable import storable
 from ..identify.recorded.channels import edges
 from ..identify.walk.position_channel import OBSERVED
-from ..input_file import Strict
 from ..parameters import ParameterSetError, available_sets
 from ..readers.process import Reader, ReaderBusy
 from ..recording import RecordingError
 from ..rig import available_benches, load_bench
-from ..units import QuantityError
 from .fits import RUNNING, Fitting
 from .fitting import FitRequest
 from .folder import Folder
 from .path import PREDICTIONS
 from .sets import Sets
-from .sliders import law_types
 
 SUFFIXES = (".nc", ".csv", ".mat", ".npz", ".mf4")
 # A report is a page of its own: it may style itself, and do nothing else.
 _REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
-
-
-class Law(Strict):
-    """A friction law by name."""
-
-    law: str
 
 
 def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) -> APIRouter:
@@ -78,13 +69,6 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
             return Response(fitting.frame(kind), media_type="application/octet-stream")
         except LookupError:
             raise HTTPException(404, "there are no such curves") from None
-
-    @routes.post("/prepare")
-    def prepare(asked: Law) -> dict[str, str]:
-        if asked.law not in law_types():
-            raise QuantityError(f"law = {asked.law[:60]!r} is unknown; there are {', '.join(law_types())}")
-        fitting.prepare(asked.law)
-        return {"law": asked.law}
 
     @routes.post("/start")
     def start(request: FitRequest) -> dict[str, str]:

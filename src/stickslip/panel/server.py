@@ -7,8 +7,9 @@ import itertools
 import json
 import secrets
 import sys
+import threading
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ from starlette.exceptions import HTTPException
 from ..gate.elsewhere import interpret_in
 from ..input_file import Strict
 from ..readers.process import Reader
+from ..recording import RecordingError
+from ..rig import RigError
 from ..rig.memory import collect, collected_on_request
 from ..rig.samples import recover
 from ..units import to_si
@@ -39,7 +42,7 @@ from .live import Live
 from .move import move_routes
 from .moving import Moves
 from .path import path_routes
-from .readiness import Readiness
+from .reading import ready
 from .recordings import recording_routes
 from .running import Runner
 from .sequence import Sequencer, sequence_routes
@@ -48,7 +51,6 @@ from .starting import Starter
 from .statistics import Statistics, statistics_routes
 from .stream import Hub
 from .studies import Studies, study_routes
-from .warming import warm_up
 
 STATIC = Path(__file__).parent / "static"
 _IDLE = 600  # s between looks for unused memory while nobody runs anything
@@ -93,8 +95,7 @@ def create_app(
     starter = Starter(files, hub, journal, document, runner, read)
     sequencer = Sequencer(hub, document, runner, starter)
     moves = Moves(files, hub, control, journal, document, runner, live, starter, read)
-    readiness = Readiness(hub)
-    fitting, searches = Fitting(files, hub, readiness), Searches(hub)
+    fitting, searches = Fitting(files, hub), Searches(hub)
     studies, sets = Studies(files, journal), Sets(files)
 
     async def beat() -> None:
@@ -111,11 +112,10 @@ def create_app(
         beating = asyncio.create_task(beat())
         # A thread that computes keeps the others waiting for so long; Python's 5 ms are a third of a picture.
         sys.setswitchinterval(1e-3)
-        end_warming = warm_up(hub, readiness, fitting, runner, read)
+        _start_processes(hub, fitting, runner, read)
         with collected_on_request():
             yield
             beating.cancel()
-            end_warming()
             fitting.close()
             searches.stop()
             studies.close()
@@ -154,6 +154,27 @@ def _greeting() -> Hub:
         lambda client, said: [json.dumps({"kind": "hello", "boot": boot, "you": shown(client.identity)})]
     )
     return hub
+
+
+def _start_processes(hub: Hub, fitting: Fitting, runner: Runner, read: Reader) -> None:
+    """Start the process that reads files at once, those of fits and of the rig with the first page."""
+    first = threading.Lock()
+
+    def files() -> None:
+        with suppress(RecordingError):
+            read.apply(ready, Path(__file__))
+
+    def others() -> None:
+        fitting.start_process()
+        with suppress(RigError):
+            runner.find_position()
+
+    def changed() -> None:
+        if first.acquire(blocking=False):
+            threading.Thread(target=others, daemon=True).start()
+
+    hub.changed.append(changed)
+    threading.Thread(target=files, daemon=True).start()
 
 
 def _page_routes(app: FastAPI, hub: Hub) -> None:
@@ -195,8 +216,6 @@ def _explain_errors(app: FastAPI, folder: Folder) -> None:
 
     async def explained(request: Request, error: Exception) -> JSONResponse:
         return answer(400, str(error))
-
-    from ..rig import RigError
 
     handlers: dict[type[Exception], Any] = dict.fromkeys((ValueError, RigError, OSError), explained)
     for kind, handler in handlers.items():

@@ -86,7 +86,7 @@ class PrandtlIshlinskii(NamedTuple):
 
     @property
     def operators(self) -> Operators:
-        """As kernels see it."""
+        """Thresholds, weights and slopes of the operators as arrays [V, -]."""
         skews = self.skews or (0.0,) * len(self.dead_zones)
         rows = (self.thresholds, self.weights, self.dead_zones, self.slopes, skews)
         return Operators(*(np.array(row, dtype=float) for row in rows))

@@ -58,9 +58,6 @@ class Stream:
         first = self._amplified(self.number(0.0))
         self._amplifier, self._volts = rest(first), first
         self._bounds, self._target, self._slope = np.array([0.0, self._tick]), np.zeros(1), np.zeros(1)
-        # One tick of another: what has to be compiled is, before the first update waits for it.
-        trial = charged(self._of, self._bounds, self._target, self._slope, rest(first), _TOLERANCE)
-        Motion(actuator, voltage=first, tolerance=tolerance).follow(*trial)
         self._motion = Motion(actuator, voltage=first, tolerance=tolerance, remanence=remanence)
         self._monitor = first
         self._sensors: list[tuple[bool, Sensing] | None] = []

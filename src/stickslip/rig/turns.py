@@ -45,8 +45,8 @@ class LoopRig:
 
     Attributes:
         count: updates so far; `heard`: when something was last heard, `time.monotonic`; `answering`: whether
-            the controller is being asked; `begun`: whether the rig has, which may compile before; `ended`:
-            whether the run is over.
+            the controller is being asked; `begun`: whether the rig has started, which may take some time;
+            `ended`: whether the run is over.
     """
 
     def __init__(

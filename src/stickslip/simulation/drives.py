@@ -134,8 +134,7 @@ def checked_drive(
             refuse_jumps(model, table, end if periodic else None)
     if not periodic and end < 2.0 * driven.period and table.start.size <= LONGEST_CYCLE:
         table = driven.table(2.0 * driven.period, False)  # two periods, that it can be seen to be periodic
-    # For an array of another layout all kernels would be compiled again.
-    return table._replace(polynomial=np.ascontiguousarray(table.polynomial))
+    return table
 
 
 def out_of_range(model: Actuator, low: float, high: float, minimum: float, maximum: float) -> str:

@@ -1,4 +1,4 @@
-"""From the records of `actuator` to the coefficients and the state at rest that kernels start from."""
+"""From the records of `actuator` to the coefficients and the state at rest that the engine starts from."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ IMMOBILE = Mechanism(
 
 
 def mechanism(model: Actuator | PulledSlider) -> Mechanism:
-    """The coefficients of a model's equations of motion, as kernels use them (see `stickslip.mechanism`)."""
+    """Return the coefficients of a model's equations of motion (see `stickslip.mechanism`)."""
     if isinstance(model, PulledSlider):
         stiffness, damping = model.spring_stiffness / model.mass, model.damping / model.mass
         return IMMOBILE._replace(
@@ -197,7 +197,7 @@ class Contact(NamedTuple):
 
     @property
     def drive(self) -> Drive:
-        """As kernels read it."""
+        """Factor that varies on top of the constant one; 1 if nothing varies."""
         return self.table or constant(1.0)
 
 

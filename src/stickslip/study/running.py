@@ -48,7 +48,7 @@ class Estimate(NamedTuple):
 
 
 def estimate_study(study: Study) -> Estimate:
-    """What a study costs, from a trial of some members spread over it; the first trial of a model compiles.
+    """Estimate what a study costs, from a trial of some members spread over it.
 
     Raises:
         QuantityError, StudyError: see `run_study`.

@@ -9,7 +9,6 @@ the voltage is held for long, the stage follows the creep so slowly that the end
 from __future__ import annotations
 
 import math
-from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -93,9 +92,6 @@ class Stage:
         self._state = State(end_effector_position=start)
         self.voltage, self.elongation, self.position = 0.0, 0.0, start
         self.stop_met = 0  # -1, 1: the end stop that holds it
-        # Compiled here, and not while a program waits for the answer to its first command.
-        soon = np.array([1e-6])
-        copy(self).play(Piece(soon, np.zeros(1), soon))
 
     def play(self, piece: Piece) -> Path:
         """Move; the state is that at the end of the piece afterwards.

@@ -1,4 +1,4 @@
-"""Drive signals: waveforms for people (such as `Sawtooth`) and the segment table for kernels (`Drive`).
+"""Drive signals: waveforms for people (such as `Sawtooth`) and the segment table for the engine (`Drive`).
 
 A waveform is anything that fulfils the protocol `signal.Waveform`; a simulation needs no more of it than its
 method ``drive(duration)``. A user's own waveform is a class in the user's file that builds its table with

@@ -1,4 +1,4 @@
-r"""The one form in which kernels see a drive signal: a table of segments.
+r"""Table of segments: the one form of a drive signal that the engine reads.
 
 On segment i, from start[i] to start[i+1], with local time :math:`\tau = t - start_i`,
 
@@ -6,7 +6,7 @@ On segment i, from start[i] to start[i+1], with local time :math:`\tau = t - sta
           + \sum_j A_j \sin(\varphi_j + \omega_j \tau + \kappa_j \tau^2)
 
 which is exact for every waveform of this package, so that values, slopes and break points are exact too and
-one compiled solver serves them all. The solver ends a step at each start: a jump is never stepped over.
+one engine follows them all. The engine ends a step at each start: a jump is never stepped over.
 """
 
 from __future__ import annotations

@@ -133,11 +133,6 @@ function boot() {
     if (state === "connected" && !shown) open();
     if (missed) notify(`Connected again after ${missed.toFixed(missed < 10 ? 1 : 0)} s; what was missed is shown.`);
   });
-  app.stream.on("readiness", ({ preparing }) => {
-    const line = byId("readiness");
-    line.hidden = !preparing.length;
-    line.textContent = preparing.length ? `Getting ready: ${preparing.join(", ")} …` : "";
-  });
   let phase = "";
   app.stream.on("run", (run) => {
     if (run.phase === "stopped" && phase === "stopping") notify("Stopped: the output has been ramped to 0 V.", "warning");

@@ -169,7 +169,7 @@ export async function mount(element, app) {
     async ask(wish) {
       // Meanwhile the curves are those of before.
       const slow = setTimeout(() => {
-        problem.textContent = "Computing… the first use of a law on a machine compiles it, some seconds.";
+        problem.textContent = "Computing…";
         problem.classList.add("busy");
         stage.classList.add("stale");
       }, 1500);

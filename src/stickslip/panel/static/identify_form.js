@@ -134,7 +134,7 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
     const more = make("details", { open }, make("summary", { textContent: "Of the actuator" }), ...given, ...stage.map((one) => row("model", one)));
     model.replaceChildren(
       makeChoice("Parameter set", sets, state.set, (set) => { own = true; state = begin(choices, set); build(); }).element,
-      makeChoice("Friction law", plain, state.law, (name) => { state = withLaw(choices, state, name); build(); prepare(); }).element,
+      makeChoice("Friction law", plain, state.law, (name) => { state = withLaw(choices, state, name); build(); }).element,
       make("p", { className: "soft small-text", textContent: "Tick what is to be fitted; the numbers are where it starts, the others stay as they are." }),
       ...law.map((one) => row("friction", one)), ...channel.map((one) => row("", one)), more, reaction.element,
     );
@@ -158,8 +158,6 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
     box.element.classList.add("identify-free");
     return box.element;
   }
-  // Compiled while the rest of the form is filled in.
-  const prepare = () => app.request("/api/identify/prepare", { law: state.law }).catch(say);
 
   /** Sets that were saved meanwhile can be chosen too. */
   async function offered() {
@@ -199,7 +197,6 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
   });
 
   build();
-  prepare();
   list.replaceChildren(make("p", { className: "soft", textContent: "Reading the recordings …" }));
   return {
     element,
