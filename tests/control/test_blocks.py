@@ -116,20 +116,3 @@ def test_what_is_refused() -> None:
     ):
         with pytest.raises(QuantityError, match=words):
             make()
-
-
-@pytest.mark.parametrize(
-    ("rate", "options", "said"),
-    [
-        (-20e3, {}, r"Regulator\.rate = -20000 Hz is out of range: .* must be > 0 Hz"),
-        (0.0, {}, r"Regulator\.rate = 0 Hz is out of range"),
-        (math.nan, {}, r"Regulator\.rate = nan Hz is not finite"),
-        (math.inf, {}, r"Regulator\.rate = inf Hz is not finite"),
-        (RATE, {"lead": -1.0}, r"Regulator\.lead = -1 s is out of range: .* must be >= 0 s"),
-        (RATE, {"lead": math.nan}, r"Regulator\.lead = nan s is not finite"),
-        (RATE, {"feedforward": math.nan}, r"Regulator\.feedforward = nan V/m is not finite"),
-    ],
-)
-def test_a_regulator_that_cannot_run_is_not_made(rate: float, options: dict[str, float], said: str) -> None:
-    with pytest.raises(QuantityError, match=said):
-        Regulator(Pid(1e7), rate, **options)

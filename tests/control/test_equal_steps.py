@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmarks.control_bench import RATE, SET, WALK, drawn
-from benchmarks.control_steps import Series, equal_steps, open_loop
+from benchmarks.control_steps import Series, equal_steps
 
 from stickslip.actuator import load_actuator
 from stickslip.control import Steps, StepSizes
@@ -18,7 +18,7 @@ def table() -> StepSizes:
     return StepSizes.of_model(BASE.replace(piezo=None), RATE, WALK.frequency, "100 V")
 
 
-@pytest.mark.parametrize("load", [-0.03, 0.03])
+@pytest.mark.parametrize("load", [0.03])
 def test_both_ways_are_equal_on_an_actuator_that_is_not_the_models(table: StepSizes, load: float) -> None:
     """Drawn, with a load: 65 V each way give steps that differ by more than 5 %; the last of three series of
     ten by less than 1 %, and both are what was asked for."""
@@ -38,15 +38,3 @@ def test_series_go_by_turns(table: StepSizes) -> None:
     assert [way for way, _, _ in made.went] == [1, 1, 1, -1, -1, -1]
     assert min(volts) == 0.0
     assert max(volts) == 100.0
-
-
-def test_the_band_in_open_loop_is_the_loads_and_larger_steps_feel_it_less() -> None:
-    """After 10 mm against 30 mN that drift by 10 %: the truth is in the 95 % band in 92 to 98 %, and the band
-    is below 1 % of the way with steps of 95 V. Most of it is the walk of the load, in closed form."""
-    held, width, alone = open_loop(100, -30e-3, 18, 95.0)
-    assert 0.92 <= held <= 0.98
-    assert width < 0.01
-    assert width == pytest.approx(alone, rel=0.15)
-    wide = open_loop(20, -30e-3, 18, 65.0)
-    assert wide[1] > 0.013
-    assert wide[1] == pytest.approx(wide[2], rel=0.15)

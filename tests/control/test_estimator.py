@@ -41,28 +41,12 @@ def truth(random: np.random.Generator, directions: np.ndarray, of: StepModel = K
     return np.array(found)
 
 
-def test_the_band_holds_the_truth_as_often_as_it_says() -> None:
-    """Of 1500 motors, after 60 steps forward and 30 backward: 95 % within ±1.7 % (three standard errors)."""
-    directions = np.array([1] * 40 + [-1] * 30 + [1] * 20)
-    one = Estimator(KNOWN)
-    for direction in directions:
-        one.stepped(int(direction))
-    low, high = one.band()
-    random = np.random.default_rng(0)
-    ends = np.array([truth(random, directions)[-1] for _ in range(1500)])
-    assert np.mean((low < ends) & (ends < high)) == pytest.approx(0.95, abs=0.017)
-    assert ends.std() == pytest.approx(one.error, rel=0.06)
-    assert ends.mean() == pytest.approx(one.position, abs=3.0 * one.error / np.sqrt(1500))
-
-
 def test_the_states_are_found_with_a_sensor_and_the_band_still_holds() -> None:
     """60 steps each way with a measurement every fifth: then both steps, as they are under the load, are
-    known, and 50 more without one are within the band in 95 %."""
+    known, and 50 more without one end in the band, whose width is how they scatter."""
     random, unknown = np.random.default_rng(1), KNOWN._replace(scatter=30e-9, size_error=30e-9)
-    held, wide = 0, []
-    directions = np.tile([1] * 10 + [-1] * 10, 6)
-    more = np.ones(50, dtype=int)
-    for _ in range(200):
+    directions, more, off = np.tile([1] * 10 + [-1] * 10, 6), np.ones(50, dtype=int), []
+    for _ in range(40):
         at = truth(random, np.append(directions, more), unknown)
         one = Estimator(unknown)
         for k, direction in enumerate(directions):
@@ -71,13 +55,11 @@ def test_the_states_are_found_with_a_sensor_and_the_band_still_holds() -> None:
                 one.measured(at[k] + 10e-9 * random.standard_normal(), "10 nm")
         assert not one.events
         one.stepped(1, more.size)
-        low, high = one.band()
-        held += low < at[-1] < high
-        wide.append(high - low)
-    assert held / 200 == pytest.approx(0.95, abs=0.047)
+        off.append((at[-1] - one.position) / one.error)
+    assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1.0, abs=0.33)  # three standard errors
     blind = Estimator(unknown)
     blind.stepped(1, more.size)
-    assert np.mean(wide) < 0.3 * (blind.band()[1] - blind.band()[0])
+    assert np.ptp(one.band()) < 0.3 * np.ptp(blind.band())
 
 
 def test_lost_steps_are_noticed() -> None:
@@ -99,8 +81,7 @@ def test_the_steps_of_a_model_and_their_slope_over_the_load() -> None:
     assert made.scatter == 30e-9
 
 
-@pytest.mark.parametrize("scale", [1.0, 16.0, 100.0])
-@pytest.mark.parametrize("rotary", [False, True])
+@pytest.mark.parametrize(("scale", "rotary"), [(16.0, False), (100.0, True)])
 def test_the_slope_over_the_load_is_that_of_the_actuator_s_own_size(scale: float, rotary: bool) -> None:
     """With all masses and forces so many times smaller the steps are the same, and the slope is larger."""
     of = KANG.friction
@@ -130,12 +111,7 @@ def test_what_is_refused() -> None:
     for call, words in (
         (lambda: one.stepped(2), "direction = 2"),
         (lambda: one.measured(0.0, 0.0), "noise = 0 m"),
-        (lambda: one.measured(0.0, np.inf), "noise = inf m is not finite"),
-        (lambda: one.measured(np.nan, 1e-9), "position = nan m is not finite"),
         (lambda: one.stepped(1, -5), "count = -5: it must be a whole number >= 0"),
-        (lambda: one.stepped(1, 1.5), r"count = 1\.5: it must be a whole number >= 0"),  # type: ignore[arg-type]
-        (lambda: Estimator(KNOWN, np.nan), "position = nan m"),
-        (lambda: Estimator(KNOWN, 0.0, np.nan), "error = nan m"),
         (lambda: Estimator(KNOWN, 0.0, -1e-9), "error"),
         (lambda: one.band(1.0), "level = 1"),
     ):

@@ -8,7 +8,6 @@ import pytest
 from stickslip.actuator import load_actuator
 from stickslip.control import Mover, PiezoInverse, Stepping, StepSizes, settling, simulate_control, tune
 from stickslip.simulation import Motion
-from stickslip.units import QuantityError
 from stickslip.waveform import Sampled
 
 BENT = load_actuator("kang2007-hysteresis")
@@ -76,10 +75,3 @@ def test_a_hold_after_steps_with_it_does_not_creep() -> None:
         left[name] = settling(simulate_control(BENT, made, 40e-6, 1.0, rate=RATE), 40e-6, hold=0.09).rms
         assert made.done
     assert left["inverse"] < 0.3 * left["gain"] < 0.3e-9
-
-
-def test_what_cannot_be_inverted_is_refused() -> None:
-    with pytest.raises(QuantityError, match="has no PrandtlIshlinskii"):
-        PiezoInverse(load_actuator("kang2007"), RATE)
-    with pytest.raises(QuantityError, match=r"voltage.*'3 cd'"):
-        PiezoInverse(BENT, RATE, "3 cd")

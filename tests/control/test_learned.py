@@ -8,7 +8,6 @@ import pytest
 from stickslip.actuator import load_actuator
 from stickslip.control import Learnt, Regulator, simulate_control, tune
 from stickslip.control.loops import Loop, sampled_loop
-from stickslip.units import QuantityError
 from stickslip.waveform import Sampled
 
 KANG, BENT = load_actuator("kang2007"), load_actuator("kang2007-hysteresis")
@@ -108,9 +107,3 @@ def test_the_filter_has_no_phase(regulator: Regulator) -> None:
     np.testing.assert_allclose(made.correction[93 - 20 : 93], made.correction[94 : 94 + 20][::-1], atol=1e-20)
     assert made.correction.argmax() == 93
     assert made.correction.sum() == pytest.approx(0.5e-6)
-
-
-def test_what_cannot_be_learnt(regulator: Regulator) -> None:
-    for options in ({"taps": 4}, {"taps": 0}, {"lead": 100}):
-        with pytest.raises(QuantityError, match="taps"):
-            Learnt(regulator, 100, 0.5, **{"taps": 21, **options})

@@ -15,7 +15,7 @@ from stickslip.units import QuantityError
 ACTUATOR = {"set": "kang2007"}
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, "nan m", "-inf m"])
+@pytest.mark.parametrize("value", [math.nan, "-inf m"])
 @pytest.mark.parametrize("field", ["target", "within", "hold_within"])
 def test_an_aim_is_of_finite_numbers(field: str, value: float | str, tmp_path: Path) -> None:
     file = MoveFile.model_validate({"title": "a move", "actuator": ACTUATOR, field: value})
@@ -26,9 +26,7 @@ def test_an_aim_is_of_finite_numbers(field: str, value: float | str, tmp_path: P
     assert not list(tmp_path.rglob("*.nc"))
 
 
-@pytest.mark.parametrize(
-    "line", ["hold: .nan", "at_most: .inf", "interval: .nan", "interval: -1 ms", "hold: .inf"]
-)
+@pytest.mark.parametrize("line", ["hold: .nan", "at_most: .inf", "interval: -1 ms"])
 def test_times_of_a_move_are_finite(line: str, tmp_path: Path) -> None:
     path = tmp_path / "move.yaml"
     path.write_text(f"title: a move\nactuator: {{set: kang2007}}\n{line}\n", encoding="utf-8")
@@ -40,11 +38,8 @@ def test_times_of_a_move_are_finite(line: str, tmp_path: Path) -> None:
     ("part", "said"),
     [
         ({"walk": {"amplitude": math.nan}}, r"Stepping\.amplitude"),
-        ({"walk": {"margin": math.nan}}, r"Stepping\.margin"),
         ({"slip": {"duration": math.nan}}, r"Slip\.duration"),
-        ({"requirement": {"phase_margin": math.nan}}, r"Requirement\.phase_margin"),
         ({"spread": {"natural_frequency": math.nan}}, "natural_frequency = nan"),
-        ({"limits": {"max_voltage": math.nan}}, "max_voltage"),
         ({"actuator": ACTUATOR | {"change": {"gain": math.nan}}}, "gain"),
     ],
 )

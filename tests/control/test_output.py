@@ -49,7 +49,7 @@ class Stepper:
         return self.amplitude * count / 160 if count <= 160 else 0.0
 
 
-@pytest.mark.parametrize(("frequency", "damping"), [(525.0, 0.5), (15e3, 0.03), (20e3, 0.03)])
+@pytest.mark.parametrize(("frequency", "damping"), [(525.0, 0.5), (20e3, 0.03)])
 def test_a_step_is_that_of_the_voltages_held_for_a_tick(frequency: float, damping: float) -> None:
     """Against the same ticks one by one; at the update rate itself an ideal ramp is 60 % off."""
     model = stage(frequency, damping)
@@ -96,7 +96,7 @@ def test_a_loop_has_the_lag_of_the_amplifier(lag: float) -> None:
     np.testing.assert_allclose(found, (own.c @ exact.y[:-1])[1:], atol=1e-4 * swing)
 
 
-@pytest.mark.parametrize("share", [0.45, 0.97, 1.0])
+@pytest.mark.parametrize("share", [0.45, 1.0])
 def test_a_mode_that_the_updates_do_not_resolve_is_said(share: float) -> None:
     model, slow = stage(share * RATE, 0.03), Regulator(Pid(1e6), RATE)
     with pytest.warns(ControlWarning, match=r"a mode of the stage at .* kHz is above 0\.4 of the"):

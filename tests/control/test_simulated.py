@@ -38,12 +38,8 @@ class Ramp:
 @pytest.mark.parametrize(
     ("how", "said"),
     [
-        ({"delay": -1}, "delay = -1"),
         ({"delay": 1.5}, "delay = 1.5"),
         ({"noise": "-1 nm"}, "noise = -1e-09 m"),
-        ({"tolerance": 0.0}, "tolerance = 0 m"),
-        ({"rate": math.inf}, "rate = inf Hz"),
-        ({"duration": math.nan}, "duration = nan s"),
         ({"seed": -1}, "seed = -1"),
         ({"target": math.nan}, "target = nan is not finite"),
         ({"model": KANG.replace(natural_frequency=math.inf)}, "a static stage jumps"),
@@ -104,10 +100,8 @@ def test_the_same_rate_to_a_millionth_and_none_at_all_will_do() -> None:
     ("answer", "shown"),
     [
         ("x", "'x'"),
-        ("5 V", "'5 V'"),
         (None, "None"),
         (np.array([1.0, 2.0]), r"array\(\[1., 2.\]\)"),
-        (1j, "1j"),
     ],
 )
 def test_an_answer_that_is_no_number_names_its_tick(answer: Any, shown: str) -> None:

@@ -54,12 +54,6 @@ def test_friction_loop() -> None:
     np.testing.assert_allclose(below.lines[-1].get_ydata(), (MODEL - FORCE) * 1e3, atol=1e-9)
 
 
-def test_friction_loop_of_data_alone() -> None:
-    (axes,) = friction_loop(TIME, FORCE).axes
-    assert len(axes.lines) == 1
-    assert axes.get_xlabel() == "position (m)"
-
-
 def test_intervals_over_a_setting() -> None:
     figure = parameter_intervals(
         [1.0, 3.0, 6.0],

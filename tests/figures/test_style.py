@@ -1,5 +1,4 @@
 import io
-import time
 import xml.etree.ElementTree as ET
 
 import matplotlib as mpl
@@ -85,7 +84,5 @@ def test_a_text_of_a_file_is_cut_before_it_is_drawn() -> None:
     panel.set_ylabel("axis" * 30_000)
     panel.set_title("title" * 20_000, loc="left")
     panel.legend()
-    begun = time.process_time()
-    svg(figure)
-    assert time.process_time() - begun < 3.0
+    assert len(svg(figure)) < 200_000
     assert len(panel.get_ylabel()) == len(panel.get_title(loc="left")) == LONGEST_TEXT + 4

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -10,7 +9,6 @@ from scipy.integrate import solve_ivp
 
 from stickslip.actuator import load_actuator
 from stickslip.figures import thesis
-from stickslip.figures.style import svg
 from stickslip.friction import Coulomb, CoulombViscous, Elastoplastic, StictionCoulombViscous, Stribeck
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
@@ -90,39 +88,6 @@ def test_lugre_under_the_parabola_agrees_with_scipy_and_the_closed_form(name: st
     np.testing.assert_allclose(force[1:], expected[1:], atol=1e-4)
 
 
-def test_overshoot_comes_from_the_bristle_damping_and_ends_at_the_coulomb_force() -> None:
-    _, force = response("3.1")
-    peak = int(np.argmax(force))
-    assert force[peak] > 2 * 10.0
-    assert force[-1] == pytest.approx(10.0, rel=0.01)
-    assert np.all(np.diff(force[peak:]) < 0)
-
-
-def test_viscous_friction_rises_with_the_velocity() -> None:
-    x, force = response("3.2")
-    assert np.all(np.diff(force) > 0)
-    v = np.sqrt(2 * 30e-6 * x)
-    sliding = x > 10 * 10.0 / 6e8
-    np.testing.assert_allclose(force[sliding], 10.0 + 2.5e7 * v[sliding], rtol=1e-3)
-
-
-def test_without_damping_it_is_dahl_with_no_peak() -> None:
-    x, force = response("3.3")
-    assert np.all(np.diff(force) > 0)
-    assert force.max() < 10.0
-    np.testing.assert_allclose(force, 10.0 * (1 - np.exp(-6e7 * x)), atol=1e-4)
-
-
-def test_with_both_the_peak_is_higher_and_the_force_falls_and_rises_again() -> None:
-    _, force = response("3.4")
-    turns = np.flatnonzero(np.diff(np.sign(np.diff(force)))) + 1
-    assert len(turns) == 2
-    peak, dip = force[turns]
-    assert peak > response("3.1")[1].max()
-    assert peak > 1.05 * dip
-    assert force[-1] > peak
-
-
 def test_parabola_panels_show_the_forces() -> None:
     figure = thesis.under_the_parabola(DEMONSTRATION)
     for panel, name in enumerate(SIGMA):
@@ -170,10 +135,3 @@ def test_loops_have_one_panel_each() -> None:
         (way, force), *_ = lines(figure, panel)
         np.testing.assert_allclose(way, 1e6 * x)
         np.testing.assert_allclose(force, 1e3 * k * x)
-
-
-def test_figures_leave_settings_alone_and_are_reproducible() -> None:
-    before = dict(mpl.rcParams)
-    waveforms = {"there": Sawtooth(65.0, 5.0)}
-    assert svg(thesis.drive_signals(waveforms, 0.6)) == svg(thesis.drive_signals(waveforms, 0.6))
-    assert dict(mpl.rcParams) == before

@@ -26,11 +26,6 @@ def test_what_is_neither_number_nor_text(cell: object) -> None:
         Table("Laws", [Column("value", "N")], [[cell]])  # type: ignore[list-item]
 
 
-def test_rows_have_a_cell_for_each_column() -> None:
-    with pytest.raises(DocumentError, match="row 1 has 1 cells for 2 columns"):
-        Table("Laws", [Column("law"), Column("force", "N")], [["LuGre"]])
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

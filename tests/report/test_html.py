@@ -108,9 +108,7 @@ def test_a_document_without_extras() -> None:
     ("value", "digits", "shown"),
     [
         (0.99652, 5, "0.99652"),
-        (0.9965, 5, "0.99650"),
         (-91234.5, 4, "−91234"),
-        (1234567, 3, "1234567"),
         (0.0, 4, "0.000"),
         (1e-4, 3, "0.000100"),
         (1.2345e-7, 3, "1.23 × 10⁻⁷"),
@@ -128,15 +126,12 @@ def test_digits(value: float, digits: int, shown: str) -> None:
     [
         (Number(0.1, "kg"), "0.1&nbsp;kg"),
         (Number(0.9999935, ""), "0.9999935"),
-        (Number(1.0, ""), "1"),
         (Number(3303.1, "rad/s"), "3303&nbsp;rad/s"),
         (Number(0.5401, "N", 0.54007, 0.54013), "540.100&nbsp;mN [540.070, 540.130]"),
         (Number(34.9, "N s/m", 0.01, 340.0), "34.90&nbsp;N s/m [0.010, 340]"),
         (Number(-2e-6, "m", -2.5e-6, -1.5e-6), "−2.000&nbsp;µm [−2.500, −1.500]"),
         (Number(5.0, "", 5.0, 5.0), "5.000 [5.0, 5.0]"),
         (Number(3.0, "m", 2.0, float("inf")), "3.000&nbsp;m [2.0, ∞]"),
-        (Number(8, ""), "8"),
-        (Number(float("nan"), "m"), "–&nbsp;m"),
         (Number(float("nan"), "m", note="no <orbit>"), "no &lt;orbit&gt;"),
     ],
 )

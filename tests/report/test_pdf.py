@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import sync_playwright
 
-from stickslip.report import PdfError, find_browser, write_pdf, write_report
+from stickslip.report import PdfError, write_pdf, write_report
 
 from .sample import sample
 
@@ -46,12 +46,6 @@ def test_paper_cuts_no_figure_and_no_short_table(tmp_path: Path) -> None:
     assert set(inside) == {"avoid"}
     assert set(after) == {"avoid"}
     assert tallest < (297 - 18 - 20) / 25.4 * 96  # px: a figure is never taller than a page
-
-
-def test_without_a_browser_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(PdfError, match=r"needs a Chromium browser \(chromium, .*install one"):
-        find_browser()
 
 
 def test_a_browser_that_does_not_print_is_told_apart(tmp_path: Path) -> None:

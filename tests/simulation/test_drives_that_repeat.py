@@ -21,11 +21,10 @@ ACTUATOR = load_actuator("kang2007")
 @pytest.mark.parametrize(
     "waveform",
     [
-        PeriodicKnots([0, 0.1998], [0, 65], 0.2),
         PeriodicKnots([0, 0.1998], [0, 65], 0.2, periods=4),
         Sampled([0, 0.1998], [0, 65], period=0.2),
     ],
-    ids=["knots", "counted", "sampled"],
+    ids=["counted knots", "sampled"],
 )
 def test_steady_step_is_that_of_the_same_sawtooth(waveform) -> None:
     same = steady_step(ACTUATOR, Sawtooth(65, 5, rise_fraction=0.999))
@@ -52,13 +51,12 @@ SAW = Sawtooth(20.0, 1000.0, rise_fraction=0.8)
 @pytest.mark.parametrize(
     ("drive", "load"),
     [
-        (Sine(10.0, 1000.0, offset=20.0), 1.0),
         (Multisine((5.0, 5.0), (1000.0, 2000.0), offset=20.0), 1.0),
         (SAW, Sine(0.1, 1000.0, offset=1.0, phase=0.3)),
         (SAW, Triangle(0.1, 500.0, offset=1.0)),
         (PeriodicKnots([0, 0.0005], [0, 20], 0.001), Sine(0.1, 2000.0, offset=1.0)),
     ],
-    ids=["sine", "multisine", "load as fast", "load half as fast", "load of another table"],
+    ids=["multisine", "load as fast", "load half as fast", "load of another table"],
 )
 def test_periods_of_every_drive_and_load_are_copied(drive, load) -> None:
     """So a long run takes no more steps than a short one, and ends where its periods lead."""

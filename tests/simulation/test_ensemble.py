@@ -69,17 +69,6 @@ def test_the_stage_varies_too_on_however_many_threads() -> None:
         assert float(several["net_displacement"][m]) == pytest.approx(float(x[-1]), abs=1e-12)
 
 
-def test_summaries_alone_are_the_same_numbers() -> None:
-    values = {"coulomb_force": np.linspace(0.2, 1.0, 7)}
-    summary = simulate_ensemble(MODEL, DRIVE, 0.1, parameters=values)
-    sampled = simulate_ensemble(MODEL, DRIVE, 0.1, parameters=values, times=[0.05, 0.1])
-    # With samples, the error is looked at in more places, and some members are refined once more.
-    apart = np.abs(summary["net_displacement"].values - sampled["net_displacement"].values)
-    assert np.count_nonzero(apart > 1e-12) <= 2
-    assert apart.max() < 1e-9
-    assert "end_effector_position" not in summary
-
-
 def test_drive_scale_and_load_are_the_drive_and_the_normal_force() -> None:
     found = simulate_ensemble(
         MODEL, DRIVE, 0.1, parameters={"drive_scale": [1.0, 0.5], "load": [1.0, 2.0]}, tolerance=1e-11
@@ -109,13 +98,6 @@ def test_drive_scale_is_the_voltage_before_hysteresis(hysteresis: object) -> Non
         assert float(ends["net_displacement"][m]) == pytest.approx(walk, abs=1e-9)
     for found in (steps, ends):
         assert "from 0 V to 195 V is out of range" in str(found["reason"].values[2])
-
-
-def test_a_drive_that_is_scaled_beyond_the_range_is_refused() -> None:
-    model = load_actuator("kang2007")
-    found = steady_steps(model, Sawtooth(100.0, 20.0), parameters={"drive_scale": [1.0, 4.0]})
-    assert found["status"].values.tolist() == [0, 4]
-    assert "from 0 V to 400 V is out of range" in str(found["reason"].values[1])
 
 
 def test_a_bad_member_leaves_the_others_and_says_why() -> None:
@@ -202,24 +184,13 @@ def test_parameters_that_make_no_ensemble_are_refused(parameters: dict, message:
         simulate_ensemble(MODEL, DRIVE, 0.1, parameters=parameters)
 
 
-def test_threads_and_drives_that_are_none() -> None:
-    wrong: Any
-    for wrong in (0, -1, 1.5, "2"):
-        with pytest.raises(QuantityError, match=f"threads = {wrong!r} is out of range"):
-            simulate_ensemble(MODEL, DRIVE, 0.1, parameters={"sigma_0": [1e6]}, threads=wrong)
-    for wrong in (3, None):
-        with pytest.raises(TypeError, match="the drive is a waveform"):
-            simulate_ensemble(MODEL, wrong, 0.1, parameters={"sigma_0": [1e6]})
-
-
-@pytest.mark.parametrize("wrong", [None, 3, "sigma_0", [1e6], np.array([1.0, 2.0]), {3: [1.0]}])
+@pytest.mark.parametrize("wrong", [3, "sigma_0", np.array([1.0, 2.0]), {3: [1.0]}])
 def test_parameters_that_are_not_by_name(wrong: Any) -> None:
+    drive = Sawtooth(65.0, 50.0, periods=1)
     for call in (simulate_ensemble, steady_steps, step_map):
-        if wrong is not None or call is not step_map:
-            with pytest.raises(QuantityError, match="parameters are values by name"):
-                call(MODEL, Sawtooth(65.0, 50.0, periods=1), parameters=wrong)
+        with pytest.raises(QuantityError, match="parameters are values by name"):
+            call(MODEL, drive, parameters=wrong)
     with pytest.raises(QuantityError, match="an Actuator, not of a"):
-        simulate_ensemble(wrong, Sawtooth(65.0, 50.0, periods=1), parameters={"sigma_0": [1e6]})
-    if wrong is not None:
-        with pytest.raises(QuantityError, match=r"initial_state = .* must be Dataset or State or None"):
-            simulate(MODEL, Sawtooth(65.0, 50.0, periods=1), initial_state=wrong)
+        simulate_ensemble(wrong, drive, parameters={"sigma_0": [1e6]})
+    with pytest.raises(QuantityError, match="initial_state"):
+        simulate(MODEL, drive, initial_state=wrong)

@@ -47,10 +47,9 @@ def test_steady_steps_ensembles_and_derivatives_are_those_of_one_stage() -> None
     np.testing.assert_allclose(found[1], found[0], atol=1e-3 * np.abs(found[0]).max())
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_clamped_stage_answers_as_its_state_space(seed: int) -> None:
+def test_a_clamped_stage_answers_as_its_state_space() -> None:
     """A drive of steps: between them the exponential of the matrix."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     further = StageModes(
         (float(random.uniform(-3e-8, 3e-8)),),
         (float(random.uniform(2e3, 4e4)),),
@@ -63,14 +62,6 @@ def test_a_clamped_stage_answers_as_its_state_space(seed: int) -> None:
     expected = [linear.c[0] @ (at_rest - expm(linear.a * t) @ at_rest) for t in found.time.values]
     np.testing.assert_allclose(found.stage_position, expected, atol=2e-11)
     assert linear.response(0.0)[0, 0, 0].real == pytest.approx(one.gain + sum(further.gain), rel=1e-12)
-
-
-def test_a_clamped_stage_begins_at_rest() -> None:
-    further = StageModes((3e-8, -1e-8), (9e3, 2e4), (0.05, 0.1))
-    one = KANG.replace(clamped=True, further_modes=further)
-    still = ss.simulate(one, ss.Constant(20.0), 0.05)
-    for name in ("stage_position", "end_effector_position"):
-        np.testing.assert_allclose(still[name], 20.0 * (one.gain + sum(further.gain)), rtol=1e-12)
 
 
 def test_a_walk_is_that_of_the_equations_solved_by_another() -> None:
@@ -125,9 +116,6 @@ def test_a_parameter_set_keeps_the_modes(tmp_path) -> None:
     ("make", "said"),
     [
         (lambda: StageModes((1e-8,), (1e4, 2e4), (0.1,)), "it must have one"),
-        (lambda: StageModes((), (), ()), "it must have one"),
-        (lambda: StageModes((1e-8,), (1e4,), (-0.1,)), "damping_ratio"),
-        (lambda: StageModes((1e-8,), (1e4,), (0.1,), (0.0,)), "mass"),
         (lambda: KANG.replace(further_modes=(1.0,)), "must be StageModes or None"),
         (lambda: halved(KANG).replace(natural_frequency=np.inf), "finite natural_frequency"),
         (lambda: ss.simulate(halved(KANG), DRIVE, 0.01, energy=True), "one mode"),

@@ -118,7 +118,7 @@ def test_rest_on_an_incline_hangs_on_the_place() -> None:
         assert moved < 1e-12 if stays else moved > 1e-6
 
 
-@pytest.mark.parametrize("wavelength", [20e-6, 5e-6, 2e-6, 1e-6, 0.3e-6])
+@pytest.mark.parametrize("wavelength", [5e-6, 0.3e-6])
 def test_rest_is_in_balance_on_ripples_of_any_length(wavelength: float) -> None:
     """A short one was stepped over in turns, and the run began out of balance without a word."""
     ripple = NormalForce(ripple=0.3, wavelength=wavelength, phase=0.3)

@@ -26,10 +26,9 @@ def test_a_linear_piezo_changes_nothing() -> None:
     np.testing.assert_allclose(one.end_effector_position, other.end_effector_position, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_it_moves_as_the_plain_one_under_samples_of_its_stroke(seed: int) -> None:
+def test_it_moves_as_the_plain_one_under_samples_of_its_stroke() -> None:
     """A drive of lines: between the corners its stroke is lines too, so that the samples are exact."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     corners = np.sort(random.choice(np.arange(1, 200), 12, replace=False)) * 1e-3
     drive = ss.Sampled(np.append(0.0, corners), np.append(0.0, random.uniform(0.0, 90.0, 12)))
     times = np.linspace(0.0, 0.2, 200_001)

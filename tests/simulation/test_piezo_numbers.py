@@ -12,7 +12,6 @@ import stickslip as ss
 from stickslip.piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
 from stickslip.simulation import NotPeriodicError, steady_step_derivatives
 from stickslip.simulation.varied import (
-    changed_fields,
     model_names,
     piezo_names,
     put_in,
@@ -37,6 +36,7 @@ PIEZOS = {
     "Bouc-Wen and creep": Piezo(BoucWen(0.3, 0.05, 0.02), CREEP),
     "charge": Piezo(PORT._replace(charge_drive=True)),
 }
+
 pytestmark = pytest.mark.filterwarnings("ignore::stickslip.simulation.SimulationWarning")
 
 
@@ -63,8 +63,11 @@ def agree(found: dict[str, float], model: Any, waveform: Any, share: float) -> N
         assert by * size == pytest.approx((high - low) / 1e-3 * 0.5, rel=share, abs=2e-11), name
 
 
-@pytest.mark.parametrize("waveform", [SAW, KNOTS], ids=lambda one: type(one).__name__)
-@pytest.mark.parametrize("piezo", PIEZOS)
+@pytest.mark.parametrize(
+    ("piezo", "waveform"),
+    [*((piezo, SAW) for piezo in PIEZOS), ("plays and creep", KNOTS), ("Bouc-Wen", KNOTS)],
+    ids=lambda one: one if isinstance(one, str) else type(one).__name__,
+)
 def test_of_the_steady_step(piezo: str, waveform: Any) -> None:
     """By the waveform and by the piezo: of the drive once it repeats, not of its first curve."""
     model = KANG.replace(piezo=PIEZOS[piezo])
@@ -103,7 +106,7 @@ def test_cubics_of_creep_change_by_more_than_the_difference() -> None:
     agree(found, model, saw, 0.02)
 
 
-@pytest.mark.parametrize("tolerance", [1e-9, 1e-10, 1e-11, 1e-12])
+@pytest.mark.parametrize("tolerance", [1e-9, 1e-12])
 def test_an_element_that_only_just_slips(tolerance: float) -> None:
     """Whether it slips at all is a matter of the last digits there; the derivative is that of its way from
     rest, whatever the tolerance."""
@@ -173,11 +176,3 @@ def test_no_derivative_where_a_play_appears() -> None:
     model = KANG.replace(piezo=Piezo(PLAYS))
     with pytest.raises(QuantityError, match="piezo_threshold_1' at 0: after the piezo's hysteresis"):
         ss.sensitivities(model, SAW, 0.02, parameters=["piezo_threshold_1"])
-
-
-def test_the_piezo_itself_is_left_as_it_is() -> None:
-    model = KANG.replace(piezo=Piezo(PLAYS, CREEP))
-    _, own = changed_fields(model, {"piezo_weight_1": 0.5, "piezo_share_2": 0.03})
-    assert own["piezo"].hysteresis.weights == (0.5, 0.15, 0.1)
-    assert own["piezo"].creep.shares == (0.02, 0.03)
-    assert model.piezo == Piezo(PLAYS, CREEP)

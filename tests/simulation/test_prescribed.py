@@ -40,7 +40,7 @@ def test_dahl_under_constant_velocity_is_its_closed_form() -> None:
     np.testing.assert_allclose(found["friction_force"], exact, atol=1e-6)
 
 
-@pytest.mark.parametrize("exponent", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("exponent", [0.1, 0.9])
 @pytest.mark.parametrize("way", [5e-6, -1e-2])
 def test_a_brittle_contact_reaches_its_bound_and_stays_there(exponent: float, way: float) -> None:
     law, time = Dahl(1e6, 0.5, exponent), np.linspace(0.0, 1.0, 101)
@@ -168,7 +168,7 @@ def test_a_static_law_keeps_its_force_while_the_motion_pauses() -> None:
     ],
     ids=repr,
 )
-@pytest.mark.parametrize("least", [0.0, 1e-9, 0.5, 1.0])
+@pytest.mark.parametrize("least", [0.0, 0.5])
 def test_a_static_law_at_rest_carries_no_more_under_more_load(law, stopped: float, least: float) -> None:
     """Slide under load 1, stop, double the load; halve it; shed all but the `least`, and load anew."""
     time = np.arange(9.0)
@@ -196,14 +196,6 @@ def test_a_reset_integrator_at_rest_jumps_once_by_its_excess_under_more_load(exc
     )["friction_force"].values
     held = 0.5 * (1.0 + excess)
     np.testing.assert_allclose(found[1:], [0.5, 0.5, held, held], rtol=1e-7)
-
-
-def test_a_light_load_slips_more() -> None:
-    drive = Sawtooth(amplitude=65.0, frequency=100.0, periods=1)
-    rigid = MODEL.replace(friction=Coulomb(0.5401))
-    half = simulate(rigid, drive, 0.02, load=Constant(0.5), tolerance=1e-11)["end_effector_position"]
-    same = simulate(rigid.replace(friction=Coulomb(0.5 * 0.5401)), drive, 0.02, tolerance=1e-11)
-    np.testing.assert_allclose(half, same["end_effector_position"], atol=1e-10)
 
 
 def test_a_constant_load_scales_the_law() -> None:
@@ -248,12 +240,11 @@ def test_wrong_motions_are_refused(time, position, normal, words: str) -> None:
         friction_response("LuGre", [0.0, 1.0], [0.0, 1.0])
 
 
-@pytest.mark.parametrize("samples", [40, 400])
-@pytest.mark.parametrize("tolerance", [1e-9, 1e-11])
+@pytest.mark.parametrize(("samples", "tolerance"), [(40, 1e-11), (400, 1e-9)])
 def test_deflections_are_within_the_tolerance_and_their_estimate(samples: int, tolerance: float) -> None:
     """Against LSODA; where each interval is one step, too, and smaller local errors alone change nothing."""
     random = np.random.default_rng(4)
-    for _ in range(5):
+    for _ in range(2):
         coulomb = random.uniform(0.2, 0.8)
         law = LuGre(
             10 ** random.uniform(5, 7), 10.0, 0.0, coulomb, 1.3 * coulomb, 10 ** random.uniform(-4, -2)
@@ -275,8 +266,3 @@ def test_deflections_are_within_the_tolerance_and_their_estimate(samples: int, t
         off = np.max(np.abs(found["bristle_deflection_1"].values - z))
         assert off <= found.attrs["error_estimate"] + 0.2 * tolerance
         assert found.attrs["error_estimate"] <= tolerance
-
-
-def test_a_static_law_has_no_deflection_to_be_off() -> None:
-    found = friction_response(Coulomb(0.5), [0.0, 1.0, 2.0], [0.0, 1e-6, 0.0])
-    assert found.attrs["error_estimate"] == 0.0

@@ -21,7 +21,7 @@ def test_they_are_of_all_models() -> None:
     }
 
 
-@pytest.mark.parametrize("number", [3, 4, 5, 6])
+@pytest.mark.parametrize("number", [4, 6])
 def test_the_position_is_that_of_brute_force(number: int) -> None:
     m = member(number, 0)
     known = truth(m)

@@ -16,11 +16,8 @@ from stickslip.waveform import Sequence
 KANG = ss.load_actuator("kang2007")
 DRIVE = ss.Sawtooth("65 V", "50 Hz")
 ENDS_ELSEWHERE = {
-    "longer": (ss.Sine(0.3, 25.0, offset=1.0), "40 ms.*whole part.*20 ms"),
     "other": (ss.Sine(0.3, 30.0, offset=1.0), "33.3333333 ms.*whole part.*20 ms"),
     "close": (ss.PeriodicKnots([0.0, 0.01], [1.0, 1.3], 0.0200001), "20.0001 ms.*whole part.*20 ms"),
-    "sampled": (ss.Sampled([0.0, 0.01], [1.0, 1.2], period=0.03), "30 ms.*whole part.*20 ms"),
-    "step": (ss.Step(0.5, 0.1, 1.0), "20 ms for ever.*Step has no period"),
     "ramp": (ss.Sampled([0.0, 0.2], [1.0, 1.5]), "Sampled has no period"),
     "sequence": (Sequence((ss.Step(0.5, 0.0), 0.1), (ss.Step(1.0, 0.0), 0.1)), "Sequence has no period"),
     "counted": (ss.Sine(0.3, 50.0, offset=1.0, periods=3), "Sine ends after 60 ms"),
@@ -46,7 +43,7 @@ def test_other_loads_are_refused_by_all(name: str) -> None:
 
 def test_periods_that_are_whole_but_for_rounding() -> None:
     rng = np.random.default_rng(3)
-    for period in np.exp(rng.uniform(np.log(1e-5), np.log(10.0), 300)).tolist():
+    for period in np.exp(rng.uniform(np.log(1e-5), np.log(10.0), 60)).tolist():
         parts = int(rng.integers(1, 200))
         for own in (period / parts, 1.0 / (parts / period), period * (1.0 / parts)):
             refuse_other_period(ss.Sine(0.3, 1.0 / own, offset=1.0), period)
@@ -61,7 +58,7 @@ def test_periods_that_are_whole_but_for_rounding() -> None:
 def test_a_load_that_fits_gives_the_step_that_is_waited_for() -> None:
     """Loads of a half to a fifth of the period, and of all of it, with jumps and without."""
     rng = np.random.default_rng(11)
-    for parts in (1, *rng.choice(np.arange(2, 6), 2, replace=False).tolist()):
+    for parts in (1, int(rng.integers(2, 6))):
         frequency = float(rng.uniform(30.0, 120.0))
         own = 1.0 / frequency / parts
         jumps = ss.Sampled([0.0, rng.uniform(0.2, 0.8) * own], [0.8, 1.3], "hold", period=own)

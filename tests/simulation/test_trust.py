@@ -39,12 +39,8 @@ LAWS = {
 every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 
 
-# As plain Python, where NumPy warns of it: the first step that is tried under 100 N goes beyond all numbers
-# and is refused.
-@pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
-@pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
 @every_law
-@pytest.mark.parametrize("load", [0.8, -0.8, 100.0])
+@pytest.mark.parametrize("load", [-0.8, 100.0])
 def test_a_load_above_breakaway_slides_away_at_once(law: object, load: float) -> None:
     found = simulate(KANG.replace(friction=law, external_force=load), Constant(0.0), 0.5)
     expected = 0.5 * (load - math.copysign(F_C, load)) / M_E * 0.5**2
@@ -61,7 +57,7 @@ def test_a_vertical_actuator_does_not_hold_its_weight(law: object) -> None:
 
 
 @every_law
-@pytest.mark.parametrize("load", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("load", [0.5, 2.0])
 def test_nothing_moves_at_rest_whatever_the_normal_force(law: object, load: float) -> None:
     found = simulate(KANG.replace(friction=law, external_force=0.2), Constant(0.0), 0.05, load=load)
     assert np.ptp(found["end_effector_position"].values) < 1e-15
@@ -80,7 +76,7 @@ def test_force_stays_when_the_normal_force_grows_and_falls_in_proportion(law: ob
     assert lost["friction_force"].values[-1] == 0.0
 
 
-@pytest.mark.parametrize("load", [0.45, 0.5, -0.5, 0.53])
+@pytest.mark.parametrize("load", [-0.5, 0.53])
 def test_one_tolerance_near_stall(load: float) -> None:
     model, drive = KANG.replace(external_force=load), Sawtooth(75.0, 5.0, periods=3)
     times = np.linspace(0.0, 0.599, 100)
@@ -147,7 +143,7 @@ def test_static_laws_end_at_one_place_at_every_tolerance() -> None:
     np.testing.assert_array_less(np.abs(np.array(ends) - ends[-1]), [1.3e-8, 1.3e-9, 1.3e-10, 1.3e-12])
 
 
-@pytest.mark.parametrize("rise", [0.9, 0.95, 0.99, 1.0])
+@pytest.mark.parametrize("rise", [0.9, 1.0])
 def test_steady_step_where_the_slider_never_rests(rise: float) -> None:
     model, drive = KANG.replace(stage_reaction=False), Sawtooth(100.0, 2000.0, rise_fraction=rise)
     n = 4000
@@ -155,13 +151,6 @@ def test_steady_step_where_the_slider_never_rests(rise: float) -> None:
     expected = float(np.diff(late["end_effector_position"].values)[-1])
     assert steady_step(model, drive) == pytest.approx(expected, abs=1e-10)
     assert steady_orbit(model, drive).error <= 1e-10
-
-
-def test_the_energy_account_costs_no_steps() -> None:
-    drive = Sawtooth(65.0, 50.0, periods=2)
-    plain, kept = (simulate(KANG, drive, energy=energy) for energy in (False, True))
-    assert plain.attrs["steps"] == kept.attrs["steps"]
-    np.testing.assert_array_equal(plain["end_effector_position"], kept["end_effector_position"])
 
 
 def test_what_cannot_be_shown_is_said() -> None:
@@ -190,18 +179,15 @@ def test_a_stribeck_curve_that_falls_at_rest_is_refused_above_which_it_nears_its
         Stribeck(F_C, 0.7, 1e-8)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_sampled_drive_is_followed_without_starting_anew_at_each_sample(seed: int) -> None:
+def test_a_sampled_drive_is_followed_without_starting_anew_at_each_sample() -> None:
     """A recorded voltage: where only its slope jumps, by little, the steps need not be short."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(1)
     times = np.arange(0.0, 0.8, 2e-4)
     volts = np.interp(times % 0.2, [0.0, 0.19, 0.2], [1.0, 65.0, 1.0]) + 1e-4 * random.standard_normal(
         times.size
     )
-    actuator = KANG.replace(stage_reaction=bool(seed % 2))
     drive = Sampled(times, volts)
-    found = simulate(actuator, drive, 0.79, tolerance=1e-9)
-    exact = simulate(actuator, drive, 0.79, tolerance=1e-12)
+    found, exact = (simulate(KANG, drive, 0.79, tolerance=tolerance) for tolerance in (1e-9, 1e-12))
     off = np.max(np.abs(found.end_effector_position - exact.end_effector_position))
     assert off < 1e-9
     assert found.attrs["steps"] + found.attrs["rejected_steps"] < 1.2 * times.size
