@@ -6,6 +6,7 @@
 #   make check      lint, format, types, layers
 #   make drivers    others' drivers of controllers in an environment of their own, for the tests
 #   make mutation   flips signs in the physics and asks the tests to notice; SAMPLE=100 for that many, FILES=friction/ for some
+#   make lines-c    counts the lines of the engine's C that its tests run; below 95 % is an error
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
 #   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)
 #   make lowest     a core of the tests with the lowest versions that pyproject.toml allows; PYTHON= one of them
@@ -42,7 +43,7 @@ PEERS := .venv-peers
 DRIVERS := .venv-drivers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test tools drivers check format mutation bench docs peers lowest engine laws lock clean
+.PHONY: help setup demo test tools drivers check format mutation lines-c bench docs peers lowest engine laws lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -118,6 +119,9 @@ engine: $(READY)
 
 mutation: $(READY)
 	$(BIN)/python tools/mutate.py $(if $(SAMPLE),--sample $(SAMPLE)) $(FILES)
+
+lines-c: $(READY) engine
+	$(BIN)/python tools/cover_c.py
 
 bench: $(READY) peers
 	$(BIN)/python -m benchmarks $(PART)
