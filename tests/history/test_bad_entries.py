@@ -175,3 +175,23 @@ def test_a_question_ends_though_much_is_new(tmp_path: Path, read: Reader, record
         assert ["not read yet" in row["problem"] for row in index.rows()] == [True] * 3
         index.patience = 60.0
         assert [row["problem"] for row in index.rows()] == [""] * 3
+
+
+@pytest.mark.parametrize(
+    "name", ["s.zarr", "s.zarr/zarr.json", "fits", "own.py", "e.yaml", "parameters", "none.nc"]
+)
+def test_only_runs_are_moved_to_the_bin(tmp_path: Path, read: Reader, name: str) -> None:
+    """A page can name any file of the folder."""
+    for file in ("s.zarr/zarr.json", "fits/a/results.json", "fits/a/report.html", "own.py", "e.yaml", "a.nc"):
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).touch()
+    (tmp_path / "parameters").mkdir()
+    (tmp_path / "parameters" / "a.toml").touch()
+    before = sorted(tmp_path.rglob("*"))
+    with Index(tmp_path, read) as index:
+        with pytest.raises(ValueError, match="only recordings, fits and sets are moved"):
+            index.to_bin(name)
+        assert [one for one in sorted(tmp_path.rglob("*")) if ".stickslip" not in one.parts] == before
+        for one in ("a.nc", "fits/a", "parameters/a.toml"):
+            index.to_bin(one)
+        assert len(index.binned()) == 3

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.panel import create_app
+from stickslip.panel import create_app, designing
 from stickslip.panel.design import bench_run
 from stickslip.panel.designing import Drive, from_lowest
 from stickslip.panel.sliders import choices
@@ -149,3 +149,14 @@ def test_a_sent_drive_is_on_the_bench_once(client: httpx.Client) -> None:
     refused = client.post("/api/design/send", json=beyond)
     assert refused.status_code in (400, 422)
     assert "100 V" in refused.json()["error"]
+
+
+def test_a_map_that_takes_too_long_is_left_out(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(designing, "MAP_SECONDS", 0.0)
+    asked = {**MODEL, "voltage": 80.0}
+    header, arrays = unpacked(client.post("/api/design/map", json=asked).content)
+    grid = dict(zip(header["names"], arrays, strict=True))
+    assert (grid["in_time"][0], grid["net_step"].size) == (0.0, grid["voltage"].size * grid["frequency"].size)
+    there = np.isfinite(grid["status"]).reshape(grid["voltage"].size, -1)
+    assert there[: designing.ROWS].all()
+    assert not there[designing.ROWS :].any()

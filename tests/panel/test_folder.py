@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from stickslip.panel.folder import File, Folder
+from stickslip.history.walking import entries
+from stickslip.panel.folder import File, Folder, FolderError
 
 
 @pytest.fixture
@@ -109,3 +110,31 @@ def test_one_looks_at_a_time_and_who_waited_takes_what_it_found(
     assert len(found) == 21
     assert all("later.nc" in one for one in found[1:]), "who asked later sees what was there then"
     assert len(looks) <= 3
+
+
+def test_nothing_is_named_that_no_list_shows(tmp_path: Path) -> None:
+    """A recording that is renamed or taken there is gone for the pages."""
+    (tmp_path / "s.zarr" / "x").mkdir(parents=True)
+    (tmp_path / "s.zarr" / "zarr.json").touch()
+    folder = Folder(tmp_path)
+    assert folder.path("s.zarr") == tmp_path / "s.zarr"
+    for name, words in (
+        ("s.zarr/a.nc", "is in the store of a study"),
+        ("s.zarr/x/y/a.nc", "is in the store of a study"),
+        ("a/" * 41 + "a.nc", "is more than 40 folders deep"),
+    ):
+        with pytest.raises(FolderError, match=words):
+            folder.path(name)
+    (tmp_path / ("a/" * 40)).mkdir(parents=True)
+    (tmp_path / ("a/" * 40) / "a.nc").touch()
+    assert folder.path("a/" * 40 + "a.nc").exists()
+    assert [one.path for one in entries(str(tmp_path)) if one.kind == "recording"] == [
+        str(tmp_path / ("a/" * 40) / "a.nc")
+    ]
+
+
+def test_a_message_is_no_longer_than_ten_lines(tmp_path: Path) -> None:
+    found = Folder(tmp_path).told("begin " + "x" * 100_000 + " end")
+    assert len(found) < 1600
+    assert found.startswith("begin x")
+    assert found.endswith("x end")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -33,7 +34,9 @@ def client(tmp_path: Path) -> Iterator[httpx.Client]:
     os.mkfifo(tmp_path / "fits" / "piped" / "results.json")
     (tmp_path / "on_a_pipe.toml").write_text('kind = "bench"\nbase = "f.toml"\n')
     with client_of(create_app(tmp_path), **ME) as made:
-        made.timeout = 10.0
+        made.post("/bench/save", json={"name": "ready.yaml"}).raise_for_status()
+        made.post("/bench/load", json={"name": "ready.yaml"}).raise_for_status()
+        made.timeout = 10.0  # s: what reads files is there now, and waits for nothing but a pipe
         yield made
 
 
@@ -128,3 +131,12 @@ def test_a_fit_with_wrong_units_is_not_saved(client: httpx.Client, tmp_path: Pat
         assert answer.status_code == 400
         assert answer.json()["error"].startswith("fits/wrong/results.json: ")
         assert words in answer.text
+
+
+def test_what_cannot_be_predicted_is_said(client: httpx.Client, tmp_path: Path) -> None:
+    """A stage of 1e-300 rad/s, of which no periodic motion is found: no fault of the server."""
+    save_set(tmp_path, BRASS)
+    file = tmp_path / BRASS
+    file.write_text(re.sub(r"(\[natural_frequency\]\nvalue = )[0-9.]+", r"\g<1>1e-300", file.read_text()))
+    answer = client.post("/path/predict", json={**SHAPE, "parameters": BRASS}, timeout=300.0)
+    assert (answer.status_code, answer.json()["error"][:34]) == (400, "no motion with the period of the d")

@@ -116,3 +116,16 @@ def test_an_upload_is_never_whole_in_the_server(client: httpx.Client, monkeypatc
     text = "time [s],x [um]\n" + "".join(f"{k / 1e3},{k}\n" for k in range(50))
     answer = client.post("/history/upload?name=a.csv", content=text.encode())
     assert (answer.status_code, answer.json()["samples"]) == (200, 50)
+
+
+def test_an_upload_is_kept_if_what_was_made_of_it_cannot_be_read(client: httpx.Client, folder: Path) -> None:
+    """A name of a channel that the reader refuses: the recording would be lost, and the upload with it."""
+    look = looked_at(client, "long.csv", "\n".join(["t [ms],x [um],u [V]", *ROWS, ""]))
+    long = {"token": look["token"], "name": "long", "columns": {"time": 0, "x" * 1001: 1}}
+    refused = client.post("/history/take", json=long)
+    assert refused.status_code == 400
+    assert "as a recording it cannot be read" in refused.json()["error"]
+    assert "a name in it has more than 1,000 characters" in refused.json()["error"]
+    assert not (folder / "uploads" / "long.nc").exists()
+    taken(client, look).raise_for_status()
+    assert (folder / "uploads" / "long.nc").exists()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -114,3 +115,15 @@ def test_refused(tmp_path: Path) -> None:
         with pytest.raises(RecordingError, match=message):
             save(recording(), tmp_path / name, **arguments)
         assert not list(tmp_path.iterdir())
+
+
+def test_a_long_table_takes_no_more_memory_than_its_numbers(tmp_path: Path) -> None:
+    """A panel exports what is uploaded to it: 15 million rows took 2.9 GB."""
+    count = 100_000
+    made = make_recording(np.arange(count) * 1e-3, {"force": (np.linspace(0.0, 1.0, count), "N")})
+    tracemalloc.start()
+    path = save_csv(made, tmp_path / "long.csv")
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 4 * made.nbytes
+    np.testing.assert_array_equal(np.loadtxt(path, delimiter=",", skiprows=1)[:, 1], made["force"].values)

@@ -16,7 +16,7 @@ from ..recording.replacing import BIN, to_bin
 from .acts import present_names, read_acts
 from .describing import described, described_fit, described_set
 from .storable import real_name, shown_name, storable_row, storable_text
-from .walking import Entry, entries
+from .walking import Entry, entries, is_run
 
 VERSION = 5
 COLUMNS = (
@@ -147,8 +147,8 @@ class Index:
         """
         source = self.folder / real_name(name)
         inside = source.parent.resolve().is_relative_to(self.folder) and source != self.folder
-        if not inside or not os.path.lexists(source) or name.startswith("."):
-            raise ValueError(f"{name!r} is no run of {self.folder}")
+        if not inside or name.startswith(".") or not is_run(str(self.folder), str(source)):
+            raise ValueError(f"{name!r} is no run of {self.folder}: only recordings, fits and sets are moved")
         return to_bin(self.folder, real_name(name))
 
     def _opened(self) -> sqlite3.Connection:

@@ -51,6 +51,21 @@ def entries(root: str) -> Iterator[Entry]:
             waiting += [(path, level + 1) for path in reversed(below)]
 
 
+def is_run(root: str, path: str) -> bool:
+    """Return whether a file or a folder is a run, as `entries` yields it."""
+    folder = os.path.dirname(path)
+    try:
+        with os.scandir(folder) as found:
+            entry = next((one for one in found if one.path == path), None)
+        if entry is None:
+            return False
+        if _is_folder(entry):
+            return any(_fit(root, path, {*os.listdir(path)}))
+        return _kind(root, folder, entry) != ""
+    except OSError:
+        return False
+
+
 def _kind(root: str, folder: str, entry: os.DirEntry[str]) -> str:
     suffix = os.path.splitext(entry.name)[1]
     if entry.name.startswith(".") or _is_folder(entry):

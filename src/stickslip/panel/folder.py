@@ -13,10 +13,12 @@ from typing import NamedTuple
 
 from ..gate.errors import GateError
 from ..gate.paths import LONGEST_NAME, inside, is_name
+from ..history.walking import MOST_LEVELS
 from .sharing import Shared
 
 _ABSOLUTE = re.compile(r"(?<![\w.)\]])(?:[A-Za-z]:)?[/\\](?:[^\s'\":;,/\\]+[/\\])+([^\s'\":;,/\\]*)")
 STORE = "zarr.json"  # a folder that has it is a study's store
+_LONGEST_MESSAGE = 1500  # characters, some ten lines of a page
 _SETTLED = 2e9  # ns after which a change of a folder shows in its time, on any file system
 
 
@@ -53,12 +55,20 @@ class Folder:
 
         Raises:
             FolderError: the name leads out of the folder, by dots or by a link, is no plain name, or that of
-                what may never answer who opens it: a pipe, a socket, a device.
+                what may never answer who opens it (a pipe, a socket, a device), or of what no list shows: in
+                a study's store, or too deep.
         """
         try:
-            return inside(self.root, name, "the panel's folder")
+            found = inside(self.root, name, "the panel's folder")
         except GateError as error:
             raise FolderError(str(error)) from error
+        *above, _ = name.split("/")
+        if len(above) > MOST_LEVELS:
+            raise FolderError(f"{name[:60]!r} is more than {MOST_LEVELS} folders deep: choose another name")
+        for i in range(len(above)):
+            if (self.root.joinpath(*above[: i + 1]) / STORE).exists():
+                raise FolderError(f"{name[:60]!r} is in the store of a study: choose another folder")
+        return found
 
     def name(self, path: Path) -> str:
         """The name of a file in the folder."""
@@ -116,4 +126,6 @@ class Folder:
     def told(self, text: str) -> str:
         """A message without the paths of this machine: those in the folder are named as inside it."""
         text = text.replace(f"{self.root}{os.sep}", "").replace(str(self.root), "the panel's folder")
+        if len(text) > _LONGEST_MESSAGE:  # names and values of a file may be as long as the file
+            text = f"{text[: _LONGEST_MESSAGE - 300]} ... {text[-300:]}"
         return _ABSOLUTE.sub(r"\1", text)

@@ -11,7 +11,6 @@ import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 from fastapi import FastAPI, Request, WebSocket
 from fastapi.exceptions import RequestValidationError
@@ -26,6 +25,8 @@ from ..recording import RecordingError
 from ..rig import RigError
 from ..rig.memory import collect, collected_on_request
 from ..rig.samples import recover
+from ..simulation import SimulationError
+from ..study import StudyError
 from ..units import to_si
 from .bench import bench_routes
 from .control import Control, shown
@@ -217,6 +218,5 @@ def _explain_errors(app: FastAPI, folder: Folder) -> None:
     async def explained(request: Request, error: Exception) -> JSONResponse:
         return answer(400, str(error))
 
-    handlers: dict[type[Exception], Any] = dict.fromkeys((ValueError, RigError, OSError), explained)
-    for kind, handler in handlers.items():
-        app.add_exception_handler(kind, handler)
+    for kind in (ValueError, OSError, ArithmeticError, RigError, SimulationError, StudyError):
+        app.add_exception_handler(kind, explained)

@@ -71,6 +71,11 @@ def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> No
         recording = _read(source, asked, folder, read)
         target.parent.mkdir(parents=True, exist_ok=True)
         save_recording(recording, target)
+        try:
+            read(target, _counted)
+        except RecordingError as error:  # the upload is all that there is of it
+            target.unlink()
+            raise RecordingError(f"{asked.name}: as a recording it cannot be read: {error}") from None
         shutil.rmtree(source.parent, ignore_errors=True)
         drive = taken_drive(recording)
         said = {} if drive is None else {"drive": drive.said()}

@@ -20,6 +20,7 @@ from .replacing import replaced_whole
 from .schema import RecordingError, validate_recording
 
 Layout = Literal["trace", "controldesk"]
+_ROWS = 10_000  # rows of a table that are written at a time
 
 
 def save_matlab(
@@ -74,10 +75,12 @@ def save_csv(
     target = _target(path, ".csv")
     columns = _columns(recording, units)
     header = ",".join(["time [s]", *(f"{name} [{unit}]" if unit else name for name, unit, _ in columns)])
-    table = np.array([recording["time"].values, *(values for _, _, values in columns)]).T
+    whole = [recording["time"].values, *(values for _, _, values in columns)]
     with replaced_whole(target) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.write(header + "\n")
-        file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+        for at in range(0, whole[0].size, _ROWS):  # numbers of Python take ten times the memory of an array's
+            rows = np.array([values[at : at + _ROWS] for values in whole]).T.tolist()
+            file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
     return target
 
 

@@ -146,8 +146,8 @@ export async function mount(element, app) {
   const maps = latestWins({
     ask: () => app.request("/api/design/map", { ...asked(), voltage: kept.values.voltage }),
     take(answer) {
-      fault.textContent = "";
       const found = named(answer);
+      fault.textContent = found.in_time[0] ? "" : "The rest of the map is left out: this actuator takes too long for it.";
       map.setData(found);
       key.querySelector("output").textContent = formatQuantity(Math.max(...found.net_step.map((one) => (Number.isFinite(one) ? Math.abs(one) : 0))), units().position);
       root().dataset.maps = String(Number(root().dataset.maps ?? 0) + 1);
