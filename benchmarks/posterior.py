@@ -34,7 +34,7 @@ def main(seeds: int) -> None:
     free = ["sigma_0", "sigma_1", "coulomb_force", "delay", "offset"]
     fit = identify_friction(recording, model, free, drive=drive)
     print(fit.report())
-    posterior(fit, recording, drive=drive, max_simulations=200)  # compiled, imported
+    posterior(fit, recording, drive=drive, max_simulations=200)  # imports
     for seed in range(seeds):
         cpu = time.process_time()
         found = posterior(fit, recording, drive=drive, seed=seed)

@@ -273,13 +273,6 @@ def measure(m: Member, position: NDArray[np.float64]) -> Found:
     return Found(error, estimate, seconds, d.attrs["steps"] + d.attrs["rejected_steps"], words)
 
 
-def _warm_up(chosen: list[Member]) -> None:
-    """Compile for every law, which is not to be timed."""
-    for name in {m.kind for m in chosen}:
-        for m in [m for m in chosen if m.kind == name][:2]:
-            measure(m, np.zeros(SAMPLES))
-
-
 HEAD = ("members", "median", "99 %", "worst", "> 1", "> 3", "> 10", "> 100")
 
 
@@ -386,7 +379,6 @@ def study(
     """Members, their truths, and what the package made of those that are known well enough."""
     chosen = [draw(number, seed) for number in range(count)]
     known = truths(chosen, seed)
-    _warm_up(chosen)
     found = {}
     for m in chosen:
         if known.doubt[m.number] <= WELL_KNOWN:

@@ -1,8 +1,8 @@
 """python -m benchmarks.random_piezos [COUNT] [--seed S]: errors of `ss.simulate` with hysteresis and creep.
 
 As `benchmarks.random_actuators`, for actuators whose piezo has hysteresis, creep or both, against
-`benchmarks.oracle_piezo`. The friction laws are few, for each one is compiled; drives, piezos and all numbers
-differ. The page is `docs/benchmarks/random-piezos.md`.
+`benchmarks.oracle_piezo`. The friction laws are few; drives, piezos and all numbers differ. The page is
+`docs/benchmarks/random-piezos.md`.
 """
 
 from __future__ import annotations
