@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import re
 from pathlib import Path
 from typing import Any
 
@@ -42,14 +43,7 @@ def test_replace_as_a_user_does() -> None:
         damping_ratio=0.524,
         stage_reaction=False,
         end_effector_mass="100 g",
-        friction=LuGre(
-            sigma_0="1.399 N/um",  # type: ignore[arg-type]
-            sigma_1=34.9,
-            sigma_2=0.0,
-            coulomb_force=0.5401,
-            stiction_force=0.5401,
-            stribeck_velocity=1e-3,
-        ),
+        friction=LUGRE._replace(sigma_0="1.399 N/um"),
     )
     assert type(changed) is Actuator
     assert changed == load_actuator("kang2007")._replace(stage_reaction=False)
@@ -58,12 +52,12 @@ def test_replace_as_a_user_does() -> None:
     assert changed != load_actuator("changli1999")
 
 
-@pytest.mark.parametrize("name", ["kang2007", "changli1999", "pohl1987"])
-def test_every_shipped_actuator(name: str) -> None:
-    loaded = load_actuator(name)
-    assert loaded.name == name
-    assert loaded.static == (name == "pohl1987")
-    assert 0 <= loaded.min_voltage < loaded.max_voltage
+def test_every_shipped_actuator() -> None:
+    for name in ("kang2007", "changli1999", "pohl1987"):
+        loaded = load_actuator(name)
+        assert loaded.name == name
+        assert loaded.static == (name == "pohl1987")
+        assert 0 <= loaded.min_voltage < loaded.max_voltage
 
 
 def test_derived_values() -> None:
@@ -119,38 +113,25 @@ def test_from_parts() -> None:
     # The same numbers as the thesis identified, for these parts were made up from its c, k and T.
     assert made.natural_frequency == pytest.approx(3303.1, rel=1e-3)
     assert made.damping_ratio == pytest.approx(0.524, rel=2e-3)
-    with pytest.raises(QuantityError, match=r"StageParts\.piezo_stiffness = '1 N' has the unit 'N'.*> 0 N/m"):
-        Actuator.from_parts(**{**parts, "piezo_stiffness": "1 N"}, end_effector_mass=0.1, friction=LUGRE)
     with pytest.raises(QuantityError, match=r"Actuator\.friction is missing"):
         Actuator.from_parts(**parts, end_effector_mass=0.1)
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "says"),
-    [
-        ("gain", "0.1 um", "no m/V"),
-        ("natural_frequency", 0, "must be > 0 rad/s"),
-        ("damping_ratio", -0.1, "must be >= 0"),
-        ("stage_mass", 0, "must be > 0 kg"),
-        ("end_effector_mass", -1, "must be > 0 kg"),
-        ("external_force", math.inf, "a finite number in N"),
-        ("incline", "200 deg", ">= -3.14159 and <= 3.14159 rad"),
+def test_wrong_values() -> None:
+    """Beside the bounds of single fields."""
+    for field, value, says in (
+        *(
+            ("friction", one, "must be a law with its values: Coulomb, ")
+            for one in (LuGre, "LuGre", None, THESIS)
+        ),
         ("stage_reaction", 1, "must be True or False"),
-        ("clamped", "yes", "must be True or False"),
-        ("min_voltage", math.nan, "a finite number in V"),
-        ("friction", LuGre, "must be a law with its values: Coulomb, "),
-        ("friction", "LuGre", "must be a law with its values: Coulomb, "),
-        ("friction", None, "must be a law with its values: Coulomb, "),
-        ("friction", THESIS, "must be a law with its values: Coulomb, "),
         ("name", 3, "must be a text"),
         ("sigma_0", 1.0, "Actuator has no field 'sigma_0'"),
-    ],
-)
-def test_wrong_values(field: str, value: object, says: str) -> None:
-    with pytest.raises(QuantityError) as caught:
-        THESIS.replace(**{field: value})
-    assert field in str(caught.value)
-    assert says in str(caught.value)
+    ):
+        for model in (THESIS, SLIDER) if field in ("friction", "name") else (THESIS,):
+            with pytest.raises(QuantityError, match=re.escape(says)) as caught:
+                model.replace(**{field: value})
+            assert field in str(caught.value)
 
 
 def test_voltage_range() -> None:
@@ -167,15 +148,6 @@ def test_pulled_slider() -> None:
     assert made == SLIDER
     assert made.replace(mass=1.0).mass == 1.0
     assert made.citation_keys == ("coulomb1785", "olsson1998", "kang2007")
-    for field, value in [
-        ("mass", 0),
-        ("spring_stiffness", 0),
-        ("damping", -1),
-        ("friction", 0.3),
-        ("name", 1),
-    ]:
-        with pytest.raises(QuantityError, match=rf"PulledSlider\.{field}"):
-            made.replace(**{field: value})
 
 
 def test_citation_of_a_loaded_actuator() -> None:

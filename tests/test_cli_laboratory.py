@@ -53,22 +53,19 @@ def test_calibrate_chooses_the_order_and_corrects_another_calibration(tmp_path: 
     np.testing.assert_allclose(made.coefficients, [1e-5, 1.02], rtol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
+def test_calibrate_refuses_in_one_line(tmp_path: Path) -> None:
+    for arguments, message in (
         (["gone.csv"], "gone.csv"),
         (["kang2007-inductive", "--order", "five"], "--order five"),
         (["kang2007-inductive", "--order", "15"], "too few"),
         (["kang2007-inductive", "--after", "nobody"], "nobody"),
         (["kang2007-inductive", "--after", "kang2007-recalibration"], "takes m"),
-    ],
-)
-def test_calibrate_refuses_in_one_line(arguments: list[str], message: str, tmp_path: Path) -> None:
-    done = run("calibrate", *arguments, "--out", str(tmp_path / "out"))
-    assert done.exit_code == 2
-    assert message in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert not (tmp_path / "out").exists()
+    ):
+        done = run("calibrate", *arguments, "--out", str(tmp_path / "out"))
+        assert done.exit_code == 2
+        assert message in done.stderr
+        assert done.stderr.count("\n") == 1
+        assert not (tmp_path / "out").exists()
     assert read_table("kang2007-inductive").x_unit == "V"
 
 
@@ -89,6 +86,14 @@ def small(folder: Path, **changes: object) -> Path:
     path = folder / "experiment.yaml"
     path.write_text(yaml.safe_dump(content, sort_keys=False))
     return path
+
+
+def samples_kept(out: Path, name: str) -> bool:
+    """Whether samples are on the disk; the folder itself comes and goes while it is tried."""
+    time.sleep(0.01)
+    with contextlib.suppress(FileNotFoundError):
+        return any(int.from_bytes(one.read_bytes()[:8], "little") for one in out.glob(f".{name}*.samples"))
+    return False
 
 
 def test_record(tmp_path: Path) -> None:
@@ -125,7 +130,8 @@ def test_record_interrupted(tmp_path: Path) -> None:
             assert process.stderr is not None
             while "long_35V" not in (line := process.stderr.readline()):
                 assert line, "it ended early"
-            time.sleep(0.5)
+            while not samples_kept(out, "long"):
+                assert process.poll() is None
             process.send_signal(sign)
             rest = process.communicate(timeout=300)[1]
         assert process.returncode == 130
@@ -146,18 +152,10 @@ def test_record_refuses_in_one_line(tmp_path: Path) -> None:
     assert "experiment.yaml: runs:" in done.stderr
 
 
-@pytest.mark.parametrize(
-    ("kind", "field"),
-    [
-        ("job", "steps"),
-        ("experiment", "channels"),
-        ("campaign", "hops"),
-        ("identification", "recordings"),
-    ],
-)
-def test_schema(kind: str, field: str) -> None:
-    printed = json.loads(run("schema", kind).stdout)
-    assert field in json.dumps(printed)
+def test_schema() -> None:
+    fields = {"job": "steps", "experiment": "channels", "campaign": "hops", "identification": "recordings"}
+    for kind, field in fields.items():
+        assert field in json.dumps(json.loads(run("schema", kind).stdout))
 
 
 def test_a_twin_on_a_pseudo_terminal() -> None:
@@ -245,13 +243,6 @@ def test_an_interruption_in_the_report_is_not_lost(tmp_path: Path, name: str) ->
     assert {path.stem for path in out.glob("*.nc")} == {"walk_35V", "walk_65V"}
 
 
-def samples_kept(out: Path) -> bool:
-    """Whether samples are on the disk; the folder itself comes and goes while it is tried."""
-    with contextlib.suppress(FileNotFoundError):
-        return any(int.from_bytes(one.read_bytes()[:8], "little") for one in out.glob(".walk*.samples"))
-    return False
-
-
 RIG = """
 from pathlib import Path
 
@@ -288,9 +279,8 @@ def test_a_second_interruption_ends_at_once_with_the_output_at_zero(tmp_path: Pa
     ):
         at_last.callback(process.kill)
         end = time.monotonic() + 300.0
-        while not samples_kept(out):
+        while not samples_kept(out, "walk"):
             assert time.monotonic() < end
-            time.sleep(0.01)
         log.unlink(missing_ok=True)  # of the opening
         # Both at once: the first has no time to be heard in the run.
         process.send_signal(signal.SIGINT)
@@ -312,19 +302,16 @@ def test_ctrl_c_in_a_text_that_a_library_executes_is_exit_code_130(tmp_path: Pat
     assert done.stderr == "Error: interrupted; nothing is kept\n"
 
 
-@pytest.mark.parametrize(
-    ("at", "words", "code"),
-    [
+def test_an_address_that_cannot_be_asked() -> None:
+    for at, words, code in (
         ("127.0.0.1:abc", "--at 127.0.0.1:abc: 'abc' is no port", 2),
         ("127.0.0.1:70000", "'70000' is no port", 2),
         ("nowhere.invalid", "--at nowhere.invalid: there is no host 'nowhere.invalid'", 2),
         ("127.0.0.1:PORT", "127.0.0.1:PORT: no controller that is known answers there", 1),
-    ],
-)
-def test_an_address_that_cannot_be_asked(at: str, words: str, code: int) -> None:
-    with socket.socket() as free:  # bound, and nobody listens
-        free.bind(("127.0.0.1", 0))
-        port = str(free.getsockname()[1])
-        done = run("rigs", "--at", at.replace("PORT", port))
-    assert done.exit_code == code
-    assert words.replace("PORT", port) in done.stderr
+    ):
+        with socket.socket() as free:  # bound, and nobody listens
+            free.bind(("127.0.0.1", 0))
+            port = str(free.getsockname()[1])
+            done = run("rigs", "--at", at.replace("PORT", port))
+        assert done.exit_code == code
+        assert words.replace("PORT", port) in done.stderr

@@ -20,74 +20,35 @@ from hypothesis import strategies as st
 from stickslip.units import QuantityError, array_si, near_one, to_si, with_prefix
 
 READ = [
-    ("65 V", "V", 65.0),
-    ("65V", "V", 65.0),
-    ("  65   V  ", "V", 65.0),
-    ("65", "V", 65.0),
-    ("-6.5e1 V", "V", -65.0),
-    ("65000 mV", "V", 65.0),
-    (".5 kV", "V", 500.0),
-    ("1.399 N/um", "N/m", 1.399e6),
-    ("1399 N/mm", "N/m", 1.399e6),
-    ("0.0349 N s/mm", "N s/m", 34.9),
-    ("34.9 N*s/m", "N s/m", 34.9),
-    ("34.9 N·s/m", "N s/m", 34.9),
-    ("34.9 N/(m/s)", "N s/m", 34.9),
-    ("0.3303 rad/ms", "rad/s", 330.3),
-    ("17 um", "m", 17e-6),
-    ("17 µm", "m", 17e-6),  # the micro sign
-    ("17 μm", "m", 17e-6),  # the Greek letter
-    ("17 micrometer", "m", 17e-6),
-    ("9.81 m/s^2", "m/s^2", 9.81),
-    ("9.81 m/s**2", "m/s^2", 9.81),
-    ("9.81 m/s²", "m/s^2", 9.81),
-    ("9.81 m s⁻²", "m/s^2", 9.81),
-    ("5 /s", "1/s", 5.0),
-    ("5 1/s", "1/s", 5.0),
-    ("98.2 g", "kg", 0.0982),
-    ("52.4 %", "", 0.524),
-    ("0.524", "", 0.524),
-    ("20 degC", "K", 293.15),
-    ("inf rad/s", "rad/s", math.inf),
+    ("65 V", "V", 65.0), ("65V", "V", 65.0), ("  65   V  ", "V", 65.0), ("65", "V", 65.0),
+    ("-6.5e1 V", "V", -65.0), ("65000 mV", "V", 65.0), (".5 kV", "V", 500.0), ("1.399 N/um", "N/m", 1.399e6),
+    ("1399 N/mm", "N/m", 1.399e6), ("0.0349 N s/mm", "N s/m", 34.9), ("34.9 N*s/m", "N s/m", 34.9),
+    ("34.9 N·s/m", "N s/m", 34.9), ("34.9 N/(m/s)", "N s/m", 34.9), ("0.3303 rad/ms", "rad/s", 330.3),
+    ("17 um", "m", 17e-6), ("17 µm", "m", 17e-6), ("17 μm", "m", 17e-6), ("17 micrometer", "m", 17e-6),
+    ("9.81 m/s^2", "m/s^2", 9.81), ("9.81 m/s**2", "m/s^2", 9.81), ("9.81 m/s²", "m/s^2", 9.81),
+    ("9.81 m s⁻²", "m/s^2", 9.81), ("5 /s", "1/s", 5.0), ("5 1/s", "1/s", 5.0), ("98.2 g", "kg", 0.0982),
+    ("52.4 %", "", 0.524), ("0.524", "", 0.524), ("20 degC", "K", 293.15), ("inf rad/s", "rad/s", math.inf),
     ("-inf V", "V", -math.inf),
-]
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("text", "unit", "expected"), READ)
-def test_reads(text: str, unit: str, expected: float) -> None:
-    assert to_si(text, unit) == expected  # exactly: a power of ten moves the decimal point and nothing else
+FACTORS = [
+    ("525.7 Hz", "rad/s", 2 * math.pi * 525.7), ("0.5257 kHz", "rad/s", 2 * math.pi * 525.7),
+    ("3303.1 rad/s", "Hz", 3303.1 / (2 * math.pi)), ("3000 rpm", "Hz", 50.0),
+    ("3000 rpm", "rad/s", 100 * math.pi), ("180 deg/s", "rad/s", math.pi), ("5 kHz", "Hz", 5000.0),
+    ("30 deg", "rad", math.pi / 6), ("1 kgf", "N", 9.80665), ("1 inch", "m", 0.0254),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("text", "unit", "expected"),
-    [
-        ("525.7 Hz", "rad/s", 2 * math.pi * 525.7),
-        ("0.5257 kHz", "rad/s", 2 * math.pi * 525.7),
-        ("3303.1 rad/s", "Hz", 3303.1 / (2 * math.pi)),
-        ("3000 rpm", "Hz", 50.0),
-        ("3000 rpm", "rad/s", 100 * math.pi),
-        ("180 deg/s", "rad/s", math.pi),
-        ("5 kHz", "Hz", 5000.0),
-        ("30 deg", "rad", math.pi / 6),
-        ("1 kgf", "N", 9.80665),
-        ("1 inch", "m", 0.0254),
-    ],
-)
-def test_factors_other_than_powers_of_ten(text: str, unit: str, expected: float) -> None:
-    assert to_si(text, unit) == pytest.approx(expected, rel=1e-14)
-
-
-@pytest.mark.parametrize(
-    "number", [65, 65.0, np.float32(65), np.int16(65), np.array(65.0), xr.DataArray(65.0)]
-)
-def test_plain_numbers_are_si(number: object) -> None:
-    value = to_si(number, "V")  # type: ignore[arg-type]
-    assert value == 65.0
-    assert type(value) is float
-
-
-def test_a_fraction_is_a_number() -> None:
-    assert to_si(Fraction(1, 8), "V") == 0.125  # type: ignore[arg-type]
+def test_reads() -> None:
+    for text, unit, expected in READ:  # exactly: a power of ten moves the decimal point and nothing else
+        assert to_si(text, unit) == expected, text
+    for text, unit, expected in FACTORS:
+        assert to_si(text, unit) == pytest.approx(expected, rel=1e-14), text
+    for number in (65, 65.0, np.float32(65), np.int16(65), np.array(65.0), xr.DataArray(65.0), Fraction(65)):
+        value = to_si(number, "V")  # type: ignore[arg-type]
+        assert value == 65.0
+        assert type(value) is float
 
 
 ARRAYS = {
@@ -104,14 +65,12 @@ ARRAYS = {
 }
 
 
-@pytest.mark.parametrize("name", ARRAYS)
-def test_arrays_have_units_as_single_numbers_do(name: str) -> None:
-    found = array_si(ARRAYS[name], "s", "times")
-    expected = {"numbers": [20.0, 40.0], "both": [0.02, 40.0], "objects": [0.02, 40.0]}.get(
-        name, [0.02, 0.04]
-    )
-    assert found.dtype == np.float64
-    assert found.tolist() == expected
+def test_arrays_have_units_as_single_numbers_do() -> None:
+    other = {"numbers": [20.0, 40.0], "both": [0.02, 40.0], "objects": [0.02, 40.0]}
+    for name, values in ARRAYS.items():
+        found = array_si(values, "s", "times")
+        assert found.dtype == np.float64
+        assert found.tolist() == other.get(name, [0.02, 0.04]), name
 
 
 def test_arrays_keep_their_shape() -> None:
@@ -122,9 +81,8 @@ def test_arrays_keep_their_shape() -> None:
     assert array_si(warm, "K") == pytest.approx(np.array([[293.15], [0.0]]))
 
 
-@pytest.mark.parametrize(
-    ("values", "reason"),
-    [
+def test_arrays_that_are_refused() -> None:
+    for values, reason in (
         (xr.DataArray([1.0], attrs={"units": "mV"}), "'1 mV' has the unit 'mV', which is no N"),
         (["1 N", "1 mV"], "'1 mV' has the unit 'mV', which is no N"),
         (np.array(["1 N", "much"]), "'much' does not begin with a number"),
@@ -133,58 +91,36 @@ def test_arrays_keep_their_shape() -> None:
         (np.array([1], dtype="timedelta64[ns]"), "is not of numbers but timedelta64"),
         ([None, 1.0], "None is not a number"),
         ([[1.0], [1.0, 2.0]], "rows of different lengths"),
-    ],
-)
-def test_arrays_that_are_refused(values: object, reason: str) -> None:
-    with pytest.raises(QuantityError, match=f"^force.*{re.escape(reason)}"):
-        array_si(values, "N", "force")
+    ):
+        with pytest.raises(QuantityError, match=f"^force.*{re.escape(reason)}"):
+            array_si(values, "N", "force")
 
 
 REFUSED = [
-    ("65 A", "unit 'A', which is no V"),
-    ("65 V/m", "unit 'V/m', which is no V"),
-    ("65 %", "unit '%', which is no V"),
-    ("65 volts please", "unknown unit 'volts please'"),
-    ("65 foo", "unknown unit 'foo'"),
-    ("", "does not begin with a number"),
-    ("   ", "does not begin with a number"),
-    ("V", "does not begin with a number"),
-    ("about 65 V", "does not begin with a number"),
-    ("0,5 V", "decimal comma"),
-    ("6 5 V", "no readable unit"),
-    ("1_000 V", "no readable unit"),
-    ("65 V; 66 V", "no readable unit"),
-    ("65 V^9^9^9^9^9^9", "no readable unit"),
-    ("65 (V^9)^9", "no readable unit"),
-    ("65 V**99999999", "no readable unit"),
-    ("65 __import__('os').getcwd()", "no readable unit"),
-    ("65 " + "V" * 1000, "no readable unit"),
-    ("65 \x00", "no readable unit"),
-    ("65 (V", "unknown unit"),
-    (True, "is not a number"),
-    (np.bool_(True), "is not a number"),
-    (None, "is not a number"),
-    (b"65", "is not a number"),
-    ([65.0], "is not a number"),
-    (np.array([65.0]), "is not a number"),
-    (65 + 0j, "is not a number"),
-    (Decimal(65), "is not a number"),
-    (10**400, "too large"),
-]
+    ("65 A", "unit 'A', which is no V"), ("65 V/m", "unit 'V/m', which is no V"),
+    ("65 %", "unit '%', which is no V"), ("65 volts please", "unknown unit 'volts please'"),
+    ("65 foo", "unknown unit 'foo'"), ("", "does not begin with a number"),
+    ("   ", "does not begin with a number"), ("V", "does not begin with a number"),
+    ("about 65 V", "does not begin with a number"), ("0,5 V", "decimal comma"),
+    ("6 5 V", "no readable unit"), ("1_000 V", "no readable unit"), ("65 V; 66 V", "no readable unit"),
+    ("65 V^9^9^9^9^9^9", "no readable unit"), ("65 (V^9)^9", "no readable unit"),
+    ("65 V**99999999", "no readable unit"), ("65 __import__('os').getcwd()", "no readable unit"),
+    ("65 " + "V" * 1000, "no readable unit"), ("65 \x00", "no readable unit"), ("65 (V", "unknown unit"),
+    (True, "is not a number"), (np.bool_(True), "is not a number"), (None, "is not a number"),
+    (b"65", "is not a number"), ([65.0], "is not a number"), (np.array([65.0]), "is not a number"),
+    (65 + 0j, "is not a number"), (Decimal(65), "is not a number"), (10**400, "too large"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("value", "reason"), REFUSED, ids=repr)
-def test_refuses(value: object, reason: str) -> None:
-    with pytest.raises(QuantityError) as caught:
-        to_si(value, "V", "Sawtooth.amplitude")  # type: ignore[arg-type]
-    message = str(caught.value)
-    assert message.startswith("Sawtooth.amplitude ")
-    assert reason in message
-    assert "(expected V)" in message
-    assert len(message) < 250
-
-
-def test_a_unit_where_a_plain_number_is_wanted() -> None:
+def test_refuses() -> None:
+    for value, reason in REFUSED:
+        with pytest.raises(QuantityError) as caught:
+            to_si(value, "V", "Sawtooth.amplitude")  # type: ignore[arg-type]
+        message = str(caught.value)
+        assert message.startswith("Sawtooth.amplitude ")
+        assert reason in message
+        assert "(expected V)" in message
+        assert len(message) < 250
     with pytest.raises(QuantityError, match=r"damping = '0\.5 V' .* no plain number"):
         to_si("0.5 V", "", "damping")
 
@@ -250,38 +186,21 @@ def test_prefixed_units_are_those_of_pint(unit: str) -> None:
         assert to_si(f"3 {written}", unit) == pytest.approx(expected, rel=1e-12), written
 
 
-@pytest.mark.parametrize(
-    ("value", "unit", "shown"),
-    [
-        (3.2e-7, "m", "320 nm"),
-        (25.565959e-6, "m", "25.57 µm"),
-        (-1.5e-3, "s", "-1.5 ms"),
-        (1e-3, "s", "1 ms"),
-        (1e-6, "m", "1 µm"),
-        (999.96e-9, "m", "1 µm"),
-        (999.94e-9, "m", "999.9 nm"),
-        (65.0, "V", "65 V"),
-        (1.399e6, "N/m", "1.399 MN/m"),
-        (34.9, "N s/m", "34.9 N s/m"),
-        (0.1057e-6, "m/V", "105.7 nm/V"),
-        (2.5e5, "Hz", "250 kHz"),
-        (0.05, "kg", "0.05 kg"),  # kg has its prefix already
-        (3303.1, "rad/s", "3303 rad/s"),
-        (0.001308, "rad/s", "1.308 mrad/s"),
-        (1e-12, "m^2", "1e-12 m^2"),  # a prefix would be squared
-        (0.9979, "", "0.9979"),
-        (0.0, "m", "0 m"),
-        (2e-16, "m", "0.0002 pm"),
-        (3e13, "Hz", "3e+04 GHz"),
-        (math.inf, "rad/s", "inf rad/s"),
-        (math.nan, "m", "nan m"),
-    ],
-)
-def test_with_prefix(value: float, unit: str, shown: str) -> None:
-    assert with_prefix(value, unit) == shown
+# A kg has its prefix already; a prefix of m^2 would be squared.
+SHOWN = [
+    (3.2e-7, "m", "320 nm"), (25.565959e-6, "m", "25.57 µm"), (-1.5e-3, "s", "-1.5 ms"), (1e-3, "s", "1 ms"),
+    (1e-6, "m", "1 µm"), (999.96e-9, "m", "1 µm"), (999.94e-9, "m", "999.9 nm"), (65.0, "V", "65 V"),
+    (1.399e6, "N/m", "1.399 MN/m"), (34.9, "N s/m", "34.9 N s/m"), (0.1057e-6, "m/V", "105.7 nm/V"),
+    (2.5e5, "Hz", "250 kHz"), (0.05, "kg", "0.05 kg"), (3303.1, "rad/s", "3303 rad/s"),
+    (0.001308, "rad/s", "1.308 mrad/s"), (1e-12, "m^2", "1e-12 m^2"), (0.9979, "", "0.9979"),
+    (0.0, "m", "0 m"), (2e-16, "m", "0.0002 pm"), (3e13, "Hz", "3e+04 GHz"),
+    (math.inf, "rad/s", "inf rad/s"), (math.nan, "m", "nan m"),
+]  # fmt: skip
 
 
-def test_with_prefix_digits() -> None:
+def test_with_prefix() -> None:
+    for value, unit, shown in SHOWN:
+        assert with_prefix(value, unit) == shown
     assert with_prefix(25.565959e-6, "m", 7) == "25.56596 µm"
     assert with_prefix(25.565959e-6, "m", 1) == "30 µm"
 
@@ -293,9 +212,6 @@ def test_with_prefix_reads_back(value: float, digits: int) -> None:
     assert 1 <= abs(float(shown.split()[0])) < 1000
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.9987, "0.9987"), (0.99996, "0.999960"), (0.9999935, "0.9999935"), (1.0, "1.0000"), (-5.7, "-5.7000")],
-)
-def test_what_is_not_quite_one_does_not_look_like_it(value: float, text: str) -> None:
-    assert near_one(value) == text
+def test_what_is_not_quite_one_does_not_look_like_it() -> None:
+    for text in ("0.9987", "0.999960", "0.9999935", "1.0000", "-5.7000"):
+        assert near_one(float(text)) == text

@@ -213,22 +213,18 @@ LESS = 0.97 * KANG.friction.coulomb_force
 WALK = Sequence(Rest(0.05), Sawtooth(65.0, 20.0, periods=8))
 
 
-@pytest.mark.parametrize(
-    ("model", "drive"),
-    [
-        (KANG.replace(gain=1.01 * KANG.gain), WALK),
-        (
-            KANG.replace(friction=KANG.friction._replace(coulomb_force=0.97 * KANG.friction.coulomb_force)),
-            WALK,
-        ),
-        (KANG, Sequence(Rest(0.05), Sawtooth(60.0, 20.0, periods=8))),
-        (KANG, Sawtooth(65.0, 20.0, periods=8)),
-    ],
-    ids=["gain 1 % off", "Coulomb friction 3 % off", "60 V for 65 V", "drive one period early"],
-)
-@pytest.mark.parametrize("seed", range(3))
-def test_what_adds_up_from_step_to_step_is_no_drift(model: Any, drive: Any, seed: int) -> None:
+OTHERS: dict[str, tuple[Any, Any]] = {
+    "gain 1 % off": (KANG.replace(gain=1.01 * KANG.gain), WALK),
+    "Coulomb friction 3 % off": (KANG.replace(friction=KANG.friction._replace(coulomb_force=LESS)), WALK),
+    "60 V for 65 V": (KANG, Sequence(Rest(0.05), Sawtooth(60.0, 20.0, periods=8))),
+    "drive one period early": (KANG, Sawtooth(65.0, 20.0, periods=8)),
+}
+
+
+@pytest.mark.parametrize(("seed", "other"), enumerate(OTHERS))
+def test_what_adds_up_from_step_to_step_is_no_drift(seed: int, other: str) -> None:
     """Ten times the noise and more, which the sensor at rest shows no drift for."""
+    model, drive = OTHERS[other]
     walk = simulate(KANG, WALK, 0.5, sample_rate=4e3)[["end_effector_position"]]
     walk["end_effector_position"] += 20e-9 * np.random.default_rng(seed).standard_normal(walk["time"].size)
     found = verify(Predictor(model), walk, drive=drive)

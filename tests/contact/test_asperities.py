@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -55,12 +55,13 @@ def test_two_bodies() -> None:
     assert Bodies(Material(1.0, 0.1), Material(1.0, 0.1)).hardness is None
 
 
-@pytest.mark.parametrize("order", [0.0, 0.5, 1.0, 1.5])
-def test_moments(order: float) -> None:
-    for h in (-2.0, 0.0, 1.0, 4.0):
-        normal = quad(lambda s, h=h: (s - h) ** order * np.exp(-(s**2) / 2), h, h + 12.0, epsabs=0)[0]
+def test_moments() -> None:
+    for order, h in product((0.0, 0.5, 1.0, 1.5), (-2.0, 0.0, 1.0, 4.0)):
+        normal = quad(
+            lambda s, h=h, order=order: (s - h) ** order * np.exp(-(s**2) / 2), h, h + 12.0, epsabs=0
+        )[0]
         assert moment(order, h, "gaussian") == pytest.approx(normal / math.sqrt(2.0 * math.pi), rel=1e-6)
-        other = quad(lambda s, h=h: (s - h) ** order * np.exp(-s), h, h + 60.0)[0]
+        other = quad(lambda s, h=h, order=order: (s - h) ** order * np.exp(-s), h, h + 60.0)[0]
         assert moment(order, h, "exponential") == pytest.approx(other, rel=1e-6)
 
 
@@ -215,13 +216,8 @@ def test_time_and_wear() -> None:
     ageing = Ageing(0.02, cut_off=2.0)
     assert ageing.stiction_ratio(0.0) == 1.0
     assert ageing.stiction_ratio(2.0 * (math.e - 1.0)) == pytest.approx(1.02)
-    assert [oxide_ageing(x) for x in ("0.1 %", "5 %", "25 %", 0.4, 0.8)] == [
-        "none",
-        "between",
-        "strong",
-        "strong",
-        "subsiding",
-    ]
+    said = [oxide_ageing(x) for x in ("0.1 %", "5 %", "25 %", 0.4, 0.8)]
+    assert said == ["none", "between", "strong", "strong", "subsiding"]
     pair = RunningIn(first=0.5, last=0.4, path="2 m")
     assert pair.force([0.0, 2.0]) == pytest.approx([0.5, 0.4 + 0.1 / math.e])
     assert worn_depth("1e-6 mm^3/(N m)", "2 N", "100 m", "1 mm^2") == pytest.approx(0.2e-6)
@@ -257,28 +253,22 @@ def test_preload() -> None:
         magnet.along("-1 mm", 0.05)
 
 
-@pytest.mark.parametrize(
-    ("make", "match"),
-    [
-        (lambda: Material("210 GPa", 0.6), r"poissons_ratio = 0.6 is out of range: .* <= 0.5"),
+def test_refusals() -> None:
+    """Beside the bounds of single fields."""
+    loop = np.sin(np.arange(40.0)), np.cos(np.arange(40.0))
+    for make, match in (
         (lambda: Hertz(-1.0, 1.0, 1.0), r"normal_force = -1 N .* \(a contact in tension carries nothing\)"),
         (lambda: summits(1e9), "these summits carry"),
         (lambda: summits(1.0, "uniform"), "'gaussian' or 'exponential'"),
-        # Without a column SciPy's nnls ends the process.
-        (
-            lambda: of_loop(np.sin(np.arange(40.0)), np.cos(np.arange(40.0)), 0),
-            "elements = 0 .* whole number, 2",
-        ),
-        (lambda: of_loop(np.sin(np.arange(40.0)), np.cos(np.arange(40.0)), 1), "elements = 1 "),
+        (lambda: of_loop(*loop, 0), "elements = 0 .* whole number, 2"),  # SciPy's nnls ends the process
+        (lambda: of_loop(*loop, 1), "elements = 1 "),
         (lambda: maxwell_slip(BALL, 2.5), "elements = 2.5"),
         (lambda: BALL.loop(0.1, 1), "points = 1 "),
-        (lambda: AdhesiveBall(1.0, 1e-3, 1e11, 0.1).friction(-1e6), r"shear_strength = -1e\+06 Pa"),
+        (lambda: AdhesiveBall(1.0, 1e-3, 1e11, 0.1).friction(-1e6), "shear_strength"),
         (lambda: RunningIn(1.0, 2.0, 1.0).force(-1.0), r"slid \[m\]"),
         (lambda: worn_depth(math.inf, 0.0, 1.0, 1.0), "wear_rate = inf"),
         (lambda: sliding_path([0.0, math.nan, 1.0]), r"finite samples \[n\]"),
         (lambda: backbone(np.abs, 1.0, [0.0], friction_coefficient=0, stiffness_ratio=1), "coefficient = 0 "),
-    ],
-)
-def test_refusals(make, match: str) -> None:
-    with pytest.raises(QuantityError, match=match):
-        make()
+    ):
+        with pytest.raises(QuantityError, match=match):
+            make()

@@ -61,9 +61,9 @@ def test_what_moved() -> None:
 
 
 def test_intervals_hold_and_chances_are_right() -> None:
-    """Of 100 studies: 95 % intervals hold the truth, and scatter from place to place is found."""
+    """Of 40 studies: 95 % intervals hold the truth, and scatter from place to place is found."""
     held, wrong, scatters = [], [], []
-    for seed in range(100):
+    for seed in range(40):
         found = ss.compare_contacts(contacts(seed, scatter=0.1, ratio=1.0), CONDITIONS)
         ends = found.effects.sel(effect="normal_force")
         held += list((ends["low"].values < 1.0) & (ends["high"].values > 1.0))

@@ -15,19 +15,31 @@ FARAD = 2e-6
 NEVER = 1e6
 
 
-@pytest.mark.parametrize("memory", [1e-3, 3e-4, 1.5e-4, 1.0005e-4, 1e-4, 5.0005e-5, 5e-5, 2e-5])
-@pytest.mark.parametrize("slope", [0.0, 3e4, -5e4])
-def test_mean_square(memory: float, slope: float) -> None:
-    """With time constants that meet (tau = memory, tau = 2 memory), and that do not."""
-    tau, bend, before, t = 1e-4, 7.0, 0.02, 1.7e-4
-    of = ChargingLimits(tau, math.inf, math.inf, 1.0, memory, FARAD)
+TAU, BEND, BEFORE, AT = 1e-4, 7.0, 0.02, 1.7e-4
+
+
+def mean_square(memory: float, slope: float) -> float:
+    """The integral over the current of u = slope (t - tau) - bend exp(-t/tau)."""
 
     def integrand(s: float) -> float:
-        current = FARAD * (slope + bend / tau * math.exp(-s / tau))
-        return current**2 * math.exp(-(t - s) / memory) / memory
+        current = FARAD * (slope + BEND / TAU * math.exp(-s / TAU))
+        return current**2 * math.exp(-(AT - s) / memory) / memory
 
-    expected = before * math.exp(-t / memory) + quad(integrand, 0.0, t, epsabs=1e-15, epsrel=1e-12)[0]
-    assert _mean_square(of, t, before, slope, bend) == pytest.approx(expected, rel=1e-9)
+    return BEFORE * math.exp(-AT / memory) + quad(integrand, 0.0, AT, epsabs=1e-15, epsrel=1e-12)[0]
+
+
+@pytest.mark.parametrize("slope", [0.0, 3e4, -5e4])
+def test_mean_square(slope: float) -> None:
+    """With time constants that meet (tau = memory, tau = 2 memory), and that do not; and along an output."""
+    for memory in (1e-3, 3e-4, 1.5e-4, 1.0005e-4, 1e-4, 5.0005e-5, 5e-5, 2e-5):
+        of, expected = ChargingLimits(TAU, math.inf, math.inf, 1.0, memory, FARAD), mean_square(memory, slope)
+        assert _mean_square(of, AT, BEFORE, slope, BEND) == pytest.approx(expected, rel=1e-9)
+        state = np.array([-BEND - slope * TAU, BEFORE, 0.0])
+        charged(
+            of._replace(steady_square=NEVER), np.array([0.0, AT]), np.zeros(1), np.array([slope]), state, 1e-3
+        )
+        assert state[1] == pytest.approx(expected, rel=1e-9)
+        assert state[0] == pytest.approx(slope * (AT - TAU) - BEND * math.exp(-AT / TAU), rel=1e-9)
 
 
 def test_mean_square_of_a_line() -> None:
@@ -43,24 +55,6 @@ def test_until_as_fast(way: float) -> None:
     t = _until_as_fast(tau, rate, s, bend)
     assert t > 0.0
     assert s + bend / tau * math.exp(-t / tau) == pytest.approx(way * rate)
-
-
-@pytest.mark.parametrize("memory", [1e-3, 1e-4, 5e-5])
-@pytest.mark.parametrize("slope", [0.0, 3e4, -5e4])
-def test_mean_square_along_an_output(memory: float, slope: float) -> None:
-    """That of the current of an output whose voltages are in closed form, against its integral."""
-    tau, bend, before, t = 1e-4, 7.0, 0.02, 1.7e-4
-    of = ChargingLimits(tau, math.inf, math.inf, NEVER, memory, FARAD)
-
-    def integrand(s: float) -> float:
-        current = FARAD * (slope + bend / tau * math.exp(-s / tau))
-        return current**2 * math.exp(-(t - s) / memory) / memory
-
-    expected = before * math.exp(-t / memory) + quad(integrand, 0.0, t, epsabs=1e-15, epsrel=1e-12)[0]
-    state = np.array([-bend - slope * tau, before, 0.0])
-    charged(of, np.array([0.0, t]), np.zeros(1), np.array([slope]), state, 1e-3)
-    assert state[1] == pytest.approx(expected, rel=1e-9)
-    assert state[0] == pytest.approx(slope * (t - tau) - bend * math.exp(-t / tau), rel=1e-9)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])

@@ -13,15 +13,8 @@ from stickslip.electronics import Amplifier, driven, driven_period, small_signal
 from stickslip.units import QuantityError
 from stickslip.waveform.signal import value_at
 
-IDEAL: dict[str, Any] = {
-    "gain": 20.0,
-    "offset": 0.3,
-    "bandwidth": math.inf,
-    "slew_rate": math.inf,
-    "max_current": math.inf,
-    "low": -30.0,
-    "high": 200.0,
-}
+ENDLESS = {"bandwidth": math.inf, "slew_rate": math.inf, "max_current": math.inf}
+IDEAL: dict[str, Any] = {"gain": 20.0, "offset": 0.3, **ENDLESS, "low": -30.0, "high": 200.0}
 NEC = 1.8e-6  # F
 
 
@@ -86,9 +79,10 @@ def random_case(seed: int) -> tuple[Amplifier, Any, float]:
     return of, waveform, farad
 
 
-@pytest.mark.parametrize("folds", [False, True])
 @pytest.mark.parametrize("seed", range(16))
-def test_against_small_steps(seed: int, folds: bool) -> None:
+def test_against_small_steps(seed: int) -> None:
+    """Each of the eight waveforms, with and without a current that folds back."""
+    folds = seed >= 8
     of, waveform, farad = random_case(seed)
     of = of if folds else of._replace(rms_current=math.inf)
     duration, steps = 6e-3, 24_000
@@ -104,7 +98,7 @@ def test_against_small_steps(seed: int, folds: bool) -> None:
     assert np.abs(waveform.value(times) - fine).max() > 1.0, "it must be starved, or this shows little"
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(10))
 def test_where_the_current_folds_back_the_tolerance_is_kept_over_many_periods(seed: int) -> None:
     """The moment of folding back moves with the target: errors were up to 4.7 tolerances, in 26 of 70."""
     r = np.random.default_rng([seed, 5])
@@ -278,19 +272,13 @@ def test_small_signal_bandwidth_over_the_load() -> None:
     assert 0.09 < np.abs(off).max() < 0.105
 
 
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"max_current": 0.0}, r"Amplifier\.max_current = 0 A is out of range"),
-        ({"rms_current": -1.0}, r"Amplifier\.rms_current = -1 A is out of range"),
-        ({"output_resistance": "-2 ohm"}, r"Amplifier\.output_resistance = '-2 ohm'"),
+def test_refused_records() -> None:
+    for changes, said in (
         ({"max_current": 1.0, "rms_current": 0.5}, r"Amplifier\.peak_duration = inf s .* finite"),
         ({"rms_current": 0.5, "peak_duration": 1.0}, r"Amplifier\.max_current = inf A .* finite"),
-    ],
-)
-def test_refused_records(changes: dict[str, Any], said: str) -> None:
-    with pytest.raises(QuantityError, match=said):
-        amplifier(**changes)
+    ):
+        with pytest.raises(QuantityError, match=said):
+            amplifier(**changes)
 
 
 def test_refused_calls() -> None:
@@ -298,13 +286,13 @@ def test_refused_calls() -> None:
     for farad in (0.0, -1e-6, math.nan):
         with pytest.raises(QuantityError, match=r"capacitance = .* F is (out of range|not finite)"):
             driven(of, saw, farad, 1.0)
-    with pytest.raises(QuantityError, match="tolerance = 0 V is out of range"):
-        driven(of, saw, NEC, 1.0, tolerance=0.0)
-    with pytest.raises(QuantityError, match="duration = inf s"):
-        driven(of, saw, NEC, math.inf)
-    with pytest.raises(QuantityError, match="Sawtooth is in m: an amplifier gives volts"):
-        driven(of, ss.Sawtooth(1e-6, 5.0, unit="m"), NEC, 1.0)
-    with pytest.raises(QuantityError, match="Step does not repeat for ever"):
-        driven_period(of, ss.Step(1.0), NEC)
-    with pytest.raises(QuantityError, match="would jump"):
-        ss.electronics.amplifier_output(amplifier(), [0.0, 1.0], 1e3, NEC)
+    metres, output = ss.Sawtooth(1e-6, 5.0, unit="m"), ss.electronics.amplifier_output
+    for call, said in (
+        (lambda: driven(of, saw, NEC, 1.0, tolerance=0.0), "tolerance = 0 V"),
+        (lambda: driven(of, saw, NEC, math.inf), "duration = inf s"),
+        (lambda: driven(of, metres, NEC, 1.0), "Sawtooth is in m: an amplifier gives volts"),
+        (lambda: driven_period(of, ss.Step(1.0), NEC), "Step does not repeat for ever"),
+        (lambda: output(amplifier(), [0.0, 1.0], 1e3, NEC), "would jump"),
+    ):
+        with pytest.raises(QuantityError, match=said):
+            call()

@@ -234,7 +234,7 @@ assert sum(one.kept for one in run_experiment(path, out)) == len(finished)
 
 def test_killed_at_random_moments_no_recording_is_lost_and_none_is_broken(tmp_path: Path) -> None:
     path, out = written(tmp_path, SMALL), tmp_path / "out"
-    command = [sys.executable, "-c", KILLED, str(path), str(out), "50"]
+    command = [sys.executable, "-c", KILLED, str(path), str(out), "15"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert {file.stem for file in out.glob("*.nc")} == NAMES

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import json
 import re
 import signal
@@ -25,12 +26,18 @@ KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
 TRUTH = {"sigma_0": 1.399e6, "coulomb_force": 0.5401}
 
 
+@functools.cache
+def walked(volts: float) -> Any:
+    friction = KANG.friction._replace(**TRUTH, stiction_force=TRUTH["coulomb_force"])
+    drive = ss.Sawtooth(volts, 50.0, periods=3)
+    shown = ss.simulate(KANG.replace(friction=friction), drive, 0.07, sample_rate=5e3)
+    return shown[["end_effector_position", "drive_voltage"]]
+
+
 def walk(folder: Path, name: str, volts: float, use: str) -> dict[str, Any]:
     """A walk of three periods in a file, and how files name it."""
-    friction = KANG.friction._replace(**TRUTH, stiction_force=TRUTH["coulomb_force"])
+    ss.save_recording(walked(volts), folder / f"{name}.nc")
     fields = {"amplitude": volts, "frequency": 50.0, "periods": 3}
-    shown = ss.simulate(KANG.replace(friction=friction), ss.Sawtooth(**fields), 0.07, sample_rate=5e3)
-    ss.save_recording(shown[["end_effector_position", "drive_voltage"]], folder / f"{name}.nc")
     return {"file": f"{name}.nc", "use": use, "drive": {"shape": "Sawtooth", "fields": fields}}
 
 
@@ -46,6 +53,10 @@ def steps(folder: Path) -> list[dict[str, Any]]:
     ]
 
 
+def command(name: str, path: Path, out: Path) -> Any:
+    return CliRunner().invoke(app, [name, str(path), "--out", str(out)], prog_name="stickslip")
+
+
 def written(folder: Path, content: Any, name: str = "job.yaml") -> Path:
     (folder / name).write_text(yaml.safe_dump(content, sort_keys=False), "utf-8")
     return folder / name
@@ -55,7 +66,7 @@ def test_what_is_tied_stays_so_to_the_export(tmp_path: Path) -> None:
     walked, verified, _, exported = steps(tmp_path)
     walked["identify"] |= {"free": ["sigma_0"], "tied": {"coulomb_force": "'0.386 um' * sigma_0"}}
     path = written(tmp_path, {"title": "Tied", "steps": [walked, verified, exported]})
-    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
+    done = command("run", path, tmp_path / "out")
     assert done.exit_code == 0, done.stderr
     numbers = json.loads((tmp_path / "out" / "results.json").read_bytes())["numbers"]
     friction = numbers["verify"]["model"]["friction"]
@@ -63,7 +74,7 @@ def test_what_is_tied_stays_so_to_the_export(tmp_path: Path) -> None:
     assert numbers["friction"]["tied"] == walked["identify"]["tied"]
     walked["identify"]["tied"] = {"coulomb_farce": "'0.386 um' * sigma_0"}
     path = written(tmp_path, {"title": "Tied", "steps": [walked]})
-    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "no")], prog_name="stickslip")
+    done = command("run", path, tmp_path / "no")
     assert done.exit_code == 2
     assert "'coulomb_farce' cannot be tied (did you mean 'coulomb_force'?)" in done.stderr
 
@@ -71,7 +82,7 @@ def test_what_is_tied_stays_so_to_the_export(tmp_path: Path) -> None:
 def test_from_a_recording_to_code(tmp_path: Path) -> None:
     """What is verified and exported is what was identified."""
     path = written(tmp_path, {"title": "To code", "steps": steps(tmp_path)})
-    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
+    done = command("run", path, tmp_path / "out")
     assert done.exit_code == 0, done.stderr
     results = json.loads((tmp_path / "out" / "results.json").read_bytes())
     numbers = results["numbers"]
@@ -154,46 +165,31 @@ def test_a_map_of_what_was_identified(tmp_path: Path) -> None:
     assert [one.name for one in document.pictures()][-2:] == ["step2-map-net-step", "step2-map-speed"]
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ({"map": {}}, "either 'model', a parameter set, or 'fit'"),
-        ({"model": "kang2007"}, "a design asks for at least one of map, optimise"),
-        ({"model": "kang2007", "map": {"voltage": "65 N", "frequency": 5.0}}, "voltage = '65 N'"),
-        (
-            {"model": "kang2007", "map": {"voltage": {"start": 1.0, "stop": "3 N", "points": 2}}},
-            r"map\.voltage\.stop = '3 N'",
-        ),
-        (
-            {
-                "model": "kang2007",
-                "map": {"frequency": {"start": 0, "stop": 3, "points": 2, "spacing": "log"}},
-            },
-            "frequency: spacing: log needs values above 0 Hz",
-        ),
-        ({"model": "kang2007", "map": {"volts": 1.0}}, "map: there is no field 'volts'"),
-        (
-            {"model": "kang2007", "map": {"frequency": 5.0}},
-            r"without a waveform, voltage \[V\] must be given",
-        ),
-    ],
+LOG = {"start": 0, "stop": 3, "points": 2, "spacing": "log"}
+DESIGNS = (
+    ({"map": {}}, "either 'model', a parameter set, or 'fit'"),
+    ({"model": "kang2007"}, "a design asks for at least one of map, optimise"),
+    ({"model": "kang2007", "map": {"voltage": "65 N", "frequency": 5.0}}, "voltage = '65 N'"),
+    ({"model": "kang2007", "map": {"voltage": LOG | {"stop": "3 N"}}}, r"map\.voltage\.stop = '3 N'"),
+    ({"model": "kang2007", "map": {"frequency": LOG}}, "frequency: spacing: log needs values above 0 Hz"),
+    ({"model": "kang2007", "map": {"volts": 1.0}}, "map: there is no field 'volts'"),
+    ({"model": "kang2007", "map": {"frequency": 5.0}}, r"without a waveform, voltage \[V\] must be given"),
 )
-def test_mistakes_in_a_design_file(tmp_path: Path, content: dict[str, Any], message: str) -> None:
-    path = written(tmp_path, {"kind": "design", "title": "x", **content})
-    done = CliRunner().invoke(
-        app, ["design", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip"
-    )
-    assert done.exit_code == 2
-    assert re.search(message, done.stderr), done.stderr
-    assert not (tmp_path / "out").exists()
+
+
+def test_mistakes_in_a_design_file(tmp_path: Path) -> None:
+    for content, message in DESIGNS:
+        path = written(tmp_path, {"kind": "design", "title": "x", **content})
+        done = command("design", path, tmp_path / "out")
+        assert done.exit_code == 2
+        assert re.search(message, done.stderr), done.stderr
+        assert not (tmp_path / "out").exists()
 
 
 def test_a_map_from_the_command_line(tmp_path: Path) -> None:
     content = {"kind": "design", "title": "x", "model": "kang2007"}
     path = written(tmp_path, content | {"map": {"voltage": [60.0, "90 V", 160.0], "frequency": 20.0}})
-    done = CliRunner().invoke(
-        app, ["design", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip"
-    )
+    done = command("design", path, tmp_path / "out")
     assert done.exit_code == 0, done.stderr
     results = json.loads((tmp_path / "out" / "results.json").read_bytes())
     steps_found = results["numbers"]["map"]["net_step"]
@@ -206,14 +202,11 @@ def test_a_map_from_the_command_line(tmp_path: Path) -> None:
     assert "map-net-step" in {p.stem for p in (tmp_path / "out" / "figures").iterdir()}
 
 
-@pytest.mark.parametrize("kind", ["campaign", "experiment"])
-def test_a_kind_that_files_do_not_say(tmp_path: Path, kind: str) -> None:
-    path = tmp_path / "own.yaml"
-    path.write_text(yaml.safe_dump({"kind": kind, "title": "one", "recordings": []}), encoding="utf-8")
-    with pytest.raises(
-        InputFileError, match=rf"own\.yaml: kind: the file of a {kind} has none; leave it out"
-    ):
-        read_job(path)
+def test_a_kind_that_files_do_not_say(tmp_path: Path) -> None:
+    for kind in ("campaign", "experiment"):
+        path = written(tmp_path, {"kind": kind, "title": "one", "recordings": []}, "own.yaml")
+        with pytest.raises(InputFileError, match=rf"own\.yaml: kind: the file of a {kind} has none"):
+            read_job(path)
 
 
 def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
@@ -244,74 +237,45 @@ def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
     assert document.numbers["verification"]["one"]["r_squared"].value > 0.9
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda job: job.update(step=job.pop("steps")), "job.yaml: there is no field 'step'"),
-        (lambda job: job.update(titel="x"), "job.yaml: there is no field 'titel' (did you mean 'title'?)"),
-        (
-            lambda job: job["steps"][0].update(identfy=job["steps"][0].pop("identify")),
-            "job.yaml: steps.0: there is no step 'identfy' (did you mean 'identify'?)",
-        ),
-        (
-            lambda job: job["steps"][0]["identify"].update(fre=job["steps"][0]["identify"].pop("free")),
-            "job.yaml: steps.0.identify: there is no field 'fre' (did you mean 'free'?)",
-        ),
-        (
-            lambda job: job["steps"][1]["verify"]["recordings"][0].update(flie="x"),
-            "job.yaml: steps.1.verify.recordings.0: there is no field 'flie' (did you mean 'file'?)",
-        ),
-        (lambda job: job["steps"][3]["export"].update(format="c++"), "job.yaml: steps.3.export.format"),
-        (lambda job: job["steps"].append({}), "job.yaml: steps.4: a step is exactly one of record, "),
-        (lambda job: job.update(steps=[]), "job.yaml: steps: a list of at least one step"),
-        (
-            lambda job: job["steps"].pop(0),
-            "job.yaml: steps.0.verify: no model is named, and nothing is identified before it",
-        ),
-        (
-            lambda job: job.update(steps=job["steps"][3:]),
-            "job.yaml: steps.0.export: no model is named, and nothing is identified before it",
-        ),
-        (
-            lambda job: job["steps"][0].update(identify={"recordings": [{"cells": "a", "use": "fit"}]}),
-            "job.yaml: steps.0.identify: recordings: 'cells', and nothing is recorded before it",
-        ),
-        (
-            lambda job: job["steps"][0].update(identify={"recordings": [{"file": "a.nc", "use": "step"}]}),
-            "job.yaml: steps.0.identify.recordings: there is none to fit the friction to (use: fit)",
-        ),
-        (
-            lambda job: job["steps"][2]["compare"].update(laws=["Lugre"]),
-            "job.yaml: steps.2.compare.laws: there is no 'Lugre' (did you mean 'LuGre'?)",
-        ),
-        (
-            lambda job: job["steps"][0].update(identify="other.yaml"),
-            "other.yaml: there is no field 'steps'",
-        ),
-    ],
-)  # fmt: skip
-def test_a_mistake_is_named_with_its_file(tmp_path: Path, change: Any, message: str) -> None:
+CELLS = {"identify": {"recordings": [{"cells": "a", "use": "fit"}]}}
+NO_FIT = {"identify": {"recordings": [{"file": "a.nc", "use": "step"}]}}
+MISTAKES = (
+    (lambda job: job["steps"][3]["export"].update(format="c++"), "steps.3.export.format"),
+    (lambda job: job["steps"].append({}), "steps.4: a step is exactly one of record, "),
+    (lambda job: job.update(steps=[]), "steps: a list of at least one step"),
+    (lambda job: job["steps"].pop(0), "steps.0.verify: no model is named, and nothing is identified before"),
+    (lambda job: job.update(steps=job["steps"][3:]), "steps.0.export: no model is named, and nothing is "),
+    (
+        lambda job: job["steps"][0].update(CELLS),
+        "steps.0.identify: recordings: 'cells', and nothing is recor",
+    ),
+    (lambda job: job["steps"][0].update(NO_FIT), "steps.0.identify.recordings: there is none to fit the fri"),
+    (
+        lambda job: job["steps"][2]["compare"].update(laws=["Lugre"]),
+        "steps.2.compare.laws: there is no 'Lugre' (did you mean 'LuGre'?)",
+    ),
+    (lambda job: job["steps"][0].update(identify="other.yaml"), "other.yaml: there is no field 'steps'"),
+)
+
+
+def test_a_mistake_is_named_with_its_file(tmp_path: Path) -> None:
+    """Beside keys, which have a test of their own."""
     written(tmp_path, {"kind": "walk", "steps": 1, "title": "x"}, "other.yaml")
-    job = {"title": "To code", "steps": steps(tmp_path)}
-    change(job)
-    with pytest.raises(InputFileError) as caught:
-        ss.run_job(written(tmp_path, job), tmp_path / "out")
-    assert message in str(caught.value)
-    assert str(caught.value).startswith(str(tmp_path))
-    assert not (tmp_path / "out").exists()
+    right = {"title": "To code", "steps": steps(tmp_path)}
+    for change, message in MISTAKES:
+        job = copy.deepcopy(right)
+        change(job)
+        with pytest.raises(InputFileError) as caught:
+            ss.run_job(written(tmp_path, job), tmp_path / "out")
+        assert message in str(caught.value)
+        assert str(caught.value).startswith(f"{tmp_path}/{'other' if 'other' in message else 'job'}.yaml: ")
+        assert not (tmp_path / "out").exists()
 
 
 def test_the_schema_knows_all_steps() -> None:
     schema = json_schema()
-    assert set(schema["$defs"]["StepSpec"]["properties"]) == {
-        "record",
-        "identify",
-        "verify",
-        "compare",
-        "move",
-        "design",
-        "export",
-    }
+    steps = {"record", "identify", "verify", "compare", "move", "design", "export"}
+    assert set(schema["$defs"]["StepSpec"]["properties"]) == steps
 
 
 def test_ctrl_c_ends_a_step_without_a_rig_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -326,7 +290,7 @@ def test_ctrl_c_ends_a_step_without_a_rig_at_once(tmp_path: Path, monkeypatch: p
     path = written(
         tmp_path, {"title": "Both", "steps": [{"record": copy.deepcopy(SMALL)}, steps(tmp_path)[0]]}
     )
-    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
+    done = command("run", path, tmp_path / "out")
     assert done.exit_code == 130
     assert not reached
     assert done.stderr.splitlines()[-1] == "Error: interrupted; what was finished is kept"
@@ -348,7 +312,7 @@ def test_ctrl_c_in_a_recording_is_heard_before_the_next_step(
     monkeypatch.setattr(running, "save_csv", last)
     content = {**copy.deepcopy(SMALL), "save_as": ["csv"]}
     path = written(tmp_path, {"title": "Both", "steps": [{"record": content}, steps(tmp_path)[0]]})
-    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
+    done = command("run", path, tmp_path / "out")
     assert done.exit_code == 130
     assert "ending, with a ramp to 0 V" in done.stderr
     assert not (tmp_path / "out" / "steps").exists()
@@ -363,78 +327,57 @@ def recorded(folder: Path, *more: dict[str, Any]) -> Path:
     return written(folder, {"title": "Recorded", "steps": [{"record": content}, *more]})
 
 
-@pytest.mark.parametrize(
-    ("step", "words"),
-    [
-        (
-            {"verify": {"model": "kang2007", "recordings": [{"file": "recordings/walk_66V_50Hz.nc"}]}},
-            "steps.1.verify.recordings.0: recordings/walk_66V_50Hz.nc: there is no such file, and no step "
-            "before makes it (did you mean 'recordings/walk_65V_50Hz.nc'?)",
-        ),
-        (
-            {"verify": {"model": "kang2007", "recordings": [{"file": "gone.csv"}]}},
-            "steps.1.verify.recordings.0: gone.csv: there is no such file",
-        ),
-        (
-            {"verify": {"fit": "gone.json", "recordings": [{"file": "recordings/walk_65V_50Hz.nc"}]}},
-            "steps.1.verify.fit: gone.json: there is no such file",
-        ),
-        (
-            {"verify": {"model": "kang207", "recordings": [{"file": "recordings/walk_65V_50Hz.nc"}]}},
-            "steps.1.verify.model: there is no parameter set 'kang207' (did you mean 'kang2007'?)",
-        ),
-        (
-            {
-                "verify": {
-                    "model": "kang2007",
-                    "recordings": [{"file": "recordings/walk_65V_50Hz.nc"}],
-                    "require": ["r_squared > 0.9", "rmse < 100"],
-                }
-            },
-            "steps.1.verify.require.1: 'rmse < 100' has no unit",
-        ),
-        (
-            {
-                "identify": {
-                    "recordings": [
-                        {"cells": "walk_55V*", "use": "fit"},
-                        {"cells": "walk_5*", "use": "verify"},
-                    ]
-                }
-            },
-            "steps.1.identify.recordings.1: no cell that is left fits 'walk_5*'; left are walk_65V_50Hz",
-        ),
-        ({"export": {"model": "kang207"}}, "steps.1.export.model: there is no parameter set 'kang207'"),
-        (
-            {"identify": {"recordings": [{"cells": "walk*", "use": "fit"}], "free": ["sigma_O"]}},
-            "steps.1.identify.free: 'sigma_O' cannot be free",
-        ),
-        (
-            {"identify": {"recordings": [{"cells": "walk*", "use": "fit"}], "bounds": {"sigma_2": [0, 1]}}},
-            "steps.1.identify.free: there are bounds for 'sigma_2', which is not free",
-        ),
-        (
-            {"verify": {"model": "kang2007", "recordings": [{"file": "mine.csv", "columns": {"x": "pos"}}]}},
-            "steps.1.verify.recordings.0: ",
-        ),
-    ],
-)  # fmt: skip
-def test_what_a_later_step_lacks_is_said_before_the_first(
-    tmp_path: Path, step: dict[str, Any], words: str
-) -> None:
+def verified(file: str = "recordings/walk_65V_50Hz.nc", **how: Any) -> dict[str, Any]:
+    recording = {"file": file, **how.pop("recording", {})}
+    return {"verify": {**({} if "fit" in how else {"model": "kang2007"}), "recordings": [recording], **how}}
+
+
+def identified(*cells: tuple[str, str], **how: Any) -> dict[str, Any]:
+    return {"identify": {"recordings": [{"cells": one, "use": use} for one, use in cells], **how}}
+
+
+LACKING = (
+    (
+        verified("recordings/walk_66V_50Hz.nc"),
+        "verify.recordings.0: recordings/walk_66V_50Hz.nc: there is no such file, and no step before makes it"
+        " (did you mean 'recordings/walk_65V_50Hz.nc'?)",
+    ),
+    (verified("gone.csv"), "verify.recordings.0: gone.csv: there is no such file"),
+    (verified(fit="gone.json"), "verify.fit: gone.json: there is no such file"),
+    (
+        verified(model="kang207"),
+        "verify.model: there is no parameter set 'kang207' (did you mean 'kang2007'?)",
+    ),
+    (verified(require=["r_squared > 0.9", "rmse < 100"]), "verify.require.1: 'rmse < 100' has no unit"),
+    (
+        identified(("walk_55V*", "fit"), ("walk_5*", "verify")),
+        "identify.recordings.1: no cell that is left fits 'walk_5*'; left are walk_65V_50Hz",
+    ),
+    ({"export": {"model": "kang207"}}, "export.model: there is no parameter set 'kang207'"),
+    (identified(("walk*", "fit"), free=["sigma_O"]), "identify.free: 'sigma_O' cannot be free"),
+    (
+        identified(("walk*", "fit"), bounds={"sigma_2": [0, 1]}),
+        "identify.free: there are bounds for 'sigma_2', which is not free",
+    ),
+    (verified("mine.csv", recording={"columns": {"x": "pos"}}), "verify.recordings.0: "),
+)
+
+
+def test_what_a_later_step_lacks_is_said_before_the_first(tmp_path: Path) -> None:
     (tmp_path / "mine.csv").write_text("t [s],x [um]\n0,1\n1,2\n2,3\n", "utf-8")
-    path = recorded(tmp_path, step)
-    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
-    assert done.exit_code == 2
-    assert f"Error: {path}: {words}" in done.stderr
-    assert not (tmp_path / "out").exists()
+    for step, words in LACKING:
+        path = recorded(tmp_path, step)
+        done = command("run", path, tmp_path / "out")
+        assert done.exit_code == 2
+        assert f"Error: {path}: steps.1.{words}" in done.stderr
+        assert not (tmp_path / "out").exists()
 
 
 def test_the_steps_before_one_that_fails_have_their_report(tmp_path: Path) -> None:
     late = {"file": "recordings/walk_55V_50Hz.nc", "start": "50 s"}
     check = {"model": "kang2007", "recordings": [late]}
     path = recorded(tmp_path, {"verify": check}, {"export": {"model": "kang2007"}})
-    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
+    done = command("run", path, tmp_path / "out")
     assert done.exit_code != 0
     last = done.stderr.splitlines()[-1]
     assert last.startswith("Error: ")

@@ -30,62 +30,50 @@ def test_separators_of_thousands_are_named_not_the_first_number(tmp_path: Path) 
         read_recording(tmp_path / "a.csv")
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
+def test_text(tmp_path: Path) -> None:
+    for text, message in (
         ("", "the file is empty"),
         ("\n\n", "no rows of numbers in the first 3 lines"),
         ("only words\nand more of them\n", "no rows of numbers"),
         ("t [s],x [um]\n", "no rows of numbers"),
         (_with_line(2, "0,abc"), r"line 2, column 'x \[um\]': 'abc' is not a number"),
         (_with_line(17, "15,abc"), r"line 17, column 'x \[um\]': 'abc' is not a number"),
-        (_with_line(17, "15,None"), r"line 17, column 'x \[um\]': 'None' is not a number"),
         (_with_line(31, "29,abc"), r"line 31, column 'x \[um\]': 'abc' is not a number"),
         (_with_line(17, "# a remark\n\n15,1.2.3"), r"line 19, column 'x \[um\]': '1.2.3' is not a number"),
         (_with_line(17, "// a remark"), r"line 17, column 't \[s\]': '// a remark' is not a number"),
         (_with_line(17, "15,"), r"line 17: x \(column 'x \[um\]' in um\) is empty, NaN or infinite"),
         (_with_line(17, "15"), r"line 17: x \(column 'x \[um\]' in um\) is empty"),
         (_with_line(17, "15,NaN"), r"line 17: x \(column 'x \[um\]' in um\) is empty, NaN or infinite"),
-        (_with_line(17, "15,inf"), r"line 17: x \(column 'x \[um\]' in um\) is empty, NaN or infinite"),
         (_with_line(17, ",15"), r"line 17: time \(column 't \[s\]' in s\) is empty"),
         (_with_line(17, "15,1,2"), "line 17 has 3 fields, the header 2"),
-        (
-            _with_line(17, "13,1"),
-            r"line 17: time \(column 't \[s\]' in s\) does not increase: 13 s after 14 s",
-        ),
-        (_with_line(17, "14,1"), "line 17: time .* does not increase: 14 s after 14 s"),
+        (_with_line(17, "13,1"), r"line 17: time .* does not increase: 13 s after 14 s"),
         (GOOD + "30", r"the last line '30' has 1 of 2 fields: the file is cut off.*rows=\(0,"),
-        (
-            "x,1\n1,2\n3,4\n5,6\n",
-            r"line 1, column '0': 'x' is not a number \(if the line is no data: skip=1\)",
-        ),
+        ("x,1\n1,2\n3,4\n5,6\n", r"line 1, column '0': 'x' is not a number .*skip=1"),
         ("time,x\n0,1\n", "at least two samples, this one has 1"),
         ("a,b\n0,1\n1,2\n", "no column is called time.*sample_rate=.*The file has 0: 'a', 1: 'b'"),
         ("time,t,b\n0,0,1\n1,1,2\n", "more than one column may be the time.*0: 'time', 1: 't', 2: 'b'"),
-        (
-            "t,x [parrot]\n0,1\n1,2\n",
-            r"x \(column 'x \[parrot\]' in parrot\): the unit 'parrot' is not known",
-        ),
+        ("t,x [parrot]\n0,1\n1,2\n", r"x \(column 'x \[parrot\]' in parrot\): .*'parrot' is not known"),
         ("t [m],x\n0,1\n1,2\n", r"time \(column 't \[m\]' in m\): time is a quantity in s"),
         ("t,x\n2024-01-01,1\n2024-13-01,2\n2024-01-03,2\n", "line 3, column 't': '2024-13-01' is not a date"),
         ("t\n0\n1\n", "no columns of numbers besides time"),
-    ],
-)
-def test_text(tmp_path: Path, text: str, message: str) -> None:
-    (tmp_path / "a.csv").write_text(text)
-    with pytest.raises(RecordingError, match=rf"a\.csv: .*{message}"):
-        read_recording(tmp_path / "a.csv")
-
-
-def test_text_without_header(tmp_path: Path) -> None:
+    ):  # fmt: skip
+        (tmp_path / "a.csv").write_text(text)
+        with pytest.raises(RecordingError, match=rf"a\.csv: .*{message}"):
+            read_recording(tmp_path / "a.csv")
     (tmp_path / "a.csv").write_text("0,1\n1,x\n3,4\n5,6\n")
     with pytest.raises(RecordingError, match=r"a\.csv: line 2, column '1': 'x' is not a number"):
         read_recording(tmp_path / "a.csv", {"time": 0, "x": 1})
+    (tmp_path / "a.csv").write_text("t,state,x\n0,on,1\n1,off,2\n")
+    with pytest.raises(RecordingError, match=r"a\.csv: y: the column 'state' holds no numbers"):
+        read_recording(tmp_path / "a.csv", {"y": "state"})
+    # What was cut off can be left out.
+    (tmp_path / "a.csv").write_text(GOOD + "30")
+    assert read_recording(tmp_path / "a.csv", rows=(0, 30)).sizes["time"] == 30
 
 
-@pytest.mark.parametrize(
-    ("request_", "message"),
-    [
+def test_request(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(GOOD)
+    for request, message in (
         ({"columns": {"y": "xx"}}, r"no column 'xx' \(did you mean 'x'\?\)"),
         ({"columns": {"y": "Y"}}, r"no column 'Y'; the file has 0: 't \[s\]', 1: 'x \[um\]'"),
         ({"columns": {"y": 2}}, "no column 2; the file has"),
@@ -111,23 +99,9 @@ def test_text_without_header(tmp_path: Path) -> None:
         ({"units": "um"}, "units = 'um' must be a mapping"),
         ({"missing": "interpolate"}, "missing = 'interpolate' must be 'error' or 'drop'"),
         ({"skip": -1}, "skip = -1 must be a number of lines"),
-    ],
-)
-def test_request(tmp_path: Path, request_: dict, message: str) -> None:
-    (tmp_path / "a.csv").write_text(GOOD)
-    with pytest.raises(RecordingError, match=rf"a\.csv: .*{message}"):
-        read_recording(tmp_path / "a.csv", **request_)
-
-
-def test_a_column_of_text(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("t,state,x\n0,on,1\n1,off,2\n")
-    with pytest.raises(RecordingError, match=r"a\.csv: y: the column 'state' holds no numbers"):
-        read_recording(tmp_path / "a.csv", {"y": "state"})
-
-
-def test_what_was_cut_off_can_be_left_out(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text(GOOD + "30")
-    assert read_recording(tmp_path / "a.csv", rows=(0, 30)).sizes["time"] == 30
+    ):
+        with pytest.raises(RecordingError, match=rf"a\.csv: .*{message}"):
+            read_recording(tmp_path / "a.csv", **request)  # type: ignore[arg-type]
 
 
 def test_incomplete_samples_can_be_dropped(tmp_path: Path) -> None:
@@ -162,9 +136,10 @@ def test_name_and_content_differ(tmp_path: Path) -> None:
     (tmp_path / "a.npy").rename(tmp_path / "a.csv")
     with pytest.raises(RecordingError, match=r"a\.csv: the name says text, but the content is npy"):
         read_recording(tmp_path / "a.csv", sample_rate=1)
-    (tmp_path / "a.npy").write_text("t,x\n0,1\n1,2\n")
+    (tmp_path / "a.npy").write_text(GOOD)
     with pytest.raises(RecordingError, match="the name says npy, but the content is text"):
         read_recording(tmp_path / "a.npy")
+    assert read_recording(tmp_path / "a.npy", reader="text")["x"].values[3] == pytest.approx(3.5e-6)
     (tmp_path / "a.mat").write_text("t,x\n0,1\n1,2\n")
     with pytest.raises(RecordingError, match="the name says mat, but the content is text"):
         read_recording(tmp_path / "a.mat")
@@ -173,14 +148,6 @@ def test_name_and_content_differ(tmp_path: Path) -> None:
         read_recording(tmp_path / "a.xyz")
     (tmp_path / "a.xyz").write_text("t,x\n0,1\n1,2\n")  # a name that says nothing
     assert read_recording(tmp_path / "a.xyz").sizes["time"] == 2
-
-
-def test_text_is_a_reader_by_name(tmp_path: Path) -> None:
-    """Which is taken although the name of the file says another format."""
-    (tmp_path / "a.npy").write_text(GOOD)
-    assert read_recording(tmp_path / "a.npy", reader="text")["x"].values[3] == pytest.approx(3.5e-6)
-    with pytest.raises(RecordingError, match="the name says npy, but the content is text"):
-        read_recording(tmp_path / "a.npy")
 
 
 def test_text_options_are_for_text(tmp_path: Path) -> None:
@@ -206,19 +173,18 @@ def test_saved_recordings(tmp_path: Path) -> None:
         read_recording(tmp_path / "a.nc")
 
 
-@pytest.mark.parametrize("part", [0.2, 0.5, 0.99])
-def test_cut_off_binaries(tmp_path: Path, part: float) -> None:
-    rng = np.random.default_rng(0)
-    data = {"t": np.arange(3000.0), "x": rng.normal(size=3000)}
+def test_cut_off_binaries(tmp_path: Path) -> None:
+    data = {"t": np.arange(3000.0), "x": np.random.default_rng(0).normal(size=3000)}
     np.save(tmp_path / "a.npy", data["x"])
     np.savez(tmp_path / "a.npz", **data)
     scipy.io.savemat(tmp_path / "a.mat", data)
     scipy.io.savemat(tmp_path / "b.mat", data, do_compression=True)
     for name in ("a.npy", "a.npz", "a.mat", "b.mat"):
         whole = (tmp_path / name).read_bytes()
-        (tmp_path / name).write_bytes(whole[: int(part * len(whole))])
-        with pytest.raises(RecordingError, match=rf"{name}: .*(cut off|no column)"):
-            read_recording(tmp_path / name, {"x": "x"}, sample_rate=1)
+        for part in (0.2, 0.5, 0.99):
+            (tmp_path / name).write_bytes(whole[: int(part * len(whole))])
+            with pytest.raises(RecordingError, match=rf"{name}: .*(cut off|no column)"):
+                read_recording(tmp_path / name, {"x": "x"}, sample_rate=1)
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.npy", "a.npz", "a.mat", "b.mat", "a.nc"])

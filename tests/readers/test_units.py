@@ -23,66 +23,33 @@ def written(path: Path, head: list[str], rows: list[str]) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("name", "stem", "unit"),
-    [
-        ("timestamp_us", "timestamp", "us"),
-        ("disp_um", "disp", "um"),
-        ("disp_µm", "disp", "um"),
-        ("Disp_UM", "Disp", "um"),
-        ("slip_velocity_mm_s", "slip_velocity", "mm/s"),
-        ("v_um_per_s", "v", "um/s"),
-        ("drive_V", "drive", "V"),
-        ("monitor_mv", "monitor", "mV"),
-        ("slip_velocity_m_s", "slip_velocity", "m/s"),
-        ("time_s", "time", "s"),
-        ("Time_s", "Time", "s"),
-        ("t_s", "t", "s"),
-        ("elapsed_s", "elapsed", "s"),
-        ("time s", "time", "s"),
-        ("seconds", "seconds", "s"),
-        ("sec", "sec", "s"),
-        ("disp um", "disp", "um"),
-        ("disp_micron", "disp", "um"),
-        ("disp_m", "disp", "m"),
-        ("disp_A", "disp_A", ""),  # angstrom, ampere, or channel A?
-        ("x_m", "x_m", ""),  # measured?
-        ("drive_m", "drive_m", ""),
-        ("normal_force_N", "normal_force", "N"),
-        ("Friction N", "Friction", "N"),
-        ("normal_force_mN", "normal_force", "mN"),
-        ("force_n", "force_n", ""),  # the normal one?
-        ("step_N", "step_N", ""),
-        ("drive_s", "drive_s", ""),
-        ("drums", "drums", ""),
-        ("um", "um", ""),
-    ],
-)
-def test_units_at_the_end_of_names(name: str, stem: str, unit: str) -> None:
-    found = named_unit(FileChannel(name))
-    assert (found.name, found.unit) == (stem, unit)
-    assert found.shown == name
+NAMES = (
+    ("timestamp_us", "timestamp", "us"), ("disp_um", "disp", "um"), ("disp_µm", "disp", "um"),
+    ("Disp_UM", "Disp", "um"), ("slip_velocity_mm_s", "slip_velocity", "mm/s"), ("v_um_per_s", "v", "um/s"),
+    ("drive_V", "drive", "V"), ("monitor_mv", "monitor", "mV"), ("slip_velocity_m_s", "slip_velocity", "m/s"),
+    ("time_s", "time", "s"), ("Time_s", "Time", "s"), ("t_s", "t", "s"), ("elapsed_s", "elapsed", "s"),
+    ("time s", "time", "s"), ("seconds", "seconds", "s"), ("sec", "sec", "s"), ("disp um", "disp", "um"),
+    ("disp_micron", "disp", "um"), ("disp_m", "disp", "m"), ("normal_force_N", "normal_force", "N"),
+    ("Friction N", "Friction", "N"), ("normal_force_mN", "normal_force", "mN"),
+)  # fmt: skip
+# Angstrom, ampere or channel A; measured; the normal one?
+NO_UNITS = ("disp_A", "x_m", "drive_m", "force_n", "step_N", "drive_s", "drums", "um")
 
 
-@pytest.mark.parametrize(
-    ("header", "step"),
-    [
-        ("time_s", 1.0),
-        ("t_s", 1.0),
-        ("elapsed_s", 1.0),
-        ("seconds", 1.0),
-        ("sec", 1.0),
-        ("time/s", 1.0),
-        ("Time, s", 1.0),
-        ("Zeit/ms", 1e-3),
-    ],
-)
-def test_a_time_is_known_by_its_name_with_a_unit(tmp_path: Path, header: str, step: float) -> None:
-    path = written(tmp_path / "a.csv", [f"{header};x/µm"], [f"{4e-6 * i:.7g};{i % 9}" for i in range(N)])
-    found = ss.read_recording(path, {"end_effector_position": "x"})
-    np.testing.assert_allclose(found.time, step * TIME)
-    np.testing.assert_allclose(found.end_effector_position, 1e-6 * (np.arange(N) % 9))
-    assert "time" in ss.inspect_file(path).named
+def test_units_at_the_end_of_names() -> None:
+    for name, stem, unit in (*NAMES, *((name, name, "") for name in NO_UNITS)):
+        found = named_unit(FileChannel(name))
+        assert (found.name, found.unit, found.shown) == (stem, unit, name)
+    assert named_unit(FileChannel("disp_um", "nm")).unit == "nm"  # in brackets
+
+
+def test_a_time_is_known_by_its_name_with_a_unit(tmp_path: Path) -> None:
+    for header in ("time_s", "t_s", "elapsed_s", "seconds", "sec", "time/s", "Time, s", "Zeit/ms"):
+        path = written(tmp_path / "a.csv", [f"{header};x/µm"], [f"{4e-6 * i:.7g};{i % 9}" for i in range(N)])
+        found = ss.read_recording(path, {"end_effector_position": "x"})
+        np.testing.assert_allclose(found.time, (1e-3 if "ms" in header else 1.0) * TIME)
+        np.testing.assert_allclose(found.end_effector_position, 1e-6 * (np.arange(N) % 9))
+        assert "time" in ss.inspect_file(path).named
 
 
 def test_a_row_of_units_is_no_row_of_names(tmp_path: Path) -> None:
@@ -99,10 +66,6 @@ def test_metres_by_the_end_of_a_name_are_questioned_where_they_are_many(tmp_path
         ss.read_recording(path, {"end_effector_position": "disp_m"})
     found = ss.read_recording(path, {"end_effector_position": "disp_m"}, {"end_effector_position": "m"})
     assert float(found.end_effector_position[-1]) == N - 1
-
-
-def test_a_unit_in_brackets_is_stronger_than_the_name() -> None:
-    assert named_unit(FileChannel("disp_um", "nm")).unit == "nm"
 
 
 def test_names_with_units_are_read_in_them(tmp_path: Path) -> None:
@@ -191,25 +154,18 @@ def test_labview(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.end_effector_position, 0.5e-6 * np.arange(N))
 
 
-@pytest.mark.parametrize(
-    ("header", "unit", "expected"),
-    [
+def test_the_scale_of_a_sensor_is_part_of_reading(tmp_path: Path) -> None:
+    for header, unit, expected in (
         ("sensor", "0.5 um/V", 0.5e-6),
         ("sensor [V]", "0.5 um/V", 0.5e-6),
         ("sensor [mV]", "0.5 um/V", 0.5e-9),
         ("sensor [V]", "-2e-7 m/V", -2e-7),
         ("sensor", "3.1 nm", 3.1e-9),
-    ],
-)
-def test_the_scale_of_a_sensor_is_part_of_reading(
-    tmp_path: Path, header: str, unit: str, expected: float
-) -> None:
-    path = written(tmp_path / "a.csv", [f"time [s],{header}"], [f"{t:.6e},{i}" for i, t in enumerate(TIME)])
-    found = ss.read_recording(path, {"end_effector_position": 1}, {"end_effector_position": unit})
-    np.testing.assert_allclose(found.end_effector_position, expected * np.arange(N), rtol=1e-12)
-
-
-def test_a_divider(tmp_path: Path) -> None:
+    ):
+        rows = [f"{t:.6e},{i}" for i, t in enumerate(TIME)]
+        path = written(tmp_path / "a.csv", [f"time [s],{header}"], rows)
+        found = ss.read_recording(path, {"end_effector_position": 1}, {"end_effector_position": unit})
+        np.testing.assert_allclose(found.end_effector_position, expected * np.arange(N), rtol=1e-12)
     path = written(tmp_path / "a.csv", ["time [s],U"], [f"{t:.6e},{i}" for i, t in enumerate(TIME)])
     found = ss.read_recording(path, {"drive_voltage": "U"}, {"drive_voltage": "20 V"})
     np.testing.assert_allclose(found.drive_voltage, 20.0 * np.arange(N))
@@ -230,10 +186,10 @@ def test_a_sensor_in_volts_is_told_of_its_scale(tmp_path: Path) -> None:
         ss.read_recording(path, {"end_effector_position": "x"})
 
 
-@pytest.mark.parametrize("text", ["0 V", "1e999 V", "2 widgets", "3 degC"])
-def test_a_scale_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(QuantityError):
-        to_si_scale(text)
+def test_a_scale_that_is_none_is_refused() -> None:
+    for text in ("0 V", "1e999 V", "2 widgets", "3 degC"):
+        with pytest.raises(QuantityError):
+            to_si_scale(text)
 
 
 def test_a_sensors_scale_is_for_volts(tmp_path: Path) -> None:

@@ -288,15 +288,15 @@ def test_help_names_all_kinds() -> None:
     assert all(kind in told for kind in KINDS)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_nothing_is_overwritten(kind: str, tmp_path: Path) -> None:
-    target = tmp_path / KINDS[kind].file
-    target.write_text("mine")
-    done = run("new", kind, "--out", target)
-    assert done.exit_code == 1
-    assert f"{target}: it is there already" in done.stderr
-    assert target.read_text() == "mine"
-    assert list(tmp_path.iterdir()) == [target]
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    for kind, one in KINDS.items():
+        (target := tmp_path / one.file).write_text("mine")
+        done = run("new", kind, "--out", target)
+        assert done.exit_code == 1
+        assert f"{target}: it is there already" in done.stderr
+        assert target.read_text() == "mine"
+        assert list(tmp_path.iterdir()) == [target]
+        target.unlink()
 
 
 @pytest.mark.usefixtures("full_disk")
@@ -325,20 +325,15 @@ def test_examples_are_not_overwritten_either(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["campaign-example-walk-75V.csv"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
+def test_what_cannot_be_written_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for arguments, said in (
         (["campagn"], "there is no kind 'campagn' (did you mean 'campaign'?)"),
         (["law", "walk.csv"], "a law is not made from recordings"),
         (["campaign", "--out", "campaign.toml"], "ends in .yaml"),
         (["campaign", "nowhere.csv"], "nowhere.csv: there is no such file"),
-    ],
-)
-def test_what_cannot_be_written_is_said(
-    arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = run("new", *arguments)
-    assert done.exit_code == 2
-    assert said in done.stderr
-    assert not list(tmp_path.iterdir())
+    ):
+        done = run("new", *arguments)
+        assert done.exit_code == 2
+        assert said in done.stderr
+        assert not list(tmp_path.iterdir())
