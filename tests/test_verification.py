@@ -221,7 +221,7 @@ OTHERS: dict[str, tuple[Any, Any]] = {
 }
 
 
-@pytest.mark.parametrize(("seed", "other"), enumerate(OTHERS))
+@pytest.mark.parametrize(("seed", "other"), [*enumerate(OTHERS)])
 def test_what_adds_up_from_step_to_step_is_no_drift(seed: int, other: str) -> None:
     """Ten times the noise and more, which the sensor at rest shows no drift for."""
     model, drive = OTHERS[other]
