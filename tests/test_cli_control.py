@@ -29,30 +29,35 @@ def written(folder: Path, **changes: object) -> str:
     return str(path)
 
 
-def test_a_move_is_made_recorded_and_reported(tmp_path: Path) -> None:
-    done = run("move", written(tmp_path, target="20 um"), "--out", str(tmp_path / "out"))
+@pytest.fixture(scope="module")
+def moved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a move of 20 um."""
+    folder = tmp_path_factory.mktemp("moved")
+    done = run("move", written(folder, target="20 um"), "--out", str(folder / "out"))
     assert done.exit_code == 0, done.stderr
     assert "At 20 µm after" in done.stdout
-    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    return folder / "out"
+
+
+def test_a_move_is_made_recorded_and_reported(moved: Path) -> None:
+    results = json.loads((moved / "results.json").read_text())
     numbers = results["numbers"]
     assert numbers["hold_rms"]["value"] < 3e-9
     assert numbers["settling"]["within_10_nm"]["unit"] == "s"
     assert numbers["settling"]["within_10_nm"]["value"] < 0.3
     assert 2 <= numbers["steps"]["value"] <= 8
     assert numbers["limited_updates"]["value"] == 0
-    recording = open_recording(tmp_path / "out" / "move.nc")
+    recording = open_recording(moved / "move.nc")
     assert recording["end_effector_position"].values[-1] == pytest.approx(20e-6, abs=10e-9)
-    assert "mover_step" in (tmp_path / "out" / "mover.h").read_text(encoding="utf-8")
-    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "mover_step" in (moved / "mover.h").read_text(encoding="utf-8")
+    report = (moved / "report.html").read_text(encoding="utf-8")
     for words in ("Settling", "integral gain", "scan from"):
         assert words in report
 
 
-def test_a_fit_and_a_posterior_say_what_the_loop_must_stand(tmp_path: Path) -> None:
+def test_a_fit_and_a_posterior_say_what_the_loop_must_stand(moved: Path, tmp_path: Path) -> None:
     """A results.json with an interval, and a table of draws: the loop keeps its margins on all of them."""
-    alone = run("move", written(tmp_path, target="20 um"), "--out", str(tmp_path / "first"))
-    assert alone.exit_code == 0, alone.stderr
-    results = json.loads((tmp_path / "first" / "results.json").read_text())
+    results = json.loads((moved / "results.json").read_text())
     own = results["numbers"]["model"]["actuator"]["natural_frequency"]["value"]
     interval = {"value": own, "unit": "rad/s", "interval": [0.7 * own, 1.2 * own]}
     results["numbers"]["parameters"] = {"natural_frequency": interval, "delay": {**interval, "unit": "s"}}
@@ -109,9 +114,9 @@ def test_a_hold_needs_the_target_in_reach(tmp_path: Path) -> None:
     assert "target: 1 mm is not in the piezo's reach" in refused.stderr
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
+def test_what_is_wrong_in_a_file_is_one_line(tmp_path: Path) -> None:
+    changes: dict
+    for changes, words in (
         ({"targt": "1 mm"}, "no field 'targt' (did you mean 'target'?)"),
         ({"target": "1 V"}, "target"),
         ({"within": 0.0}, "within must be > 0"),
@@ -120,15 +125,13 @@ def test_a_hold_needs_the_target_in_reach(tmp_path: Path) -> None:
         ({"requirement": {"phase_margin": "170 deg"}}, "no integral gain keeps"),
         ({"walk": {"amplitude": "300 V"}}, "amplitude = 300 V"),
         ({"limits": {"max_voltage": "100 V", "max_slew": "1 kV/s"}}, "max_slew"),
-    ],
-)
-def test_what_is_wrong_in_a_file_is_one_line(tmp_path: Path, changes: dict, words: str) -> None:
-    done = run("move", written(tmp_path, **changes), "--out", str(tmp_path / "out"))
-    assert done.exit_code == 2
-    error = done.stderr.splitlines()[-1]
-    assert error.startswith("Error: ")
-    assert words in error
-    assert not list((tmp_path / "out").glob("*.nc"))
+    ):
+        done = run("move", written(tmp_path, **changes), "--out", str(tmp_path / "out"))
+        assert done.exit_code == 2
+        error = done.stderr.splitlines()[-1]
+        assert error.startswith("Error: ")
+        assert words in error
+        assert not list((tmp_path / "out").glob("*.nc"))
 
 
 def test_a_requirement_that_is_not_met_fails_and_a_fault_keeps_the_recording(tmp_path: Path) -> None:

@@ -172,10 +172,9 @@ def test_lock_file_holds_what_the_project_asks_for() -> None:
 def test_every_test_runs() -> None:
     idle = {"skip", "skipif", "xfail", "importorskip"}
     for file in sorted((ROOT / "tests").rglob("*.py")):
-        names = {
-            node.attr for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Attribute)
-        }
-        assert not names & idle, file.name
+        if re.search(rf"\.({'|'.join(idle)})\b", text := file.read_text()):
+            names = {node.attr for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Attribute)}
+            assert not names & idle, file.name
 
 
 @pytest.mark.parametrize(

@@ -60,31 +60,10 @@ EXAMPLES = [*PACKAGE.glob("examples/*.yaml"), PACKAGE / "panel/experiment.yaml"]
 FILES |= {file.stem: yaml.safe_load(file.read_text("utf-8")) for file in EXAMPLES if "job" not in file.stem}
 # Their keys are names that the user gives, or fields of the model, which is asked when it is made (below).
 FREE = {
-    "columns",
-    "units",
-    "calibration",
-    "rename",
-    "change",
-    "friction",
-    "fields",
-    "bounds",
-    "priors",
-    "tied",
-    "matrix",
-}
-FREE |= {
-    "published",
-    "marks",
-    "variables",
-    "channels",
-    "grid",
-    "ranges",
-    "spread",
-    "factors",
-    "free",
-    "models",
-    "options",
-}
+    "columns", "units", "calibration", "rename", "change", "friction", "fields", "bounds", "priors", "tied",
+    "matrix", "published", "marks", "variables", "channels", "grid", "ranges", "spread", "factors", "free",
+    "models", "options",
+}  # fmt: skip
 
 
 def places(node: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -136,26 +115,16 @@ def test_a_mistyped_key_is_named_with_the_right_one(name: str, tmp_path: Path) -
         assert str(caught.value).startswith(f"{file}: {words} (did you mean {place[-1]!r}?)")
 
 
-@pytest.mark.parametrize(
-    ("kind", "words"),
-    [
-        ("wlk", "there is no kind 'wlk' (did you mean 'walk'?); there are friction_loops, "),
-        (None, "there is no field 'knid' (did you mean 'kind'?)"),
-    ],
-)
-def test_a_mistyped_kind(kind: str | None, words: str, tmp_path: Path) -> None:
-    file = tmp_path / "walk.yaml"
-    content = {**FILES["walk"], "kind": kind} if kind else {"knid": "walk", **FIT}
-    file.write_text(yaml.safe_dump(content), "utf-8")
-    with pytest.raises(InputFileError) as caught:
-        run_file(file)
-    assert str(caught.value).startswith(f"{file}: {words}")
-
-
-def test_a_file_that_says_no_kind(tmp_path: Path) -> None:
-    (tmp_path / "walk.yaml").write_text(yaml.safe_dump(FIT), "utf-8")
-    with pytest.raises(InputFileError, match=r"walk\.yaml: kind is missing$"):
-        run_file(tmp_path / "walk.yaml")
+def test_a_mistyped_kind_and_a_file_that_says_none(tmp_path: Path) -> None:
+    for content, words in (
+        ({**FILES["walk"], "kind": "wlk"}, "there is no kind 'wlk' (did you mean 'walk'?); there are "),
+        ({"knid": "walk", **FIT}, "there is no field 'knid' (did you mean 'kind'?)"),
+        (FIT, "kind is missing"),
+    ):
+        (file := tmp_path / "walk.yaml").write_text(yaml.safe_dump(content), "utf-8")
+        with pytest.raises(InputFileError) as caught:
+            run_file(file)
+        assert str(caught.value).startswith(f"{file}: {words}")
 
 
 def test_a_key_that_is_given_twice_is_refused(tmp_path: Path) -> None:

@@ -525,10 +525,7 @@ def test_one_name_for_two_things_has_to_say_which(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (
-            "import stickslip\n\n1 / 0\n",
-            r"own.py cannot be used: ZeroDivisionError: division by zero \(line 3\)",
-        ),
+        ("import stickslip\n\n1 / 0\n", r"own.py cannot be used: ZeroDivisionError: .* \(line 3\)"),
         ("raise SystemExit(1)", "own.py cannot be used: SystemExit: 1"),
         ("def wrong(:", "own.py cannot be used: SyntaxError"),
         (None, "own.py cannot be read: No such file"),

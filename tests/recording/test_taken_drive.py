@@ -52,6 +52,10 @@ def test_the_attribute_counts_first_and_only_where_the_channel_agrees() -> None:
     assert taken.named
     assert taken.begin == pytest.approx(0.06, abs=5e-5)
     assert "named by the recording; residual 20 mV rms" in taken.said()
+    endless = ss.Sawtooth(65.0, 5.0)
+    found = taken_drive(recording(Sequence(Rest(0.06), (endless, 2.0)).value(time), time, endless))
+    assert found is not None
+    assert found.said().startswith("Sawtooth 65 V, 5 Hz, named by the recording")
     alone = taken_drive(recording(volts, time))
     assert alone is not None
     assert alone.waveform is None
