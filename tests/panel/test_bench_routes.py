@@ -318,3 +318,18 @@ def test_how_runs_differ_is_set_on_the_bench(client: httpx.Client) -> None:
     refused = change(client, ["rig", "variation", "stiffness"], "4 N")
     assert refused.status_code == 400
     assert "rig.variation: Variation.stiffness = '4 N'" in refused.json()["error"]
+
+
+def test_no_name_leads_to_a_file_outside(client: httpx.Client, tmp_path: Path) -> None:
+    """Whatever its ending: each place of an experiment that may name a file."""
+    outside = tmp_path / "secret"
+    outside.write_text("[[secret")
+    for place in (
+        ["rig", "bench"],
+        ["actuator", "set"],
+        ["channels", "piezo_elongation", "calibration", 0],
+    ):
+        for name in (str(outside), f"../../{outside.name}", f"{outside}.toml", f"{outside}.json"):
+            answer = change(client, place, name)
+            assert answer.status_code == 400
+            assert "is no name of a file in the panel's folder" in answer.text, (place, answer.text)

@@ -22,6 +22,7 @@ from stickslip.study import StudyError, export_study, open_study, study_state
 from stickslip.study.chunks import ChunkError, chunk_bytes, comment_of, texts_of, with_comment
 from stickslip.study.creating import create
 from stickslip.study.layout import MOST_CHUNK_BYTES, TEXT
+from stickslip.study.picture import study_picture
 from stickslip.study.sealing import checks_of, sealed, task_seal
 from stickslip.study.store import Store
 from stickslip.units import QuantityError
@@ -47,6 +48,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def store(whole: Path, tmp_path: Path) -> Path:
+    shutil.copy(whole.parent / "study.yaml", tmp_path)
+    shutil.copy(whole.parent / "study_functions.py", tmp_path)
     return Path(shutil.copytree(whole, tmp_path / "s.zarr"))
 
 
@@ -154,6 +157,24 @@ def test_a_task_of_many_texts_is_bounded_by_their_memory() -> None:
         texts_of("reason", packed, 5_000_000)
     with pytest.raises(ChunkError, match=r"takes more than 256,000,000 bytes of memory"):
         chunk_bytes(np.full(1000, "x" * 256_000), TEXT)
+
+
+def test_a_layout_of_other_members_is_not_computed(store: Path) -> None:
+    """Ten million tasks that are not those of the study."""
+    forge(store, lambda made: made.update(shape=[10_000_000, 1], task=[1, 1]))
+    study = study_of_file(store.parent / "study.yaml")
+    with pytest.raises(StudyError, match="its layout is of 10,000,000 members, the study of 12"):
+        ss.run_study(study, store, workers=1)
+
+
+def test_a_damaged_description_is_said(store: Path) -> None:
+    group = json.loads((store / "zarr.json").read_text())
+    made = json.loads(group["attributes"]["study"])
+    made["description"]["study"] = 5
+    group["attributes"]["study"] = json.dumps(made)
+    (store / "zarr.json").write_text(sealed(group))
+    with pytest.raises(StudyError, match="its description is damaged"):
+        study_picture(store, "value", "x")
 
 
 def test_metadata_of_the_library_decide_nothing(store: Path) -> None:

@@ -13,17 +13,20 @@ from typing import Any, NamedTuple
 
 from .. import registry
 from ..actuator import Actuator
+from ..calibration.storage import available_calibrations
 from ..experiment.cells import Cell, cells, limits_of
 from ..experiment.file import ExperimentFile, VirtualRigSpec
 from ..experiment.laboratory import PlanningLaboratory
 from ..experiment.running import check_experiment
 from ..input_file import load_yaml, yaml_text
+from ..parameters import available_sets
 from ..readers.process import Reader
 from ..recording import STANDARD_NAMES
 from ..recording.replacing import replaced_whole
 from ..records import quantities, quantities_of
 from ..registry import nothing_run
 from ..rig import Capabilities, Limits
+from ..rig.bench import available_benches
 from ..rig.measurement import channel_units
 from ..units import QuantityError, to_si, turned, unit_for
 from .folder import Folder
@@ -213,9 +216,10 @@ def _item(place: Any, part: str | int) -> Any:
 def _files(file: ExperimentFile) -> Iterator[str]:
     """Names of files that an experiment asks for; they may only be in the panel's folder."""
     bench = getattr(file.rig, "bench", "")
-    named = [(bench, ".toml"), (file.actuator.set, ".toml")]
-    named += [(name, ".json") for channel in file.channels.values() for name in channel.calibration]
-    yield from (name for name, suffix in named if name.endswith(suffix))
+    named = [(bench, available_benches()), (file.actuator.set, available_sets())]
+    known = available_calibrations()
+    named += [(name, known) for channel in file.channels.values() for name in channel.calibration]
+    yield from (name for name, package in named if name and name not in package)
     yield from (part.file for run in file.runs for part in run.waveform if part.file is not None)
 
 

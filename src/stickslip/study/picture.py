@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 import os
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..gate.errors import damaged
 from ..units import QuantityError
 from .chunks import ChunkError
 from .errors import StudyError
@@ -49,7 +50,7 @@ def pictured(store: Store) -> tuple[dict[str, Variable], dict[str, Variable]]:
     Raises:
         StudyError: coordinates of the store are damaged.
     """
-    layout, at_random = store.layout, _at_random(store.description)
+    layout, at_random = store.layout, _at_random(store)
     varied = {name: one for name, (one, _) in _coordinates(store).items()}
     results = {}
     for one in layout.variables:
@@ -102,11 +103,12 @@ def study_picture(
     return Picture(edges[0], edges[1], found, log, int(there.sum()), done, read, damaged)
 
 
-def _at_random(description: Any) -> set[str]:
-    """Names of what varies at random, as the manifest has them."""
-    points = description["study"]["points"]
-    parts = points if isinstance(points, list) else [points]
-    return {name for one in parts for name in one.get("ranges", {})}
+def _at_random(store: Store) -> set[str]:
+    """Return the names of what varies at random, as the manifest has them."""
+    with damaged(StudyError, f"{store.path}: its description is damaged"):
+        points = store.description["study"]["points"]
+        parts = points if isinstance(points, list) else [points]
+        return {name for one in parts for name in one.get("ranges", {})}
 
 
 def _coordinates(store: Store) -> dict[str, tuple[Variable, Array]]:

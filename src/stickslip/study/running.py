@@ -137,6 +137,11 @@ def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
         create(path, description, study.layout(), study.axes, study.inner(), study.title)
     there = Store(path)
     there.check(description, study.task)
+    of, asked = there.layout, study.layout()
+    if (of.dims, of.shape) != (asked.dims, asked.shape):  # which the identity does not say
+        raise StudyError(
+            f"{there.path}: its layout is of {of.members:,} members, the study of {asked.members:,}"
+        )
     there.check_known()
     there.tidy()
     return there
