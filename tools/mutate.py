@@ -207,7 +207,7 @@ TARGETS = (
     Target("engine/c/*.inl", (*ENGINE, NEAR)),
     *(
         Target(f"engine/c/{name}.h", (*ENGINE, NEAR))
-        for name in ("contact", "log", "reversal", "rodas5p", "table")
+        for name in ("compose", "contact", "log", "reversal", "rodas5p", "table")
     ),
     Target("engine/c/repeats.h", ("tests/engine/test_repeats.py",)),
     Target("rig/table.py", ("tests/rig/test_table.py",)),

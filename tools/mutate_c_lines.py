@@ -4,12 +4,12 @@
 # A wrong sign changes no answer: which size follows a plant (any that fits gives the same numbers), the offset of
 # a difference, a sum that only lets a NaN through, memory given back, one instant read from two places.
 SAME = {
+    "compose.h": ("if (P->element[e].states > LARGEST_STATES - P->states)",),
     "elements.inl": (
-        "real_t dv = r_copysign(R(1e-5) * r_abs(at) + R(1e-11), of->side);",
-        "real_t dz = r_copysign(R(1e-5) * r_abs(z) + R(1e-15), z);",
+        "real_t dv = r_copysign(RESOLVES(1e-5, 1e-3) * r_abs(at) + RESOLVES(1e-11, 1e-6), of->side);",
+        "real_t dz = r_copysign(RESOLVES(1e-5, 1e-3) * r_abs(z) + RESOLVES(1e-15, 1e-12), z);",
     ),
     "engine.c": (
-        "if (P->element[e].states > LARGEST_STATES - P->states)",
         "if (!P->plain || (P->statics > 0 && P->statics < P->elements))",
         "return 10 * P->modes + P->elements + (P->statics > 0 ? STATICS : 0);",
         "size = size_of(&near->plants[p]) == size ? size : 0;",
@@ -27,18 +27,12 @@ SAME = {
 # Not noticed yet. Continuation where periods repeat, a load that starts with the drive but for rounding,
 # cubics in fixed sizes, orbits of several members and long searches need tests of their own; each removes its lines here.
 NOT_NOTICED = {
-    "kinematics.inl": (
-        "real_t later = (r_abs(u[SLOPE]) + r_abs(u[CURVATURE]) / P->rate) / P->rate;",
-        "if (!OF(is_contact)(P, e) || STATES_OF(P, e) == 0 || (E->felt & E->pushed) == 0)",
-        "real_t p = -OF(own_push)(P, e) * E->normal, k = R(0.0), c = R(0.0);",
-        "k += p * slopes.force_z * slopes.rate_v * soft;",
-        "if (k > R(0.0))",
-    ),
+    "kinematics.inl": ("real_t later = (r_abs(u[SLOPE]) + r_abs(u[CURVATURE]) / P->rate) / P->rate;",),
     "linear.h": (
         "pivot(n, k, k < bodies ? bodies : n, a, x, order);",
         "total += (a[i * n + k] / norm) * (a[k * n + j] / norm);",
     ),
-    "log.inl": (
+    "reading.inl": (
         "table_at(of->drive, own, row[LOG_START] + shift, u_begun);",
         "while (row + 1 < of->log->filled && t - shift > log_row(of->log, row)[LOG_END])",
         "real_t inside = R(0.5) * (step[LOG_START] + step[LOG_END]) + shift;",
@@ -60,6 +54,10 @@ NOT_NOTICED = {
         "O->J = of->jacobians + m * O->n * O->n;",
     ),
     "periods.inl": (
+        "if (!OF(is_contact)(P, e) || STATES_OF(P, e) == 0 || (E->felt & E->pushed) == 0)",
+        "real_t p = -OF(own_push)(P, e) * E->normal, k = R(0.0), c = R(0.0);",
+        "k += p * slopes.force_z * slopes.rate_v * soft;",
+        "if (k > R(0.0))",
         "if (WATCHED(J->resume != NULL) && n > 0 && !J->ending)",
         "if (n > 0 && ((J->i >= first && (J->i - first) % n != 0) || w->drive->start[J->i] != w->t))",
         "struct log log = {.rows = task->count > 0 || (near != NULL && near->count > 0) ? LOG_ROWS : 0,",

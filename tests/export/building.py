@@ -25,7 +25,7 @@ SANITIZED = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover
 COMPILERS = ["gcc", *filter(shutil.which, ["clang"])]
 ARM_COMPILERS = [*filter(shutil.which, ["arm-none-eabi-gcc"])]
 C = Path(__file__).parent
-CORE = ["stickslip.c", "stickslip.h", "stickslip_equations.h", "stickslip_real.h"]
+CORE = ["stickslip.c", "stickslip.h", "stickslip_equations.h", "stickslip_layout.h"]
 OBJECTS = Path(tempfile.mkdtemp(prefix="stickslip-objects-"))
 atexit.register(shutil.rmtree, OBJECTS)
 

@@ -31,7 +31,7 @@ int main(int count, char **arguments)
         } else {
             (void)stickslip_step(&plant, &state, volts);
         }
-        const double f = fabs((double)state.friction_force), v = fabs((double)state.end_effector_velocity);
+        const double f = fabs((double)stickslip_read(&plant, &state).friction_force), v = fabs((double)state.end_effector_velocity);
         const double y = fabs((double)state.stage_position);
         if (!(f < 1e12) || !(v < 1e6) || !(y < 1.0) || !(fabs((double)state.end_effector_position) < 1e6)) {
             fprintf(stderr, "step %ld: force %g, velocity %g, stage %g\n", k, f, v, y);

@@ -1,4 +1,4 @@
-/* Reads v and z, prints force and rate of the first element of the law, or the static law's breakaway. */
+/* Reads v and z, prints force, rate and bound of the last element of the law; first, the static law's breakaway. */
 #include <stdio.h>
 
 #include "stickslip.h"
@@ -6,13 +6,15 @@
 int main(void)
 {
     const stickslip_parameters parameters = stickslip_default_parameters();
-    const stickslip_element element = stickslip_law_element(&parameters.model.friction, STICKSLIP_STATES - 1);
+    const struct law *law = &STICKSLIP_LAW;
+    real_t p[STICKSLIP_NUMBERS], force, dz;
     double v, z;
-    printf("%.17g\n", (double)stickslip_law_breakaway(&parameters.model.friction));
+    stickslip_law_row(&parameters.model.friction, STICKSLIP_STATES - 1, p);
+    printf("%.17g\n", (law->breakaway != NULL) ? (double)law->breakaway(p) : 0.0);
     while (scanf("%lf %lf", &v, &z) == 2) {
-        const stickslip_contact contact = stickslip_law_rate(&element, (real_t)v, (real_t)z);
-        printf("%.17g %.17g %.17g\n", (double)contact.force, (double)contact.dz,
-               (double)stickslip_law_project(&element, (real_t)z));
+        law->rate(p, (real_t)v, (real_t)z, &force, &dz);
+        printf("%.17g %.17g %.17g\n", (double)force, (double)dz,
+               (double)((law->project != NULL) ? law->project(p, (real_t)z) : (real_t)z));
     }
     return 0;
 }

@@ -18,7 +18,7 @@ int main(int count, char **arguments)
     stickslip_parameters parameters = stickslip_default_parameters();
     stickslip_plant plant;
     const double h = (count > 1) ? atof(arguments[1]) : 20e-6;
-    const double small[5] = {1e-14, 1e-10, 1e-14, 1e-10, 1e-14};
+    const double small[5] = {1e-11, 1e-7, 1e-11, 1e-7, 1e-11};
     if (stickslip_init(&plant, &parameters, h) != NULL) {
         return 1;
     }

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
 from typing import Any
 
 import fmpy
@@ -14,7 +12,6 @@ from fmpy.validation import validate_fmu
 import stickslip as ss
 from export.building import packaged_fmu
 from export.test_fmu import instance
-from export.test_step import LUGRE
 from stickslip.export import export_fmu
 
 KANG = ss.load_actuator("kang2007")
@@ -148,37 +145,3 @@ def test_a_late_channel_in_steps_of_any_length(fmi: int, delay: float, tmp_path:
         # In steps of 1 ms the delay is a part of one, and lines over them are not the motion.
         most = 0.5e-9 if np.max(lengths) < 1e-4 else 30e-9
         assert np.max(np.abs(np.array(seen) - expected)) < most
-
-
-def error_and_said(model: ss.Actuator, fmu: Path, fmi: int, step: float, folder: Path) -> tuple[float, float]:
-    """The greatest error of a walk, and what is said of it when the run ends; of the path."""
-    said: list[str] = []
-    made, put, got = instance(fmu, folder, fmi, said)
-    put("step", step)
-    made.exitInitializationMode()
-    drive = ss.Sawtooth(65.0, 20.0, periods=3)
-    times, found = np.arange(7501) * 20e-6, [got("end_effector_position")]
-    for k, volts in enumerate(drive.value(times[:-1] + 1e-9)):
-        put("voltage", float(volts))
-        made.doStep(currentCommunicationPoint=times[k], communicationStepSize=20e-6)
-        found.append(got("end_effector_position"))
-    assert not said
-    made.terminate()
-    # Less is not always to be had: a rounding decides at which jump of the drive this contact breaks loose.
-    truth = ss.simulate(model, drive, times=times, tolerance=1e-7)["end_effector_position"].values
-    error = float(np.max(np.abs(np.array(found) - truth)) / np.abs(np.diff(truth)).sum())
-    shares = [re.search(r"too long .* (\S+) of its path", text) for text in said]
-    assert all(shares)
-    return error, sum(float(share.group(1)) for share in shares if share)
-
-
-@pytest.mark.parametrize("fmi", [2, 3])
-def test_internal_steps_that_are_too_long_are_said(fmi: int, tmp_path: Path) -> None:
-    fmu = export_fmu(LUGRE, tmp_path / "fmu", fmi=fmi)
-    error, said = error_and_said(LUGRE, fmu, fmi, 20e-6, tmp_path / "long")
-    assert error > 0.3
-    assert 0.4 * error < said < 3.0 * error
-    error, said = error_and_said(LUGRE, fmu, fmi, 1e-6, tmp_path / "short")
-    assert (error < 0.01, said) == (True, 0.0)
-    error, said = error_and_said(KANG, packaged_fmu(fmi), fmi, 20e-6, tmp_path / "home")
-    assert (error < 0.005, said) == (True, 0.0)

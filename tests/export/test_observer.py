@@ -124,14 +124,15 @@ def test_it_is_begun_again_under_the_last_input_of_an_amplifier(jump: str, tmp_p
 )
 def test_the_linear_step_is_that_of_the_code(model: ss.Actuator, h: float, tmp_path: Any) -> None:
     """By differences of a step from rest, for a contact that sticks without deflection."""
-    program = compiled(export_c(model, tmp_path / "c", step=h), C / "linear.c")
+    folder = export_c(model, tmp_path / "c", step=h)
+    program = compiled(folder, C / "linear.c", "-O2", "-DSTICKSLIP_TOLERANCE=1e-16")
     found = np.array([line.split() for line in output(program, repr(h)).splitlines()], float).T
     scale = np.array([1.0, 1.0 / h, 1.0, 1.0 / h, 1.0])
     parts = slice(4 if isinstance(model.friction, ss.Coulomb) else 5)  # without a bristle
-    sticks = contacts(model.friction, h, 1.0)[0][0]
+    sticks = contacts(model.friction, h, 1.0)[0][0]._replace(b=0.0)
     expected = Method(model, h).after(sticks)
     off = (found - expected) / scale[:, None] * scale
-    assert np.max(np.abs(off[parts, parts])) < 2e-4
+    assert np.max(np.abs(off[parts, parts])) < 1e-3
 
 
 @pytest.mark.parametrize("law", ALL, ids=name)

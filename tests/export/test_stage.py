@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import math
 from typing import Any
 
 import fmpy
@@ -16,7 +15,6 @@ from export.building import C, compiled, output, walk
 from export.test_fmu import instance
 from stickslip.actuator import StageModes
 from stickslip.export import export_c, export_fmu
-from stickslip.export.modes import mode_acceleration
 from stickslip.export.piezo import felt
 from stickslip.friction import Coulomb, MaxwellSlip
 from stickslip.identify.results import model_numbers, model_of
@@ -48,7 +46,7 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_walk_is_the_solvers(case: str, tmp_path: Any) -> None:
-    """From rest at 5 V, in steps of 5 us; the first mode, or a piezo without elements, goes elsewhere."""
+    """From rest at 5 V; the first mode, or a piezo without elements, goes elsewhere."""
     model = CASES[case]
     truth = ss.simulate(model, DRIVE, 0.2, sample_rate=1e3, tolerance=1e-10)
     expected = truth.end_effector_position.values
@@ -56,27 +54,15 @@ def test_walk_is_the_solvers(case: str, tmp_path: Any) -> None:
     apart = np.max(np.abs(plain.end_effector_position.values - expected))
     assert apart > 1e-8
     for flags in ((), ("-O2", "-DSTICKSLIP_FLOAT")):
-        found = walk(model, tmp_path / f"c{len(flags)}", *flags, waveform=DRIVE, step="5 us")
-        for name, most in (("end_effector_position", 0.2 * apart), ("stage_position", 5e-9)):
+        found = walk(model, tmp_path / f"c{len(flags)}", *flags, waveform=DRIVE)
+        for name in ("end_effector_position", "stage_position"):
             there = truth[name].values
             assert found[name][0] == pytest.approx(there[0], abs=1e-12 if not flags else 1e-10)
-            assert np.max(np.abs(found[name] - there)) < most
+            assert np.max(np.abs(found[name] - there)) < (1e-9 if flags else 0.1e-9)
         if model.clamped:
             force = truth.friction_force.values
             later = found["friction_force"][1:]  # the first row is before any step
             assert later == pytest.approx(force[1:], abs=(1e-3 if not flags else 1e-2) * np.ptp(force))
-
-
-@pytest.mark.parametrize("model", [SEVERAL, BY_VOLTAGE], ids=["modes", "two-port"])
-def test_smaller_steps_are_nearer(model: ss.Actuator, tmp_path: Any) -> None:
-    truth = ss.simulate(model, DRIVE, 0.2, sample_rate=1e3, tolerance=1e-12).end_effector_position.values
-    errors = [
-        np.max(
-            np.abs(walk(model, tmp_path / f"c{k}", waveform=DRIVE, step=h)["end_effector_position"] - truth)
-        )
-        for k, h in enumerate((40e-6, 20e-6, 10e-6, 5e-6, 2.5e-6))
-    ]
-    assert math.log2(errors[0] / errors[-1]) / 4 > 1.5  # order 2; single halvings vary
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -146,15 +132,7 @@ def test_elements_out_of_order_end_the_initialisation(tmp_path: Any) -> None:
     assert any("the charges at which the elements slip must ascend" in one for one in said)
 
 
-def test_the_equations_of_a_mode_and_of_what_stops_feel() -> None:
-    """Of an undriven mode, of a driven one at rest, and of a force; T/C_0 as the solver has it."""
-    for gain, omega, zeta, mass in MODES.rows:
-        free = mode_acceleration(gain, omega, zeta, 1 / mass, 0.0, 2e-9, 3e-6, 0.0)
-        assert free == pytest.approx(-(omega**2) * 2e-9 - 2 * zeta * omega * 3e-6, rel=1e-12)
-        assert mode_acceleration(gain, omega, zeta, 1 / mass, 7.0, 7.0 * gain, 0.0, 0.0) == pytest.approx(0.0)
-        assert mode_acceleration(gain, omega, zeta, 1 / mass, 0.0, 0.0, 0.0, 0.3) == pytest.approx(
-            -0.3 / mass
-        )
+def test_stops_feel_the_stage_as_in_the_solver() -> None:
     volts = felt(KANG.gain, KANG.stage_mass, OMEGA, PORT.capacitance)
     assert volts == pytest.approx(KANG.drive_force_per_volt / PORT.capacitance, rel=1e-12)
 

@@ -17,10 +17,10 @@ from .interface import of_numbers
 from .law_of import EngineLaw
 from .laws import LAW
 from .members import numbers_of
+from .sizes import largest, sizes
 from .translator import Record, Translation, record_type
 
 FOLDER = Path(__file__).parent / "c"
-REAL = "../../export/c/stickslip_real.h"  # as the sources include it
 # Threads of a block, and blocks on a multiprocessor at once: each thread may have 128 of the 65,536
 # registers there.
 THREADS, BLOCKS = 128, 4
@@ -64,7 +64,7 @@ def headers() -> dict[str, str]:
     """Return every header that the kernel's source includes, but `layout.h`, by the name that includes it."""
     files = [file for file in FOLDER.iterdir() if file.suffix in (".h", ".inl")]
     found = {file.name: for_gpu(file.read_text("ascii")) for file in files}
-    return {**_STANDARD, **found, REAL: as_cpp((FOLDER / REAL).read_text("ascii"))}
+    return {**_STANDARD, **found}
 
 
 def kernel() -> str:
@@ -96,7 +96,8 @@ def layout(plant: Any, values: Array) -> tuple[str, Array]:
     kinds = tuple(_kind(element(one.law, 0)) for one in plant.elements)
     fill = "\n".join(f"    {line}" for line in [*lines, *_constants(composed.struct, kinds)])
     stacked = np.concatenate(numbers)
-    macros = {"NUMBERS": len(stacked), "THREADS": THREADS, "BLOCKS": BLOCKS, **_sizes(plant, composed.struct)}
+    macros = {"NUMBERS": len(stacked), "THREADS": THREADS, "BLOCKS": BLOCKS, "HOT": "static inline"}
+    macros |= {**largest(plant), **sizes(plant, "gpu")}
     defined = "\n".join(f"#define {name} {value}" for name, value in macros.items())
     functions = tuple(tuple(LAW.functions(kind.record_class).items()) for kind in kinds)
     head = f'{defined}\n\n{_laws(kinds, functions)}\n#include "plant.h"\n\n'
@@ -159,37 +160,3 @@ def _one_law(struct: re.Match[str]) -> str:
 def _kind(record: Any) -> Record:
     own = type(record).__module__.startswith(f"stickslip.{LAW.room}.")
     return of_numbers(type(record)) if own else record_type(record)
-
-
-def _sizes(plant: Any, struct: Any) -> dict[str, Any]:
-    """The macros of `elements.inl`: what all plants of the layout have in common is known to the compiler."""
-    modes, elements, states = struct.modes, struct.elements, struct.states
-    each = {struct.element[e].states for e in range(elements)}
-    alike = each.pop() if len(each) == 1 else None
-    return {
-        "LARGEST_MODES": max(modes, 1),
-        "LARGEST_ELEMENTS": max(elements, 1),
-        "LARGEST_STATES": states,
-        "OF(name)": "name##_gpu",
-        "HOT": "static inline",
-        "ROOM_MODES": "LARGEST_MODES",
-        "ROOM_ELEMENTS": "LARGEST_ELEMENTS",
-        "ROOM_STATES": "LARGEST_STATES",
-        "MODES(P)": f"((void)(P), {modes})",
-        "ELEMENTS(P)": f"((void)(P), {elements})",
-        "STATES(P)": f"((void)(P), {states})",
-        "STATES_OF(P, e)": "((P)->element[e].states)"
-        if alike is None
-        else f"((void)(P), (void)(e), {alike})",
-        "FIRST(P, e)": "((P)->element[e].first)" if alike is None else f"({2 * modes} + (e) * {alike})",
-        "STATIC(test)": {0: "(0 && (test))", elements: "(1 || (test))"}.get(struct.statics, "(test)"),
-        "WATCHED(test)": "(0 && (test))",
-        "RARE(test)": "(test)" if any(map(_rare, plant.elements, struct.element)) else "(0 && (test))",
-    }
-
-
-def _rare(one: Any, made: Any) -> bool:
-    """Return whether an element is no contact with one bristle, or a static law, under a constant load."""
-    law, given = made.law, (one.position, one.feed, one.drive, one.drive_rate, one.loaded, one.along)
-    usual = made.states == (0 if law.breakaway else 1)
-    return not usual or bool(law.smooth or law.choose or law.tick) or any(part is not None for part in given)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from .translator import BOOL, INT, REAL, Array, Record, Translation, TranslationError, record_type
+from .translator import BOOL, INT, KEYWORDS, REAL, Array, Record, Translation, TranslationError, record_type
 
 
 class Signature(NamedTuple):
@@ -116,6 +116,16 @@ def _filled(kind: Any, places: Iterator[int]) -> str:
         return f"{{{', '.join(f'p[{next(places)}]' for _ in range(kind.length))}}}"
     text = f"p[{next(places)}]"
     return {BOOL: f"{text} != R(0.0)", INT: f"r_whole({text})"}.get(kind, text)
+
+
+def row_of(kind: Any, place: str) -> list[str]:
+    """The C of a row of parameters: the numbers of a record, or of another value of this type, at a place."""
+    if isinstance(kind, Record):
+        named = [(f"{name}_" if name in KEYWORDS else name, inner) for name, inner in kind.fields]
+        return [text for name, inner in named for text in row_of(inner, f"{place}.{name}")]
+    if isinstance(kind, Array):
+        return [f"{place}[{i}]" for i in range(kind.length)]
+    return [place if kind == REAL else f"(real_t){place}"]
 
 
 def row(record: Any) -> list[float]:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ..actuator import Actuator, PulledSlider, StageModes
 from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
+from ..engine.interface import numbers, row_of
+from ..engine.laws import LAW, functions
+from ..engine.sizes import sizes
 from ..engine.translator import (
     BOOL,
     INT,
@@ -21,12 +22,11 @@ from ..engine.translator import (
     real,
     record_type,
 )
-from ..friction import element, elements, rate
+from ..friction import element, elements
 from ..friction.law import _implementation
-from ..mechanism import holding_force, joined, slider_acceleration, stage_acceleration
 from ..piezo import Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
 from ..records import Quantity, quantities
-from ..simulation.models import mechanism
+from ..simulation.models import mechanism, system
 from ..units import QuantityError
 from .modes import modes_c
 from .piezo import piezo_c, two_port_c, two_port_checks
@@ -44,6 +44,10 @@ from .signal_chain import (
 UNCHECKED = (Actuator, PulledSlider, StageModes, Piezo, PrandtlIshlinskii, MaxwellCapacitor, Creep)
 
 
+# Macros of the engine that are the same for all layouts.
+_ROOM = ("OF(name)", "ROOM_MODES", "ROOM_ELEMENTS", "ROOM_STATES", "WATCHED(test)")
+
+
 class SignalChain(NamedTuple):
     """What stands between a program and the actuator; each part may be missing."""
 
@@ -52,8 +56,11 @@ class SignalChain(NamedTuple):
     sensor: StrainGauge | Chain | None = None  # on the end-effector
 
 
-def equations(model: Any, chain: SignalChain, step: float) -> str:
+def equations(model: Any, chain: SignalChain, step: float, any_layout: bool) -> str:
     """The text of stickslip_equations.h, without its first comment, for steps of `step` [s].
+
+    Args:
+        any_layout: whether parameters may change what moves, unless the code is compiled otherwise.
 
     Raises:
         TranslationError: a function of the law is outside the subset that can be translated.
@@ -61,11 +68,7 @@ def equations(model: Any, chain: SignalChain, step: float) -> str:
     made = Translation()
     law, kind = model.friction, record_type(model)
     made.record(kind)
-    _, mech = made.function(mechanism, (kind,))
-    for function in (stage_acceleration, slider_acceleration):
-        made.function(function, (mech, REAL, REAL, REAL, REAL))
-    made.function(holding_force, (mech, REAL, REAL, Array(7)))
-    made.function(joined, (mech, REAL))
+    made.function(mechanism, (kind,))
     piezo = piezo_c(made, getattr(model, "piezo", None))
     parts = [*_law(made, law), *piezo, *two_port_c(made, model), *modes_c(made, model)]
     parts += _chain(made, chain, step)
@@ -76,6 +79,10 @@ def equations(model: Any, chain: SignalChain, step: float) -> str:
     return "\n".join(
         [
             _HEAD,
+            "/* 1: parameters may change what moves; the integrator is slower by a half then. */",
+            f"#ifndef STICKSLIP_ANY_LAYOUT\n#define STICKSLIP_ANY_LAYOUT {int(any_layout)}\n#endif",
+            *(f"#define {name} {value}" for name, value in room(model).items()),
+            "",
             made.text(),
             f"typedef {kind.c_name} stickslip_model;",
             *parts,
@@ -92,74 +99,41 @@ _HEAD = """#ifndef STICKSLIP_EQUATIONS_H
 
 #include <stddef.h>
 
-#include "stickslip_real.h"
+#include "engine/law.h"
 """
 
 
 def _law(made: Translation, law: Any) -> list[str]:
-    """The functions of the friction law under the names that the step method calls."""
-    count, kind = elements(law), record_type(law)
-    one = element(law, 0)
-    whole, single = _implementation(law), _implementation(one)
-    inner = record_type(one)
-    if single.rate is None:
-        raise TranslationError(f"{type(law).__name__} cannot be exported to C: its elements have no rate")
-    rate, result = made.function(single.rate, (inner, REAL, REAL), ("force", "dz"))
-    if len(getattr(result, "members", ())) != 2:
-        raise TranslationError(
-            f"{type(law).__name__} cannot be exported to C: its rate must give (force, dz)"
-        )
-    lines = [
-        f"#define STICKSLIP_STATES {max(count, 1)} /* of the law, or its direction of sliding */",
-        f"#define STICKSLIP_STATIC_LAW {int(count == 0)} /* 1: true rest, a set-valued force */",
-        f"#define STICKSLIP_LINEAR_LAW {int(_linear(law))} /* 1: the rate of the state is linear in it */",
-        f"typedef {inner.c_name} stickslip_element;",
-        f"typedef {result.c_name} stickslip_contact;",
-        "",
-        _calls("stickslip_contact stickslip_law_rate", "const stickslip_element *law, real_t v, real_t z",
-               f"return {rate}(law, v, z);"),
-    ]  # fmt: skip
-    head = f"stickslip_element stickslip_law_element(const {kind.c_name} *law, int i)"
+    """The friction law as the engine takes it, and the numbers of each of its elements."""
+    name, kind, one = type(law).__name__, record_type(law), element(law, 0)
+    inner, count = record_type(one), elements(law)
+    whole, static = _implementation(law), "breakaway" in functions(type(one))
+    try:
+        text = LAW.c_of(made, inner)
+    except TranslationError as error:
+        raise TranslationError(f"{name} cannot be exported to C: {error}") from None
     if whole.element:
-        name, got = made.function(whole.element, (kind, INT))
+        of, got = made.function(whole.element, (kind, INT))
         if got != inner:
-            raise TranslationError(
-                f"{type(law).__name__} cannot be exported to C: its elements differ in type"
-            )
-        lines.append(f"static inline {head}\n{{\n    return {name}(law, i);\n}}\n")
+            raise TranslationError(f"{name} cannot be exported to C: its elements differ in type")
+        filled = [f"const {inner.c_name} of = {of}(law, i);"]
     else:
-        lines.append(f"static inline {head}\n{{\n    (void)i;\n    return *law;\n}}\n")
-    if whole.breakaway:
-        name, _ = made.function(whole.breakaway, (kind,))
-        body = f"return {name}(law);"
-    else:
-        body = "(void)law;\n    return R(0.0);"
-    lines.append(_calls("real_t stickslip_law_breakaway", f"const {kind.c_name} *law", body))
-    if single.project:
-        name, _ = made.function(single.project, (inner, REAL))
-        body = f"return {name}(law, z);"
-    else:
-        body = "(void)law;\n    return z;"
-    lines.append(_calls("real_t stickslip_law_project", "const stickslip_element *law, real_t z", body))
-    return lines
-
-
-def _linear(law: Any) -> bool:
-    """Whether the rate of the internal state is linear in it, also where a parameter is changed later."""
-    variants = [law]
-    for name, value in law._asdict().items():
-        if isinstance(value, float):
-            try:
-                variants.append(law._replace(**{name: 1.3 * value}))
-            except QuantityError:
-                continue
-    for one in (element(variant, i) for variant in variants for i in range(elements(variant))):
-        for v in (-1e-2, -1e-4, 1e-5, 1e-3, 1e-1):
-            for z in np.geomspace(1e-9, 1e-4, 11):
-                low, middle, high = (rate(one, v, at)[1] for at in (-z, 0.5 * z, 2.0 * z))
-                if abs(0.5 * (low + high) - middle) > 1e-9 * max(abs(low), abs(high), abs(middle)):
-                    return False
-    return elements(law) > 0
+        filled = [f"const {inner.c_name} of = *law;", "(void)i;"]
+    filled += [f"row[{k}] = {number};" for k, number in enumerate(row_of(inner, "of"))] or ["(void)row;"]
+    return [
+        f"#define STICKSLIP_STATES {max(count, 1)} /* of the law; 1 of one that has none */",
+        f"#define STICKSLIP_STATIC_LAW {int(static)} /* 1: true rest, a set-valued force */",
+        f"#define STICKSLIP_NUMBERS {max(numbers(inner), 1)} /* of an element of the law */",
+        f"#define STICKSLIP_LAW law_{type(one).__name__}",
+        "",
+        text,
+        "/* The numbers of an element of the law, as its struct takes them. */",
+        _calls(
+            "void stickslip_law_row",
+            f"const {kind.c_name} *law, int i, real_t row[STICKSLIP_NUMBERS]",
+            "\n    ".join([*filled, "(void)of;"]),
+        ),
+    ]
 
 
 def _calls(head: str, arguments: str, body: str) -> str:
@@ -216,6 +190,40 @@ def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
             f"return {output}(&chain->sensor, seen);",
         ))  # fmt: skip
     return lines
+
+
+def room(model: Any) -> dict[str, Any]:
+    """The engine's room for the model in each layout that its parameters can give it."""
+    port, law = getattr(model, "two_port", None), model.friction
+    further = getattr(model, "further_modes", None)
+    modes = 2 + (len(further.gain) if further is not None else 0)
+    stops = len(port.stiffnesses) if port is not None else 0
+    return {
+        "LARGEST_MODES": modes,
+        # gcc warns of loops over one.
+        "LARGEST_ELEMENTS": "(1 + STICKSLIP_ANY_LAYOUT)" if port is None else "2",
+        "LARGEST_STATES": 2 * modes + elements(law) + stops,
+    }
+
+
+def layout(model: Any) -> str:
+    """The text of stickslip_layout.h: the engine's sizes for the layout of this model, and those for any that
+    its parameters can give it."""
+    fixed = sizes(system(model).plant, "stickslip")
+    free = {name: text for name, text in fixed.items() if name in _ROOM} | {
+        "MODES(P)": "((P)->modes)",
+        "ELEMENTS(P)": "((P)->elements)",
+        "STATES(P)": "((P)->states)",
+        "STATES_OF(P, e)": "((P)->element[e].states)",
+        "FIRST(P, e)": "((P)->element[e].first)",
+        "STATIC(test)": "(test)",
+        "RARE(test)": "(test)",
+    }
+    defined = ["\n".join(f"#define {name} {text}" for name, text in one.items()) for one in (free, fixed)]
+    return (
+        "#ifndef STICKSLIP_LAYOUT_H\n#define STICKSLIP_LAYOUT_H\n\n"
+        f"#if STICKSLIP_ANY_LAYOUT\n{defined[0]}\n#else\n{defined[1]}\n#endif\n\n#endif\n"
+    )
 
 
 def _limits(kind: Record) -> str:

@@ -15,6 +15,9 @@ Matrix = NDArray[np.float64]
 _RUNS_AWAY = 1.001
 # By how much one part of an error may throw up another in a step: beyond, the rounding of a float does.
 _HELD = 2.0**24
+# Shares of an error by which the end-effector's position, and over the step its velocity, are corrected
+# alone: of steps longer than a period of stage and contact, after which a deflection is forgotten.
+_SHARES = ((1.0, 0.0), (1.0, 0.01), (1.0, 0.1), (1.0, 0.5), (0.3, 0.03), (0.1, 0.003))
 # 2^36 steps have passed after so many doublings: what falls by less than a part in 1e10 a step
 # counts as growing.
 _DOUBLINGS = 36
@@ -25,12 +28,12 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     position and velocity of each further mode follow a measured position of the end-effector, shape (5 + 2
     further modes,); None if there is no gain at which the error stays bounded wherever the contact stays.
 
-    The step method is taken as linear about each state in which the contact can be (`contacts`). The Kalman
-    filter of each is tried in all, and that is taken whose greatest stationary error is smallest. Where the
-    contact passes through, for friction falls with the speed and the model alone runs away, the error may
-    grow if it must. What the
-    model does not know is taken as white forces of a tenth of the friction on both bodies. A stage that
-    follows the input is not corrected.
+    The motion is taken as linear about each state in which the contact can be (`contacts`). The Kalman
+    filter of each, and gains that correct the end-effector alone, are tried in all, and that is taken whose
+    greatest stationary error is smallest. Where the contact passes through, for friction falls with the
+    speed and the model alone runs away, the error may grow if it must. What the model does not know is taken
+    as white forces of a tenth of the friction on both bodies. A stage that follows the input is not
+    corrected.
 
     Args:
         model: actuator or pulled slider.
@@ -38,7 +41,7 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
         noise: m, standard deviation of a measured position.
     """
     method, law = Method(model, h), model.friction
-    states, friction = contacts(law, h, method.push[S] / h)
+    states, friction = contacts(law, h, method.push[S])
     wanted = _corrected(method, elements(law) == 0)
     seen = method.stage if method.clamped else [X]
     gain = np.zeros(method.size)
@@ -52,14 +55,16 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     push = method.forces * (0.1 * friction * h) / scale[:, None]
     noises = push @ push.T
     steps = np.array([method.after(state) * scale / scale[:, None] for state in states])
-    if np.max(np.abs(steps)) > _HELD:
-        return None
     stays = np.max(np.abs(np.linalg.eigvals(steps)), axis=1) < _RUNS_AWAY
+    if np.max(np.abs(steps[stays]), initial=0.0) > _HELD:
+        return None
     # What is not corrected has errors of its own, but for what is known exactly.
     whole = wanted if method.clamped or method.kinematic else list(range(method.size))
     whole = [i for i in whole if i != Z or elements(law)]
-    filters = np.zeros((len(steps), method.size))
-    filters[:, wanted] = kalman_gains(_of(steps, wanted), c[0, wanted], _of(noises, wanted))
+    filters = np.zeros((len(steps) + len(_SHARES), method.size))
+    if not method.clamped:
+        filters[len(steps) :, [X, S]] = _SHARES
+    filters[: len(steps), wanted] = kalman_gains(_of(steps, wanted), c[0, wanted], _of(noises, wanted))
     errors = stationary_errors(_of(steps, whole), c[0, whole], _of(noises, whole), filters[:, whole])
     best, least = None, (np.inf, np.inf)
     for one, error in zip(filters, errors, strict=True):

@@ -1,4 +1,4 @@
-"""The step method of stickslip.c about a state of the contact, as a matrix: what becomes of a small error."""
+"""The motion over a step about a state of the contact, as a matrix: what becomes of a small error."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from ..friction import breakaway, element, elements, rate
-from ..mechanism import slider_acceleration, stage_acceleration
-from ..simulation.models import mechanism
-from ..simulation.sticking import slopes
+from ..simulation.models import mechanism, stage_mode
 
 Matrix = NDArray[np.float64]
 
 # Of a state: position and velocity of the stage (of its first mode) and of the end-effector, the bristles as
 # one, then position and velocity of each further mode of the stage.
 Y, W, X, S, Z, MORE = range(6)
+# In how many times that a bristle relaxes a step is taken to lie at most: beyond, it is at its equilibrium.
+_FASTEST = 1e4
 
 
 class Contact(NamedTuple):
@@ -34,7 +34,7 @@ class Contact(NamedTuple):
 
 
 class Method:
-    """The step method: the linear motion over a step, and what the friction force does to it.
+    """The motion of stage, end-effector and bristle over a step, linear about a state of the contact.
 
     Args:
         model: actuator or pulled slider.
@@ -49,57 +49,39 @@ class Method:
         self.size = MORE + 2 * len(modes)
         self.stage = [Y, *range(MORE, self.size, 2)]
         a, push = np.zeros((self.size, self.size)), np.zeros(self.size)
-        a[Y, W] = a[X, S] = 1.0
-        zero = 0.0, 0.0, 0.0
-        for row, accelerate in ((W, stage_acceleration), (S, slider_acceleration)):
-            rest = accelerate(mech, *zero, 0.0)
-            a[row, row - 1] = accelerate(mech, 0.0, 1.0, 0.0, 0.0) - rest
-            a[row, row] = accelerate(mech, 0.0, 0.0, 1.0, 0.0) - rest
-            push[row] = accelerate(mech, *zero, 1.0) - rest
-        a[W, Y] *= getattr(model, "stiffening", 1.0)
-        for row, (_, omega, zeta, mass) in zip(self.stage[1:], modes, strict=True):
-            a[row, row + 1], a[row + 1, row], a[row + 1, row + 1] = 1.0, -(omega**2), -2.0 * zeta * omega
+        stiffer = getattr(model, "stiffening", 1.0)
+        a[Y, W] = 0.0 if mech.kinematic else 1.0
+        a[W, Y], a[W, W], push[W] = -mech.stage_stiffness * stiffer, -mech.stage_damping, -mech.reaction
+        a[X, S], a[S, X], a[S, S], push[S] = 1.0, -mech.slider_stiffness, -mech.slider_damping, mech.mobility
+        for row, (gain, omega, zeta, mass) in zip(self.stage[1:], modes, strict=True):
+            mode = stage_mode(gain, omega, zeta)
+            a[row, row + 1], a[row + 1, row], a[row + 1, row + 1] = 1.0, -mode.stiffness, -mode.damping
             push[row + 1] = -1.0 / mass if mech.reaction else 0.0
         # A force that is not known acts on each body: shape (size, 2), of the stage and of the end-effector.
         self.forces = np.zeros((self.size, 2))
         self.forces[[i + 1 for i in self.stage], 0] = [abs(push[i + 1]) or mech.mobility for i in self.stage]
         self.forces[S, 1] = mech.mobility
-        whole = np.zeros((self.size + 1, self.size + 1))
-        whole[:-1, :-1], whole[:-1, -1] = a * h, push * h
-        over = np.asarray(expm(whole), np.float64)
-        self.free, self.push = over[:-1, :-1], over[:-1, -1]
-        self.sliding, self.speed = np.zeros(self.size), np.zeros(self.size)
-        self.sliding[self.stage], self.sliding[X] = 1.0, -1.0
+        self.speed = np.zeros(self.size)
         self.speed[[i + 1 for i in self.stage]], self.speed[S] = 1.0, -1.0
-        if mech.kinematic:  # y = C u at the end, at constant speed until then
-            self.free[[Y, W]], self.free[W, Y] = 0.0, -1.0 / h
-        mobility = -np.sum(push[[i + 1 for i in self.stage]]) + push[S]
-        ratio = mobility * slopes(model.friction)[0] * h**2
-        self.implicit = ratio / (12.0 + ratio)
+        self.motion, self.push = a, push
 
     def after(self, contact: Contact) -> Matrix:
         """What becomes of a small error of the state within a step, shape (size, size)."""
-        h, implicit, same = self.h, self.implicit, np.eye(self.size)
-        made: Matrix = self.free.copy()
-        if self.clamped or contact.rests:  # the end-effector goes as the stage does
-            if not self.clamped:
-                made -= self.push[:, None] * (self.speed @ self.free) / (self.speed @ self.push)
-            made[X] = same[X] + (self.sliding + same[X]) @ (made - same)
-            made[S] = (self.speed + same[S]) @ made
+        a, push, start = self.motion.copy(), self.push, np.eye(self.size)
+        if self.kinematic:  # the stage is where its input is, whatever it was
+            start[[Y, W]] = 0.0
+        if self.clamped:  # the end-effector goes as the stage does
+            made = np.asarray(expm(a * self.h), np.float64) @ start
+            made[X], made[S] = made[self.stage].sum(axis=0), made[[i + 1 for i in self.stage]].sum(axis=0)
             return made
-        # Of V, as of the bristle, the mean over the step and its end, weighted: V + mobility F = V_free.
-        v_free = (1.0 - implicit) / h * (self.sliding @ (self.free - same))
-        v_free += implicit * (self.speed @ self.free)
-        mobility = -((1.0 - implicit) / h * self.sliding + implicit * self.speed) @ self.push
-        x = max(h * contact.b, -1e9)
-        whole, mean = h * np.array([1.0 - 0.5 * x, 0.5 - 0.5 * x]) / (1.0 - x + 0.5 * x**2)
-        at = implicit * whole + (1.0 - implicit) * mean
-        force = contact.force_z * (1.0 + at * contact.b) * same[Z]
-        by_v = contact.force_v + contact.force_z * at * contact.a
-        v = (v_free - mobility * force) / (1.0 + mobility * by_v)
-        made += self.push[:, None] * (force + by_v * v)
-        made[Z] = (1.0 + whole * contact.b) * same[Z] + whole * contact.a * v
-        return made
+        if contact.rests:  # friction ends an error of the speed at once, and holds
+            keeps = np.eye(self.size) - np.outer(push, self.speed) / (self.speed @ push)
+            return np.asarray(expm(keeps @ a * self.h) @ keeps @ start, np.float64)
+        shrinks = min(_FASTEST / max(-contact.b * self.h, 1e-300), 1.0)
+        a += np.outer(push, contact.force_v * self.speed)
+        a[:, Z] += push * contact.force_z
+        a[Z], a[Z, Z] = contact.a * shrinks * self.speed, contact.b * shrinks
+        return np.asarray(expm(a * self.h) @ start, np.float64)
 
 
 def contacts(law: Any, h: float, mobility: float) -> tuple[list[Contact], float]:
@@ -125,7 +107,10 @@ def contacts(law: Any, h: float, mobility: float) -> tuple[list[Contact], float]
     made = []
     for share in (0.0, 0.25, 0.5, 0.75, 0.95):
         at = [min(share * longest, z) for z in far]
-        made += [_slopes(parts, at, v, rest=True) for v in (1e-6, -1e-6)]
+        for v in (1e-6, -1e-6):
+            stuck = _slopes(parts, at, v, rest=True)
+            # A spring that never slips swings for ever, in no contact: what slides renews its bristles.
+            made.append(stuck._replace(b=min(stuck.b, -abs(v) / longest)))
     for v in (share * longest / h for share in (0.03, 0.3, 3.0, 30.0)):
         made.append(_slopes(parts, [_still(one, v) for one in parts], v, rest=False))
     return made, max(most, 1e-6)
@@ -151,5 +136,5 @@ def _slopes(parts: list[Any], at: list[float], v: float, rest: bool) -> Contact:
         force_z += stiffness
         force_v += (force - rate(one, other, z)[0]) / (v - other)
         taken += stiffness * (dz - rate(one, other, z)[1]) / (v - other)
-        given += 0.0 if rest else stiffness * (dz - rate(one, v, z - d)[1]) / d
+        given += stiffness * (dz - rate(one, v, z - d)[1]) / d
     return Contact(force_z, force_v, taken / force_z, given / force_z)

@@ -98,7 +98,7 @@ def export_fmu(
             f"{STATIC_JUMPS}, and FMI 3 holds an input over a step: give the stage a natural_frequency, or "
             "export fmi = 2, which takes the derivative of the input, or with the amplifier"
         )
-    files = core_files(found, parts, h, noise)
+    files = core_files(found, parts, h, noise, any_layout=True)
     name = re.sub(r"\W", "_", Path(found.model.name).stem) or type(found.model).__name__.lower()
     identifier = f"{name}_{mode}" if name[0].isalpha() else f"model_{name}_{mode}"
     rest = float(default_waveform(found.model, parts.amplifier).drive(h).before)

@@ -1,36 +1,34 @@
-"""Further modes of the stage in C: their equation of motion is translated, the step method adds them up."""
+"""Further modes of the stage in C: their numbers are translated, the engine's plant holds them."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from ..engine.translator import REAL, Translation, record_type
-
-
-def mode_acceleration(gain, natural_frequency, damping_ratio, per_mass, u, q, w, force):  # type: ignore[no-untyped-def]
-    """Acceleration of a further mode of the stage for the drive u and the friction force."""
-    free = natural_frequency**2 * (gain * u - q) - 2.0 * damping_ratio * natural_frequency * w
-    return free - per_mass * force
+from ..simulation.models import stage_mode
 
 
 def modes_c(made: Translation, model: Any) -> list[str]:
-    """How many further modes a stage has, and their acceleration."""
+    """How many further modes a stage has, what each is, and what a force does to it."""
     modes = getattr(model, "further_modes", None)
     count = 0 if modes is None else len(modes.gain)
     lines = [f"#define STICKSLIP_FURTHER {count} /* modes of the stage after its first */"]
     if modes is None:
         return lines
     made.record(record_type(modes))
-    name, _ = made.function(mode_acceleration, (REAL,) * 8)
-    by_force = "(model->stage_reaction && !model->clamped) ? R(1.0) / of->mass[m] : R(0.0)"
+    name, _ = made.function(stage_mode, (REAL,) * 3)
+    push = "(model->stage_reaction && !model->clamped) ? R(-1.0) / model->further_modes.mass[m] : R(0.0)"
     return [
         *lines,
-        "static inline real_t stickslip_further_acceleration(",
-        "    const stickslip_model *model, int m, real_t u, real_t q, real_t w, real_t force)",
+        "static inline ss_Mode stickslip_further_mode(const stickslip_model *model, int m)",
         "{",
         "    const ss_StageModes *of = &model->further_modes;",
-        f"    const real_t per_mass = {by_force if modes.mass else 'R(0.0)'};",
-        f"    return {name}(",
-        "        of->gain[m], of->natural_frequency[m], of->damping_ratio[m], per_mass, u, q, w, force);",
+        f"    return {name}(of->gain[m], of->natural_frequency[m], of->damping_ratio[m]);",
+        "}\n",
+        "/* Its acceleration per unit of the contact's force. */",
+        "static inline real_t stickslip_further_push(const stickslip_model *model, int m)",
+        "{",
+        *(() if modes.mass else ("    (void)model;", "    (void)m;")),
+        f"    return {push if modes.mass else 'R(0.0)'};",
         "}\n",
     ]

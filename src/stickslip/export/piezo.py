@@ -1,19 +1,23 @@
 """Hysteresis and creep in C: loops over the functions of `stickslip.piezo`, which are translated.
 
 Within a step the voltage goes along a line, and so does what comes out of the hysteresis, but for corners
-within the step; creep is exact for that. The stops of a two-port feel the stage where it would be at the end
-of the step if they and the contact stayed as they are, which is of second order.
+within the step; creep is exact for that. The stops of a two-port are an element of the engine's plant.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from ..engine.interface import numbers, row_of
+from ..engine.laws import LAW
 from ..engine.translator import REAL, Translation, record_type
+from ..friction import element
+from ..friction.maxwell_slip import MaxwellElement
 from ..piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
 from ..piezo.bouc_wen import bent
 from ..piezo.creep import lag_change
 from ..piezo.operators import beyond, play
+from ..simulation.two_port import PER_VOLT
 
 
 def refused(piezo: Piezo | None) -> str:
@@ -84,18 +88,25 @@ def two_port_c(made: Translation, model: Any) -> list[str]:
     if port is None:
         return []
     name, _ = made.function(felt, (REAL,) * 4)
+    stop = record_type(MaxwellElement(*(1.0,) * 6))
+    made.record(stop)
+    known = isinstance(element(model.friction, 0), MaxwellElement)
     return [
+        *(() if known else (LAW.c_of(made, stop),)),
+        f"#define STICKSLIP_PER_VOLT {PER_VOLT!r} /* m, of the states of the stops */",
+        f"#define STICKSLIP_STOP_NUMBERS {numbers(stop)}",
+        "#define STICKSLIP_STOP_LAW law_MaxwellElement",
         "/* V/m: by how much the stops feel the stage. */",
         "static inline real_t stickslip_felt(const stickslip_model *model)",
         "{",
         f"    return {name}(model->gain, model->stage_mass, model->natural_frequency,",
         "        model->piezo.hysteresis.capacitance);",
         "}\n",
-        "/* Half-widths [V] and shares of the stops: stickslip.piezo.MaxwellCapacitor.stops */",
+        "/* The numbers of the stops as elements of a law: stickslip.piezo.MaxwellCapacitor.stops */",
         "static inline void stickslip_stops(const ss_MaxwellCapacitor *of,",
-        "    real_t width[STICKSLIP_TWO_PORT], real_t share[STICKSLIP_TWO_PORT])",
+        "    real_t row[STICKSLIP_TWO_PORT][STICKSLIP_STOP_NUMBERS])",
         "{",
-        "    real_t after = R(1.0) / of->capacitance;",
+        "    real_t after = R(1.0) / of->capacitance, width[STICKSLIP_TWO_PORT], share[STICKSLIP_TWO_PORT];",
         "    for (int j = STICKSLIP_TWO_PORT - 1; j >= 0; --j) {",
         "        const real_t slope = after + of->stiffnesses[j];",
         "        const real_t before = (j > 0) ? of->breakaways[j - 1] / of->stiffnesses[j - 1] : R(0.0);",
@@ -103,8 +114,12 @@ def two_port_c(made: Translation, model: Any) -> list[str]:
         "        share[j] = (R(1.0) / after - R(1.0) / slope) / of->capacitance;",
         "        after = slope;",
         "    }",
-        "    for (int j = 1; j < STICKSLIP_TWO_PORT; ++j) {",
-        "        width[j] += width[j - 1];",
+        "    for (int j = 0; j < STICKSLIP_TWO_PORT; ++j) {",
+        "        width[j] += (j > 0) ? width[j - 1] : R(0.0);",
+        f"        const {stop.c_name} one = {{",
+        "            share[j], R(STICKSLIP_PER_VOLT) * share[j] * width[j],",
+        "            R(STICKSLIP_PER_VOLT) * share[j] * width[j], R(1.0), R(1.0), R(0.0)};",
+        *(f"        row[j][{k}] = {number};" for k, number in enumerate(row_of(stop, "one"))),
         "    }",
         "}\n",
     ]

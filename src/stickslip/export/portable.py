@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,10 @@ from ..simulation.two_port import driven_by_voltage
 from ..units import QuantityError, optional_si, to_si, unit_for
 from ..waveform.periodic import Sawtooth, Sine
 from ..waveform.signal import Waveform
-from .equations import SignalChain, equations
+from .equations import SignalChain, equations, layout
 from .gain import observer_gain
 from .source import Exported, ExportError, exported
-from .table import in_half, played, table_h
+from .table import played, table_h
 from .values import parameters_c, plain
 from .writing import whole
 
@@ -34,7 +35,9 @@ C = Path(__file__).parent / "c"
 AT_ONCE = 1e7
 # Part of a period in which the default sawtooth of a model that cannot jump falls: 0.4 ms, 20 default steps.
 FALL = 0.002
-CORE = ("stickslip.c", "stickslip.h", "stickslip_real.h", "stickslip_player.h")
+CORE = ("stickslip.c", "stickslip.h", "stickslip_follow.h", "stickslip_player.h")
+ENGINE = Path(__file__).parents[1] / "engine" / "c"
+_INCLUDED = re.compile(r'^#include "(?:engine/)?([^"]+)"', re.MULTILINE)
 LICENCE = Path(__file__).parent / "c" / "LICENSE.txt"
 
 
@@ -102,8 +105,6 @@ def export_c(
     if amplifier is None and isinstance(found.model, Actuator):
         refuse_jumps(found.model, drive.drive(h * steps.steps), None)
     table = table_h("stickslip_waveform", repr_of(drive), steps, h)
-    half = in_half(steps, drive, h, seconds)
-    files["stickslip_halved.h"] = table_h("stickslip_halved", repr_of(drive), half, 0.5 * h)
     rest = f"#define STICKSLIP_REST_INPUT R({float(drive.drive(h).before)!r})"
     noise_line = f"#define STICKSLIP_MEASUREMENT_NOISE R({noise!r})"
     files["stickslip_waveform.h"] = table.replace("\n#endif\n", f"\n{rest}\n{noise_line}\n\n#endif\n")
@@ -128,14 +129,28 @@ def export_c(
     return Path(out)
 
 
-def core_files(found: Exported, chain: SignalChain, h: float, noise: float) -> dict[str, str]:
+def core_files(
+    found: Exported, chain: SignalChain, h: float, noise: float, any_layout: bool = False
+) -> dict[str, str]:
     """Name and text of the C files that every export has."""
     head = heading(found)
     files = {name: (C / name).read_text(encoding="utf-8") for name in CORE}
-    files["stickslip_equations.h"] = head + equations(found.model, chain, h)
+    files |= {f"engine/{name}": text for name, text in _engine(*files.values()).items()}
+    files["stickslip_layout.h"] = head + layout(found.model)
+    files["stickslip_equations.h"] = head + equations(found.model, chain, h, any_layout)
     gain = _observing(found.model, h, noise)
     files["stickslip_parameters.c"] = head + parameters_c(found, chain, gain)
     return files
+
+
+def _engine(*texts: str) -> dict[str, str]:
+    """The engine's own source, as far as these texts include it."""
+    found: dict[str, str] = {}
+    names = {name for text in texts for name in _INCLUDED.findall(text) if (ENGINE / name).exists()}
+    while names := names - found.keys():
+        found |= {name: (ENGINE / name).read_text(encoding="utf-8") for name in names}
+        names = {name for text in found.values() for name in _INCLUDED.findall(text)}
+    return found
 
 
 def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
@@ -258,6 +273,7 @@ def repr_of(waveform: Waveform) -> str:
 def write_files(folder: Path, files: dict[str, str]) -> None:
     """Write them all."""
     for name, text in files.items():
+        (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="ascii")
 
 

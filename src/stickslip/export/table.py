@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..engine.translator import real
 from ..units import QuantityError
-from ..waveform.drive import evaluate
+from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
 
 _MOST_STEPS = 20_000_000
@@ -35,6 +35,7 @@ class Played(NamedTuple):
     lines: list[Line]
     repeats: int
     unit: str
+    between: bool = False  # a jump lies between two steps, and is played over one
 
     @property
     def steps(self) -> int:
@@ -77,16 +78,14 @@ def played(
             f"at {reached:g} s of {length:g} s: give a shorter one, or a longer step; if it repeats, a "
             "period of whole steps"
         )
-    return Played(lines, repeats, waveform.unit)
+    return Played(lines, repeats, waveform.unit, _jumps_between(table, h, tolerance * (high - low)))
 
 
-def in_half(table: Played, waveform: Waveform, h: float, duration: float | None) -> Played:
-    """The waveform in half the step of its table, where a jump between two steps is another one; or the
-    lines of the table, where half the step is too short for one of its own."""
-    try:
-        return played(waveform, 0.5 * h, duration)
-    except QuantityError:
-        return table._replace(lines=[line._replace(steps=2 * line.steps) for line in table.lines])
+def _jumps_between(table: Drive, h: float, least: float) -> bool:
+    """Whether a drive jumps by more than the least within a step of h [s]."""
+    breaks, nearly = table.start[1:], h * 1e-7
+    jump = np.abs(evaluate(table, breaks + nearly)[0] - evaluate(table, breaks - nearly)[0])
+    return bool(np.any((jump > least) & (np.abs(breaks / h - np.rint(breaks / h)) > 1e-6)))
 
 
 class _Steps(NamedTuple):
@@ -179,7 +178,8 @@ def table_h(name: str, what: str, table: Played, h: float) -> str:
         f"#ifndef {upper}_H\n#define {upper}_H\n\n"
         '#include "stickslip_player.h"\n\n'
         f"#define {upper}_STEP {h!r}\n"
-        f"#define {upper}_REPEATS {table.repeats}L\n\n"
+        f"#define {upper}_REPEATS {table.repeats}L\n"
+        f"#define {upper}_JUMPS_BETWEEN {int(table.between)} /* 1: a jump is played over a step */\n\n"
         f"static const stickslip_line {upper}[] = {{\n{rows}\n}};\n\n"
         f"static const stickslip_player {upper}_START = {{\n"
         f"    {upper}, (int)(sizeof {upper} / sizeof {upper}[0]), {upper}_REPEATS, 0, 0L, 0L}};\n\n#endif\n"

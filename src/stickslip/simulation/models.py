@@ -12,7 +12,6 @@ from ..actuator import Actuator, PulledSlider
 from ..friction import breakaway, elements, rate
 from ..friction import element as element_of
 from ..friction.normal_force import leaning
-from ..mechanism import Mechanism
 from ..plant.system import Element, Mode, Plant
 from ..units import QuantityError
 from ..waveform.drive import Drive, constant, evaluate, segment_at, value_slope_curvature
@@ -24,6 +23,40 @@ from .strain import strained
 
 # A stage without dynamics has no frequency of its own to compare velocities with positions by.
 _STATIC_STAGE_RATE = 1e4  # rad/s
+
+
+class Mechanism(NamedTuple):
+    r"""Coefficients of a model's equations of motion, per unit mass.
+
+    A stage and a slider (the end-effector) that meet in one friction contact of force F:
+
+    .. math::
+
+       \ddot y   &= b\,u(t) + a_s - c\,\dot y - k\,y - r F \\
+       \ddot x_e &= b_e\,u(t) + a_e - c_e\,\dot x_e - k_e\,x_e + \mu F, \qquad v = \dot y - \dot x_e
+
+    With k = ωₙ², c = 2ζωₙ, b = Cωₙ², r = 1/m and μ = 1/m_e this is the thesis's model
+    [kang2007, eq. 3.20-3.25]; r = 0 drops the reaction of the friction on the stage as the thesis does in
+    eq. 3.24. A slider on fixed ground pulled through a spring has b_e, c_e, k_e and a stage at rest. A
+    `kinematic` stage follows the drive, y = C u (Pohl's model, a tribometer), with C the `gain`; `clamped`
+    holds v = 0 for ever. `rate` [rad/s] makes a velocity comparable with a position in the error control.
+    """
+
+    kinematic: bool
+    clamped: bool
+    gain: float
+    stage_stiffness: float
+    stage_damping: float
+    stage_drive: float
+    stage_acceleration: float
+    reaction: float
+    slider_stiffness: float
+    slider_damping: float
+    slider_drive: float
+    slider_acceleration: float
+    mobility: float
+    rate: float
+
 
 # A mechanism in which nothing moves: what the models below start from.
 IMMOBILE = Mechanism(
@@ -45,7 +78,7 @@ IMMOBILE = Mechanism(
 
 
 def mechanism(model: Actuator | PulledSlider) -> Mechanism:
-    """Return the coefficients of a model's equations of motion (see `stickslip.mechanism`)."""
+    """Return the coefficients of a model's equations of motion."""
     if isinstance(model, PulledSlider):
         stiffness, damping = model.spring_stiffness / model.mass, model.damping / model.mass
         return IMMOBILE._replace(
@@ -75,6 +108,12 @@ def mechanism(model: Actuator | PulledSlider) -> Mechanism:
         reaction=1.0 / model.stage_mass if model.stage_reaction and not model.clamped else 0.0,
         rate=model.natural_frequency,
     )
+
+
+def stage_mode(gain, natural_frequency, damping_ratio):  # type: ignore[no-untyped-def]
+    """Return a further mode of a stage."""
+    stiffness = natural_frequency**2
+    return Mode(stiffness, 2.0 * damping_ratio * natural_frequency, gain * stiffness, 0.0)
 
 
 # Columns of `classic` samples; each followed by its velocity.
@@ -176,7 +215,7 @@ def _stage(model: Any, mech: Mechanism) -> tuple[tuple[Mode, ...], tuple[float, 
     pushes = [-mech.reaction]
     further = getattr(model, "further_modes", None)
     for gain, omega, zeta, mass in further.rows if further is not None else ():
-        modes.append(Mode(omega**2, 2.0 * zeta * omega, gain * omega**2, 0.0))
+        modes.append(stage_mode(gain, omega, zeta))
         pushes.append(-1.0 / mass if model.stage_reaction and not model.clamped else 0.0)
     return tuple(modes), tuple(pushes)
 

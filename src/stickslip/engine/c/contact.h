@@ -5,7 +5,7 @@
 #include "plant.h"
 
 /* Below this speed [m/s] sliding is not resolved: a thousand roundings of a few cm/s. */
-#define RESOLVED R(1e-14)
+#define RESOLVED RESOLVES(1e-14, 2e-6)
 
 /* One internal state of an element: its law, its row of parameters, the side of v = 0 on which the contact slides (-1 or
  * 1; of a smooth element 0), and the branch of the law on which the state is. */
@@ -38,8 +38,8 @@ static inline real_t static_force(const struct law *law, const real_t *p, real_t
  * for the force may fall ever more steeply towards rest (a Stribeck curve with an exponent below 1). */
 static inline void static_slope(const struct element *E, real_t v, real_t side, real_t *force, real_t *slope)
 {
-    real_t speed = r_abs(v), least = R(1e-11);
-    real_t dv = R(1e-5) * speed + (speed > RESOLVED ? r_min(least, R(1e-2) * speed) : least);
+    real_t speed = r_abs(v), least = RESOLVES(1e-11, 1e-5);
+    real_t dv = RESOLVES(1e-5, 1e-3) * speed + (speed > RESOLVED ? r_min(least, R(1e-2) * speed) : least);
     *force = static_force(E->law, E->parameters, side * speed, side);
     *slope = side * (static_force(E->law, E->parameters, side * (speed + dv), side) - *force) / dv;
 }

@@ -86,8 +86,8 @@ HOT void OF(smooth_rate)(const struct bristle *of, real_t v, real_t z, real_t *f
 HOT struct law_slopes OF(slopes_of)(const struct bristle *of, real_t v, real_t z)
 {
     real_t at = RARE(of->law->smooth) ? v : r_copysign(v, of->side);
-    real_t dv = r_copysign(R(1e-5) * r_abs(at) + R(1e-11), of->side);
-    real_t dz = r_copysign(R(1e-5) * r_abs(z) + R(1e-15), z);
+    real_t dv = r_copysign(RESOLVES(1e-5, 1e-3) * r_abs(at) + RESOLVES(1e-11, 1e-6), of->side);
+    real_t dz = r_copysign(RESOLVES(1e-5, 1e-3) * r_abs(z) + RESOLVES(1e-15, 1e-12), z);
     real_t force, rate, force_v, rate_v, force_z, rate_z;
     OF(rate_on)(of, at, z, &force, &rate);
     OF(rate_on)(of, at + dv, z, &force_v, &rate_v);
@@ -140,7 +140,7 @@ HOT real_t OF(fed)(const struct plant *P, int e, const real_t *output)
 {
     real_t s = NOTHING_YET;
     if (RARE(P->element[e].fed))
-        for (int i = 0; i < e; i++)
+        for (int i = 0; i < e && i < ROOM_ELEMENTS - 1; i++)
             s += P->element[e].feed[i] * output[i];
     return s;
 }

@@ -98,30 +98,6 @@ static inline real_t OF(breakaway)(const struct plant *P, int e, const real_t *q
     return E->law->breakaway(E->parameters) * load.n;
 }
 
-/* The largest difference of two states, except in the positions that nothing holds, m. */
-static real_t OF(drift_apart)(const struct plant *P, const real_t *q, const real_t *other)
-{
-    real_t far = R(0.0);
-    for (int m = 0; m < MODES(P); m++) {
-        far = r_max(far, r_abs(q[2 * m + 1] - other[2 * m + 1]) / P->rate);
-        if (P->mode[m].stiffness != R(0.0))
-            far = r_max(far, r_abs(q[2 * m] - other[2 * m]));
-    }
-    for (int c = 2 * MODES(P); c < STATES(P); c++)
-        far = r_max(far, r_abs(q[c] - other[c]));
-    return far;
-}
-
-/* How far the positions that nothing holds have moved; 0 for all else. */
-static void OF(gone)(const struct plant *P, const real_t *q, const real_t *begun, real_t *net)
-{
-    for (int c = 0; c < STATES(P); c++)
-        net[c] = R(0.0);
-    for (int m = 0; m < MODES(P); m++)
-        if (P->mode[m].stiffness == R(0.0))
-            net[2 * m] = q[2 * m] - begun[2 * m];
-}
-
 /* After a jump of the load, which was `ratio` times the new one. */
 static void OF(unload)(const struct plant *P, real_t *q, real_t ratio)
 {
@@ -164,17 +140,6 @@ static real_t OF(jolt)(const struct plant *P, const real_t *u)
     return OF(strongest_drive)(P) * (r_abs(u[VALUE]) + later);
 }
 
-/* Whether the motion is the same wherever the bodies that nothing holds are, so that a period may repeat further on. */
-static bool OF(same_anywhere)(const struct plant *P)
-{
-    for (int e = 0; e < ELEMENTS(P); e++) {
-        const struct element *E = &P->element[e];
-        if (E->positioned || E->law->tick != NULL || (E->along != NULL && !ss_uniform(E->along)))
-            return false;
-    }
-    return true;
-}
-
 /* Puts each internal state on the branch on which it is at speeds whose rates are given by dq. */
 static void OF(choose_branches)(const struct plant *P, struct OF(regime) *on, const real_t *q, const real_t *u,
                                 const real_t *dq)
@@ -210,29 +175,6 @@ static bool OF(branches_hold)(const struct plant *P, const struct OF(regime) *on
         }
     }
     return true;
-}
-
-/* By what part a vibration on the bristles of a contact that sticks decays within a radian, at least; 1 within the time
- * `lasts` [s]. */
-static real_t OF(decay)(const struct plant *P, real_t lasts)
-{
-    real_t least = R(1.0);
-    for (int e = 0; e < ELEMENTS(P); e++) {
-        const struct element *E = &P->element[e];
-        if (!OF(is_contact)(P, e) || STATES_OF(P, e) == 0 || (E->felt & E->pushed) == 0)
-            continue;
-        real_t p = -OF(own_push)(P, e) * E->normal, k = R(0.0), c = R(0.0);
-        real_t soft = E->along != NULL ? ss_softening(E->along, E->normal) : R(1.0);
-        for (int i = 0; i < STATES_OF(P, e); i++) {
-            struct bristle of = {E->law, parameters_of(E, i), R(1.0), 0};
-            struct law_slopes slopes = OF(slopes_of)(&of, R(0.0), R(0.0));
-            k += p * slopes.force_z * slopes.rate_v * soft;
-            c += p * slopes.force_v;
-        }
-        if (k > R(0.0))
-            least = r_min(least, r_max(R(0.5) * c, R(1.0) / lasts) / r_sqrt(k));
-    }
-    return least;
 }
 
 static inline real_t OF(tick_period)(const struct element *E)

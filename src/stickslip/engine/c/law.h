@@ -11,7 +11,7 @@
 #ifndef STICKSLIP_LAW_H
 #define STICKSLIP_LAW_H
 
-#include "../../export/c/stickslip_real.h"
+#include "stickslip_real.h"
 
 /* The law's equation. A static law takes its direction of sliding, -1 or 1, as z, and leaves *dz at 0. */
 typedef void law_rate_fn(const real_t *p, real_t v, real_t z, real_t *force, real_t *dz);

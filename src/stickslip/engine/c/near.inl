@@ -16,6 +16,16 @@ enum { TRACE_START, TRACE_LENGTH, TRACE_OLD, TRACE_NEW, TRACE_ROWS, TRACE = TRAC
 #define FAR_BEYOND R(1e3)
 #endif
 
+/* How far the positions that nothing holds have moved; 0 for all else. */
+static void OF(gone)(const struct plant *P, const real_t *q, const real_t *begun, real_t *net)
+{
+    for (int c = 0; c < STATES(P); c++)
+        net[c] = R(0.0);
+    for (int m = 0; m < MODES(P); m++)
+        if (P->mode[m].stiffness == R(0.0))
+            net[2 * m] = q[2 * m] - begun[2 * m];
+}
+
 struct OF(neighbours) {
     const struct stickslip_near *of; /* NULL: there are none */
     real_t *begun;                   /* [count, states], at the start of the period */

@@ -27,6 +27,54 @@ struct OF(journey) {
     bool ending;            /* with more time it might have gone on otherwise: the row is not to be changed */
 };
 
+/* The largest difference of two states, except in the positions that nothing holds, m. */
+static real_t OF(drift_apart)(const struct plant *P, const real_t *q, const real_t *other)
+{
+    real_t far = R(0.0);
+    for (int m = 0; m < MODES(P); m++) {
+        far = r_max(far, r_abs(q[2 * m + 1] - other[2 * m + 1]) / P->rate);
+        if (P->mode[m].stiffness != R(0.0))
+            far = r_max(far, r_abs(q[2 * m] - other[2 * m]));
+    }
+    for (int c = 2 * MODES(P); c < STATES(P); c++)
+        far = r_max(far, r_abs(q[c] - other[c]));
+    return far;
+}
+
+/* Whether the motion is the same wherever the bodies that nothing holds are, so that a period may repeat further on. */
+static bool OF(same_anywhere)(const struct plant *P)
+{
+    for (int e = 0; e < ELEMENTS(P); e++) {
+        const struct element *E = &P->element[e];
+        if (E->positioned || E->law->tick != NULL || (E->along != NULL && !ss_uniform(E->along)))
+            return false;
+    }
+    return true;
+}
+
+/* By what part a vibration on the bristles of a contact that sticks decays within a radian, at least; 1 within the time
+ * `lasts` [s]. */
+static real_t OF(decay)(const struct plant *P, real_t lasts)
+{
+    real_t least = R(1.0);
+    for (int e = 0; e < ELEMENTS(P); e++) {
+        const struct element *E = &P->element[e];
+        if (!OF(is_contact)(P, e) || STATES_OF(P, e) == 0 || (E->felt & E->pushed) == 0)
+            continue;
+        real_t p = -OF(own_push)(P, e) * E->normal, k = R(0.0), c = R(0.0);
+        real_t soft = E->along != NULL ? ss_softening(E->along, E->normal) : R(1.0);
+        for (int i = 0; i < STATES_OF(P, e); i++) {
+            struct bristle of = {E->law, parameters_of(E, i), R(1.0), 0};
+            struct law_slopes slopes = OF(slopes_of)(&of, R(0.0), R(0.0));
+            k += p * slopes.force_z * slopes.rate_v * soft;
+            c += p * slopes.force_v;
+        }
+        if (k > R(0.0))
+            least = r_min(least, r_max(R(0.5) * c, R(1.0) / lasts) / r_sqrt(k));
+    }
+    return least;
+}
+
 /* The tolerance for steps that do not lose small vibrations of contacts that stick. Under a load a contact creeps by up to
  * 2/pi times the amplitude of a vibration per radian (docs/decisions/error-estimate.md): one that hardly decays moves it
  * far, though it is small itself. */

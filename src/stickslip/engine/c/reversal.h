@@ -6,7 +6,7 @@
 #include "plant.h"
 
 /* A root whose last correction was smaller than this part of the step is exact to rounding. */
-#define ROOT_EXACT R(1e-8)
+#define ROOT_EXACT RESOLVES(1e-8, 1e-4)
 #define ROOT_ITERATIONS 30
 /* Halvings of half a step, to find an extremum of the sliding speed. */
 #define EXTREMUM_HALVINGS 12

@@ -11,7 +11,7 @@
  * in which a bristle relaxes is taken again, shorter: rounding would grow. */
 #define UNSTABLE R(2.0)
 /* Steps below this part of the time are not resolved; nor are so many tries in a row, as short on average. */
-#define RESOLVED_TIME R(1e-15)
+#define RESOLVED_TIME RESOLVES(1e-15, 1e-9)
 #define STANDING 500
 /* Error of a step that slides where it should stop at once: far beyond what is allowed. */
 #define MUST_SHRINK R(1e10)

@@ -8,6 +8,7 @@
 #include "walk.inl"
 #include "log.inl"
 #include "run.inl"
+#include "reading.inl"
 #include "near.inl"
 #include "periods.inl"
 

@@ -4,16 +4,16 @@
 #ifndef STARTING_CONSTANTS
 #define STARTING_CONSTANTS
 /* Slower is rounding in the slopes of the drive, and no sliding, m/s. */
-#define STILL R(1e-12)
+#define STILL RESOLVES(1e-12, 1e-8)
 /* A law whose force falls this many times as steeply up to RESOLVED as up to STEEP [m/s] has no slope at rest. */
-#define STEEP R(1e-11)
+#define STEEP RESOLVES(1e-11, 2e-4)
 #define STEEPER R(2.0)
 /* The first moment of a slip, over the time in which a position changes by a local error; and at most, over the time in
  * which the plant moves. */
 #define MOMENT R(0.1)
 #define LONGEST_MOMENT R(1e-2)
 /* The speed at its end is found to this part, in so many iterations at most. */
-#define LAUNCH_FOUND R(1e-5)
+#define LAUNCH_FOUND RESOLVES(1e-5, 1e-4)
 #define LAUNCH_ITERATIONS 200
 #endif
 

@@ -14,9 +14,9 @@
 /* Over what a jump of the drive's slope adds within 1/rate: less is rounding of its value, and no jump. */
 #define ROUNDED R(1e-3)
 /* What has let go is not held again for rounding; it is where it cannot slide, up to a little more. */
-#define LETS_GO (R(1.0) - R(1e-9))
-#define HOLDS (R(1.0) + R(1e-9))
-#define FORCED (R(1.0) + R(1e-8))
+#define LETS_GO (R(1.0) - RESOLVES(1e-9, 1e-5))
+#define HOLDS (R(1.0) + RESOLVES(1e-9, 1e-5))
+#define FORCED (R(1.0) + RESOLVES(1e-8, 1e-4))
 /* How often within a step the force of a held contact, and the branches, are looked at; halvings of what is found. */
 #define CHECKS 8
 #define END_HALVINGS 52

@@ -1,4 +1,5 @@
-/* A stick-slip actuator in fixed steps: constant work per step, no heap, no globals, nothing but math.h.
+/* A stick-slip actuator in fixed steps: no heap, no globals, nothing but math.h. A step is followed by the simulator's own
+ * integrator (engine/), within STICKSLIP_TOLERANCE, in as many steps of its own as that takes.
  *
  *     stickslip_parameters parameters = stickslip_default_parameters();
  *     stickslip_plant plant;
@@ -15,6 +16,22 @@
 
 #include "stickslip_equations.h"
 
+#include "engine/plant.h"
+
+/* Of positions, m (rad). */
+#ifndef STICKSLIP_TOLERANCE
+#ifdef STICKSLIP_FLOAT
+#define STICKSLIP_TOLERANCE 1e-8
+#else
+#define STICKSLIP_TOLERANCE 1e-10
+#endif
+#endif
+
+/* Most steps of the integrator that one step of the model may take, accepted or not. */
+#ifndef STICKSLIP_MOST_TRIES
+#define STICKSLIP_MOST_TRIES 10000
+#endif
+
 /* Bits that a step, a correction or a feedforward returns. */
 enum {
     STICKSLIP_OK = 0,
@@ -23,12 +40,13 @@ enum {
     STICKSLIP_WOULD_SLIDE = 4,     /* feedforward: the wanted motion needs more than friction holds */
     STICKSLIP_ESTIMATE_LOST = 8,   /* observer: not finite, or farther from the measured position than the stage can
                                     * go; begun again at rest where that is */
-    STICKSLIP_JUMPED = 16          /* the step began elsewhere than the last one ended, and a static stage would jump with
+    STICKSLIP_JUMPED = 16,         /* the step began elsewhere than the last one ended, and a static stage would jump with
                                     * it, at infinite speed, at which a presliding law has no meaning: the motion is
                                     * wrong. Play lines that join, or give natural_frequency a finite value */
+    STICKSLIP_NOT_FOLLOWED = 32    /* the integrator gave the step up: STICKSLIP_MOST_TRIES were too few, or the numbers
+                                    * too extreme. The state is that of an earlier instant: the motion is wrong */
 };
 
-#define STICKSLIP_MOVING (4 + 2 * STICKSLIP_FURTHER) /* positions and velocities of the modes and the end-effector */
 #define STICKSLIP_GAINS (5 + 2 * STICKSLIP_FURTHER)
 
 typedef struct {
@@ -39,31 +57,21 @@ typedef struct {
 } stickslip_parameters;
 
 typedef struct {
+    struct plant engine;   /* the equations of motion; its pointers are set within a step */
+    real_t contact[STICKSLIP_STATES][STICKSLIP_NUMBERS]; /* the law's numbers, a row for each element */
     ss_Mechanism mechanism;
-    stickslip_element element[STICKSLIP_STATES];
     stickslip_signal_chain chain;
 #if STICKSLIP_PIEZO
     stickslip_piezo piezo;
 #endif
 #if STICKSLIP_TWO_PORT
-    real_t stop_width[STICKSLIP_TWO_PORT], stop_share[STICKSLIP_TWO_PORT]; /* V, and of their sum */
+    real_t stop[STICKSLIP_TWO_PORT][STICKSLIP_STOP_NUMBERS]; /* the stops of the piezo, as a law */
     real_t felt;           /* V/m, by how much the stops feel the stage */
 #endif
-#if STICKSLIP_FURTHER
-    stickslip_model model; /* with the further modes of the stage */
-#endif
     real_t observer_gain[STICKSLIP_GAINS];
-    real_t breakaway;      /* N, of a static law */
     real_t low, high;      /* V, limits at the actuator: its own, and those of the amplifier */
     real_t h;              /* s, the step */
     real_t per_h;          /* 1/s */
-    /* Change over a step of (y, w, x, s, further modes) by the same, u, the change of u, and 1. */
-    real_t free[STICKSLIP_MOVING][STICKSLIP_MOVING + 3];
-    real_t push[STICKSLIP_MOVING]; /* the same by the friction force */
-    real_t implicit;       /* 0: mean over the step, 1: its end; what the friction is evaluated at */
-    real_t mean_mobility;  /* m/s per N: how the force slows the mean sliding velocity */
-    real_t end_mobility;   /* and that at the end of the step */
-    real_t newton;         /* slope of the equation for the sliding velocity while the contact sticks, inverted */
     real_t stiffness;      /* N/m, of the sticking contact; 0 for a static law */
     real_t holding;        /* N, about the most that friction holds */
 } stickslip_plant;
@@ -75,22 +83,18 @@ typedef struct {
     real_t end_effector_velocity;  /* m/s */
 #if STICKSLIP_FURTHER
     real_t further[2 * STICKSLIP_FURTHER]; /* m and m/s, position and velocity of each further mode of the stage */
-    real_t further_lost[STICKSLIP_FURTHER];
 #endif
-    real_t internal[STICKSLIP_STATES]; /* m, bristle deflections; of a static law the direction of sliding */
-    real_t sliding_velocity;       /* m/s, mean of the last step */
-    real_t friction_force;         /* N, mean of the last step */
+    real_t internal[STICKSLIP_STATES]; /* m, bristle deflections; a static law has none */
     real_t input;                  /* the last input of the actuator, V */
 #if STICKSLIP_HAS_AMPLIFIER
     real_t asked;                  /* V, the last input of the amplifier */
 #endif
-    real_t lost[2];                /* m, what rounding took from the two positions */
+    real_t lost[LARGEST_MODES];    /* m, what rounding took from the positions */
 #if STICKSLIP_HYSTERESIS
     real_t hysteresis[STICKSLIP_HYSTERESIS]; /* V, of its plays, or h of Bouc-Wen */
 #endif
 #if STICKSLIP_TWO_PORT
-    real_t stops[STICKSLIP_TWO_PORT]; /* V */
-    real_t strained;               /* V, where they were moved to: the input and the stage as they feel it */
+    real_t stops[STICKSLIP_TWO_PORT]; /* V times STICKSLIP_PER_VOLT */
 #endif
 #if STICKSLIP_CREEP
     real_t creep[STICKSLIP_CREEP]; /* V, of its terms */
@@ -102,6 +106,13 @@ typedef struct {
     real_t age;                    /* s, of the newest of them */
     int newest;
 #endif
+    /* The integrator's: where the drive behind the piezo's hysteresis and creep ended, and its slope; the direction in which
+     * each contact slides, 0: it is held; its next step, s, and whether it has to look at all anew. */
+    real_t drive, slope;
+    real_t side[LARGEST_ELEMENTS];
+    real_t next;
+    bool fresh;
+    int tries;                     /* steps that it took for the last step, accepted or not */
 } stickslip_state;
 
 typedef struct {

@@ -2,7 +2,7 @@
 #ifndef STICKSLIP_PLAYER_H
 #define STICKSLIP_PLAYER_H
 
-#include "stickslip_real.h"
+#include "engine/stickslip_real.h"
 
 typedef struct {
     long steps;

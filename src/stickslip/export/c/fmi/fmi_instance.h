@@ -26,18 +26,12 @@ typedef struct {
     real_t step; /* s, longest internal step */
     double time;
     double uncorrected; /* s, since the observer was corrected */
-    stickslip_plant halved; /* the plant in half its internal step, and its state: what they say of the step's error */
-    stickslip_state finer;
-    double apart, path; /* of the end-effector: the most between the two, and the length of its way */
-    double longest;     /* s, internal step of this run */
     int phase;
 } fmi_data;
 
 #include "fmi_variables.h" /* MODE, TOKEN, fmi_real, fmi_boolean, is_parameter: generated */
 
 static const double MOST_STEPS = 1e7; /* in one communication step */
-static const double MOST_OF_PATH = 0.005; /* that half the step may lead elsewhere, as in host/walk.c */
-static const double ROUNDING = 1e-12;     /* m, or rad: less is said of no step */
 
 static void fmi_start(fmi_data *data)
 {
@@ -58,25 +52,14 @@ static void fmi_refresh(fmi_data *data)
     }
 }
 
-/* The plant for internal steps of h, and that in half of them. NULL, or what is wrong with the parameters. */
-static const char *fmi_plants(fmi_data *data, double h)
-{
-    const char *wrong = stickslip_init(&data->plant, &data->parameters, h);
-    if (wrong == NULL && MODE == PLANT) {
-        wrong = stickslip_init(&data->halved, &data->parameters, 0.5 * h);
-    }
-    return wrong;
-}
-
 /* The state and the outputs at the start. NULL, or what is wrong with the parameters. */
 static const char *fmi_initial(fmi_data *data)
 {
-    const char *wrong = fmi_plants(data, (double)data->step);
+    const char *wrong = stickslip_init(&data->plant, &data->parameters, (double)data->step);
     if (wrong != NULL) {
         return wrong;
     }
     stickslip_rest(&data->plant, &data->state, (MODE == FEEDFORWARD) ? R(REST_INPUT) : data->input[0]);
-    data->finer = data->state;
     if (MODE == OBSERVER) { /* where it was measured */
         const real_t there = data->input[1] - data->state.end_effector_position;
         data->state.end_effector_position += (data->input[1] - data->input[1] == R(0.0)) ? there : R(0.0);
@@ -127,31 +110,6 @@ static const char *fmi_observe(fmi_data *data)
         ? NULL : "the time since the last correction is longer than the step that the observer's gain is for";
 }
 
-/* The same step of the plant in two halves. */
-static void fmi_halves(fmi_data *data, real_t begin, real_t end)
-{
-    const real_t middle = R(0.5) * (begin + end);
-    const double last = (double)data->finer.end_effector_position;
-    (void)stickslip_step_ramp(&data->halved, &data->finer, begin, middle);
-    (void)stickslip_step_ramp(&data->halved, &data->finer, middle, end);
-    const double position = (double)data->finer.end_effector_position;
-    data->path += fabs(position - last);
-    data->apart = fmax(data->apart, fabs((double)data->state.end_effector_position - position));
-}
-
-/* After a run: whether its steps were too long, and what to say of that (without a percent sign). */
-static bool fmi_too_long(const fmi_data *data, char *text, size_t size)
-{
-    if (data->phase != STEPPING || data->apart <= fmax(MOST_OF_PATH * data->path, ROUNDING)) {
-        return false;
-    }
-    (void)snprintf(text, size,
-                   "internal steps of up to %.3g s are too long for this contact and drive: in half of them the "
-                   "end-effector is up to %.3g elsewhere, %.2g of its path; set 'step' lower",
-                   data->longest, data->apart, data->apart / data->path);
-    return true;
-}
-
 /* A communication step: as many internal steps of one length as it takes. NULL, or what is wrong; a warning apart. */
 static const char *fmi_advance(fmi_data *data, double length, const char **warning)
 {
@@ -166,7 +124,7 @@ static const char *fmi_advance(fmi_data *data, double length, const char **warni
     const long steps = (count < 1.0) ? 1L : (long)count;
     const double h = length / (double)steps;
     if (fabs(h - (double)data->plant.h) > 1e-9 * h) {
-        const char *wrong = fmi_plants(data, h);
+        const char *wrong = stickslip_init(&data->plant, &data->parameters, h);
         if (wrong != NULL) {
             return wrong;
         }
@@ -179,17 +137,18 @@ static const char *fmi_advance(fmi_data *data, double length, const char **warni
         for (long k = 0; k < steps; ++k) {
             const real_t begin = data->input[0] + data->slope * (real_t)((double)k * h);
             const real_t end = data->input[0] + data->slope * (real_t)((double)(k + 1) * h);
-            if ((stickslip_step_ramp(&data->plant, &data->state, begin, end) & STICKSLIP_JUMPED) != 0) {
+            const int bits = stickslip_step_ramp(&data->plant, &data->state, begin, end);
+            if ((bits & STICKSLIP_NOT_FOLLOWED) != 0) {
+                return "the integrator gave an internal step up: the parameters or the input are too extreme, or 'step' is too "
+                       "long";
+            }
+            if ((bits & STICKSLIP_JUMPED) != 0) {
                 return "the voltage jumps, and a static stage would jump with it, at infinite speed, at which a presliding "
                        "law has no meaning: give 'natural_frequency' a finite value, or the voltage its derivative (FMI 2 "
                        "only), with which one line ends where the next begins, or export the model with its amplifier";
             }
-            if (MODE == PLANT) {
-                fmi_halves(data, begin, end);
-            }
         }
     }
-    data->longest = fmax(data->longest, h);
     data->time += length;
     fmi_refresh(data);
     if (!r_isfinite(data->outputs.end_effector_position)) {
