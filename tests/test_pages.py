@@ -120,8 +120,8 @@ def test_design(run: Callable) -> None:
 
 
 def test_bench_to_drive(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:
-    smaller = {'"0.4 s"': '"0.2 s"', "draws=8": "draws=2, budget=400", "noise=rest)": "noise=rest, hops=0)"}
-    names = run("bench-to-drive.md", smaller)
+    smaller = {'drive, "0.4 s"': 'drive, "0.3 s"', "draws=8": "draws=2, budget=400"}
+    names = run("bench-to-drive.md", smaller | {"noise=rest)": "noise=rest, hops=0)"})
     mine, values = names["mine"], names["fit"].values
     for name in names["free"]:
         truth = getattr(mine, name, getattr(mine.friction, name, None))
