@@ -118,6 +118,8 @@ REFUSED = [
     (lambda: Sawtooth(65, 5, unit="A"), r"Sawtooth\.unit = 'A'.*'V'"),
     (lambda: Sawtooth(65, 5).value(np.inf), r"finite time"),
     (lambda: Sawtooth(65, 5).drive(np.nan), r"finite time"),
+    (lambda: Sawtooth(65), r"frequency"),
+    (lambda: Sawtooth(65, 5, height=3), r"height"),
 ]  # fmt: skip
 
 
