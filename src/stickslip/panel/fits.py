@@ -1,4 +1,4 @@
-"""The fit that runs, or ran last, and the process that waits for the next one."""
+"""The current or last fit of the Identify page, and the process that runs fits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,12 @@ MOST_CURVES = 32_000_000  # bytes of a file of curves: the page is sent 2,000 po
 
 
 class Fitting:
-    """It belongs to no page: they come and go, and are told how it stands. `frames` are curves, packed."""
+    """Current or last fit of a panel, shown alike by all pages.
+
+    Attributes:
+        state: the fit as pages are told it.
+        frames: curves of the fit by kind, packed for the stream.
+    """
 
     def __init__(self, folder: Folder, hub: Hub) -> None:
         self._folder, self._hub = folder, hub
@@ -44,7 +49,7 @@ class Fitting:
                 self._ensure_process()
 
     def start(self, request: FitRequest) -> None:
-        """Begin a fit; ValueError where one is running."""
+        """Start a fit; raises ValueError while another runs."""
         with self._lock:
             if self.state["phase"] == RUNNING:
                 raise ValueError("a fit is running: wait for it, or cancel it")
@@ -59,7 +64,7 @@ class Fitting:
             self._connection.send(Begin(request, self._out))
 
     def cancel(self) -> None:
-        """End the fit; what was found until then stays."""
+        """End the fit; its last values and curves stay."""
         with self._lock:
             if self.state["phase"] != RUNNING:
                 return
@@ -69,14 +74,14 @@ class Fitting:
         self.start_process()
 
     def close(self) -> None:
-        """End the process, and begin no other."""
+        """End the process, and start no other."""
         with self._lock:
             self._closed = True
             self._end()
 
     def frame(self, kind: str) -> bytes:
-        """The curves of a kind: "stage", "recordings", "step" or "verified"; LookupError where there are
-        none."""
+        """Return the curves of a kind ("stage", "recordings", "step", "verified"); raises LookupError without
+        any."""
         with self._lock:
             return self.frames[kind]
 
@@ -102,7 +107,7 @@ class Fitting:
         self._hub.send(json.dumps({"kind": "fit", **self.state}))
 
     def _listen(self, connection: Any, process: Any) -> None:
-        """Take in what the process says, until it has ended."""
+        """Receive the messages of a process until it ends."""
         while True:
             try:
                 kind, fields, arrays = connection.recv()
@@ -142,7 +147,7 @@ class Fitting:
 
 
 def _keep(folder: Folder, out: str, state: dict[str, Any], frames: dict[str, bytes]) -> None:
-    """Beside the report, what the page shows of a fit: a panel that is started anew shows it again."""
+    """Write the shown state and curves of a fit beside its report, for the next start of the panel."""
     try:
         for kind, frame in frames.items():
             folder.path(f"{out}/shown_{kind}.bin").write_bytes(frame)
@@ -152,7 +157,7 @@ def _keep(folder: Folder, out: str, state: dict[str, Any], frames: dict[str, byt
 
 
 def _last(folder: Folder) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return what the page showed of the newest fit in the folder that is whole."""
+    """Return the state and the curves of the newest complete fit in the folder."""
     for path in sorted(folder.root.glob(f"{REPORTS}/*/{_SHOWN}"), reverse=True):
         try:
             return _saved(folder, path)

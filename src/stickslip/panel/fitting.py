@@ -1,7 +1,7 @@
-"""A fit for the Identify page: read, fit, verify, report; what becomes of it is told as it goes on.
+"""A fit for the Identify page, with messages on its progress: read, fit, verify, report.
 
-Slow loops and steps of the clamped end-effector, if there are any, give hysteresis, creep and mode of the
-stage first, as `stickslip campaign` does it.
+As in `stickslip campaign`, slow loops and steps of the clamped end-effector are fitted first: they give
+hysteresis, creep and the mode of the stage.
 """
 
 from __future__ import annotations
@@ -48,17 +48,16 @@ STEP_SHOWN = 0.02  # s of a step response in a picture
 _DRAFT = 1e-10  # m, rad of what turns: tolerance of what is only looked at
 
 Array = NDArray[np.float64]
-# What is told: a kind, its fields, and arrays that belong to them.
+# Receiver of messages: kind, fields, and arrays that belong to them.
 Say = Callable[[str, dict[str, Any], Sequence[Array]], None]
 
 
 class FitRequest(Model):
-    """What to fit: the recordings (names in the panel's folder), from `begin` to `end` [s] of each, the model
-    at which the fit starts, what is free in it, and bounds of that; `others` are only predicted.
+    """Request for a fit: the recordings (names in the panel's folder), from `begin` to `end` [s] of each, the
+    model at which the fit starts, its free parameters, and their bounds; `others` are only predicted.
 
-    Of the clamped end-effector: `loops`, driven slowly to and fro, from which hysteresis and creep are taken,
-    and `steps`, from which the mode of the stage is; `slew_rate` [V/s] is that of the amplifier, where it is
-    known.
+    Recordings of the clamped end-effector: `loops`, driven slowly to and fro, give hysteresis and creep;
+    `steps` give the mode of the stage. `slew_rate` [V/s] is that of the amplifier, if it is known.
     """
 
     recordings: list[str] = Field(min_length=1, max_length=20)
@@ -133,7 +132,7 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
         walks |= {str(r.title): UsedWalk("verify", r) for r in unseen}
         notes = "" if stage is None else _said_of(stage, request.steps)
         document = walk_document("Identification", fit, actuator, walks, notes)
-        # What `stickslip verify` needs beside the model: the amplifier's slew rate is no part of a fit.
+        # `stickslip verify` needs the amplifier's slew rate too, which is no part of a fit.
         known = math.inf if rate is None else rate
         chain = Chain(fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=known)
         numbers = {**document.numbers, "signal_chain": chain_numbers(chain)}
@@ -147,12 +146,12 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
 
 
 def _named(folder: Folder, names: Sequence[str]) -> list[xr.Dataset]:
-    """Recordings of the folder, whole, with their names as titles."""
+    """Return whole recordings of the folder, with their names as titles."""
     return [read_recording(folder.path(name)).assign_attrs(title=name) for name in names]
 
 
 def _bent(loops: Sequence[xr.Dataset], start: Actuator, say: Say) -> Hysteresis | None:
-    """Hysteresis and creep from the loops, said; None where there are none."""
+    """Fit hysteresis and creep to the loops, and say them; None without loops."""
     if not loops:
         return None
     found = hysteresis_in(loops, start, OBSERVED)
@@ -161,7 +160,7 @@ def _bent(loops: Sequence[xr.Dataset], start: Actuator, say: Say) -> Hysteresis 
 
 
 def _stage(steps: Sequence[xr.Dataset], start: Actuator, rate: float | None, say: Say) -> Fit | None:
-    """The stage from the clamped steps, said with their curves; None where there are none."""
+    """Fit the stage to the clamped steps, and say it with its curves; None without steps."""
     if not steps:
         return None
     fit = identify_step(steps, start, slew_rate=rate)
@@ -175,7 +174,7 @@ def _stage(steps: Sequence[xr.Dataset], start: Actuator, rate: float | None, say
 
 
 def _near(step: xr.Dataset, measured: Array, model: Array) -> tuple[Array, Array, Array]:
-    """Time, measured and model around a step, as far as its vibration goes."""
+    """Return time, measured and model around a step, until its vibration has decayed."""
     time_, drive = step["time"].values, step["drive_voltage"].values
     at = time_[int(np.argmax(np.abs(drive - drive[0]) > 0.5 * np.ptp(drive)))]
     kept = (time_ > at - STEP_SHOWN / 4) & (time_ < at + STEP_SHOWN)
@@ -193,7 +192,7 @@ def _said_of(stage: Fit, names: Sequence[str]) -> str:
 
 
 class _Drafts:
-    """The fit in motion: pictures of what the best values so far give. Called as `identify_friction` goes."""
+    """Pictures of a running fit, with the best values so far; called by `identify_friction`."""
 
     def __init__(
         self, recordings: Sequence[xr.Dataset], request: FitRequest, say: Say, slew_rate: float | None
@@ -235,7 +234,7 @@ class _Drafts:
             self.draw(state.values, fields)
 
     def draw(self, values: Mapping[str, float], fields: dict[str, Any] | None = None) -> None:
-        """Say what the model gives for these values."""
+        """Say the curves of the model for these values."""
         try:
             curves = [observed(motion, self._varied, dict(values)) for motion in self._motions]
         except ArithmeticError:  # a trial that cannot be followed
@@ -257,7 +256,7 @@ def _read(folder: Folder, name: str, request: FitRequest) -> xr.Dataset:
 
 
 def _thin(values: Array) -> Array:
-    """At most some SHOWN of them, the last one too: it is what a curve ends at."""
+    """Return about SHOWN samples of a curve at most, its last one among them."""
     if not values.size:
         return values
     end = values.size - 1
@@ -265,7 +264,7 @@ def _thin(values: Array) -> Array:
 
 
 def _told(fit: Fit, stage: Fit | None) -> dict[str, Any]:
-    """The model that was found, in the words of a request."""
+    """Return the fitted model as the fields of a request."""
     from .sliders import plain, values_of
 
     found = {*fit.values, *(stage.values if stage is not None else ())}
@@ -277,8 +276,10 @@ def _told(fit: Fit, stage: Fit | None) -> dict[str, Any]:
 
 
 def _advised(request: FitRequest, fit: Fit) -> dict[str, Any] | None:
-    """The request with what the fit's advice adds; None without advice, or if several terms explain the walks
-    equally well: the user chooses."""
+    """Return the request with what the fit's advice adds.
+
+    None without advice, or if several terms explain the walks equally well: then the user chooses.
+    """
     advice = fit.advice
     if advice is None or not advice.cause or advice.equal:
         return None

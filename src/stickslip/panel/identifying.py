@@ -1,4 +1,4 @@
-"""Routes of the Identify page: recordings to choose from, the one fit that runs or ran last, its report."""
+"""Routes of the Identify page: recordings to choose from, the current or last fit, its report."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; 
 
 
 def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) -> APIRouter:
-    """The routes, to be included by the application; pages hear of the fit by the stream ("fit",
+    """Return the routes, to be included by the application; the stream tells pages of the fit ("fit",
     "fit_traces")."""
     routes = APIRouter(prefix="/api/identify")
 
@@ -94,8 +94,7 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
 
 
 def _described(root: Path, recording: xr.Dataset) -> dict[str, Any]:
-    """What a recording in the panel's folder holds, and whether a walk can be fitted to it ("problem": why
-    not)."""
+    """Describe a recording in the panel's folder; "problem" says why no walk can be fitted to it."""
     time_ = recording["time"].values
     missing = [name for name in (OBSERVED, "drive_voltage") if name not in recording]
     found = {
@@ -112,9 +111,12 @@ def _described(root: Path, recording: xr.Dataset) -> dict[str, Any]:
 
 
 def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:
-    """What a recording of the bench says of the set-up: "set", "clamped", "stage_reaction" of the actuator,
-    "slew_rate" [V/s] of the bench's amplifier into its piezo. Of somebody's own file, nothing; nor of sets
-    and benches that are neither the package's nor in the panel's folder."""
+    """Return what a recording of the bench says of the set-up.
+
+    "set", "clamped" and "stage_reaction" of the actuator; "slew_rate" [V/s] of the bench's amplifier into its
+    piezo. Nothing of somebody's own file, nor of sets and benches that neither the package nor the panel's
+    folder has.
+    """
     actuator = str(attrs.get("actuator", ""))
     found: dict[str, Any] = {
         name: value == "True"
@@ -136,7 +138,7 @@ def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _own_name(root: Path, name: str, known: Container[str]) -> str | None:
-    """A name that the package knows; that of a file in the panel's folder inside it; None for others."""
+    """Return a name that the package knows, or that of a file in the panel's folder; None for others."""
     if name in known:
         return name
     path = Path(os.path.realpath(name))

@@ -179,7 +179,7 @@ def _start_processes(hub: Hub, fitting: Fitting, runner: Runner, read: Reader) -
 
 
 def _page_routes(app: FastAPI, hub: Hub) -> None:
-    """What every page asks for: its files, the stream, what a typed quantity is."""
+    """Add the routes of every page: its files, the stream, the value of a typed quantity."""
 
     @app.websocket("/stream")
     async def stream(socket: WebSocket) -> None:
