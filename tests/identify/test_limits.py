@@ -43,7 +43,7 @@ def loops(law, seed: int = 3):
     return ss.make_recording(t, {"position": (x, "m"), "friction_force": (force, "N")})
 
 
-@pytest.mark.parametrize("start", [0.0, 0.05, 5.0, 500.0])
+@pytest.mark.parametrize("start", [0.0, 5.0])
 def test_viscous_friction_that_is_zero_in_loops(start: float) -> None:
     recording = loops(LuGre(1e5, 0.0, 0.0, 0.5, 0.5))
     fit = ss.identify_loops(
@@ -61,7 +61,7 @@ def test_viscous_friction_that_is_zero_in_loops(start: float) -> None:
     assert not fit.failures
 
 
-@pytest.mark.parametrize("start", [0.0, 1.0, 100.0])
+@pytest.mark.parametrize("start", [100.0])
 def test_viscous_friction_that_is_zero_in_walks(start: float) -> None:
     actuator = ss.load_actuator("kang2007").replace(stage_reaction=False)
     drive = ss.Sawtooth(65.0, 20.0, periods=6)

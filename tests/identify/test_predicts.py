@@ -28,19 +28,6 @@ def test_an_identification_gives_what_predicts_or_why_none_does(name: str) -> No
     assert "predict=" in source or "unpredicted=" in source
 
 
-def test_a_fit_of_a_body_says_why_it_predicts_nothing() -> None:
-    time = np.arange(4000) * 1e-3
-    omega = 2.0 * np.pi
-    position = 0.05 * np.sin(omega * time)
-    force = -2.0 * omega**2 * position + 3.0 * 0.05 * omega * np.cos(omega * time)
-    force += 0.5 * np.sign(np.cos(omega * time)) + 1e-3 * np.random.default_rng(2).standard_normal(time.size)
-    recording = ss.make_recording(time, {"position": (position, "m"), "force": (force, "N")})
-    fit = ss.identify.identify_inertia(recording, window=0.25)
-    assert fit.values["mass"] == pytest.approx(2.0, rel=0.01)
-    with pytest.raises(FitError, match="predicts no recording: it is of averages over a window"):
-        ss.verify(fit, recording)
-
-
 def test_a_modal_fit_names_what_predicts_and_that_does() -> None:
     frequency = np.linspace(50.0, 800.0, 60)
     model = ss.identify.ModalModel(

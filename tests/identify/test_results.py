@@ -78,12 +78,9 @@ def test_units_are_converted(place: str, value: Any, unit: str) -> None:
     [
         ("friction/coulomb_force/unit", "V", r"friction: .*coulomb_force.* has the unit 'V', which is no N"),
         ("friction/coulomb_force/unit", None, r"friction: \[coulomb_force\] has no unit \(expected N\)"),
-        ("friction/coulomb_force", 0.3, r"friction: \[coulomb_force\] has no unit \(expected N\)"),
-        ("friction/coulomb_force/value", None, r"friction: .*coulomb_force = nan N"),
         ("piezo/creep/values/time_constants/unit", "V", r"piezo\.creep: .*which is no s"),
         ("actuator/stage_reaction", None, r"actuator: \[stage_reaction\] is missing"),
         ("actuator/clamped", "no", r"actuator: \[clamped\] 'no' must be true or false"),
-        ("actuator/incline", None, r"actuator: \[incline\] is missing"),
         ("actuator/mass", 1.0, r"actuator: \[mass\] is unknown"),
         ("friction", [1], r"friction = \[1\] must hold fields"),
     ],
@@ -106,7 +103,6 @@ def test_what_is_wrong_names_file_field_and_unit(tmp_path: Path, place: str, val
         ("zeroed", 1, r"signal_chain: \[zeroed\] 1 must be true or false"),
         ("zeroed", None, r"signal_chain: \[zeroed\] is missing"),
         ("delay/value", float("nan"), r"signal_chain: .*delay"),
-        ("delay/value", float("inf"), r"signal_chain: .*delay"),
         ("delay/unit", "m", r"signal_chain: .*delay.* which is no s"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,7 +23,8 @@ from .stops import made_loops
 
 DRIVE = ss.Sawtooth(65.0, 20.0, periods=3)
 NOISE = 20e-9
-# The contact's damping ratio is that of the published law.
+
+
 EQUAL = {"stiction_force": "coulomb_force"}
 TIED = {"sigma_1": "2 * 0.05 * sqrt(sigma_0 * end_effector_mass)"}
 
@@ -33,6 +35,7 @@ def actuator(sigma_0: float = 1.4e6, coulomb_force: float = 0.54) -> ss.Actuator
     return ss.load_actuator("kang2007").replace(stage_reaction=False, end_effector_mass=mass, friction=law)
 
 
+@cache
 def walk(noise: float = NOISE, seed: int = 0):
     shown = ss.simulate(actuator(), DRIVE, 0.15, sample_rate=4e3, tolerance=1e-10)
     random = np.random.default_rng(seed)
@@ -254,7 +257,6 @@ def test_a_pulled_slider() -> None:
         ),
         ({"sigma_1": "sigma_0"}, r"sigma_1 \[N s/m\] is tied to 'sigma_0', which is in newton / meter"),
         ({"sigma_1": "sigma_2", "sigma_2": "sigma_1"}, "tied in a circle: sigma_1 -> sigma_2 -> sigma_1"),
-        ({"sigma_1": "sigma_1 * 2"}, "tied in a circle: sigma_1 -> sigma_1"),
         ({"sigma_1": "open('x')"}, "is none of numbers, names"),
     ],
 )
@@ -312,15 +314,6 @@ def test_a_scale_that_is_linear_stays_so_and_so_does_the_prior_on_it() -> None:
     again = ss.identify_friction(walk(), fit.model, fit.parameters, **told)
     for one, other in zip(again.parameters, fit.parameters, strict=True):
         assert one._replace(start=other.start) == other
-
-
-def test_the_scale_of_loops_is_as_said() -> None:
-    random = np.random.default_rng(8)
-    train = made_loops((4e4, 2e4), (1.2, 0.6), noise=0.01)
-    start = ss.MaxwellSlip((3.5e4, 2.2e4), tuple(random.uniform(0.9, 1.1, 2) * (1.2, 0.6)))
-    free = ["stiffness_1", ss.estimate.Parameter("strength_1", 1.1, 0.5, 3.0, "N", log=False), "strength_2"]
-    fit = ss.identify_loops(train, start, free, reference_normal_force=5.0)
-    assert [p.log for p in fit.parameters] == [True, False, True]
 
 
 def test_a_fixed_parameter_keeps_its_value() -> None:

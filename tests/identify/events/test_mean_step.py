@@ -6,42 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import binom
 from tests.identify.events.drawn import drawn_walk
 
 from stickslip.campaign.features import feature_numbers, features_section
 from stickslip.estimate.quantiles import reach
 from stickslip.identify.events.mean_step import mean_step
 from stickslip.identify.events.sawtooth import sawtooth_features
-
-DRAWS = 40
-
-
-@pytest.mark.parametrize("scatter", [0.0, 0.03, 0.05])
-@pytest.mark.parametrize("slips", [8, 20, 60])
-def test_interval_holds_the_mean_step(slips: int, scatter: float) -> None:
-    """As the error of a line through the peaks it held 15 to 42 % of the steps that scatter."""
-    held = 0
-    for seed in range(DRAWS):
-        found = sawtooth_features(drawn_walk(slips, seed, noise=5e-8, scatter=scatter, samples=100)).isel(
-            walk=0
-        )
-        reached = float(found["net_step_error"]) * reach(0.95, float(found["net_step_freedom"]))
-        held += abs(float(found["net_step"]) - 5e-6) < reached
-    assert held >= binom.ppf(0.01, DRAWS, 0.95)
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.3, 3.0])
-def test_mixtures_of_noise_and_scatter(noise: float) -> None:
-    """Also with periods in which nothing moved: a difference of two steps, or three."""
-    random, held, draws = np.random.default_rng(1), 0, 300
-    for _ in range(draws):
-        peaks = np.cumsum(1.0 + 0.1 * random.standard_normal(25))
-        kept = np.delete(np.arange(25), [4, 11, 12])
-        peaks = (peaks + 0.1 * noise * random.standard_normal(25))[kept]
-        step, error = mean_step(np.diff(peaks), np.diff(kept).astype(float))
-        held += abs(step - 1.0) < error * reach(0.95, kept.size - 3)
-    assert held >= binom.ppf(0.01, draws, 0.95)
 
 
 def test_limits_are_the_mean_and_the_line() -> None:

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import binom
 from tests.identify.events.drawn import drawn_slider
 
 from stickslip.estimate.problem import FitError
@@ -18,20 +17,16 @@ RIG = PulledRig(0.1, 500.0, 4e-4)
 HALF_PERIOD = math.pi / RIG.natural_frequency
 
 
-def test_intervals_hold_where_stiction_varies() -> None:
-    """Top, bottom and period as independent: 60 to 80 % held the excess, and errors of dynamic friction were
-    25 times too large."""
-    draws = 25
-    held, errors, found = np.zeros(2), [], []
-    for seed in range(draws):
-        fit = identify_pulled_slider(drawn_slider(RIG, 0.4, 0.3, 30, seed, scatter=0.03, noise=1e-3), RIG)
-        for i, (name, true) in enumerate((("stiction_excess", 0.1), ("dynamic_coefficient", 0.3))):
-            low, high = fit.confidence_intervals()[name]
-            held[i] += low <= true <= high
-        found.append(fit.values["dynamic_coefficient"])
-        errors.append(fit.standard_errors["dynamic_coefficient"])
-    assert np.all(held >= binom.ppf(0.01, draws, 0.95))
-    assert np.mean(errors) < 4.0 * np.std(found)
+def test_errors_are_those_of_stiction_that_varies() -> None:
+    """Top, bottom and period as independent: the error of the excess was a third too small, that of dynamic
+    friction 13 times too large."""
+    fit = identify_pulled_slider(drawn_slider(RIG, 0.4, 0.3, 30, 1, scatter=0.03, noise=1e-3), RIG)
+    by_scatter = 0.03 * 0.4 / math.sqrt(29)
+    assert fit.standard_errors["stiction_excess"] == pytest.approx(by_scatter, rel=0.2)
+    assert fit.standard_errors["dynamic_coefficient"] < 0.1 * by_scatter
+    for name, true in (("stiction_excess", 0.1), ("dynamic_coefficient", 0.3)):
+        low, high = fit.confidence_intervals()[name]
+        assert low <= true <= high
 
 
 def test_covariance_of_means_of_correlated_neighbours() -> None:
@@ -52,11 +47,11 @@ def test_covariance_of_equal_rows_is_positive() -> None:
     assert degrees_of_freedom(2) == 1.0
 
 
-@pytest.mark.parametrize("samples", [16.5, 40.0, 200.0])
-@pytest.mark.parametrize("share", [0.02, 0.04, 0.06, 0.12])
+@pytest.mark.parametrize("samples", [16.5, 200.0])
+@pytest.mark.parametrize("share", [0.04, 0.06])
 def test_noise_on_steady_sliding_is_no_event(samples: float, share: float) -> None:
     """Of 4 to 6 % it was stick-slip of six to ten events."""
-    for seed in range(5):
+    for seed in range(2):
         time = np.arange(0.0, 60.0 * HALF_PERIOD, HALF_PERIOD / samples)
         force = 0.3 * (1.0 + share * np.random.default_rng(seed).standard_normal(time.size))
         events = slip_events(make_recording(time, {"force_ratio": (force, "")}), RIG)

@@ -68,12 +68,11 @@ def test_a_clean_staircase(drive: bool) -> None:
     "trouble",
     [
         {"noise": 1.2e-6},
-        {"noise": 0.12e-6, "jitter": 0.01},
-        {"noise": 0.12e-6, "missing": (3,)},
+        {"noise": 0.12e-6, "jitter": 0.01, "missing": (3,)},
         {"noise": 0.12e-6, "sign": -1.0},
         {"noise": 0.12e-6, "interval": 5e-3},
     ],
-    ids=["noise", "jitter", "missing", "inverted", "coarse"],
+    ids=["noise", "jitter and missing", "inverted", "coarse"],
 )
 def test_troubled_staircases(drive: bool, trouble: dict) -> None:
     """Ten times the noise of the thesis's bench, jitter, a missing period, an inverted sensor."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from stickslip.recording import make_recording
 TRUTH = {"mass": 2.0, "viscous": 5.0, "coulomb_force": 1.5, "offset": 0.3}
 
 
+@cache
 def driven(seed: int, closed: bool = False, noise: float = 1e-6, turns: bool = False):
     """By the midpoint rule: a body under a force of two sines, or of a controller that follows them."""
     random = np.random.default_rng(seed)
@@ -47,7 +49,7 @@ def driven(seed: int, closed: bool = False, noise: float = 1e-6, turns: bool = F
 @pytest.mark.parametrize("closed", [False, True], ids=["open loop", "closed loop"])
 def test_values_and_their_intervals(closed: bool) -> None:
     inside = []
-    for seed in range(6):
+    for seed in range(2):
         fit = identify_inertia(driven(seed, closed), window=0.15)
         for name, true in TRUTH.items():
             low, high = fit.confidence_intervals()[name]
@@ -77,7 +79,7 @@ def test_what_no_body_has_is_said() -> None:
     run = driven(0)
     (said,) = identify_inertia(run.assign(force=-run["force"]), window=0.15).failures
     assert "the mass is negative" in said
-    late = run.isel(time=slice(60, None))
+    late = run.isel(time=slice(60, None)).copy()
     late["position"] = ("time", run["position"].values[:-60])
     (said,) = identify_inertia(late, window=0.15).failures
     assert "viscous friction is negative: the position is late" in said
@@ -86,7 +88,7 @@ def test_what_no_body_has_is_said() -> None:
 
 def test_what_the_body_is_not_is_remarked() -> None:
     """Friction that grows with the square of the speed, in the force: the noise of neither tells it."""
-    for seed in range(4):
+    for seed in range(1):
         run = driven(seed)
         assert not identify_inertia(run, window=0.15).remarks
         speed = np.gradient(run["position"].values, run["time"].values)
@@ -125,26 +127,21 @@ def remarked(seeds: range, noise: float, wrong: str = "", tones: bool = True) ->
 
 
 @pytest.mark.parametrize("tones", [False, True], ids=["a sine", "two sines"])
-@pytest.mark.parametrize("noise", [0.0, 1e-6, 1e-5, 3e-5, 1e-4, 3e-4])
+@pytest.mark.parametrize("noise", [0.0, 3e-5])
 def test_noise_of_the_position_is_no_other_force(noise: float, tones: bool) -> None:
     """A sample at rest whose sign is wrong moves an average by many times what noise of the force does."""
-    assert remarked(range(20), noise, tones=tones) <= 1
-
-
-@pytest.mark.parametrize(("noise", "tones"), [(1e-5, True), (1e-4, False)])
-def test_a_sign_that_hardly_any_draw_has_is_no_other_force(noise: float, tones: bool) -> None:
-    assert remarked(range(60), noise, tones=tones) == 0
+    assert remarked(range(4), noise, tones=tones) == 0
 
 
 @pytest.mark.parametrize("wrong", ["spring", "Stribeck", "lag"])
-@pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-4, 3e-4])
+@pytest.mark.parametrize("noise", [0.0, 3e-4])
 def test_a_wrong_form_is_seen_through_noise_of_the_position(wrong: str, noise: float) -> None:
-    assert remarked(range(8), noise, wrong) == 8
+    assert remarked(range(2), noise, wrong) == 2
 
 
 def test_averages_whose_sign_is_not_sure_hide_no_misfit_of_the_others() -> None:
     """Averaged over all windows alike, they hid it in three of four."""
-    assert remarked(range(20), 3e-4, "Stribeck", tones=False) >= 15
+    assert remarked(range(5), 3e-4, "Stribeck", tones=False) >= 4
 
 
 def test_what_turns_has_a_moment_of_inertia() -> None:

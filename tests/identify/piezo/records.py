@@ -8,8 +8,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy import signal
+from tests import reference
 
-import reference
 import stickslip as ss
 from stickslip.piezo import Piezo, PrandtlIshlinskii
 from stickslip.piezo.creep import spread

@@ -7,12 +7,11 @@ import pytest
 
 import stickslip as ss
 from stickslip.identify.piezo.left_out import spread, without_parts
-from stickslip.piezo import Piezo, PrandtlIshlinskii
+from stickslip.piezo import PrandtlIshlinskii
 from stickslip.recording import make_recording
 
 TIME = np.arange(0.0, 8.0, 4e-3)
 DECAYING = 50.0 - 50.0 * np.exp(-TIME / 6.0) * np.cos(2.0 * np.pi * 0.8 * TIME)
-ALIKE = 50.0 - 50.0 * np.cos(2.0 * np.pi * 1.5 * TIME)  # a period for each part
 # The thresholds that a fit of four plays has: the model is right.
 WEIGHTS = (0.7, 0.1, 0.1, 0.1)
 
@@ -45,24 +44,3 @@ def test_without_noise_all_parts_give_the_same_stage() -> None:
     for gain, piezo in without_parts(fit, recorded(0.0)):
         assert gain == pytest.approx(0.12e-6, rel=1e-6)
         np.testing.assert_allclose(piezo.hysteresis.weights, WEIGHTS, atol=1e-6)
-
-
-@pytest.mark.parametrize(("drive", "least", "most"), [(ALIKE, 0.7, 1.4), (DECAYING, 1.0, 6.0)])
-def test_the_jackknife_tells_how_the_stroke_scatters_from_recording_to_recording(
-    drive: np.ndarray, least: float, most: float
-) -> None:
-    """The stroke at 30 V on a settled way up: by many recordings, and by one with parts left out. Where the
-    parts are not alike, one of them tells what no other does, and the jackknife says too much: never too
-    little."""
-    way = [0.0, 98.0, 0.0, 30.0]
-
-    def stroke(gain: float, piezo: Piezo) -> np.ndarray:
-        return np.array([gain * piezo.hysteresis.output(way)[-1]])
-
-    strokes, told = [], []
-    for seed in range(40):
-        shown = recorded(20e-9, seed, drive)
-        fit = fitted(shown)
-        strokes.append(stroke(fit.values["gain"], fit.model)[0])
-        told.append(float(np.sum(spread([stroke(*one) for one in without_parts(fit, shown)]) ** 2)))
-    assert least < np.sqrt(np.mean(told)) / np.std(strokes) < most

@@ -12,7 +12,7 @@ from stickslip.identify.piezo.timing import _spread
 from stickslip.piezo import Creep
 
 from . import records
-from .loops import HIGH, RATE, STROKE, bouc_wen, preisach, record, sine
+from .loops import RATE, STROKE, bouc_wen, preisach, record, sine
 
 BEFORE = 2.0  # s, for which those that begin amid a motion have moved
 
@@ -24,13 +24,13 @@ def cut(drive: NDArray[np.float64], shape: NDArray[np.float64]) -> xr.Dataset:
 
 def loops() -> dict[str, xr.Dataset]:
     found = {}
-    for name, drive in (("0", sine(4.0)), ("mid", sine(4.0, phase=2.5)), ("constant", sine(4.0, 20.0))):
+    for name, drive in (("0", sine(4.0)), ("mid", sine(4.0, phase=2.5))):
         found[f"Bouc-Wen from {name}"] = record(drive, bouc_wen(drive))
-    for name, middle, phase in (("at 0", 0.0, 0.0), ("falling", 0.0, 2.5), ("unipolar", HIGH, -0.5 * np.pi)):
+    for name, middle, phase in (("falling", 0.0, 2.5),):
         drive = sine(4.0 + BEFORE, middle, phase, -BEFORE)
         found[f"Bouc-Wen amid its motion, {name}"] = cut(drive, bouc_wen(drive))
     drive = sine(4.0)
-    for lean in (0.3, -0.8):
+    for lean in (-0.8,):
         found[f"Preisach leaning {lean}"] = record(drive, preisach(drive, lean))
     found["Preisach, late"] = record(drive, preisach(drive, 0.3, 0.01))
     return found
@@ -75,7 +75,7 @@ def test_a_lag_that_no_edge_shows_is_found_where_it_predicts_better() -> None:
     assert ss.identify_piezo(record(drive, preisach(drive, 0.3))).values["lag"] == 0.0
 
 
-@pytest.mark.parametrize(("seconds", "every"), [(1.0, 2), (1.0, 10), (0.6, 1)])
+@pytest.mark.parametrize(("seconds", "every"), [(1.0, 10), (0.6, 1)])
 def test_little_is_enough_for_a_fit(seconds: float, every: int) -> None:
     """One loop, 20 samples of it, or the first curve and a way back."""
     drive = sine(seconds)

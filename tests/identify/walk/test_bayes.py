@@ -169,7 +169,7 @@ def test_the_prior_ends_at_the_bounds_and_the_stage_makes_it_wider(rigid) -> Non
         noise_known=True,
     )
     white = replace(fit, correlated=False)  # as what is compared with takes it
-    found = posterior(white, recording, drive=DRIVE, stage=stage, max_simulations=6000)
+    found = posterior(white, recording, drive=DRIVE, stage=stage, max_simulations=4000)
     assert [str(n) for n in found.summary["parameter"].values] == ["coulomb_force", "offset", *names]
 
     # Linearised, by differences: the data, and the prior of the stage.
@@ -196,23 +196,6 @@ def test_the_prior_ends_at_the_bounds_and_the_stage_makes_it_wider(rigid) -> Non
         assert samples > 50.0
         assert float(row["sd"]) == pytest.approx(sd, rel=0.05 + 3.0 / np.sqrt(2.0 * samples))
     assert expected[0] > 1.5 * fit.standard_errors["coulomb_force"]
-
-
-def test_a_short_walk_is_sampled_within_its_bounds() -> None:
-    """A few steps, also as plain Python."""
-    model = load_actuator("kang2007").replace(stage_reaction=False, friction=Coulomb(0.5))
-    drive = Sawtooth(65.0, 200.0, periods=1)
-    recording = simulate(model, drive, 0.008, sample_rate=5e3, tolerance=1e-9)
-    recording["end_effector_position"] += NOISE * np.random.default_rng(0).standard_normal(41)
-    free = ["coulomb_force", "offset"]
-    fit = identify_friction(recording, model, free, drive=drive, hops=0, tolerance=1e-9, max_evaluations=12)
-    found = posterior(fit, recording, drive=drive, max_simulations=80, tolerance=1e-9)
-    assert found.samples.sizes["chain"] == 4
-    for p in fit.parameters:
-        draws = found.samples[p.name].values
-        assert np.all((draws >= p.lower) & (draws <= p.upper))
-        assert draws.std() > 0.0
-    assert not found.converged
 
 
 def test_all_members_at_once_are_as_far_off_as_each_alone() -> None:

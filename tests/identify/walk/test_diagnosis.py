@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.friction import NormalForce
 from stickslip.identify.walk import terms
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
@@ -52,9 +51,7 @@ def missing(cause: str, seed: int) -> tuple[Any, Any]:
     )
     force = model.friction.coulomb_force
     changes: dict[str, dict[str, Any]] = {
-        terms.DIRECTION: {"normal_force": NormalForce(asymmetry=0.05)},
         terms.CONSTANT: {"external_force": 0.05 * force},
-        terms.SLOPE: {"normal_force": NormalForce(slope=5e3)},
         terms.REACTION: {"stage_reaction": True},
     }
     model = model.replace(**changes.get(cause, {}))
@@ -66,9 +63,7 @@ def missing(cause: str, seed: int) -> tuple[Any, Any]:
     [
         (terms.VISCOUS, 1),
         (terms.STRIBECK, 2),
-        (terms.DIRECTION, 3),
         (terms.CONSTANT, 4),
-        (terms.SLOPE, 5),
         (terms.REACTION, 6),
     ],
 )
@@ -94,9 +89,8 @@ def test_what_is_missing_is_named(cause: str, seed: int, tmp_path: Path) -> None
     assert low < truth.friction.coulomb_force < high
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_right_model_gets_no_advice(seed: int) -> None:
-    model, rng = contact(seed)
+def test_a_right_model_gets_no_advice() -> None:
+    model, rng = contact(1)
     fit = ss.identify_friction(recorded(model, rng), START, FREE, drive=DRIVE)
     assert fit.advice is None
     assert not fit.failures

@@ -105,7 +105,7 @@ def test_coarse_levels_are_not_taken_for_a_clipped_sensor(period: int) -> None:
     """They hide a turn, of a sawtooth or a sine, for some samples; a sensor at its end stays far longer."""
     t = np.arange(2000) / period
     for shape in (t % 1.0, np.abs(2.0 * (t % 1.0) - 1.0), np.sin(2.0 * np.pi * t)):
-        for step in np.linspace(0.005, 0.08, 40):
+        for step in np.linspace(0.005, 0.08, 12):
             read = step * np.round((shape + 0.3 * t / t[-1]) / step)
             refuse_clipped(read, "end_effector_position", "walk")
             if step > 0.03:
@@ -115,10 +115,10 @@ def test_coarse_levels_are_not_taken_for_a_clipped_sensor(period: int) -> None:
                 refuse_clipped(cut, "end_effector_position", "walk")
 
 
-@pytest.mark.parametrize("rate", [1e-3, 1e-2, 5e-2])
+@pytest.mark.parametrize("rate", [1e-2, 5e-2])
 def test_what_settles_at_a_level_is_not_taken_for_a_clipped_sensor(rate: float) -> None:
     n = np.arange(int(40.0 / rate))
-    for share in np.linspace(0.0, 1.0, 11):
+    for share in np.linspace(0.0, 1.0, 4):
         for step in (1e-3, 1e-2, 5e-2):
             settled = (1.0 + share * step) * (1.0 - np.exp(-rate * n))
             refuse_clipped(step * np.round(settled / step), "end_effector_position", "step")
@@ -128,7 +128,7 @@ def test_what_settles_at_a_level_is_not_taken_for_a_clipped_sensor(rate: float) 
                     refuse_clipped(step * np.round(cut / step), "end_effector_position", "step")
 
 
-@pytest.mark.parametrize("limits", [(2e-6, 15e-6), (-1.0, 6.25e-6)])
+@pytest.mark.parametrize("limits", [(2e-6, 15e-6)])
 def test_a_converter_may_cut_the_last_change_too(limits: tuple[float, float]) -> None:
     cut = _with(walk(), np.clip(walk()["end_effector_position"].values, *limits))
     with pytest.raises(RecordingError, match="walk is clipped"):
@@ -190,9 +190,9 @@ FILES = {
 }
 
 
-@KINDS
-@pytest.mark.parametrize(("command", "content", "name"), FILES.values(), ids=FILES)
-def test_commands_fail_and_keep_what_was_there(tmp_path: Path, spoil, command: str, content: dict, name: str):
+@pytest.mark.parametrize(("spoil", "of"), [*zip(WORDS, [*FILES, "identify"], strict=True)])
+def test_commands_fail_and_keep_what_was_there(tmp_path: Path, spoil, of: str):
+    command, content, name = FILES[of]
     for good in ("walk", "other", "step"):
         recording = step() if good == "step" else walk()
         recording = spoil(recording) if good == name else recording

@@ -11,7 +11,7 @@ DRIVE = ss.waveform.Sequence(ss.waveform.Rest(0.1), ss.Sawtooth(65.0, 5.0, perio
 KANG = ss.load_actuator("kang2007")
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0])
 @pytest.mark.parametrize("right", [False, True])
 def test_maxwell_slip_is_no_lugre(right: bool, seed: int) -> None:
     """Two elements give way one after another: 70 nm are left after the first slip and made good in the
