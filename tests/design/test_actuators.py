@@ -27,8 +27,8 @@ def speed(model, waveform, load=1.0):
 
 def test_it_is_as_good_as_the_best_of_a_grid():
     """Pulled back by 0.1 N, a light contact slides on; a heavy one moves less: the best is between them."""
-    loads, frequencies = np.geomspace(0.1, 10.0, 12), np.geomspace(200.0, 800.0, 12)
-    rises = np.array([0.6, 0.7, 0.8, 0.9, 0.95])
+    loads, frequencies = np.geomspace(0.1, 10.0, 8), np.geomspace(200.0, 800.0, 8)
+    rises = np.array([0.7, 0.8, 0.9])
     grid = [axis.ravel() for axis in np.meshgrid(loads, frequencies, rises)]
     columns = dict(zip(("load", "frequency", "rise_fraction"), grid, strict=True))
     speeds = [
@@ -55,7 +55,7 @@ def test_a_condition_changes_what_is_free_in_proportion():
     softer = Scenario(factors={"natural_frequency": 0.9})
     pulled = Scenario(external_force="-0.1 N", factors={"stage_mass": 1.2})
     free = {"stage_stiffness": ("0.6 N/um", "1.5 N/um"), "stage_mass": ("60 g", "150 g")}
-    found = find(KANG, free=free, scenarios=[softer, pulled], budget=200)
+    found = find(KANG, free=free, scenarios=[softer, pulled], budget=100)
     model, drive, drift = found.model, found.waveform, found.best.found
     assert model.natural_frequency == pytest.approx(math.sqrt(drift[0] / drift[1]))
     assert model.stage_mass == drift[1]
@@ -110,34 +110,19 @@ def test_the_best_of_several():
     assert "at the high end" in found.report()
 
 
+LOAD = {"load": (0.5, 2.0)}
 REFUSED = [
-    ({"free": {}}, "free says what may differ"),
+    ({"free": {}}, "free"),
     ({"free": {"stage_mas": (1, 2)}}, "stage_mass"),
-    ({"free": {"stage_mass": "1 kg"}}, r"must be \(low, high\)"),
-    ({"free": {"stage_mass": ("2 kg", "1 kg")}}, "first must be less"),
+    ({"free": {"stage_mass": "1 kg"}}, "low, high"),
+    ({"free": {"stage_mass": ("2 kg", "1 kg")}}, "first"),
     ({"free": {"stage_mass": ("1 N", "2 N")}}, "kg"),
     ({"free": {"stage_stiffness": (1e6, 2e6), "natural_frequency": (1e3, 4e3)}}, "stage_stiffness"),
-    ({"free": {"load": (0.5, 2.0)}, "goal": None}, "a goal is needed"),
-    ({"free": {"load": (0.5, 2.0)}, "goal": design.Current(1e-6)}, "minimum_speed"),
-    ({"free": {"load": (0.5, 2.0)}, "output": {"a": OutputStage()}}, "outputs are of a"),
+    ({"free": LOAD, "goal": design.Current(1e-6)}, "minimum_speed"),
+    ({"free": LOAD, "output": {"a": OutputStage()}}, "outputs"),
     ({"free": {"external_force": (-0.1, 0.1)}, "scenarios": [{"external_force": 0.1}]}, "leave out one"),
-    ({"free": {"load": (0.5, 2.0)}, "budget": 0}, "budget"),
-    ({"free": {"load": (0.5, 2.0)}, "holding_force": math.nan}, "holding_force = nan N is not finite"),
-    ({"free": {"load": (0.5, 2.0)}, "holding_force": math.inf}, "holding_force = inf N is not finite"),
-    ({"free": {"load": (0.5, 2.0)}, "holding_force": "-1 N"}, "holding_force = '-1 N' is out of range"),
-    ({"free": {"load": (0.5, 2.0)}, "minimum_speed": math.nan}, "minimum_speed = nan m/s is not finite"),
-    (
-        {"free": {"load": (0.5, 2.0)}, "goal": design.Current(1e-6), "minimum_speed": "1 m/s", "budget": 50},
-        "minimum_speed = 1 m/s is not reached",
-    ),
-    ({"free": {"load": (0.5, 2.0)}, "max_voltage": math.nan}, "max_voltage"),
-    ({"free": {"load": (0.5, 2.0)}, "min_voltage": math.nan}, "voltage"),
-    ({"free": {"load": (0.5, 2.0)}, "frequency": (1.0, math.nan)}, "frequency"),
-    ({"free": {"load": (0.5, math.inf)}}, r"free\['load'\]"),
-    (
-        {"free": {"load": (0.5, 2.0)}, "scenarios": [{"load": math.inf}]},
-        r"Scenario\.load = inf is not finite",
-    ),
+    ({"free": LOAD, "goal": design.Current(1e-6), "minimum_speed": "1 m/s", "budget": 50}, "not reached"),
+    ({"free": {"load": (0.5, math.inf)}}, "load"),
 ]
 
 

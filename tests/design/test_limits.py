@@ -17,7 +17,7 @@ KANG = ss.load_actuator("kang2007")
 SLOW = ss.Sawtooth(65.0, 5.0)
 
 
-@pytest.mark.parametrize(("seed", "step"), list(enumerate([1e-8, 1e-7, 1e-6, 3e-6])))
+@pytest.mark.parametrize(("seed", "step"), [(0, 1e-8), (3, 3e-6)])
 def test_least_voltage(seed: int, step: float) -> None:
     rng = np.random.default_rng([5, seed])
     model = KANG.replace(
@@ -63,19 +63,11 @@ def test_what_no_voltage_reaches() -> None:
         SimulationError, match=r"no voltage up to 150 V steps by 1 mm: at most by .* at 150 V"
     ):
         ss.minimum_voltage(KANG, frequency=5.0, step="1 mm")
-    for given, said in (
-        ({"step": 0.0}, "step = 0 m is out of range"),
-        ({"direction": 2}, "direction = 2"),
-        ({"max_voltage": -1.0}, "max_voltage = -1 V"),
-        ({"step": "1 N"}, "step = '1 N'"),
-    ):
-        with pytest.raises(QuantityError, match=said):
-            ss.minimum_voltage(KANG, frequency=5.0, **given)  # type: ignore[arg-type]
     with pytest.raises(QuantityError, match="max_voltage must be given"):
         ss.minimum_voltage(KANG.replace(max_voltage=math.inf), frequency=5.0)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 3])
 def test_blocking_force_is_where_the_speed_changes_its_sign(seed: int) -> None:
     rng = np.random.default_rng([6, seed])
     law = [ss.LuGre(1.4e6, 34.9, 0.0, 0.54, 0.6), ss.Dahl(1.4e6, 0.54)][seed % 2]
@@ -100,7 +92,7 @@ def test_blocking_force_says_what_there_is_not() -> None:
         design.blocking_force(KANG, SLOW, max_load=0.05)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 0.9])
+@pytest.mark.parametrize("share", [0.0, 0.9])
 def test_highest_frequency(share: float) -> None:
     drive = SLOW._replace(rise_fraction=0.95)
     limit = design.stepping_frequency_limit(KANG, drive, share)

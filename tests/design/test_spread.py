@@ -44,8 +44,8 @@ def model_of(fit: Fit) -> ss.Actuator:
 def test_interval_is_that_of_the_derivatives() -> None:
     fit = fitted(delay=1e-3)  # which no model has: of a channel
     model = model_of(fit)
-    found = ss.step_map(model, DRIVE, load=[0.0, -0.1], direction=[1, -1], fit=fit, draws=1000)
-    assert found.attrs["draws"] == 1000
+    found = ss.step_map(model, DRIVE, load=[0.0, -0.1], direction=[1, -1], fit=fit, draws=500)
+    assert found.attrs["draws"] == 500
     for load, way in ((0.0, 1.0), (-0.1, 1.0), (-0.1, -1.0)):
         at = found.sel(load=load, direction=way)
         drive = DRIVE if way > 0 else DRIVE._replace(amplitude=-65.0, offset=65.0)
@@ -64,7 +64,7 @@ def test_interval_is_that_of_the_derivatives() -> None:
         middle = 0.5 * float(at.net_step_high + at.net_step_low)
         assert middle == pytest.approx(float(at.net_step), abs=0.1 * half)
         assert float(at.speed_low) == pytest.approx(50.0 * float(at.net_step_low))
-    assert np.all(found.draws_converged == 1000)
+    assert np.all(found.draws_converged == 500)
 
 
 def test_interval_of_a_posterior_is_that_of_its_samples() -> None:

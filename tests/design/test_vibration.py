@@ -84,8 +84,8 @@ def swung(shapes: Polygons, gain: float, natural: float, damping: float) -> floa
     return least
 
 
-@pytest.mark.parametrize("hertz", [0.1, 2.0, 20.0, 150.0, 2000.0])
-@pytest.mark.parametrize("damping", [0.03, 0.524, 1.0, 3.0])
+@pytest.mark.parametrize("hertz", [0.1, 20.0, 2000.0])
+@pytest.mark.parametrize("damping", [0.03, 1.0, 3.0])
 def test_tension_of_slow_and_fast_drives_at_any_damping(hertz: float, damping: float) -> None:
     """By 256 harmonics it was half at 5 Hz and a sixth at 1 Hz of that of a stage of 526 Hz."""
     shape = Polygons(np.array([[0.0, 0.6, 0.999]]), np.array([[0.0, 70.0, 100.0]]), np.array([1.0 / hertz]))
