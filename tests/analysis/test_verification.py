@@ -14,15 +14,14 @@ from typer.testing import CliRunner
 
 from stickslip.actuator import load_actuator
 from stickslip.cli import app
-from stickslip.friction import MaxwellSlip
-from stickslip.identify.results import model_numbers, model_of
+from stickslip.identify.results import model_numbers
 from stickslip.identify.saved import save_fit
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.readers import inspect_file, read_recording
 from stickslip.recording import RecordingWarning, open_recording, save_recording
 from stickslip.report import Document, Number, write_report
 from stickslip.simulation import simulate
-from stickslip.units import QuantityError, to_si
+from stickslip.units import to_si
 from stickslip.verification import net_step, verify
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sampled import Sampled
@@ -164,21 +163,6 @@ def test_results_without_an_actuator_say_which_have_one(folder: Path) -> None:
     assert table.stderr == done.stderr  # before any column is asked for
 
 
-def test_a_model_comes_back_from_its_numbers() -> None:
-    law = MaxwellSlip((1e6, 2e5), (0.3, 0.2))
-    for model in (MODEL, MODEL.replace(friction=law, clamped=True)):
-        written = json.loads(json.dumps(_plain(model_numbers(model))))
-        assert model_of(written) == model
-    with pytest.raises(QuantityError, match="no actuator in the results"):
-        model_of({"law": "LuGre"})
-
-
-def _plain(numbers):
-    if isinstance(numbers, dict):
-        return {k: _plain(v) for k, v in numbers.items()}
-    return numbers.tolist() if isinstance(numbers, np.ndarray) else numbers
-
-
 def test_wrong_files_are_refused(folder: Path) -> None:
     content = yaml.safe_load((folder / "check.yaml").read_text("utf-8"))
     for change, words in (
@@ -229,10 +213,9 @@ def test_a_limit_without_its_unit_is_refused_before_anything_is_read(folder: Pat
     assert not (folder / "bare").exists()
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_net_step_of_a_drive_that_is_only_sampled(folder: Path, seed: int) -> None:
+def test_the_net_step_of_a_drive_that_is_only_sampled(folder: Path) -> None:
     """Recordings made from tables name no waveform: the command of docs/verify.md could only fail."""
-    random = np.random.default_rng([11, seed])
+    random = np.random.default_rng([11, 0])
     drive = Sawtooth(round(random.uniform(50.0, 90.0)), round(random.uniform(10.0, 40.0)), periods=5)
     rest, trigger = random.uniform(0.02, 0.05), random.choice([0.0, 0.03])
     time = np.arange(0.0, rest + 5.2 / drive.frequency, 1e-4)
@@ -243,13 +226,13 @@ def test_the_net_step_of_a_drive_that_is_only_sampled(folder: Path, seed: int) -
         "position [um]": 1e6 * (simulate(MODEL, whole, times=time).end_effector_position.values + noise),
         "drive [V]": whole.value(time),
     }
-    file = folder / f"sampled{seed}.csv"
+    file = folder / "sampled.csv"
     np.savetxt(file, np.column_stack([*table.values()]), "%.7g", ",", header=",".join(table), comments="")
     found = inspect_file(file)
-    save_recording(read_recording(file, found.named, found.units), folder / f"new{seed}.nc")
+    save_recording(read_recording(file, found.named, found.units), folder / "new.nc")
     write_report(Document("A fit", "Made.", [], numbers={"model": model_numbers(MODEL)}), folder / "a-fit")
     steps = []
-    for name in (f"new{seed}.nc", file.name):
+    for name in ("new.nc", file.name):
         wanted = ["--require", "r_squared > 0.99", "--require", "net_step_error < 2 %"]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -89,17 +89,6 @@ def test_a_wrong_law_is_noticed_and_the_right_one_is_named(tmp_path: Path) -> No
     assert "does not explain" in (tmp_path / "out" / "report.html").read_text("utf-8")
 
 
-def test_a_contact_that_cannot_slide_fails(tmp_path: Path) -> None:
-    """Whatever damping its bristle has."""
-    friction = {"coulomb_force": 20.0, "stiction_force": 20.0}
-    few = ["LuGre", "Dahl"]  # no law explains it: to compare all of them takes long
-    done, results = run(tmp_path, KANG, hops=0, free=["sigma_1"], friction=friction, model_choice=few)
-    assert results["numbers"]["friction"]["r_squared"]["value"] < 0.5
-    assert done.exit_code == 1
-    assert results["failures"]
-    assert results["numbers"]["friction"]["failures"]
-
-
 def test_an_analysis_besides_that_fails_loses_no_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def profile(fit: ss.estimate.Fit, recordings: object, name: str, **known: object) -> tuple[float, float]:
         if name == "sigma_0":
@@ -129,18 +118,6 @@ def test_an_analysis_besides_that_fails_loses_no_fit(tmp_path: Path, monkeypatch
     assert found == pytest.approx(KANG.friction.coulomb_force, rel=0.01)
     assert list(results["numbers"]["profiles"]) == ["coulomb_force"]
     assert "posterior" not in results["numbers"]
-
-
-def test_profiles_of_a_campaign_whose_stiction_is_tied(tmp_path: Path) -> None:
-    tied = {"stiction_force": "coulomb_force"}
-    done, results = run(tmp_path, KANG, profiles=True, tied=tied, hops=0, free=["sigma_0", "coulomb_force"])
-    assert done.exit_code == 0, done.stderr
-    for name, found in results["numbers"]["profiles"].items():
-        linear = results["numbers"]["friction"]["parameters"][name]
-        for end in ("low", "high"):
-            near = pytest.approx(linear[end], abs=0.2 * (linear["high"] - linear["low"]))
-            assert found[end] == near, name
-    assert set(results["numbers"]["profiles"]) == {"sigma_0", "coulomb_force"}
 
 
 def test_one_walk_ends_in_the_minimum_that_all_walks_are_in() -> None:

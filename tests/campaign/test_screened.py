@@ -59,7 +59,7 @@ def step(sign: float, seed: int) -> Aligned:
 def test_steps_against_their_drive_are_refused_with_all_that_are_inverted() -> None:
     """It ended in "gain starts at -1.2e-07 m/V: a parameter ... needs bounds of its own", without a file."""
     back, forth = moved(walk(-1.0)._replace(name="back")), moved(walk()._replace(name="forth"))
-    for seed in range(20):
+    for seed in range(4):
         refuse_inverted([moved(step(1.0, seed))], [back, forth], MODEL)
         with pytest.raises(RecordingError) as refused:
             refuse_inverted([moved(step(1.0, 100)), moved(step(-1.0, seed))], [forth, back], MODEL)
@@ -77,8 +77,7 @@ def test_a_walk_that_the_stage_cannot_make(known: bool) -> None:
     refuse_walk(moved(walk(1e3, known=known)), pushed)
 
 
-@pytest.mark.parametrize("interval", [0.1e-3, 1e-3])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("interval", "sign"), [(0.1e-3, 1.0), (1e-3, -1.0)])
 def test_long_steps_go_against_the_drive_within_a_period(interval: float, sign: float) -> None:
     """It gains 9 um at each edge and soon after it, while the drive falls back; it sticks for the rest."""
     drive = Sawtooth(100.0, 25.0, periods=8) if sign > 0.0 else ReverseSawtooth(100.0, 25.0, periods=8)
@@ -94,11 +93,6 @@ def test_long_steps_go_against_the_drive_within_a_period(interval: float, sign: 
     one["end_effector_position"] = -one["end_effector_position"]
     with pytest.raises(RecordingError, match=r"walk goes down where drive_voltage .* inverted"):
         refuse_walk(moved(Aligned("walk", one, 0.0, 1e-9, drive, drive)), MODEL)
-
-
-def test_a_walk_against_its_drive() -> None:
-    with pytest.raises(RecordingError, match=r"walk goes down where drive_voltage .* inverted"):
-        refuse_walk(moved(walk(-1.0)), MODEL)
 
 
 @pytest.mark.parametrize("factor", [1.0 / 15.0, 15.0])
@@ -145,7 +139,7 @@ def test_a_walk_upon_a_voltage_is_predicted_where_it_is(known: bool) -> None:
     assert np.sqrt(np.mean(left**2)) < (1.2e-8 if known else 1e-7)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, 3])
 def test_a_waveform_of_other_periods_than_were_driven(seed: int) -> None:
     """Of one too few, noise decides where it fits best: it begins with the first, or is refused."""
     random, time = np.random.default_rng(seed), np.arange(0.0, 0.8, 0.5e-3)
@@ -163,12 +157,12 @@ def test_a_drift_at_rest_is_taken_off_and_said() -> None:
     time, noise = np.arange(0.0, 0.8, 0.5e-3), 2e-8
     u = value_at(Parts(Rest(0.15), DRIVE), time)
     walks = []
-    for seed, drift in enumerate([0.0] * 40 + [-1e-6, 5e-8]):  # 5e-8 m/s are 33 nm, hardly more than noise
+    for seed, drift in enumerate([0.0] * 8 + [-1e-6, 5e-8]):  # 5e-8 m/s are 33 nm, hardly more than noise
         x = 0.7e-7 * u + drift * time + noise * np.random.default_rng(seed).standard_normal(time.size)
         recorded = make_recording(time, {"end_effector_position": x, "drive_voltage": u})
         walks.append(without_drift(aligned(recorded, DRIVE, f"walk {seed}")))
-    assert [one.name for one in walks if one.drift is not None] == ["walk 40"]
-    one = walks[40]
+    assert [one.name for one in walks if one.drift is not None] == ["walk 8"]
+    one = walks[8]
     assert one.drift is not None
     assert abs(one.drift.slope + 1e-6) < 3.0 * one.drift.error < 3e-7
     assert one.noise == pytest.approx(noise, rel=0.1)
@@ -178,7 +172,7 @@ def test_a_drift_at_rest_is_taken_off_and_said() -> None:
     assert np.all(np.abs(left) < 5.0 * noise + 3.0 * np.abs(allowed))
     (said,) = said_to_drift(walks)
     assert re.match(
-        r"walk 40 drifts by -[\d.]+ [nµ]m/s \(standard error [\d.]+ nm/s\) before its drive begins: "
+        r"walk 8 drifts by -[\d.]+ [nµ]m/s \(standard error [\d.]+ nm/s\) before its drive begins: "
         r"that is taken off all of it, -[56]\d\d nm at its end",
         said,
     )
