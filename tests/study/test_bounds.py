@@ -159,12 +159,21 @@ def test_a_task_of_many_texts_is_bounded_by_their_memory() -> None:
         chunk_bytes(np.full(1000, "x" * 256_000), TEXT)
 
 
-def test_a_layout_of_other_members_is_not_computed(store: Path) -> None:
-    """Ten million tasks that are not those of the study."""
-    forge(store, lambda made: made.update(shape=[10_000_000, 1], task=[1, 1]))
-    study = study_of_file(store.parent / "study.yaml")
-    with pytest.raises(StudyError, match="its layout is of 10,000,000 members, the study of 12"):
-        ss.run_study(study, store, workers=1)
+MORE = [{"name": f"v{i}", "dims": [], "inner": [], "dtype": "float64", "about": {}} for i in range(1000)]
+OF_ANOTHER: dict[str, Callable[[Any], object]] = {
+    "members": lambda made: made.update(shape=[10_000_000, 1], task=[1, 1]),
+    "results": lambda made: made.update(variables=[*MORE, *made["variables"]]),
+}
+
+
+@pytest.mark.parametrize("case", OF_ANOTHER)
+def test_a_layout_of_another_study_is_not_computed(store: Path, case: str) -> None:
+    """Millions of tasks, or thousands of results, that the study has not."""
+    forge(store, OF_ANOTHER[case])
+    before = sorted(store.rglob("*"))
+    with pytest.raises(StudyError, match="its layout is not that of the study"):
+        ss.run_study(study_of_file(store.parent / "study.yaml"), store, workers=1)
+    assert sorted(store.rglob("*")) == before
 
 
 def test_a_damaged_description_is_said(store: Path) -> None:

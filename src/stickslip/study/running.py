@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import time
 import warnings
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -19,7 +20,7 @@ from .creating import create
 from .description import described
 from .design import Study
 from .errors import StudyError
-from .layout import Layout
+from .layout import Layout, layout_text
 from .local import processors, run_local
 from .reading import open_study
 from .store import Store, has_arrays
@@ -137,14 +138,21 @@ def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
         create(path, description, study.layout(), study.axes, study.inner(), study.title)
     there = Store(path)
     there.check(description, study.task)
-    of, asked = there.layout, study.layout()
-    if (of.dims, of.shape) != (asked.dims, asked.shape):  # which the identity does not say
+    if _of(there.layout) != _of(study.layout()):  # which the identity does not say
         raise StudyError(
-            f"{there.path}: its layout is of {of.members:,} members, the study of {asked.members:,}"
+            f"{there.path}: its layout is not that of the study, which has {study.layout().members:,} members: "
+            "was its zarr.json changed? Take another store"
         )
     there.check_known()
     there.tidy()
     return there
+
+
+def _of(layout: Layout) -> list[Any]:
+    """Return what a layout is of, as a store keeps it, without tasks and attributes."""
+    found = json.loads(layout_text(layout))
+    fields = ("name", "dims", "inner", "dtype")
+    return [found["dims"], found["shape"], [[one[key] for key in fields] for one in found["variables"]]]
 
 
 def _todo(store: Store, shard: tuple[int, int] | None, progress: Progress) -> list[int]:
