@@ -140,7 +140,7 @@ def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
     there.check(description, study.task)
     if _of(there.layout) != _of(study.layout()):  # which the identity does not say
         raise StudyError(
-            f"{there.path}: its layout is not that of the study, which has {study.layout().members:,} members: "
+            f"{there.path}: its layout is not that of the study, with {study.layout().members:,} members: "
             "was its zarr.json changed? Take another store"
         )
     there.check_known()
