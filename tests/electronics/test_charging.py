@@ -71,16 +71,51 @@ def test_it_falls_behind_until_the_limit_is_reached(way: float) -> None:
     assert (volts[-1] - u) / (times[-1] - t) == pytest.approx(way * rate)
 
 
-def test_many_points_where_few_were_expected() -> None:
-    """One exponential that needs a thousand points for its tolerance; the state moves on once."""
+@pytest.mark.parametrize("end", [1.0, 10.0])
+def test_many_points_where_few_were_expected(end: float) -> None:
+    """One exponential that needs hundreds of points for its tolerance; the state moves on once."""
     of = ChargingLimits(1.0, math.inf, math.inf, NEVER, math.inf, FARAD)
     state = rest(60.0)
-    times, volts = charged(of, np.array([0.0, 10.0]), np.zeros(1), np.zeros(1), state, 6e-5)
-    assert times.size > 900
+    times, volts = charged(of, np.array([0.0, end]), np.zeros(1), np.zeros(1), state, 6e-5)
+    assert 300 < times.size < 1100
     assert volts == pytest.approx(60.0 * np.exp(-times), rel=1e-12)
     middle = 0.5 * (times[1:] + times[:-1])
     assert np.abs(np.interp(middle, times, volts) - 60.0 * np.exp(-middle)).max() < 6e-5
-    assert state[0] == pytest.approx(60.0 * math.exp(-10.0))
+    assert state[0] == pytest.approx(60.0 * math.exp(-end))
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_line_that_is_too_steep_from_its_start(way: float) -> None:
+    """Without a lag the output follows exactly, or at the limit."""
+    of, end = ChargingLimits(0.0, 2e4, 2e4, NEVER, math.inf, FARAD), 1e-3
+    for slope, reached in ((1e4, 10.0), (5e4, 20.0)):
+        _, volts = charged(of, np.array([0.0, end]), np.zeros(1), np.array([way * slope]), rest(0.0), 1e-3)
+        assert volts[-1] == pytest.approx(way * reached)
+
+
+FOLDING = ChargingLimits(1e-4, 2e5, 5e4, 0.01, 1e-4, FARAD)  # 0.4 A for a moment, then 0.1 A
+
+
+def test_a_charge_goes_on_where_it_was_left() -> None:
+    """At the steady current, which limits once the mean square has come to its own."""
+    whole, parts, target, still = rest(0.0), rest(0.0), np.array([100.0]), np.zeros(1)
+    times, volts = charged(FOLDING, np.array([0.0, 2e-3]), target, still, whole, 1e-3)
+    charged(FOLDING, np.array([0.0, 3e-4]), target, still, parts, 1e-3)
+    assert parts[2] == 1.0
+    assert parts[0] == pytest.approx(np.interp(3e-4, times, volts))
+    charged(FOLDING, np.array([3e-4, 2e-3]), target, still, parts, 1e-3)
+    assert parts.tolist() == pytest.approx(whole.tolist(), rel=1e-9)
+
+
+def test_no_two_points_are_one_but_for_rounding() -> None:
+    """The output ends with the piece, wherever its end is rounded to: at the limit, and behind the lag."""
+    for end in 1e-3 * np.random.default_rng(3).uniform(1.0, 9.0, 60):
+        for height in (100.0, 1e5):
+            times, _ = charged(
+                FOLDING, np.array([0.0, end]), np.array([height]), np.zeros(1), rest(0.0), 1e-3
+            )
+            assert times[-1] == end
+            assert np.diff(times).min() > 1e-9
 
 
 def test_arrays_of_other_sizes_are_refused() -> None:

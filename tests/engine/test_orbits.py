@@ -33,7 +33,7 @@ CLOSE, CLOSE_MULTIPLIER = 1e-13, 2e-3
 
 
 ANYWHERE = "anywhere"
-SEEDS = (66, 123, 250)  # chosen among 400, as those of `cases`
+SEEDS = (66, 123, 170, 250)  # chosen among 400, as those of `cases`; 170 is found after long waiting
 
 
 def at_home(law: Any, waveform: str, seed: int = 3) -> tuple[Any, Any, float]:
