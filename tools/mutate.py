@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import ast
 import importlib
+import json
 import multiprocessing
 import os
 import random
@@ -24,7 +25,7 @@ from collections.abc import Iterator, Sequence
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkProcess
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mutate_c
 
@@ -71,7 +72,7 @@ VIBRATION = tuple(
 )
 LEARNT = "tests/control/test_learned.py::test_"
 # The same equations in C.
-IN_EXPORT = ("tests/export/test_stage.py::test_the_equations_of_a_mode_and_of_what_stops_feel",)
+IN_EXPORT = ("tests/export/test_stage.py::test_stops_feel_the_stage_as_in_the_solver",)
 IN_C = "tests/control/test_portable.py::test_"
 MOVER = (
     "tests/control/test_moving.py::test_a_table_between_its_points_at_them_and_beyond",
@@ -86,6 +87,28 @@ ENGINE = (
     "tests/engine/test_limits.py",
 )
 NEAR = "tests/engine/test_near.py::test_as_stored"
+COPIES, EQUATIONS = "tests/engine/test_copies.py", "tests/engine/test_equations.py"
+ORBIT, TABLES = (
+    "tests/engine/test_orbits.py::test_a_period_from_the_orbit_leads_back_to_it",
+    "tests/engine/test_tables.py",
+)
+ORBITS_OF_MAPS = "tests/engine/test_orbits_of_maps.py"
+AT_PIEZO = "tests/plant/test_at_piezo.py::test_"
+PLAYS = (
+    "tests/piezo/test_prandtl_ishlinskii.py",
+    *(
+        f"{AT_PIEZO}{test}"
+        for test in (
+            "table_is_what_samples_are",
+            "a_jump_takes_plays_along_at_once",
+            "a_cubic_segment_turns_where_its_slope_is_zero",
+        )
+    ),
+)
+DUHEM = ("tests/piezo/test_bouc_wen.py", "tests/piezo/test_duhem.py")
+TURNS = "tests/solve/test_energy.py::test_a_static_stage_moves_the_end_effector_by_friction_alone"
+STARVED = "tests/electronics/test_driven.py::test_against_small_steps"
+CHARGED = ("tests/electronics/test_charging.py", f"{STARVED}[3-True]", f"{STARVED}[5-True]")
 # The first row that fits a file counts.
 TARGETS = (
     Target("friction/law.py", LAWS, ("force",)),
@@ -94,7 +117,6 @@ TARGETS = (
     Target("friction/normal_force.py", ("tests/friction/test_normal_force.py",)),
     Target("friction/fields_read.py", ("tests/friction/test_law.py",)),
     Target("friction/*.py", LAWS),
-    Target("mechanism.py", MOTION),
     Target("simulation/models.py", MOTION, ("mechanism", "system", "resting_state", "_resting", "_held")),
     Target("piezo/bouc_wen.py", ("tests/piezo/test_bouc_wen.py", "tests/piezo/test_duhem.py")),
     Target(
@@ -119,7 +141,6 @@ TARGETS = (
         "plant/creeping.py", ("tests/plant/test_at_piezo.py", "tests/plant/test_transformers.py::test_creep")
     ),
     Target("plant/cubics.py", ("tests/plant/test_at_piezo.py",), ("with_cubics", "moved_on")),
-    Target("export/modes.py", IN_EXPORT, ("mode_acceleration",)),
     Target("export/piezo.py", IN_EXPORT, ("felt",)),
     Target("electronics/charging.py", CHARGING, ("_remembered", "_mean_square", "_until_as_fast")),
     Target("electronics/amplifier.py", (*CHARGING, "tests/electronics/test_amplifier.py"), ("limits",)),
@@ -200,16 +221,28 @@ TARGETS = (
     ),
     Target("design/choice.py", ("tests/design/test_choice.py",), ("criterion", "score", "together")),
     Target("engine/c/members.c", ("tests/engine/test_members.py",)),
-    Target("engine/c/orbits.c", ("tests/engine/test_orbits.py", "tests/engine/test_limits.py")),
-    Target("engine/c/linear.h", ("tests/engine/test_orbits.py",)),
-    Target("engine/c/near.inl", (NEAR,)),
-    Target("engine/c/engine.c", (*ENGINE, NEAR)),
-    Target("engine/c/*.inl", (*ENGINE, NEAR)),
-    *(
-        Target(f"engine/c/{name}.h", (*ENGINE, NEAR))
-        for name in ("compose", "contact", "log", "reversal", "rodas5p", "table")
+    Target("engine/c/engine.h", ("tests/engine/test_members.py", "tests/engine/test_limits.py")),
+    Target(
+        "engine/c/orbits.c", ("tests/engine/test_orbits.py", ORBITS_OF_MAPS, "tests/engine/test_limits.py")
     ),
+    Target("engine/c/linear.h", ("tests/engine/test_linear.py",)),
+    Target("engine/c/near.inl", (NEAR,)),
+    Target("engine/c/periods.inl", (*ENGINE, NEAR, COPIES, ORBIT, EQUATIONS)),
+    Target("engine/c/reading.inl", (*ENGINE, COPIES)),
+    Target("engine/c/run.inl", (*ENGINE, COPIES, NEAR, TURNS)),
+    Target("engine/c/kinematics.inl", (*ENGINE, NEAR, EQUATIONS)),
+    Target("engine/c/table.h", (TABLES, *ENGINE)),
     Target("engine/c/repeats.h", ("tests/engine/test_repeats.py",)),
+    Target("engine/c/plays.*", PLAYS),
+    Target(
+        "engine/c/creep.c", ("tests/piezo/test_creep.py", f"{AT_PIEZO}creep_of_a_table_is_that_of_samples")
+    ),
+    Target("engine/c/cubics.h", (f"{AT_PIEZO}creep_of_a_table_is_that_of_samples",)),
+    Target("engine/c/duhem.c", DUHEM),
+    Target("engine/c/ways.h", ("tests/piezo/test_ways.py", *PLAYS, *DUHEM)),
+    Target("engine/c/charging.c", CHARGED),
+    Target("engine/c/motion.c", ("tests/engine/test_motion.py", "tests/engine/test_limits.py")),
+    *(Target(f"engine/c/{files}", (*ENGINE, NEAR)) for files in ("*.inl", "*.[ch]")),
     Target("rig/table.py", ("tests/rig/test_table.py",)),
     Target("rig/oscilloscopes.py", ("tests/rig/test_table.py",), ("_keysight", "_rigol", "_tektronix")),
 )
@@ -314,10 +347,14 @@ def all_mutants(only: Sequence[str]) -> list[Mutant]:
         files = sorted(PACKAGE.glob(target.files))
         if not files:
             sys.exit(f"mutate: there is no {target.files}: correct TARGETS")
-        for file in files:
+        own = [file for file in files if file not in found]
+        for file in own:
             path = file.relative_to(PACKAGE).as_posix()
-            if file not in found and (not only or any(name in path for name in only)):
-                found[file] = list(mutants(file, target))
+            found[file] = (
+                [] if only and all(name not in path for name in only) else list(mutants(file, target))
+            )
+        if not only and not any(found[file] for file in own):
+            sys.exit(f"mutate: {target.files} has nothing to change: correct TARGETS")
     return [mutant for group in found.values() for mutant in group]
 
 
@@ -334,11 +371,24 @@ def run_tests(copy: Path, mutant: Mutant, objects: Path) -> None:
     os.chdir(ROOT)
     os.environ["PYTHONPATH"] = str(copy)
     sys.path.insert(0, str(copy))
+    durations: dict[str, float] = {}
     options = ["-x", "-q", "--assert=plain", "-p", "no:cacheprovider", "-p", "no:unraisableexception"]
-    status = int(pytest.main([*options, *mutant.tests]))
+    status = int(pytest.main([*options, *mutant.tests], plugins=[Durations(durations)]))
+    (copy / "durations.json").write_text(json.dumps(durations))
     tested = importlib.import_module("stickslip").__file__ or ""
     sys.stdout.flush()
     os._exit(status if tested.startswith(str(copy)) else WRONG_COPY)
+
+
+class Durations:
+    """A plugin of pytest that adds up the seconds of each test."""
+
+    def __init__(self, seconds: dict[str, float]) -> None:
+        self.seconds = seconds
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """Add a phase of a test."""
+        self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
 
 
 class Run(NamedTuple):
@@ -366,14 +416,17 @@ def check_unchanged(folder: Path, queue: list[Mutant]) -> dict[tuple[str, ...], 
 
     Returns how long those of a mutant may take, s.
     """
+    every = tuple(sorted({test for mutant in queue for test in mutant.tests}))
+    run = start(folder, Mutant("__init__.py", 0, "", (PACKAGE / "__init__.py").read_text(), every))
+    run.process.join()
+    if run.process.exitcode != 0:
+        print((run.copy / "output.txt").read_text())
+        sys.exit(f"mutate: tests fail without any change (status {run.process.exitcode})")
+    took: dict[str, float] = json.loads((run.copy / "durations.json").read_text())
     seconds = {}
-    for tests, mutant in sorted({mutant.tests: mutant for mutant in queue}.items()):
-        run = start(folder, mutant._replace(source=(PACKAGE / mutant.file).read_text()))
-        run.process.join()
-        if run.process.exitcode != 0:
-            print((run.copy / "output.txt").read_text())
-            sys.exit(f"mutate: {' '.join(tests)} fail without any change (status {run.process.exitcode})")
-        seconds[tests] = AT_LEAST + PATIENCE * (time.monotonic() - run.started)
+    for tests in {mutant.tests for mutant in queue}:
+        own = sum(took[test] for test in took if test.startswith(tests))
+        seconds[tests] = AT_LEAST + PATIENCE * own
     return seconds
 
 

@@ -199,6 +199,7 @@ def test_the_equations_of_bouc_wen_in_python() -> None:
 
         way = solve_ivp(rate, (u, goal), [h], rtol=1e-10, atol=1e-12, dense_output=True)
         assert bouc_wen.bent(one, h, u, goal) == pytest.approx(float(way.y[0, -1]), abs=1e-7)
+        assert bouc_wen.bent(one, h, u, u) == h
         at = bouc_wen.crossing(one, h, u, goal)
         assert min(u, goal) <= at <= max(u, goal)
         assert (at != goal) == (h * float(way.y[0, -1]) < 0.0)

@@ -208,9 +208,6 @@ static void OF(depart)(struct OF(journey) *J)
     if (OF(same_anywhere)(P))
         J->cycle = cycle_of(w->drive, w->load);
     J->i = table_segment_of(w->drive, w->t);
-    int64_t n = J->cycle.segments, first = J->cycle.first;
-    if (n > 0 && ((J->i >= first && (J->i - first) % n != 0) || w->drive->start[J->i] != w->t))
-        J->cycle.segments = n = 0;
     if (P->sampled && !resumed) {
         real_t u[DERIVATIVES];
         table_at(w->drive, J->i, w->t, u);
@@ -218,7 +215,7 @@ static void OF(depart)(struct OF(journey) *J)
     }
     if (WATCHED(J->resume != NULL) && !resumed)
         OF(store)(P, J->resume, w->t, w->h, true, false, &w->on, w->q, w->q);
-    w->resume = n > 0 ? NULL : J->resume;
+    w->resume = J->cycle.segments > 0 ? NULL : J->resume;
 }
 
 /* Follows the task's trajectory; J is zero but for its neighbours. Returns an outcome. */

@@ -107,6 +107,8 @@ static inline int64_t count_repeats(const struct table *drive, const struct tabl
     if (cycle.of_load > 0) {
         j = table_segment_of(load, drive->start[i - n]);
         met = table_meets(drive, load, i - n, j, period);
+        if (met == 0)
+            return 0;
         j += cycle.of_load;
     }
     for (; i + n <= drive->segments; i += n, count++) {

@@ -58,7 +58,7 @@ static void OF(begin)(struct OF(walk) *w)
     w->fresh = false;
     w->share = R(1.0);
     w->launch = OF(letting_go)(P, &w->on, w->q, u);
-    w->moment = MOMENT * w->local / r_max(found.change / P->rate + found.speed, R(1e-300));
+    w->moment = MOMENT * w->local * P->rate / r_max(found.change, R(1e-300));
 }
 
 /* Keeps the last instant before the end had an influence on a step. */
@@ -178,7 +178,6 @@ static inline enum verdict OF(judge)(struct OF(walk) *w)
     w->cut.fraction = r_abs(w->cut.fraction);
     if (w->cut.why == STOPS && w->cut.fraction <= ROOT_EXACT && !OF(is_static)(w->P, e)) {
         /* By rounding it turns where it begins: a shorter step tells to which side it slides. */
-        w->on.side[e] = -w->on.side[e];
         w->rejected++;
         w->turned = 0;
         w->refused = true;
@@ -278,7 +277,6 @@ static inline void OF(advance)(struct OF(walk) *w)
 /* Integrates to t_end, or until the log is full. Returns an outcome. */
 static int OF(run)(struct OF(walk) *w, real_t t_end)
 {
-    int64_t tried = w->accepted + w->rejected;
     real_t passed = w->t;
     w->i = table_segment_of(w->drive, w->t);
     w->j = table_segment_of(w->load, w->t);
@@ -287,13 +285,12 @@ static int OF(run)(struct OF(walk) *w, real_t t_end)
     w->refused = false;
     w->share = R(1.0);
     w->log->filled = 0;
-    while (w->t < t_end) {
+    for (int64_t tries = 1; w->t < t_end; tries++) {
         if (w->stop != NULL && *w->stop != 0)
             return STOPPED;
-        if (w->accepted + w->rejected >= tried + STANDING) {
+        if (tries % STANDING == 0) {
             if (w->t - passed <= R(STANDING) * RESOLVED_TIME * r_max(r_abs(w->t), R(1e-3)))
                 return STEP_TOO_SMALL;
-            tried = w->accepted + w->rejected;
             passed = w->t;
         }
         if (w->fresh)

@@ -8,8 +8,8 @@
 /* A law whose force falls this many times as steeply up to RESOLVED as up to STEEP [m/s] has no slope at rest. */
 #define STEEP RESOLVES(1e-11, 2e-4)
 #define STEEPER R(2.0)
-/* The first moment of a slip, over the time in which a position changes by a local error; and at most, over the time in
- * which the plant moves. */
+/* The first moment of a slip, over the time in which what pulls moves a position by a local error; and at most, over the
+ * time in which the plant moves. */
 #define MOMENT R(0.1)
 #define LONGEST_MOMENT R(1e-2)
 /* The speed at its end is found to this part, in so many iterations at most. */

@@ -18,8 +18,7 @@ static inline real_t value_at(const struct table *drive, int64_t i, real_t t)
 /* Where segment i ends, at most at `end`, and never before it starts. */
 static inline real_t way_end(const struct table *drive, int64_t i, real_t end)
 {
-    real_t last = r_max(end, drive->start[i]);
-    return i + 1 < drive->segments ? r_min(drive->start[i + 1], last) : last;
+    return table_next_break(drive, i, r_max(end, drive->start[i]));
 }
 
 /* The first instant known to be past a change of sign between low and high, of that derivative of segment i. */
