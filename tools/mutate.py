@@ -4,7 +4,7 @@
 
 One at a time, in a copy of the package: + becomes - and back, the first term of a sum is negated, a unary
 minus is dropped, a comparison is turned round, a returned value is negated; and in the C of the engine,
-which is compiled again (see `mutate_c`). Then the tests of that file run, without compiled kernels. A change
+which is compiled again (see `mutate_c`). Then the tests of that file run. A change
 that no test notices is a survivor: it is printed, and the exit status 1.
 """
 
@@ -36,8 +36,8 @@ PACKAGE = ROOT / "src" / "stickslip"
 class Target(NamedTuple):
     """Where physics stands, and the tests that guard it. No functions named: all of the module.
 
-    The tests are those that evaluate an equation once and compare it with an independent one: seconds without
-    compiled kernels, where a simulation would take minutes.
+    The tests are those that evaluate an equation once and compare it with an independent one: seconds,
+    where a simulation would take longer.
     """
 
     files: str
