@@ -121,3 +121,15 @@ def test_a_run_with_more_steps_than_its_log_has_rows() -> None:
     steps = np.abs(np.diff(whole.samples[:, 0]))
     assert steps.min() > 0.0
     assert steps.max() < 1e-5
+
+
+def test_a_sample_at_a_jump_of_the_load_is_the_one_after_it() -> None:
+    """Where the normal force doubles, the force stays and the deflection is halved."""
+    case = cases.model(
+        cases.KANG, ss.Sine(50.0, 80.0), 0.02, load=ss.Sampled([0.0, 0.0125], [1.0, 2.0], "hold"), samples=17
+    )
+    found, just_before = cases.answer(case, None), case._replace(end=0.0125 - 1e-9, samples=2)
+    before = cases.answer(just_before, None).state[-1]
+    assert case.times[10] == 0.0125
+    assert abs(before) > 1e-9
+    assert found.samples[10, 4] == pytest.approx(0.5 * before, rel=1e-3)
