@@ -52,7 +52,8 @@ class _Table:
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "teardown":
-            self._files[report.nodeid.split("::")[0]] += dict(report.user_properties).get(_KEY, 0.0)
+            used: Any = dict(report.user_properties).get(_KEY, 0.0)
+            self._files[report.nodeid.split("::")[0]] += used
 
     @property
     def _whole(self) -> float:
