@@ -5,7 +5,7 @@
 #   make test       all tests, and the lines that they have seen
 #   make check      lint, format, types, layers
 #   make drivers    others' drivers of controllers in an environment of their own, for the tests
-#   make mutation   flips signs in the physics and asks the tests to notice; SAMPLE=100 for that many, FILES=friction/ for some
+#   make mutation   flips signs in the physics and asks the tests to notice; SAMPLE=100 for that many, of which nine tenths do, FILES=friction/ for some
 #   make lines-c    counts the lines of the engine's C that its tests run; below 95 % is an error
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
 #   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)

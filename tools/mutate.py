@@ -33,6 +33,10 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "stickslip"
 
 
+# The share of a sample that tests notice, at least: it shows that they still bite. A run of all asks for each.
+BITES = 0.9
+
+
 class Target(NamedTuple):
     """Where physics stands, and the tests that guard it. No functions named: all of the module.
 
@@ -498,7 +502,8 @@ def main() -> None:
     took = time.monotonic() - began
     count = len(queue)
     print(f"mutation: {count} wrong signs, {count - len(missed)} noticed, {len(missed)} not, in {took:.0f} s")
-    sys.exit(1 if missed else 0)
+    allowed = int((1.0 - BITES) * count) if arguments.sample is not None else 0
+    sys.exit(len(missed) > allowed)
 
 
 if __name__ == "__main__":
