@@ -33,7 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "stickslip"
 
 
-# The share of a sample that tests notice, at least: it shows that they still bite. A run of all asks for each.
+# The share of a sample that tests notice, at least: it shows that they bite. A run of all asks for each.
 BITES = 0.9
 
 
