@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import os
+import sys
 import time
 from pathlib import Path
 
@@ -22,6 +23,10 @@ def size(path: Path) -> int:
 def slow_size(path: Path) -> int:
     time.sleep(0.1)
     return path.stat().st_size
+
+
+def imported(path: Path, name: str) -> bool:
+    return name in sys.modules
 
 
 def compute(path: Path) -> None:

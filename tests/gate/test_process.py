@@ -145,3 +145,15 @@ def test_a_relative_path_is_of_the_folder_that_its_owner_works_in(
     fence(acts.size, file, 0.5, 100 * 2**20)
     monkeypatch.chdir(file.parent)
     assert fence(acts.size, Path(file.name), 0.5, 100 * 2**20) == 5
+
+
+def test_modules_are_imported_outside_the_limits_of_a_file(fence: Fence, file: Path) -> None:
+    """OpenBLAS, which comes with SciPy, asks for memory again and again where a limit refuses it."""
+    act = partial(acts.imported, name="scipy.linalg")
+    assert not fence(act, file, 5.0, 10 * 2**20)
+    ready = Fence(["scipy.linalg", "no_such_module"])
+    try:
+        ready.start()
+        assert ready(act, file, 0.5, 10 * 2**20)
+    finally:
+        ready.close()

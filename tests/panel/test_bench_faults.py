@@ -71,8 +71,6 @@ class Watched(process.Reader):
         self.damaged = threading.Event()
 
     def apply(self, act: Any, path: Any) -> Any:
-        if Path(path).is_dir():
-            return None  # what the server imports at its start, which this test's PYTHONPATH would mislead
         if Path(path).name != "damaged.nc":
             return super().apply(act, path)
         self.damaged.set()
@@ -87,7 +85,7 @@ def test_a_damaged_file_holds_up_neither_the_page_nor_a_stop(
     (tmp_path / "note.nc").write_bytes(b"no recording")
     monkeypatch.setenv("PYTHONPATH", str(Path(acts.__file__).parents[1]), prepend=os.pathsep)
     reader = Watched()
-    monkeypatch.setattr(server, "Reader", lambda: reader)
+    monkeypatch.setattr(server, "Reader", lambda modules: reader)
     with client_of(create_app(tmp_path), **ME) as client:
         client.get("/api/identify/recordings").raise_for_status()  # its process is there
         (tmp_path / "damaged.nc").write_bytes(b"12345")

@@ -19,6 +19,7 @@ from stickslip.history.acts import note_act
 from stickslip.identify.results import model_numbers
 from stickslip.panel import create_app
 from stickslip.panel.document import DEFAULT
+from stickslip.panel.server import READ_BY
 from stickslip.rig.bench import _BENCHES
 
 from .serving import client_of
@@ -98,10 +99,11 @@ def test_every_text_is_parsed_by_the_process_that_reads(
 
 ASKED = """
 import sys
+from importlib import import_module
 from pathlib import Path
-from stickslip.panel.reading import ready
 fit, saved = Path(sys.argv[1]), Path(sys.argv[2])
-ready(fit)
+for name in sys.argv[3:]:
+    import_module(name)
 before = {*sys.modules}
 from stickslip.analysis.fit_parameters import fit_parameters, results_summary
 from stickslip.history.describing import described_fit, described_set
@@ -117,6 +119,6 @@ def test_the_first_question_finds_its_modules_imported(folder: Path) -> None:
     """The process that reads files imports them while the server starts, for the first question waits."""
     results, saved = folder / FIT / "results.json", folder / f"{BRASS}"
     done = subprocess.run(
-        [sys.executable, "-c", ASKED, results, saved], capture_output=True, text=True, check=False
+        [sys.executable, "-c", ASKED, results, saved, *READ_BY], capture_output=True, text=True, check=False
     )
     assert (done.stdout, done.returncode) == ("[]\n", 0), done.stderr

@@ -18,8 +18,9 @@ import subprocess
 import sys
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
+from importlib import import_module
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -39,9 +40,15 @@ _CRASHES = {-signal.SIGSEGV, -signal.SIGABRT, -signal.SIGFPE, -signal.SIGILL}
 
 class Fence:
     """A process that works on one file after the other. A file that exceeds a limit or crashes the process is
-    not tried again unless it changes."""
+    not tried again unless it changes.
 
-    def __init__(self) -> None:
+    Args:
+        modules: names of modules that the process imports when it starts. Imports that a function does itself
+            count as computing and memory of its file.
+    """
+
+    def __init__(self, modules: Iterable[str] = ()) -> None:
+        self._modules = tuple(modules)
         self._lock = threading.Lock()
         self._places = threading.BoundedSemaphore(MOST_WAITING)
         self._process: Any = None
@@ -84,6 +91,11 @@ class Fence:
         if kind == "error":
             raise answer
         return answer
+
+    def start(self) -> None:
+        """Start the process, if there is none; raises GateBusy where it does not start."""
+        with self._lock:
+            self._start()
 
     def close(self) -> None:
         """End the process."""
@@ -134,7 +146,7 @@ class Fence:
         with there:
             # Not by multiprocessing, which would run a user's script once more in the new process.
             process = self._process = subprocess.Popen(
-                [sys.executable, "-m", "stickslip.gate.process", str(there.fileno())],
+                [sys.executable, "-m", "stickslip.gate.process", str(there.fileno()), *self._modules],
                 pass_fds=[there.fileno()],
                 stdin=subprocess.DEVNULL,
             )
@@ -155,10 +167,14 @@ def _ending(code: int) -> str:
     return f"exit code {code}"
 
 
-def work(connection: Connection) -> None:
-    """Answer requests until the other end is closed; a limit of computing time ends this process."""
+def work(connection: Connection, modules: Iterable[str]) -> None:
+    """Import modules, then answer requests until the other end is closed; a limit of computing time ends this
+    process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(_NICE)
+    for name in modules:
+        with suppress(ImportError):  # the function that needs the module will say so
+            import_module(name)
     connection.send_bytes(b"ready")
     with suppress(EOFError, OSError):
         while True:
@@ -219,4 +235,4 @@ if __name__ == "__main__":
     # By its name, for what is sent to it says so too.
     from . import process
 
-    process.work(Connection(int(sys.argv[1])))
+    process.work(Connection(int(sys.argv[1])), sys.argv[2:])

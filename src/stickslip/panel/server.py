@@ -21,7 +21,6 @@ from starlette.exceptions import HTTPException
 from ..gate.elsewhere import interpret_in
 from ..input_file import Strict
 from ..readers.process import Reader
-from ..recording import RecordingError
 from ..rig import RigError
 from ..rig.memory import collect, collected_on_request
 from ..rig.samples import recover
@@ -43,7 +42,6 @@ from .live import Live
 from .move import move_routes
 from .moving import Moves
 from .path import path_routes
-from .reading import ready
 from .recordings import recording_routes
 from .running import Runner
 from .sequence import Sequencer, sequence_routes
@@ -54,6 +52,14 @@ from .stream import Hub
 from .studies import Studies, study_routes
 
 STATIC = Path(__file__).parent / "static"
+# Modules of the functions that pages have applied to files. To import them takes 1.5 s of computing.
+READ_BY = (
+    "stickslip.readers.reading",
+    "stickslip.history.describing",
+    "stickslip.parameters.load",
+    "stickslip.study.picture",
+    "stickslip.analysis.fit_parameters",
+)
 _IDLE = 600  # s between looks for unused memory while nobody runs anything
 
 
@@ -85,7 +91,7 @@ def create_app(
     control = Control(hub)
     journal = Journal(hub, files)
     live = Live(hub)
-    read = Reader()
+    read = Reader(READ_BY)
     interpret_in(read)
     recovered = [one for made in sorted(files.root.glob("recordings/*/")) for one in recover(made)]
     statistics = Statistics(hub, journal, files.root)
@@ -161,10 +167,6 @@ def _start_processes(hub: Hub, fitting: Fitting, runner: Runner, read: Reader) -
     """Start the process that reads files at once, those of fits and of the rig with the first page."""
     first = threading.Lock()
 
-    def files() -> None:
-        with suppress(RecordingError):
-            read.apply(ready, Path(__file__))
-
     def others() -> None:
         fitting.start_process()
         with suppress(RigError):
@@ -175,7 +177,7 @@ def _start_processes(hub: Hub, fitting: Fitting, runner: Runner, read: Reader) -
             threading.Thread(target=others, daemon=True).start()
 
     hub.changed.append(changed)
-    threading.Thread(target=files, daemon=True).start()
+    threading.Thread(target=read.start, daemon=True).start()
 
 
 def _page_routes(app: FastAPI, hub: Hub) -> None:

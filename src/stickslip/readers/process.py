@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,10 +27,14 @@ class ReaderBusy(RecordingError):
 
 class Reader:
     """Files are read one after the other. What computes for too long is given up, and not tried again unless
-    it changes."""
+    it changes.
 
-    def __init__(self) -> None:
-        self._fence = Fence()
+    Args:
+        modules: names of modules that the process imports when it starts; see `Fence`.
+    """
+
+    def __init__(self, modules: Iterable[str] = ()) -> None:
+        self._fence = Fence(modules)
 
     def __call__(self, path: str | os.PathLike[str], use: Callable[[Any], Any] | None = None) -> Any:
         """Return the recording of a file, or what `use`, a function of a module, makes of it.
@@ -58,6 +63,11 @@ class Reader:
         """Return what a function makes of a file; see `Fence` for what is raised."""
         computing = PATIENCE + path.stat().st_size / SLOWEST
         return self._fence(act, path, computing, 3 * allowed_bytes(path) + _MARGIN)
+
+    def start(self) -> None:
+        """Start the process, so that the first file does not wait for it."""
+        with suppress(GateBusy):  # the first file tries again
+            self._fence.start()
 
     def close(self) -> None:
         """End the process."""
