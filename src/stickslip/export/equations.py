@@ -44,8 +44,8 @@ from .signal_chain import (
 UNCHECKED = (Actuator, PulledSlider, StageModes, Piezo, PrandtlIshlinskii, MaxwellCapacitor, Creep)
 
 
-# Macros of the engine that are the same for all layouts.
-_ROOM = ("OF(name)", "ROOM_MODES", "ROOM_ELEMENTS", "ROOM_STATES", "WATCHED(test)")
+# Macros of the engine that do not depend on the layout.
+_SAME = ("OF(name)", "WATCHED(test)")
 
 
 class SignalChain(NamedTuple):
@@ -210,19 +210,14 @@ def layout(model: Any) -> str:
     """The text of stickslip_layout.h: the engine's sizes for the layout of this model, and those for any that
     its parameters can give it."""
     fixed = sizes(system(model).plant, "stickslip")
-    free = {name: text for name, text in fixed.items() if name in _ROOM} | {
-        "MODES(P)": "((P)->modes)",
-        "ELEMENTS(P)": "((P)->elements)",
-        "STATES(P)": "((P)->states)",
-        "STATES_OF(P, e)": "((P)->element[e].states)",
-        "FIRST(P, e)": "((P)->element[e].first)",
-        "STATIC(test)": "(test)",
-        "RARE(test)": "(test)",
-    }
-    defined = ["\n".join(f"#define {name} {text}" for name, text in one.items()) for one in (free, fixed)]
+    free = {name: fixed[name] for name in _SAME}
+    any_plant, this_plant = (
+        "\n".join(f"#define {name} {text}" for name, text in one.items()) for one in (free, fixed)
+    )
     return (
         "#ifndef STICKSLIP_LAYOUT_H\n#define STICKSLIP_LAYOUT_H\n\n"
-        f"#if STICKSLIP_ANY_LAYOUT\n{defined[0]}\n#else\n{defined[1]}\n#endif\n\n#endif\n"
+        f'#if STICKSLIP_ANY_LAYOUT\n{any_plant}\n#include "engine/any_size.inl"\n'
+        f"#else\n{this_plant}\n#endif\n\n#endif\n"
     )
 
 

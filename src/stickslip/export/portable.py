@@ -135,8 +135,8 @@ def core_files(
     """Name and text of the C files that every export has."""
     head = heading(found)
     files = {name: (C / name).read_text(encoding="utf-8") for name in CORE}
-    files |= {f"engine/{name}": text for name, text in _engine(*files.values()).items()}
     files["stickslip_layout.h"] = head + layout(found.model)
+    files |= {f"engine/{name}": text for name, text in _engine(*files.values()).items()}
     files["stickslip_equations.h"] = head + equations(found.model, chain, h, any_layout)
     gain = _observing(found.model, h, noise)
     files["stickslip_parameters.c"] = head + parameters_c(found, chain, gain)

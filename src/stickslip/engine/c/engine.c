@@ -9,20 +9,10 @@
 #include "repeats.h"
 #include "reversal.h"
 
-/* Sizes known at run time: any plant that has room. */
 #define HOT static inline
 #define UNROLL
 #define OF(name) name##_any
-#define ROOM_MODES LARGEST_MODES
-#define ROOM_ELEMENTS LARGEST_ELEMENTS
-#define ROOM_STATES LARGEST_STATES
-#define MODES(P) ((P)->modes)
-#define ELEMENTS(P) ((P)->elements)
-#define STATES(P) ((P)->states)
-#define STATES_OF(P, e) ((P)->element[e].states)
-#define FIRST(P, e) ((P)->element[e].first)
-#define STATIC(test) (test)
-#define RARE(test) (test)
+#include "any_size.inl"
 #define WATCHED(test) (test)
 #include "size.inl"
 
