@@ -19,22 +19,11 @@ import tempfile
 from collections import defaultdict
 from pathlib import Path
 
+import mutate_c
+
 ROOT = Path(__file__).resolve().parents[1]
 TESTS = ("engine", "plant", "piezo", "simulation", "solve", "electronics/test_charging.py")
-COUNTED = ("-O0", "--coverage", "-fprofile-update=atomic", "-std=c99", "-ffp-contract=off", "-fPIC")
-
-
-def build(engine: Path, objects: Path) -> None:
-    """Build the engine of a copy with counters, which are kept beside its objects."""
-    objects.mkdir()
-    compiler = os.environ.get("CC") or shutil.which("cc") or "gcc"
-    for file in sorted((engine / "c").glob("*.c")):
-        made = str(objects / f"{file.stem}.o")
-        subprocess.run([compiler, *COUNTED, "-c", str(file), "-o", made], check=True)
-    library = next(engine.glob("_engine.*"))
-    library.unlink()
-    parts = sorted(map(str, objects.glob("*.o")))
-    subprocess.run([compiler, "--coverage", "-shared", *parts, "-o", str(library), "-lm"], check=True)
+COUNTED = ("--coverage", "-fprofile-update=atomic")
 
 
 def counts(objects: Path) -> dict[str, dict[int, int]]:
@@ -61,7 +50,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         source, objects = Path(name) / "src", Path(name) / "objects"
         shutil.copytree(ROOT / "src", source, ignore=shutil.ignore_patterns("__pycache__"))
-        build(source / "stickslip" / "engine", objects)
+        engine = source / "stickslip" / "engine"
+        mutate_c.objects(engine / "c", objects, *COUNTED)
+        mutate_c.link(engine, sorted(objects.glob("*.o")), *COUNTED)
         tests = [str(ROOT / "tests" / one) for one in TESTS]
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
         ended = subprocess.run(command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(source)}, check=False)

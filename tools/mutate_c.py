@@ -14,7 +14,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -101,16 +101,24 @@ def _compiler() -> str:
     return found
 
 
-def _compiled(file: Path, folder: Path) -> None:
+def _compiled(file: Path, folder: Path, further: Sequence[str] = ()) -> None:
     made = folder / f"{file.stem}.o"
-    subprocess.run([_compiler(), *FLAGS, "-MMD", "-c", str(file), "-o", str(made)], check=True)
+    subprocess.run([_compiler(), *FLAGS, *further, "-MMD", "-c", str(file), "-o", str(made)], check=True)
 
 
-def objects(sources: Path, folder: Path) -> None:
-    """Compile the unchanged engine, with a list beside each object of the files that it is made of."""
+def objects(sources: Path, folder: Path, *further: str) -> None:
+    """Compile the unchanged engine, with a list beside each object of the files that it is made of.
+    `further`: options of the compiler."""
     folder.mkdir()
     for file in sorted(sources.glob("*.c")):
-        _compiled(file, folder)
+        _compiled(file, folder, further)
+
+
+def link(engine: Path, parts: Sequence[Path], *further: str) -> None:
+    """Link objects to the library of a copy of the package; `further`: options of the compiler."""
+    made = next(engine.glob("_engine.*"))
+    made.unlink()
+    subprocess.run([_compiler(), *further, "-shared", *map(str, parts), "-o", str(made), "-lm"], check=True)
 
 
 def build(sources: Path, changed: str, known: Path) -> None:
@@ -131,7 +139,5 @@ def build(sources: Path, changed: str, known: Path) -> None:
         if re.search(rf"\b{re.escape(changed)}\b", part.with_suffix(".d").read_text()):
             _compiled(file, sources)
             part = sources / part.name
-        parts.append(str(part))
-    made = next(sources.parent.glob("_engine.*"))
-    made.unlink()
-    subprocess.run([_compiler(), "-shared", *parts, "-o", str(made), "-lm"], check=True)
+        parts.append(part)
+    link(sources.parent, parts)

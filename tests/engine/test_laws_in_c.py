@@ -83,6 +83,11 @@ def pointer(array: np.ndarray) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
+def number_of(library: ctypes.CDLL, law: type) -> int:
+    """The place of a law among those of the package."""
+    return [library.name_of(i).decode() for i in range(len(laws.packaged()))].index(law.__name__)
+
+
 def in_python(law: type, role: str, p: np.ndarray, given: list[np.ndarray], branch: np.ndarray) -> np.ndarray:
     function = laws.functions(law)[role]
     records = [tuple.__new__(law, one) for one in p.tolist()]
@@ -101,8 +106,7 @@ def in_python(law: type, role: str, p: np.ndarray, given: list[np.ndarray], bran
 @pytest.mark.parametrize("law", laws.packaged(), ids=lambda law: law.__name__)
 def test_every_function_of_a_law_is_the_same_in_c(law: Any, library: ctypes.CDLL) -> None:
     rng = np.random.default_rng(len(law.__name__))
-    names = [library.name_of(i).decode() for i in range(len(laws.packaged()))]
-    i = names.index(law.__name__)
+    i = number_of(library, law)
     assert library.length_of(i) == len(law._fields)
     p = parameters(law, rng)
     given = inputs(law, p, rng)
@@ -199,9 +203,8 @@ def static_slope(law: Any, v: float, side: float) -> list[float]:
 
 def seen(library: ctypes.CDLL, law: type, *columns: np.ndarray) -> np.ndarray:
     """What a step in C sees of contacts with these parameters, velocities, states, sides and branches."""
-    i = [library.name_of(k).decode() for k in range(len(laws.packaged()))].index(law.__name__)
     found = np.empty((len(columns[0]), 10))
-    library.see(i, ctypes.c_long(len(found)), *map(pointer, columns), pointer(found))
+    library.see(number_of(library, law), ctypes.c_long(len(found)), *map(pointer, columns), pointer(found))
     return found
 
 
