@@ -91,7 +91,7 @@ SAMPLE_RATE = Quantity("Hz", "f_s", "samples per second", above=0)
 
 class _Field(NamedTuple):
     quantity: Quantity
-    optional: bool  # None is allowed
+    optional: bool  # whether None is a value
     sequence: bool  # a tuple of values, each of them checked
 
     def check(self, value: Any, label: str) -> Any:

@@ -64,7 +64,7 @@ class Index:
         (self.folder / _FOLDER / "runs.sqlite").unlink(missing_ok=True)
 
     def rows(self, search: str = "", **equal: str) -> list[dict[str, Any]]:
-        """What is there, the newest first.
+        """Return the rows of all entries, the newest first.
 
         Args:
             search: words that must all stand somewhere in the texts of a row, case does not matter.

@@ -35,7 +35,7 @@ class File(NamedTuple):
 
 
 class _Content(NamedTuple):
-    """What a folder holds, and its time then, ns."""
+    """Content of a folder, and the time [ns] of its last change when it was read."""
 
     changed: int
     folders: list[str]

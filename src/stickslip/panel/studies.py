@@ -100,7 +100,7 @@ class Studies:
         return name in self._runs and self._runs[name].process.poll() is None
 
     def fault(self, name: str) -> str:
-        """What a run that failed said last."""
+        """Return the last message of a run that failed."""
         run = self._runs.get(name)
         if run is None or not run.process.poll():
             return ""

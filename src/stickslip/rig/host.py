@@ -151,7 +151,7 @@ class Host:
         try:
             return self._done(link, name, asked, values)
         except BaseException as error:
-            # All of it is told: a client that does not know goes on as if all were well.
+            # The client is told everything; without the notes it would take the run for a good one.
             said = ". ".join((str(error), *getattr(error, "__notes__", ())))
             return {"error": said, "kind": type(error).__name__, **self._progress()}, None
 

@@ -74,7 +74,7 @@ class Stream:
         self._before = self._now()
 
     def number(self, volts: float) -> float:
-        """What goes to the converter for a voltage at the piezo."""
+        """Return the number for the converter that gives a voltage at the piezo."""
         return (volts - self._offset) / self._per_unit
 
     @property

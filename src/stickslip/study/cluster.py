@@ -117,7 +117,7 @@ def _run(
     count: int,
     heard: Callable[[Done], None],
 ) -> bool:
-    """Whether all is done; not, if the scheduler was lost."""
+    """Return whether all tasks are done; False if the scheduler was lost."""
     answers: queue.Queue[_Running] = queue.Queue()
     running: dict[Any, _Running] = {}
     slots, asked = 0, 0.0

@@ -20,8 +20,8 @@ from .store import Store
 
 
 class Comparison(NamedTuple):
-    """How one variable of two stores differs: members for which it does, by how much at most, in its unit
-    (NaN where no two numbers differ), and members that have a number in one store alone."""
+    """Difference of one variable between two stores: how many members differ, the largest difference in its
+    unit (NaN where no two numbers differ), and how many members have a number in one store only."""
 
     name: str
     unit: str

@@ -29,7 +29,7 @@ def export_study(
 
     Args:
         store: folder of the study.
-        file: to be written; one of that name is replaced.
+        file: path of the new file; an existing file is replaced.
         progress: called after each task.
 
     Returns:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 
 class Drive(NamedTuple):
-    """A drive signal in segments; the last segment goes on for ever.
+    """A drive signal in segments; the last segment has no end.
 
     Fields: `before`, value for t < 0, at which everything rests at the start; `start` [n], start times in s,
     ascending, the first 0; `polynomial` [n, 4], c_0..c_3; `first` [n + 1], rows of `harmonic` that belong to
