@@ -217,7 +217,7 @@ class _Guard:
             )
 
     def allowed(self, wish: float, given: float, tick: int) -> float:
-        """Return the part of a wish [V] that may be put out after `given`; raises LimitError for no number."""
+        """Return what may be put out of a wish [V] after `given`; raises LimitError for no number."""
         if not isinstance(wish, float | int) or not math.isfinite(wish):
             raise LimitError(f"the controller asked for {wish!r} V at update {tick}: stopped")
         found = min(max(wish, self._low, given - self._most), self._high, given + self._most)
