@@ -16,13 +16,13 @@ enum { TRACE_START, TRACE_LENGTH, TRACE_OLD, TRACE_NEW, TRACE_ROWS, TRACE = TRAC
 #define FAR_BEYOND R(1e3)
 #endif
 
-/* How far the positions that nothing holds have moved; 0 for all else. */
-static void OF(gone)(const struct plant *P, const real_t *q, const real_t *begun, real_t *net)
+/* How far the positions that nothing holds have moved, where that is more than `apart`; 0 for all else. */
+static void OF(gone)(const struct plant *P, const real_t *q, const real_t *begun, real_t apart, real_t *net)
 {
     for (int c = 0; c < STATES(P); c++)
         net[c] = R(0.0);
     for (int m = 0; m < MODES(P); m++)
-        if (P->mode[m].stiffness == R(0.0))
+        if (P->mode[m].stiffness == R(0.0) && r_abs(q[2 * m] - begun[2 * m]) > apart)
             net[2 * m] = q[2 * m] - begun[2 * m];
 }
 
@@ -174,7 +174,7 @@ static void OF(carry)(const struct OF(neighbours) *N, int64_t periods)
     for (int64_t p = 0; p < N->of->count; p++) {
         const struct plant *P = OF(near_plant)(N, p);
         real_t net[ROOM_STATES], *q = OF(near_state)(N, p);
-        OF(gone)(P, q, N->begun + p * STATES(P), net);
+        OF(gone)(P, q, N->begun + p * STATES(P), R(0.0), net);
         for (int c = 0; c < STATES(P); c++)
             q[c] += (real_t)periods * net[c];
     }

@@ -114,14 +114,15 @@ static int OF(run_and_read)(struct OF(journey) *J, real_t stop, bool *flushed)
     }
 }
 
-/* Copies the last period `left` times. */
-static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t period_start)
+/* Copies the last period `left` times. What is left of a transient, which makes it differ by `apart` from the one before, is
+ * no step: a contact that sticks does not creep by it. With neighbours it is one, or derivatives would jump. */
+static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t apart, real_t period_start)
 {
     struct OF(walk) *w = &J->walk;
     const struct table *drive = w->drive;
     real_t net[ROOM_STATES], moved[ROOM_STATES];
     int64_t begins = J->i - J->cycle.segments;
-    OF(gone)(w->P, w->q, J->begun, net);
+    OF(gone)(w->P, w->q, J->begun, WATCHED(J->near.of != NULL) ? R(0.0) : R(2.0) * apart, net);
     for (int64_t p = 1; p <= left; p++) {
         int64_t after = J->i + J->cycle.segments;
         real_t end = table_next_break(drive, after - 1, J->t_end);
@@ -151,7 +152,7 @@ static void OF(end_period)(struct OF(journey) *J, real_t period_start, real_t st
         J->ending = J->ending || (left == 0 && last);
         real_t apart = OF(drift_apart)(w->P, w->q, J->before);
         if (left > 0 && (real_t)left * apart <= SAME * J->tolerance)
-            OF(copy_periods)(J, left, period_start);
+            OF(copy_periods)(J, left, apart, period_start);
     }
     J->compared = true;
     OF(copy)(w->P, w->q, J->before);
