@@ -23,7 +23,7 @@ STICKSLIP_API void inner_kinks(const struct plant *P, const double *q, double be
 STICKSLIP_API void inner_bring(const struct plant *P, double *q, const double *u, int64_t e, double speed);
 STICKSLIP_API void inner_ride(const struct plant *P, const double *sides, double *q, const double *u, const double *begun,
                               const double *u_begun);
-STICKSLIP_API double inner_apart(const struct plant *P, const double *q, const double *other, double *gone);
+STICKSLIP_API double inner_apart(const struct plant *P, const double *q, const double *other, double apart, double *gone);
 STICKSLIP_API void inner_unload(const struct plant *P, double *q, double ratio);
 STICKSLIP_API double inner_unrest(const struct plant *P, const double *dq, const double *u);
 STICKSLIP_API double inner_jolt(const struct plant *P, const double *u);
@@ -98,9 +98,9 @@ void inner_ride(const struct plant *P, const double *sides, double *q, const dou
     ride_any(P, &on, q, u, begun, u_begun);
 }
 
-double inner_apart(const struct plant *P, const double *q, const double *other, double *gone)
+double inner_apart(const struct plant *P, const double *q, const double *other, double apart, double *gone)
 {
-    gone_any(P, q, other, gone);
+    gone_any(P, q, other, apart, gone);
     return drift_apart_any(P, q, other);
 }
 

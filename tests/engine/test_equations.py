@@ -244,10 +244,12 @@ def test_how_far_two_states_are_apart(inner: Inner, case: Case) -> None:
     for c in range(q.size):
         for by in (1e-3, -1e-3):
             other = q + by * np.eye(q.size)[c]
-            far = inner("apart", plant, q, other, gone)
+            far = inner("apart", plant, q, other, 0.5e-3, gone)
             expected = 0.0 if free[c] else 1e-3 / RATE if c < bodies and c % 2 else 1e-3
             assert far == pytest.approx(expected, rel=1e-9)
             np.testing.assert_allclose(gone, -by * np.eye(q.size)[c] * free[c], rtol=1e-9)
+            inner("apart", plant, q, other, 2e-3, gone)
+            assert not np.any(gone)
 
 
 def test_jump_of_the_load(inner: Inner, case: Case) -> None:
