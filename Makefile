@@ -25,6 +25,8 @@ READY := $(VENV)/.ready
 PYTEST ?= $(BIN)/python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder
 # Of the first two seconds of each test: a lower bound, for much less time.
 COVERED := -p tools.brief_coverage --cov
+# CPU seconds of each folder, at the end.
+SECONDS := -p tools.cpu_seconds
 COVERAGE ?= 94
 LOCK_FLAGS ?=
 # Of trajectory, steady, ensemble, fit, accuracy, startup; all of them if empty.
@@ -80,7 +82,7 @@ demo: $(READY) engine
 	$(BIN)/stickslip demo --out out/demo
 
 test: $(READY) engine tools drivers
-	$(PYTEST) $(COVERED) --cov-fail-under=$(COVERAGE)
+	$(PYTEST) $(COVERED) --cov-fail-under=$(COVERAGE) $(SECONDS)
 
 # The tests drive the panel in a real browser, and compile exported models and the kernel of a GPU.
 tools:
