@@ -8,6 +8,7 @@
 #   make mutation   flips signs in the physics and asks the tests to notice; SAMPLE=100 for that many, of which nine tenths do, FILES=friction/ for some
 #   make lines-c    counts the lines of the engine's C that its tests run; below 95 % is an error
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
+#   make studies    rates over random models, recordings, faults and files: docs/benchmarks/; hours; STUDY=random_orbits for one
 #   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)
 #   make lowest     a core of the tests with the lowest versions that pyproject.toml allows; PYTHON= one of them
 #   make engine     build the engine again, after an edit of its C
@@ -45,7 +46,7 @@ PEERS := .venv-peers
 DRIVERS := .venv-drivers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test tools drivers check format mutation lines-c bench docs peers lowest engine laws lock clean
+.PHONY: help setup demo test tools drivers check format mutation lines-c bench studies docs peers lowest engine laws lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -130,6 +131,27 @@ bench: $(READY) peers
 
 bench-%: $(READY) peers
 	$(BIN)/python -m benchmarks $*
+
+# Each with its page in docs/benchmarks/; the tests keep a small case of each.
+of_random_actuators := 2000 --seed 21
+of_random_orbits := 1500 --seed 21
+of_random_piezos := 300 --seed 0
+of_fuzz_engine := --count 100000
+of_faults := 1000 --seed 15
+of_instruments := 200 out/instruments.jsonl
+of_coverage := 300 out/coverage.zarr
+of_hysteresis := 100 190
+of_lack_of_fit := 100
+of_zero_parameter := 12 out/zero-parameter.json
+of_folder_fuzz := 1000 --seed 0
+of_intervals := 40
+STUDY ?= random_actuators random_orbits random_piezos fuzz_engine faults instruments coverage hysteresis lack_of_fit \
+  zero_parameter folder_fuzz hostile_files intervals
+studies: $(READY) engine $(addprefix study-,$(STUDY))
+
+study-%: $(READY) engine
+	@mkdir -p out
+	$(BIN)/python -m benchmarks.$* $(of_$*)
 
 docs: $(READY)
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs out/docs
