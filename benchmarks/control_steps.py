@@ -129,7 +129,6 @@ class Wandering:
             self.done = self._at == len(self._targets)
             if not self.done:
                 self._from, self.target = self.target, self._targets[self._at]
-                self._mover.settled_at = None
         return volts
 
 

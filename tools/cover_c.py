@@ -22,7 +22,8 @@ from pathlib import Path
 import mutate_c
 
 ROOT = Path(__file__).resolve().parents[1]
-TESTS = ("engine", "plant", "piezo", "simulation", "solve", "electronics/test_charging.py")
+MOVES = ("control/test_moves_stored.py", "control/test_arrival.py")
+TESTS = ("engine", "plant", "piezo", "simulation", "solve", "electronics/test_charging.py", *MOVES)
 COUNTED = ("--coverage", "-fprofile-update=atomic")
 
 

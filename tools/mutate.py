@@ -77,12 +77,9 @@ VIBRATION = tuple(
 LEARNT = "tests/control/test_learned.py::test_"
 # The same equations in C.
 IN_EXPORT = ("tests/export/test_stage.py::test_stops_feel_the_stage_as_in_the_solver",)
-IN_C = "tests/control/test_portable.py::test_"
 MOVER = (
     "tests/control/test_moving.py::test_a_table_between_its_points_at_them_and_beyond",
-    f"{IN_C}a_move_in_c_is_the_same_to_the_bit",
-    f"{IN_C}a_range_that_holding_uses_up_in_c",
-    f"{IN_C}an_end_stop_in_c",
+    "tests/control/test_moves_stored.py::test_a_move_is_as_stored",
 )
 ENGINE = (
     "tests/engine/test_trajectories.py::test_as_stored",
@@ -221,8 +218,7 @@ TARGETS = (
         ),
         ("contraction", "_binomial"),
     ),
-    Target("control/steps.py", MOVER, ("size", "voltage_for", "learn", "_between")),
-    Target("control/moving.py", MOVER, ("_smooth", "_missing", "_stepping", "_regulated", "_follows")),
+    Target("control/moving.py", MOVER, ("_numbers", "step")),
     Target(
         "control/relay.py",
         ("tests/control/test_relay.py::test_on_a_linear_loop_it_is_where_the_describing_function_says",),
@@ -250,6 +246,8 @@ TARGETS = (
     Target("engine/c/duhem.c", DUHEM),
     Target("engine/c/ways.h", ("tests/piezo/test_ways.py", *PLAYS, *DUHEM)),
     Target("engine/c/charging.c", CHARGED),
+    Target("engine/c/arrival.h", (*MOVER, "tests/control/test_arrival.py")),
+    Target("engine/c/mover.h", MOVER),
     Target("engine/c/motion.c", ("tests/engine/test_motion.py", "tests/engine/test_limits.py")),
     *(
         Target(f"engine/c/{files}", (*ENGINE, NEAR))

@@ -4,7 +4,7 @@
 # A wrong sign changes no answer: which size follows a plant (any that fits gives the same numbers), the offset of
 # a difference, a sum that only lets a NaN through, memory given back, one instant read from two places, how much is
 # rounding, the sign of a matrix of which the norm is wanted, the quicker way to a root that bisection finds too, an index
-# below those that callers ask for.
+# below those that callers ask for, a count that is only compared with itself.
 SAME = {
     "compose.h": ("if (P->element[e].states > LARGEST_STATES - P->states)",),
     "charging.c": (
@@ -31,6 +31,7 @@ SAME = {
     "motion.c": (
         "real_t size = r_abs(z), off = r_min(R(1e-5) * size, r_max(tolerance, R(1e-9) * size)) + R(1e-15);",
     ),
+    "mover.h": ("m->entered += 1;",),
     "near.inl": (
         "while (row + 1 < of->log->filled && t > (near->drives == NULL ? log_row(of->log, row)[LOG_END]",
     ),

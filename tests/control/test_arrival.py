@@ -16,7 +16,8 @@ from stickslip.control import (
     StepSizes,
     simulate_control,
 )
-from stickslip.control.arrival import Arrival
+from stickslip.engine._abi import ffi
+from stickslip.engine.library import library
 
 KANG = load_actuator("kang2007")
 RATE, TOLERANCE, GAIN = 20e3, 10e-9, 0.1e-6
@@ -25,12 +26,13 @@ LOOP = Regulator(Pid("2.5 V/(um*ms)"), RATE)
 
 
 def moves(noise: np.ndarray, integral: float, off: np.ndarray) -> tuple[bool, np.ndarray]:
-    """Whether an `Arrival` of 200 ticks says so, and how far a piezo is from its target meanwhile, whose loop
+    """Whether a judge of 200 ticks says so, and how far a piezo is from its target meanwhile, whose loop
     corrects this share of the error per tick; `off` is what moves it beside."""
-    judge, volts, true = Arrival(TOLERANCE, GAIN, 25), 0.0, []
+    judge, plan, volts, true = ffi.new("arrival *"), ffi.new("arrival_plan *", (GAIN, TOLERANCE, 25)), 0.0, []
+    library().arrival_begin(judge)
     for tick in range(noise.size):
         true.append(GAIN * volts + off[tick])
-        there = judge.sees(true[-1] + noise[tick], 0.0, volts)
+        there = library().arrival_sees(judge, plan, true[-1] + noise[tick], 0.0, volts)
         if there:
             return True, np.array(true)
         volts -= integral / GAIN * (true[-1] + noise[tick])

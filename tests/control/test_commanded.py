@@ -126,7 +126,11 @@ def test_what_is_no_command(spec) -> None:
     ):
         with pytest.raises(QuantityError, match=words):
             made.command(**what)
-    made.mover.phase = "hold"
+    made.command("go", to=4e-6)
+    volts = 0.0
+    for tick in range(1000):
+        volts = made.step(KANG.gain * volts, 0.0, tick)
+    assert made.mover.phase == "hold"
     for span, hertz, words in ((9e-6, 10.0, "more than the piezo has"), (4e-6, 2e3, "faster than")):
         with pytest.raises(QuantityError, match=words):
             made.command("scan", range=span, frequency=hertz, cycles=1)

@@ -1,5 +1,6 @@
-"""A regulator, or a whole `Mover`, as C99 in one header: the same operations in the same order, so the same
-output to the bit.
+"""A regulator, or a whole `Mover`, as C99 in one header, with the same output as in Python to the bit.
+
+The machine of moves is the engine's own C; the regulator does the operations of Python's in the same order.
 
 That holds where doubles are IEEE 754 and products and sums are rounded one by one: ``gcc -std=c99`` does so
 (``-ffp-contract=off`` elsewhere).
@@ -9,12 +10,18 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from .._version import __version__
+from ..engine._abi import ffi
+from ..engine.library import FILE
 from ..units import QuantityError
 from .blocks import Regulator
 from .moving import Mover
+
+ENGINE = FILE.parent / "c"
 
 _SOURCE = """\
 /* A regulator made by stickslip {version}: {rate:g} updates a second, {low:g} V to {high:g} V.
@@ -125,52 +132,72 @@ def export_regulator(regulator: Regulator, path: str | os.PathLike[str]) -> Path
     return target
 
 
-_MOVER = """
-/* A state machine of moves made by stickslip {version}, and its regulator above. */
-#ifndef STICKSLIP_MOVER_H
-#define STICKSLIP_MOVER_H
-
-#include <math.h>
-#include <stdbool.h>
-
-{constants}
-
-static const double mover_voltages[MOVER_POINTS] = {{{volts}}};
-static const double mover_steps[2][MOVER_POINTS] = {{ /* forward, backward, m */
-    {{{forward}}},
-    {{{backward}}},
-}};
-static const double mover_slip[MOVER_SLIPPING] = {{{slip}}};
-static const double mover_learnt[2][3] = {{{{{learnt_forward}}}, {{{learnt_backward}}}}};
+_HEAD = """
+#ifndef STICKSLIP_MADE_H
+#define STICKSLIP_MADE_H
+#define MOVER_API static inline
 
 """
+_MADE = """
+/* The numbers of a mover made by stickslip {version}. */
+{tables}
+static const mover_plan mover_made = {numbers};
+
+/* At rest: once, before the first step. */
+static inline void mover_start(mover *m, regulator *loop)
+{{
+    mover_begin(m, &mover_made);
+    regulator_begin(loop, m->voltage, 0.0);
+}}
+
+/* The voltage [V] for a measured and a wanted position [m]; `tick` counts the updates. After an `error` it
+   stays. */
+static inline double mover_step(mover *m, regulator *loop, double measured, double target, int64_t tick)
+{{
+    const bool regulates = mover_before(m, measured, target, tick);
+    if (m->begins) {{
+        m->begins = false;
+        regulator_begin(loop, m->voltage, m->before);
+    }}
+    if (regulates)
+        mover_after(m, measured, regulator_step(loop, measured, m->wanted));
+    return m->voltage;
+}}
+
+#endif
+"""
+
+
+def _initial(value: Any, tables: Iterator[str]) -> str:
+    """Return the initialiser of a struct of C, or of a member; its pointers lead to these tables in turn."""
+    kind = ffi.typeof(value) if isinstance(value, ffi.CData) else None
+    if kind is None:
+        return _number(value) if isinstance(value, float) else str(value)
+    if kind.kind == "pointer":
+        return next(tables)
+    if kind.kind == "array":
+        return f"{{{', '.join(_initial(one, tables) for one in value)}}}"
+    members = [f".{name} = {_initial(getattr(value, name), tables)}" for name, _ in kind.fields]
+    return "{" + ",\n    ".join(members) + "}"
 
 
 def mover_source(mover: Mover) -> str:
     """The header of a mover that begins at rest, with what it has learnt of its steps; raises QuantityError
-    for one whose regulator has the inverse of a piezo."""
-    table, learnt = mover.steps_of.table, mover.steps_of.learnt
-    constants = "\n".join(
-        f"#define MOVER_{name.upper()} {_number(value) if isinstance(value, float) else f'{value}L'}"
-        for name, value in mover.constants().items()
+    for one whose regulator has the inverse of a piezo.
+
+    With a ``mover m`` and a ``regulator loop``, C calls ``mover_start(&m, &loop)`` once, and at each update
+    ``mover_step(&m, &loop, measured, target, tick)``.
+    """
+    mover.plan.table = mover.steps_of.of[0]
+    # In the order of the pointers in mover_plan.
+    names = ("mover_slip", "mover_voltages", "mover_forward", "mover_backward")
+    rows = zip(names, (mover.slipping, *mover.steps_of.rows), strict=True)
+    tables = [f"static const double {name}[] = {{{', '.join(map(_number, row))}}};" for name, row in rows]
+    made = _MADE.format(
+        version=__version__, tables="\n".join(tables), numbers=_initial(mover.plan[0], iter(names))
     )
-    rows = {
-        "volts": (0.0, *table.voltages),
-        "forward": (0.0, *table.forward),
-        "backward": (0.0, *table.backward),
-        "slip": mover.slipping,
-        "learnt_forward": learnt[0],
-        "learnt_backward": learnt[1],
-    }
-    head = _MOVER.format(
-        version=__version__,
-        constants=constants,
-        **{name: ", ".join(_number(one) for one in row) for name, row in rows.items()},
-    )
-    parts = [
-        (Path(__file__).parent / "c" / name).read_text(encoding="ascii") for name in ("arrival.h", "mover.h")
-    ]
-    return "".join([regulator_source(mover.regulator), head, *parts])
+    machine = [(ENGINE / name).read_text(encoding="ascii") for name in ("arrival.h", "mover.h")]
+    return "".join([regulator_source(mover.regulator), _HEAD, *machine, made])
 
 
 def export_mover(mover: Mover, path: str | os.PathLike[str]) -> Path:

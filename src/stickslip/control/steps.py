@@ -10,15 +10,15 @@ far as wanted in either direction.
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..electronics.output import OutputStage, output_of
+from ..engine._abi import ffi
+from ..engine.library import library
 from ..records import Quantity, record
 from ..simulation import SimulationError, steady_step, steady_steps
 from ..units import QuantityError, to_si, with_prefix
@@ -179,7 +179,7 @@ def _ticks(output: OutputStage, hertz: float, amplitude: float, base: float, sli
 
 class Steps:
     """A table and what was learnt since: `forward` and `backward` are factors on its steps, by least squares
-    over the steps that were made, each with its own scatter.
+    over the steps that were made, each with its own scatter. The engine's ``c/mover.h`` computes them.
 
     Args:
         table: as made; it counts as one step of a tenth of its greatest.
@@ -190,54 +190,40 @@ class Steps:
         self.learning, self.table = to_si(learning, "", "learning"), table
         if not 0.0 <= self.learning <= 1.0:
             raise QuantityError(f"learning = {self.learning:g} is out of range: it must be >= 0 and <= 1")
-        self.forward = self.backward = 1.0
-        weights = {1: (_PRIOR * table.forward[-1]) ** 2, -1: (_PRIOR * table.backward[-1]) ** 2}
-        self._sums = {direction: (one, one) for direction, one in weights.items()}
-        self._volts = (0.0, *table.voltages)
-        self._sizes = {1: (0.0, *table.forward), -1: (0.0, *table.backward)}
+        self._lib, ways = library(), (table.forward, table.backward)
+        volts, *sizes = self._arrays = [ffi.new("double[]", one) for one in self.rows]
+        weights = [(_PRIOR * one[-1]) ** 2 for one in ways]
+        learnt = [(one, 1.0, weight, weight) for one, weight in zip(sizes, weights, strict=True)]
+        self.of: Any = ffi.new("mover_table *", (len(volts), volts, self.learning, learnt))
+
+    @property
+    def rows(self) -> list[tuple[float, ...]]:
+        """Voltages [V], steps forward and backward [m], from 0 on."""
+        return [(0.0, *one) for one in self.table[:3]]
+
+    def continue_in(self, mover: Any) -> None:
+        """Give the table to a mover in C, and be a view of that one from here on."""
+        mover.table = self.of[0]
+        self._mover, self.of = mover, ffi.addressof(mover, "table")
+
+    @property
+    def forward(self) -> float:
+        """Factor on the steps forward."""
+        return self.of.ways[0].factor
+
+    @property
+    def backward(self) -> float:
+        """Factor on the steps backward."""
+        return self.of.ways[1].factor
 
     def size(self, voltage: float, direction: int) -> float:
         """The distance [m] of a step of that amplitude [V], direction 1 (towards +x) or -1."""
-        factor = self.forward if direction > 0 else self.backward
-        return factor * _between(voltage, self._volts, self._sizes[direction])
+        return self._lib.mover_size(self.of, voltage, direction)
 
     def voltage_for(self, distance: float, direction: int) -> float:
         """The amplitude [V] of a step of that distance [m]; the greatest where none goes so far."""
-        volts, steps = self._volts[1:], self._sizes[direction][1:]
-        factor = self.forward if direction > 0 else self.backward
-        k = max(bisect_left(steps, distance / factor), 1)
-        if k == len(steps):
-            return volts[-1]
-        share = (distance / factor - steps[k - 1]) / max(steps[k] - steps[k - 1], 1e-300)
-        return volts[k - 1] + min(max(share, 0.0), 1.0) * (volts[k] - volts[k - 1])
+        return self._lib.mover_voltage_for(self.of, distance, direction)
 
     def learn(self, voltage: float, direction: int, distance: float) -> None:
         """A step of that amplitude [V] went so far [m] in its direction."""
-        factor = self.forward if direction > 0 else self.backward
-        told = self.size(voltage, direction) / factor
-        if not told > 0.0 or not self.learning:
-            return
-        kept = 1.0 - self.learning
-        squares, products = self._sums[direction]
-        squares, products = kept * squares + told * told, kept * products + told * distance
-        self._sums[direction] = squares, products
-        factor = min(max(products / squares, 0.1), 10.0)
-        if direction > 0:
-            self.forward = factor
-        else:
-            self.backward = factor
-
-    @property
-    def learnt(self) -> list[tuple[float, float, float]]:
-        """Forward and backward: the factor, and the sums that it is from [m^2]."""
-        return [(self.forward, *self._sums[1]), (self.backward, *self._sums[-1])]
-
-
-def _between(x: float, xs: Sequence[float], ys: Sequence[float]) -> float:
-    """As `numpy.interp` of one value; by these operations, which C repeats."""
-    if x >= xs[-1]:
-        return ys[-1]
-    k = bisect_right(xs, x) - 1
-    if k < 0 or x == xs[k]:
-        return ys[max(k, 0)]
-    return (ys[k + 1] - ys[k]) / (xs[k + 1] - xs[k]) * (x - xs[k]) + ys[k]
+        self._lib.mover_learn(self.of, voltage, direction, distance)
