@@ -115,9 +115,9 @@ def panel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
     served.end()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    """Debian's chromium."""
+    """Debian's chromium, started once. Not for all tests: while it is driven, none can run an event loop."""
     path = shutil.which("chromium")
     assert path is not None, "the browser tests need chromium: apt-get install chromium"
     with sync_playwright() as driver:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import struct
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -145,8 +146,9 @@ def test_blocks_wait_for_each_other_while_the_event_loop_is_behind() -> None:
     samples = np.random.default_rng(2).standard_normal((2, 5_000))
     live.begin("run", COLUMNS, 1000.0, 10_000, 250)
 
-    def run() -> list[Any]:
-        loop.run_until_complete(asyncio.sleep(0))
+    def run() -> list[Any]:  # in a thread, for a browser may be driven by a loop of this one
+        with ThreadPoolExecutor(1) as thread:
+            thread.submit(loop.run_until_complete, asyncio.sleep(0)).result()
         return [page.waiting.get_nowait() for _ in range(page.waiting.qsize())]
 
     assert [json.loads(one)["kind"] for one in run()] == ["trace"]
