@@ -21,24 +21,24 @@ KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
 NOISE = 50e-9
 
 
-def walk(path: Path, model: ss.Actuator, volts: float, hertz: float, seed: int) -> dict:
-    """A walk of eight periods after 0.1 s of rest, with noise, as a file; and how a campaign names it."""
-    drive = ss.waveform.Sequence(ss.waveform.Rest(0.1), ss.Sawtooth(volts, hertz, periods=8))
-    shown = ss.simulate(model, drive, 0.1 + 8.2 / hertz, sample_rate=2e3)
+def walk(path: Path, model: ss.Actuator, volts: float, hertz: float, seed: int, periods: int) -> dict:
+    """A walk after 0.1 s of rest, with noise, as a file; and how a campaign names it."""
+    drive = ss.waveform.Sequence(ss.waveform.Rest(0.1), ss.Sawtooth(volts, hertz, periods=periods))
+    shown = ss.simulate(model, drive, 0.1 + (periods + 0.2) / hertz, sample_rate=2e3)
     random = np.random.default_rng(seed)
     shown["end_effector_position"] += NOISE * random.standard_normal(shown["time"].size)
     kept = shown[["end_effector_position", "drive_voltage"]]
     ss.save_recording(kept, path / f"walk_{volts:g}V_{hertz:g}Hz.nc")
-    fields = {"amplitude": f"{volts} V", "frequency": f"{hertz} Hz", "periods": 8}
+    fields = {"amplitude": f"{volts} V", "frequency": f"{hertz} Hz", "periods": periods}
     return {
         "file": f"walk_{volts:g}V_{hertz:g}Hz.nc",
         "waveform": [{"shape": "Sawtooth", "fields": fields}],
     }
 
 
-def run(folder: Path, model: ss.Actuator, **changes):
+def run(folder: Path, model: ss.Actuator, periods: int = 8, **changes):
     recordings = [
-        {**walk(folder, model, volts, hertz, i), "use": "fit" if i == 0 else "verify"}
+        {**walk(folder, model, volts, hertz, i, periods), "use": "fit" if i == 0 else "verify"}
         for i, (volts, hertz) in enumerate([(65.0, 5.0), (45.0, 10.0), (75.0, 20.0)])
     ]
     file = {
@@ -79,7 +79,8 @@ def test_a_wrong_law_is_noticed_and_the_right_one_is_named(tmp_path: Path) -> No
     law = KANG.friction
     f, k = law.coulomb_force, law.sigma_0
     true = ss.Elastoplastic(0.5 * k, law.sigma_1, 0.0, f, f, 1.4 * f / k)
-    done, results = run(tmp_path, KANG.replace(friction=true), model_choice=["LuGre", "Elastoplastic"])
+    laws = ["LuGre", "Elastoplastic"]
+    done, results = run(tmp_path, KANG.replace(friction=true), 3, model_choice=laws, hops=0, free=["sigma_0", "coulomb_force"])
     assert done.exit_code == 1
     assert "the model does not explain walk_" in done.stderr
     assert "x the noise" in done.stderr
