@@ -89,7 +89,9 @@ DURATION = Quantity("s", "T", "duration", above=0)
 SAMPLE_RATE = Quantity("Hz", "f_s", "samples per second", above=0)
 
 
-class _Field(NamedTuple):
+class Field(NamedTuple):
+    """A field of a record that has a `Quantity`."""
+
     quantity: Quantity
     optional: bool  # whether None is a value
     sequence: bool  # a tuple of values, each of them checked
@@ -107,14 +109,15 @@ class _Field(NamedTuple):
 
 
 @functools.cache
-def _fields_with_quantity(record_type: type) -> dict[str, _Field]:
+def fields_with_quantity(record_type: type) -> dict[str, Field]:
+    """Return the fields of a record that have a `Quantity`, by name, in order."""
     found = {}
     for name, hint in get_type_hints(record_type, include_extras=True).items():
         for extra in getattr(hint, "__metadata__", ()):
             if isinstance(extra, Quantity):
                 kinds = (hint.__origin__, *get_args(hint.__origin__))
                 sequence = any(get_origin(kind) is tuple for kind in kinds)
-                found[name] = _Field(extra, NoneType in kinds, sequence)
+                found[name] = Field(extra, NoneType in kinds, sequence)
     return found
 
 
@@ -131,7 +134,7 @@ def _kinds(record_type: type) -> dict[str, Any]:
 
 def quantities(record_type: type) -> dict[str, Quantity]:
     """The `Quantity` of each field that has one, in order of the fields."""
-    return {name: field.quantity for name, field in _fields_with_quantity(record_type).items()}
+    return {name: field.quantity for name, field in fields_with_quantity(record_type).items()}
 
 
 def quantities_of(one: Any, owner: Any = None) -> dict[str, Quantity]:
@@ -150,7 +153,7 @@ def quantities_within(model: Any) -> dict[str, Quantity]:
 
 def sequences(record_type: type) -> frozenset[str]:
     """The fields that hold several values, each a `Quantity`."""
-    return frozenset(name for name, field in _fields_with_quantity(record_type).items() if field.sequence)
+    return frozenset(name for name, field in fields_with_quantity(record_type).items() if field.sequence)
 
 
 def of_kind(value: Any, kind: Any, field: str) -> Any:
@@ -169,7 +172,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def _bind(
-    record_type: Any, args: tuple[Any, ...], kwargs: dict[str, Any], specs: dict[str, _Field]
+    record_type: Any, args: tuple[Any, ...], kwargs: dict[str, Any], specs: dict[str, Field]
 ) -> list[Any]:
     """The value of each field, from arguments and defaults; errors speak of fields, not of arguments."""
     owner, fields = record_type.__name__, record_type._fields
@@ -221,7 +224,7 @@ def record(named_tuple: type[T]) -> type[T]:
     A field annotated as a tuple (the elements of a Maxwell-slip law, say) takes any list, each value of it
     checked; None passes only where the annotation allows it. Records of two types are never equal.
     """
-    specs, kinds = _fields_with_quantity(named_tuple), _kinds(named_tuple)
+    specs, kinds = fields_with_quantity(named_tuple), _kinds(named_tuple)
     of_turns = {name: spec._replace(quantity=spec.quantity.turned()) for name, spec in specs.items()}
     plain_new = named_tuple.__new__
 

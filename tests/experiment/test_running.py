@@ -307,6 +307,6 @@ def test_repeats_differ_as_the_file_says_and_say_what_is_true_of_each(tmp_path: 
 
 def test_a_variation_that_cannot_be_names_the_file_and_the_field(tmp_path: Path) -> None:
     file = written(tmp_path, changed("rig.variation", {"stiffness": "2 N/m"}))
-    with pytest.raises(InputFileError, match=rf"{file.name}: rig\.variation: Variation\.stiffness = '2 N/m'"):
+    with pytest.raises(InputFileError, match=rf"{file.name}: rig\.variation\.stiffness: stiffness = '2 N/m'"):
         run_experiment(file, tmp_path)
     assert not list(tmp_path.glob("*.nc"))

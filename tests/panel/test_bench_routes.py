@@ -317,7 +317,7 @@ def test_how_runs_differ_is_set_on_the_bench(client: httpx.Client) -> None:
     }
     refused = change(client, ["rig", "variation", "stiffness"], "4 N")
     assert refused.status_code == 400
-    assert "rig.variation: Variation.stiffness = '4 N'" in refused.json()["error"]
+    assert "rig.variation.stiffness: stiffness = '4 N'" in refused.json()["error"]
 
 
 def test_no_name_leads_to_a_file_outside(client: httpx.Client, tmp_path: Path) -> None:

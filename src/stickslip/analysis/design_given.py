@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from ..experiment.laboratory import own_file
 from ..gate.errors import GateError, damaged
 from ..gate.netcdf import netcdf_columns
 from ..gate.results import results_numbers
-from ..input_file import Strict
+from ..input_file import Part, Strict, fields_of
 from ..progress import Progress
 from ..report import Number, Section
 from ..rig import load_bench
@@ -53,18 +53,6 @@ class Made(NamedTuple):
     stopped: str = ""
 
 
-class StackSpec(Strict):
-    """The numbers of a stack, as of `electronics.Stack`."""
-
-    capacitance: Quantity
-    loss_tangent: Quantity
-    loss_factor: Quantity
-    full_voltage: Quantity
-    thermal_resistance: Quantity
-    heat_capacity: Quantity
-    capacitance_factor: Quantity = 1.0
-
-
 class GoalSpec(Strict):
     """A goal that needs a number, exactly one: the direction of the speed (1 or -1), the step that is wanted,
     the capacitance of which the current is, the stack of which the heat is."""
@@ -72,7 +60,7 @@ class GoalSpec(Strict):
     speed: Quantity | None = None
     step: Quantity | None = None
     current: Quantity | None = None
-    heat: StackSpec | None = None
+    heat: Part[Stack] | None = None
 
     @model_validator(mode="after")
     def _one(self) -> GoalSpec:
@@ -83,7 +71,7 @@ class GoalSpec(Strict):
     def goal(self) -> Any:
         """Raises QuantityError."""
         if self.heat is not None:
-            return Heat(Stack(**self.heat.model_dump()))
+            return Heat(self.heat)
         ((name, value),) = self.model_dump(exclude_unset=True).items()
         kinds: dict[str, Any] = {"speed": Speed, "step": StepSize, "current": Current}
         return kinds[name](value)
@@ -101,51 +89,42 @@ def goal_of(given: Goal | None, model: Actuator) -> Any:
     return given
 
 
-class LimitsSpec(Strict):
+class LimitsSpec(fields_of(OutputStage, "slew_rate", "current", "capacitance")):
     """The limits of an `OutputStage`; or the amplifier of a `bench` into its piezo."""
 
     bench: str | None = None
-    slew_rate: Quantity | None = None
-    current: Quantity | None = None
-    capacitance: Quantity | None = None
 
     def output(self, folder: Path) -> OutputStage:
         """Return the output stage with these limits; raises QuantityError."""
-        own = self.model_dump(exclude_none=True, exclude={"bench"})
         if self.bench is None:
-            return OutputStage(**own)
-        if own:
-            raise QuantityError(f"limits.{next(iter(own))} is that of limits.bench: give one of them")
+            return OutputStage(**self.given)
+        if self.given:
+            raise QuantityError(f"limits.{next(iter(self.given))} is that of limits.bench: give one of them")
         bench = load_bench(own_file(self.bench, folder, ".toml"))
         return OutputStage.of_amplifier(bench.amplifier, bench.piezo_capacitance)
 
 
-class GeneratorSpec(Strict):
+class GeneratorSpec(fields_of(OutputStage, "update_rate", "points", "step", "interpolation")):
     """The converter of an `OutputStage`; or that of a `bench`, with its `points`."""
 
     bench: str | None = None
-    update_rate: Quantity | None = None
-    points: float | None = None
-    step: Quantity | None = None
-    interpolation: Literal["hold", "linear"] | None = None
 
     def onto(self, output: OutputStage, folder: Path) -> OutputStage:
         """Return an output stage with this converter; raises QuantityError."""
-        own: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"bench", "points"})
+        given = self.given
         if self.bench is None:
-            if self.update_rate is None:
+            if "update_rate" not in given:
                 raise QuantityError("generator.update_rate [Hz] is missing, or generator.bench")
-            if self.points is not None:
-                own["points"] = self.points
-            return output.with_converter(OutputStage(**own))
-        if own or self.points is None:
+            return output.with_converter(OutputStage(**given))
+        points = given.pop("points", None)
+        if given or points is None:
             raise QuantityError(
-                f"generator.{next(iter(own))} is that of generator.bench: give one of them"
-                if own
+                f"generator.{next(iter(given))} is that of generator.bench: give one of them"
+                if given
                 else "generator.points is missing: how many points of a period the generator takes"
             )
         bench = load_bench(own_file(self.bench, folder, ".toml"))
-        return output.with_converter(bench.output(self.points))  # type: ignore[arg-type]
+        return output.with_converter(bench.output(points))
 
 
 def output_stage(limits: LimitsSpec | None, generator: GeneratorSpec | None, folder: Path) -> OutputStage:

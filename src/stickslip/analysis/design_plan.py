@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import tempfile
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -16,31 +15,16 @@ from ..experiment.cells import drive_of, limits_of
 from ..experiment.file import LimitsSpec, PartSpec
 from ..figures.plotting import plot
 from ..figures.style import svg
-from ..input_file import Strict
+from ..input_file import Part, RecordPart, Strict
 from ..readers import read_recording
 from ..report import Column, Number, Picture, Section, Table
 from .design_given import Given, Made, Quantity
 
 
-class ChannelSpec(Strict):
-    """Of the position channel: its delay, the slew rate of the amplifier, whether recordings are zeroed."""
-
-    delay: Quantity = 0.0
-    slew_rate: Quantity = math.inf
-    zeroed: bool = False
-
-
-class FreeDrivesSpec(Strict):
-    """As `design.FreeDrives`: a drive that is searched for is among the candidates."""
-
-    knots: int = 6
-    trials: int = 320
-
-
 class PlanSpec(Strict):
     """As `plan_experiment`: `goal` is "all", a parameter, or a waveform whose step is to be predicted;
-    `noise` a standard deviation, or a recording at rest. With an `uncertainty` of the file the plan is the
-    best one where it is worst among its draws."""
+    `noise` a standard deviation, or a recording at rest; `channel` that of the position. With an
+    `uncertainty` of the file the plan is the best one where it is worst among its draws."""
 
     free: list[str] = Field(min_length=1)
     goal: PartSpec | str = "all"
@@ -49,8 +33,8 @@ class PlanSpec(Strict):
     sample_rate: Quantity | None = None
     noise: Quantity | None = None
     limits: LimitsSpec = Field(default_factory=LimitsSpec)
-    channel: ChannelSpec = Field(default_factory=ChannelSpec)
-    free_drives: FreeDrivesSpec | None = None
+    channel: Annotated[Chain, RecordPart(without=("offset", "scale"))] = Field(default_factory=Chain)
+    free_drives: Part[FreeDrives] | None = None
     over: Literal["worst", "mean"] = "worst"
     like: str | None = None
     seed: int = 0
@@ -60,7 +44,7 @@ class PlanSpec(Strict):
         goal: Any = drive_of([self.goal], {}, given.folder) if isinstance(self.goal, PartSpec) else self.goal
         plan = plan_experiment(
             given.model,
-            None if self.free_drives is None else FreeDrives(**self.free_drives.model_dump()),
+            self.free_drives,
             free=self.free,
             goal=goal,
             recordings=self.recordings,
@@ -68,7 +52,7 @@ class PlanSpec(Strict):
             sample_rate=self.sample_rate,
             noise=self._noise(given.folder),
             limits=limits_of(self.limits, given.model),
-            chain=Chain(**self.channel.model_dump()),
+            chain=self.channel,
             draws=given.uncertainty,
             over=self.over,
             seed=self.seed,

@@ -36,10 +36,10 @@ from ..control import settling as settled
 from ..experiment.cells import limits_of
 from ..experiment.file import ActuatorSpec, LimitsSpec, VirtualRigSpec
 from ..experiment.laboratory import own_file
-from ..input_file import Seconds, Strict, explain, load_yaml, quantity
+from ..input_file import Part, RecordPart, Seconds, Strict, explain, fields_of, load_yaml, quantity
 from ..progress import Progress
 from ..report import Document
-from ..rig import Bench, Channel, Repeats, Variation, VirtualRig, load_bench, regulate
+from ..rig import Bench, Channel, Repeats, VirtualRig, load_bench, regulate
 from ..rig.driving import driving
 from ..units import optional_si, to_si, unit_for
 from .file import Analysis, AnalysisError
@@ -59,44 +59,20 @@ class PositionSpec(Strict):
     calibration: list[str] = Field(default_factory=list)
 
 
-class WalkSpec(Strict):
-    """How it steps and hands over; see `stickslip.control.Stepping`. What is left out is its default."""
-
-    amplitude: Quantity | None = None
-    frequency: Quantity | None = None
-    pause: Quantity | None = None
-    scan: Quantity | None = None
-    margin: Quantity | None = None
-    dwell: Quantity | None = None
-
-
-class SlipSpec(Strict):
+class SlipSpec(fields_of(Slip)):
     """The edge with which steps slip; see `stickslip.control.Slip`. A `current` into the piezo of the bench
     says its duration."""
 
-    duration: Quantity | None = None
     current: Quantity | None = None
-    frequency: Quantity | None = None
-    damping: Quantity | None = None
-    order: Quantity | None = None
 
     def slip(self, bench: Bench, walk: Stepping) -> Slip:
         """Raises AnalysisError for a duration and a current, QuantityError for a value."""
-        given = _given(self)
-        current = given.pop("current", None)
-        if current is not None:
-            if self.duration is not None:
-                raise AnalysisError("slip: a duration or a current, not both")
-            given["duration"] = Slip.within(current, bench.piezo_capacitance, walk.amplitude).duration
-        return Slip(**given)
-
-
-class RequirementSpec(Strict):
-    """What the loop must keep on every model; see `stickslip.control.Requirement`."""
-
-    max_sensitivity: Quantity | None = None
-    gain_margin: Quantity | None = None
-    phase_margin: Quantity | None = None
+        if self.current is None:
+            return Slip(**self.given)
+        if "duration" in self.given:
+            raise AnalysisError("slip: a duration or a current, not both")
+        edge = Slip.within(self.current, bench.piezo_capacitance, walk.amplitude)
+        return edge._replace(**self.given)
 
 
 class MoveFile(Analysis):
@@ -106,9 +82,9 @@ class MoveFile(Analysis):
     tuned on, the same if it is left out; or that is of `fit`, a results.json of an identification or a
     campaign: then the loop must keep its margins at both ends of the interval of each parameter. It must on
     `draws` too, those of a saved fit or the samples of a posterior, and at both ends of each `spread`,
-    relative uncertainties of fields of it, ``natural_frequency: 5 %``. `within` is what counts as there,
-    `hold` how long it stays, `at_most` when a move is given up; `hold_within` is required of the rms over the
-    hold.
+    relative uncertainties of fields of it, ``natural_frequency: 5 %``. `within` is what counts as there, the
+    `tolerance` of the `walk`; `hold` is how long it stays, `at_most` when a move is given up; `hold_within`
+    is required of the rms over the hold.
     """
 
     rig: VirtualRigSpec = Field(default_factory=VirtualRigSpec)
@@ -119,9 +95,9 @@ class MoveFile(Analysis):
     spread: dict[str, Annotated[float, quantity("")]] = Field(default_factory=dict)
     position: PositionSpec = Field(default_factory=PositionSpec)
     limits: LimitsSpec = Field(default_factory=LimitsSpec)
-    walk: WalkSpec = Field(default_factory=WalkSpec)
+    walk: Annotated[Stepping, RecordPart(without=("tolerance",))] = Field(default_factory=Stepping)
     slip: SlipSpec = Field(default_factory=SlipSpec)
-    requirement: RequirementSpec = Field(default_factory=RequirementSpec)
+    requirement: Part[Requirement] = Field(default_factory=Requirement)
     target: Quantity = 0.0
     within: Quantity = 10e-9
     hold: Seconds = 1.0
@@ -184,14 +160,13 @@ def run_move(
         bench,
         seed=file.rig.seed,
         real_time=file.rig.real_time,
-        repeats=Repeats(Variation(**file.rig.variation.model_dump()), file.rig.seed, file.rig.first_run),
+        repeats=Repeats(file.rig.variation, file.rig.seed, file.rig.first_run),
     )
     can, rate = rig.capabilities, rig.capabilities.update_rate
     progress("tuning the loop", 0.0)
-    wanted = Requirement(**_given(file.requirement))
     output = bench.output()
-    tuning = tune(model, output, wanted, posterior=others)
-    walk = Stepping(tolerance=aim.within, **_given(file.walk))
+    tuning = tune(model, output, file.requirement, posterior=others)
+    walk = file.walk._replace(tolerance=aim.within)
     low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
     if math.isfinite(limits.max_slew):
         raise AnalysisError(
@@ -249,10 +224,6 @@ def _tuned_on(file: MoveFile, plant: Actuator, folder: Path) -> tuple[Actuator, 
 
 def _model(spec: ActuatorSpec, folder: Path) -> Actuator:
     return changed(folder, spec.set, spec.change, spec.friction)
-
-
-def _given(spec: Strict) -> dict[str, Any]:
-    return {key: value for key, value in spec.model_dump().items() if value is not None}
 
 
 def _channels(file: MoveFile, folder: Path) -> dict[str, Channel]:

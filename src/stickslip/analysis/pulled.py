@@ -20,7 +20,7 @@ from ..identify.events.pulled import (
     slider,
     slip_events,
 )
-from ..input_file import quantity
+from ..input_file import fields_of, quantity
 from ..parameters import cite
 from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
@@ -28,11 +28,8 @@ from ..report.fits import estimates, parameter_table
 from .file import Analysis, AnalysisError, RecordingFile, read_parts
 
 
-class PulledRecording(RecordingFile):
+class PulledRecording(RecordingFile, fields_of(PulledRig, "stiffness", "speed")):
     """A recording of the spring force over the weight (`force_ratio`), and how the slider was pulled."""
-
-    stiffness: Annotated[float, quantity("N/m")]
-    speed: Annotated[float, quantity("m/s")]
 
 
 class PulledAnalysis(Analysis):
@@ -52,9 +49,7 @@ class PulledAnalysis(Analysis):
             )
         progress(f"fitting {fitted[0].label}", 0.0)
         parts = read_parts(self.recordings, folder)
-        data = {
-            r.label: (parts[r.label], PulledRig(self.mass, r.stiffness, r.speed)) for r in self.recordings
-        }
+        data = {r.label: (parts[r.label], PulledRig(self.mass, **r.given)) for r in self.recordings}
         fit = identify_pulled_slider(*data[fitted[0].label], tied=self.tied)
         predicted = []
         for i, (label, (recording, rig)) in enumerate(data.items()):

@@ -12,7 +12,6 @@ import xarray as xr
 from ..actuator import Actuator
 from ..analysis.alignment import POSITION, Aligned, on_level, without_drift
 from ..chain import Chain
-from ..electronics import Filter
 from ..estimate.disturbed import lack_beside_faults
 from ..estimate.influence import PriorInfluence, prior_influence
 from ..estimate.lack import said
@@ -214,10 +213,9 @@ def _stage(
     if not steps:
         return _Stage(hysteresis, None, None, model)
     progress("identifying the stage", 0.1)
-    low_pass = None if file.filter is None else Filter(**file.filter.model_dump())
 
     def of_steps(of: Actuator) -> Fit:
-        return identify_step(steps, of, filter=low_pass, slew_rate=file.known_slew_rate)
+        return identify_step(steps, of, filter=file.filter, slew_rate=file.known_slew_rate)
 
     fit = kept.stage("stage", partial(of_steps, model))
     if hysteresis is not None:

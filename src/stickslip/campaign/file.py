@@ -10,8 +10,9 @@ from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
 
 from ..analysis.file import Pairs, RecordingFile
 from ..analysis.loops import LawChoice
-from ..experiment.file import FilterSpec, PartSpec
-from ..input_file import InputFileError, Seconds, Strict, explain, load_yaml, quantity
+from ..electronics import Filter
+from ..experiment.file import PartSpec
+from ..input_file import InputFileError, Part, Seconds, Strict, explain, load_yaml, quantity
 from ..records import did_you_mean
 from ..units import QuantityError
 
@@ -83,8 +84,8 @@ class CampaignFile(Strict):
     noise: float | str | None = None
     hops: int = 6
     reference: str | None = None
-    filter: FilterSpec | None = None
-    slew_rate: Annotated[float, quantity("V/s")] = math.inf
+    filter: Part[Filter] | None = None
+    slew_rate: Annotated[float, quantity("V/s")] = Field(default_factory=lambda: math.inf)
     slew_rate_source: str = ""
     settling: Seconds = 0.01
     published: dict[str, float] = Field(default_factory=dict)

@@ -15,10 +15,9 @@ from typing import Any
 from .._version import __version__
 from ..actuator import Actuator, load_actuator
 from ..calibration import load_calibration
-from ..electronics import Filter
 from ..readers import read_recording
 from ..records import did_you_mean
-from ..rig import Capabilities, Capture, Channel, Limits, Repeats, RigError, Trigger, Variation
+from ..rig import Capabilities, Capture, Channel, Limits, Repeats, RigError, Trigger
 from ..rig.measurement import channel_units, plan_run
 from ..units import QuantityError, to_si, unit_for
 from ..waveform.sampled import Sampled
@@ -160,11 +159,7 @@ def _repeats(file: ExperimentFile) -> Repeats:
     """Of a file's first run."""
     if not isinstance(file.rig, VirtualRigSpec):
         return Repeats()
-    try:
-        variation = Variation(**file.rig.variation.model_dump())
-    except QuantityError as error:
-        raise QuantityError(f"rig.variation: {error}") from None
-    return Repeats(variation, file.rig.seed, file.rig.first_run)
+    return Repeats(file.rig.variation, file.rig.seed, file.rig.first_run)
 
 
 def _in_name(value: float | str) -> str:
@@ -197,7 +192,7 @@ def _actuator(file: ExperimentFile, run: RunSpec, axes: Mapping[str, float | str
 
 def limits_of(spec: LimitsSpec, actuator: Actuator) -> Limits:
     """The limits of a file; its voltages default to the actuator's."""
-    given = {key: value for key, value in spec.model_dump().items() if value is not None}
+    given = spec.given
     for name in {*given} & {"min_position", "max_position"}:
         given[name] = to_si(given[name], unit_for(actuator, "m"), f"limits.{name}")
     own = {"min_voltage": actuator.min_voltage, "max_voltage": actuator.max_voltage}
@@ -209,7 +204,7 @@ def _channel(name: str, spec: ChannelSpec, folder: Path) -> Channel:
         return Channel(
             spec.input,
             tuple(load_calibration(own_file(text, folder, ".json")) for text in spec.calibration),
-            None if spec.filter is None else Filter(**spec.filter.model_dump()),
+            spec.filter,
             spec.zero,
         )
     except ValueError as error:
@@ -226,7 +221,7 @@ def _capture(run: RunSpec, can: Capabilities, units: Mapping[str, str]) -> Captu
         level = to_si(spec.trigger.level, unit, "capture.trigger.level")
         trigger = Trigger(spec.trigger.signal, level, spec.trigger.edge)
     interval = spec.interval if spec.interval is not None else (spec.down_sampling or 1) / can.sample_rate
-    return Capture(spec.length, interval, spec.pre_trigger, trigger, spec.average)
+    return Capture(interval=interval, trigger=trigger, **spec.given)
 
 
 def drive_of(

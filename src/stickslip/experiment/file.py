@@ -15,8 +15,10 @@ from pydantic import (
 )
 
 from .. import registry
-from ..input_file import Seconds, Strict
+from ..electronics import Filter
+from ..input_file import Part, Seconds, Strict, fields_of
 from ..registry import own_path
+from ..rig import Capture, Limits, Variation
 from ..waveform.signal import shape
 
 Quantity = float | str
@@ -40,23 +42,9 @@ def _shapes(schema: dict[str, Any]) -> None:
 Shape = Annotated[str, AfterValidator(_known), Field(json_schema_extra=_shapes)]
 
 
-class VariationSpec(Strict):
-    """How the contact differs from run to run, as relative standard deviations, "1.2 %"; see
-    `stickslip.rig.Variation`.
-
-    `friction` is what scatters independently, `drift` what changes slowly, over `drift_runs` runs;
-    `stiffness` is that of the bristle.
-    """
-
-    friction: Quantity = 0.0
-    drift: Quantity = 0.0
-    drift_runs: Quantity = 15.0
-    stiffness: Quantity = 0.0
-
-
 class VirtualRigSpec(Strict):
     """The virtual rig: a bench by name or file, the seed of its noise and of what varies from run to run; in
-    real time, or as fast as it can.
+    real time, or as fast as it can; `variation` is from run to run.
 
     `first_run` is how many runs it made before those of this file: noise and variation go on from there.
     """
@@ -65,7 +53,7 @@ class VirtualRigSpec(Strict):
     bench: str = "kang2007-bench"
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     real_time: bool = False
-    variation: VariationSpec = Field(default_factory=VariationSpec)
+    variation: Part[Variation] = Field(default_factory=Variation)
     first_run: Annotated[int, Field(ge=0, lt=10**6)] = 0
 
 
@@ -114,27 +102,8 @@ class ActuatorSpec(Strict):
     friction: dict[str, Quantity] = Field(default_factory=dict)
 
 
-class LimitsSpec(Strict):
+class LimitsSpec(fields_of(Limits)):
     """What the output may not pass; see `stickslip.rig.Limits`. Voltages default to the actuator's."""
-
-    min_voltage: Quantity | None = None
-    max_voltage: Quantity | None = None
-    max_slew: Quantity | None = None
-    max_duty: Quantity | None = None
-    min_position: Quantity | None = None
-    max_position: Quantity | None = None
-    watchdog: Quantity | None = None
-    stop_slew: Quantity | None = None
-
-
-class FilterSpec(Strict):
-    """A digital low-pass filter; see `stickslip.electronics.Filter`."""
-
-    order: int
-    corner: Quantity
-    family: Literal["butterworth", "bessel", "chebyshev", "elliptic"] = "butterworth"
-    ripple: float = 0.5
-    attenuation: float = 60.0
 
 
 class ChannelSpec(Strict):
@@ -142,7 +111,7 @@ class ChannelSpec(Strict):
 
     input: str
     calibration: list[str] = Field(default_factory=list)
-    filter: FilterSpec | None = None
+    filter: Part[Filter] | None = None
     zero: bool = False
 
 
@@ -154,15 +123,12 @@ class TriggerSpec(Strict):
     edge: Literal["rising", "falling"] = "rising"
 
 
-class CaptureSpec(Strict):
+class CaptureSpec(fields_of(Capture, "length", "pre_trigger", "average")):
     """Length; interval, or every how many samples of the rig one is kept; trigger; runs to average."""
 
-    length: Seconds
     interval: Seconds | None = None
     down_sampling: Count | None = None
-    pre_trigger: Seconds = 0.0
     trigger: TriggerSpec | None = None
-    average: Count = 1
 
 
 class PartSpec(Strict):

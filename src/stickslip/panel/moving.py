@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from ..actuator import Actuator
 from ..control import LowPass, Pid, Regulator, Stepping, StepSizes, Tuning, check_margins, commanded, tune
@@ -22,7 +23,7 @@ from ..experiment.cells import Cell, cells
 from ..experiment.file import ExperimentFile
 from ..experiment.laboratory import PlanningLaboratory
 from ..experiment.running import check_experiment
-from ..input_file import Strict
+from ..input_file import Strict, fields_of
 from ..progress import Progress
 from ..readers.process import Reader
 from ..rig import Capabilities, Channel, HostedRig, RigError, regulate
@@ -45,15 +46,12 @@ _SHOWN = 0.03  # s of a predicted response
 COLUMNS = {"drive_voltage": "drive", POSITION: "end-effector", "target_position": "target"}
 
 
-class Settings(Strict):
-    """How the loop is closed. `input` is the sensor, "" the first of positions; `bandwidth` [Hz] and
-    `proportional` are the gains times that of the piezo, K_i gain / (2 pi) and K_p gain; what is null is as
-    tuned."""
+class Settings(fields_of(Stepping, "amplitude", "frequency", "tolerance")):
+    """How the loop is closed, and fields of `control.Stepping`. `input` is the sensor, "" the first of
+    positions; `bandwidth` [Hz] and `proportional` are the gains times that of the piezo, K_i gain / (2 pi)
+    and K_p gain; what is null is as tuned."""
 
     input: str = ""
-    voltage: float | None = None
-    frequency: float = 100.0
-    tolerance: float = 10e-9
     bandwidth: float | None = None
     proportional: float = 0.0
     corner: float | None = None
@@ -63,7 +61,7 @@ class Act(Strict):
     """A command, see `control.Commanded`, and the settings with which a session begins, if none goes on."""
 
     what: dict[str, Any]
-    settings: Settings = Settings()
+    settings: Settings = Field(default_factory=Settings)
 
 
 class Prepared(NamedTuple):
@@ -84,6 +82,11 @@ class Prepared(NamedTuple):
     def unit(self) -> str:
         """Of positions: m, or rad where the actuator turns."""
         return unit_for(self.cell.actuator, "m")
+
+    @property
+    def amplitude(self) -> float:
+        """V of full steps, unless others are asked for."""
+        return min(Stepping().amplitude, self.high - self.low)
 
     @property
     def sensors(self) -> list[str]:
@@ -183,7 +186,7 @@ class Moves:
             "unit": made.unit,
             "inputs": [*sensors, *([] if known is None or known.input in sensors else [known.input])],
             "voltage": [0.2 * (made.high - made.low), made.high - made.low],
-            "walk": min(65.0, made.high - made.low),
+            "walk": made.amplitude,
             "bandwidth": _range(model.gain * own.pid.integral / (2.0 * math.pi), 1.0, 0.1 * rate),
             "proportional": _range(0.0, 0.0, 1.0),
             "corner": _range(0.45 * rate if own.low_pass is None else own.low_pass.corner, 20.0, 0.45 * rate),
@@ -230,8 +233,7 @@ class Moves:
         made, settings = self.prepared(), asked.settings
         regulator, cell = made.regulator(settings), made.cell
         check_margins(regulator, cell.actuator, posterior=made.others, output=made.output)
-        volts = min(65.0, made.high - made.low) if settings.voltage is None else settings.voltage
-        walk = Stepping(amplitude=volts, frequency=settings.frequency, tolerance=settings.tolerance)
+        walk = Stepping(**{"amplitude": made.amplitude, **settings.given})
         spec = commanded(
             *(walk, self._table(made, walk.frequency), regulator),
             *(cell.actuator.gain, made.can.step),

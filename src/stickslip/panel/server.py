@@ -19,7 +19,7 @@ from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 
 from ..gate.elsewhere import interpret_in
-from ..input_file import Strict
+from ..input_file import Strict, reason
 from ..readers.process import Reader
 from ..rig import RigError
 from ..rig.memory import collect, collected_on_request
@@ -207,7 +207,7 @@ def _explain_errors(app: FastAPI, folder: Folder) -> None:
     @app.exception_handler(RequestValidationError)
     async def malformed(request: Request, error: RequestValidationError) -> JSONResponse:
         first = error.errors()[0]
-        return answer(400, f"{'.'.join(str(part) for part in first['loc'])}: {first['msg']}")
+        return answer(400, f"{'.'.join(str(part) for part in first['loc'])}: {reason(first)}")
 
     @app.exception_handler(HTTPException)
     async def known(request: Request, error: HTTPException) -> JSONResponse:

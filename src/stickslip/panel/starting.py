@@ -164,7 +164,9 @@ def counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
 def _recordings(content: dict[str, Any]) -> int:
     """How many runs of the rig a content asks for."""
     runs = check_experiment(content).runs
-    return sum(run.repeats * run.capture.average * math.prod(map(len, run.matrix.values())) for run in runs)
+    return sum(
+        run.repeats * int(run.capture.average) * math.prod(map(len, run.matrix.values())) for run in runs
+    )
 
 
 def new_folder(folder: Folder, slug: str) -> Path:

@@ -14,7 +14,7 @@ const SPANS = [["1", "1 s"], ["5", "5 s"], ["30", "30 s"], ["120", "all"]];
 const AGAIN = 150; // ms between pictures
 const NAMES = ["end_effector_position", "target_position", "drive_voltage"];
 // What was typed stays while other pages are looked at.
-const kept = { unit: "", count: 3, hertz: 10, cycles: 10, input: "", voltage: null, frequency: 100, gains: {}, span: "5" };
+const kept = { unit: "", count: 3, hertz: 10, cycles: 10, input: "", amplitude: null, frequency: 100, gains: {}, span: "5" };
 const USUAL = { m: { to: 20e-6, range: 2e-6, tolerance: 10e-9 }, rad: { to: 2e-3, range: 0.2e-3, tolerance: 1e-6 } }; // by the unit of positions
 
 export async function mount(element, app) {
@@ -23,7 +23,7 @@ export async function mount(element, app) {
   const live = makeLiveData(app);
   const fault = h("p", { class: "fault", role: "alert", id: "move-fault" });
   const say = (error) => { fault.textContent = error.message; };
-  const settings = () => ({ input: kept.input, voltage: kept.voltage, frequency: kept.frequency, tolerance: kept.tolerance, ...kept.gains });
+  const settings = () => ({ input: kept.input, amplitude: kept.amplitude, frequency: kept.frequency, tolerance: kept.tolerance, ...kept.gains });
   /** `of`: the fields that say what is done; those of how it is done can be wrong only before it begins. */
   async function act(does, of) {
     fault.textContent = "";
@@ -177,10 +177,10 @@ export async function mount(element, app) {
     fault.textContent = "";
     positionsIn(choices.unit);
     if (!choices.inputs.includes(kept.input)) kept.input = choices.inputs[0];
-    kept.voltage ??= choices.walk;
+    kept.amplitude ??= choices.walk;
     sensor.select.replaceChildren(...choices.inputs.map((one) => new Option(one, one)));
     sensor.set(kept.input);
-    setup.replaceChildren(sensor.element, field("voltage", "Steps of", "V"), field("frequency", "a second", "Hz"), field("tolerance", "There within ±", choices.unit));
+    setup.replaceChildren(sensor.element, field("amplitude", "Steps of", "V"), field("frequency", "a second", "Hz"), field("tolerance", "There within ±", choices.unit));
     how.textContent = `${choices.actuator}, whose piezo reaches ${formatQuantity(choices.stroke, choices.unit, 3)}. It holds until you let go, ${choices.at_most} s at most; sensor and gains are those with which it began. Steps made counts also those that bring the piezo back to mid-range.`;
     gains();
     show();
