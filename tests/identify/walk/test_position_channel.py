@@ -51,7 +51,9 @@ def test_a_delay_is_found_without_being_asked_for_beside_an_offset() -> None:
 
 def test_none_is_free_where_the_user_says_so() -> None:
     drive, recording = walk(0.1, offset=5e-5)
-    fit = ss.identify_friction(recording, KANG, FREE, drive=drive, channel=(), max_evaluations=20)
+    fit = ss.identify_friction(
+        recording, KANG, FREE, drive=drive, channel=(), max_evaluations=20, hops=0, diagnose=False
+    )
     assert set(fit.values) == set(FREE)
     assert fit.failures
 

@@ -126,7 +126,8 @@ def identify_conditions(
         model, free, drive: as for `identify_friction`.
         by: "voltage", "frequency", "temperature", "humidity", or any other attribute.
         unit: of it, SI; left out, that of the names above, or none.
-        options: of `identify_friction`.
+        options: of `identify_friction`; `diagnose` is False if left out, for what moves with a condition is
+            asked first.
 
     Raises:
         RecordingError: a recording has no such attribute, or all have the same.
@@ -137,7 +138,7 @@ def identify_conditions(
     at = sorted(set(known))
     if len(at) < 2:
         raise RecordingError(f"{by} is {with_prefix(at[0], unit, 4)} in all recordings: nothing differs")
-    together = identify_friction(found, model, free, drive=drives, **options)
+    together = identify_friction(found, model, free, drive=drives, **{"diagnose": False, **options})
     # All fits have what the recordings together asked for, or sums of squares could not be compared.
     own = [p.name for p in together.parameters if p.name not in free]
     begin = {n: together.values[n] for n in CHANNEL if n in together.values}
