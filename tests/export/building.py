@@ -15,12 +15,15 @@ from typing import Any
 
 import numpy as np
 
+from engine.library import SANITIZED as SANITIZED
 from stickslip.export import export_c, export_fmu
 from stickslip.export.variables import Mode
 
 WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow"]
 WARNINGS += ["-Wdouble-promotion", "-Werror"]
-SANITIZED = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+FLOAT = ["-O2", "-DSTICKSLIP_FLOAT"]
+QUICK = ["-O0"]  # for short runs of a model that no other test compiles
+QUICK_FLOAT = ["-O0", "-DSTICKSLIP_FLOAT"]
 # gcc must be there; what else is there is used too.
 COMPILERS = ["gcc", *filter(shutil.which, ["clang"])]
 ARM_COMPILERS = [*filter(shutil.which, ["arm-none-eabi-gcc"])]

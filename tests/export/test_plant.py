@@ -8,7 +8,18 @@ import subprocess
 import numpy as np
 import pytest
 
-from export.building import ARM_COMPILERS, COMPILERS, SANITIZED, C, compiled, output, walk
+from export.building import (
+    ARM_COMPILERS,
+    COMPILERS,
+    FLOAT,
+    QUICK,
+    QUICK_FLOAT,
+    SANITIZED,
+    C,
+    compiled,
+    output,
+    walk,
+)
 from friction.samples import ALL, name
 from stickslip import Actuator, PulledSlider, load_actuator, simulate
 from stickslip.chain import Chain
@@ -23,7 +34,7 @@ from stickslip.waveform.shapes import Ramp, Step
 KANG = load_actuator("kang2007")
 # Of the end-effector's position in steps of 20 us, m; docs/export.md states it.
 STATED = {"double": 0.1e-9, "float": 1e-9}
-REAL = {"double": (), "float": ("-O2", "-DSTICKSLIP_FLOAT")}
+REAL = {"double": (), "float": FLOAT}
 
 
 def difference(model, waveform, duration, columns, tolerance=1e-10) -> float:
@@ -81,10 +92,10 @@ def test_a_jump_between_two_steps_is_said(tmp_path) -> None:
 @pytest.mark.parametrize("law", ALL, ids=name)
 def test_every_law(law, tmp_path) -> None:
     model, drive = KANG.replace(friction=law), Sawtooth(65, 20, periods=4)
-    for real, flags in REAL.items():
+    for real, flags in (("double", ["-O2"]), ("float", QUICK_FLOAT)):
         found = walk(model, tmp_path / real, *flags, waveform=drive)
         assert difference(model, drive, 0.2, found, 1e-10) < STATED[real]
-        output(compiled(tmp_path / real, C / "endure.c", *(flags or ("-O2",))), "20000")
+        output(compiled(tmp_path / real, C / "endure.c", *flags), "4000")
 
 
 MODELS = {
@@ -174,7 +185,7 @@ def test_what_moves_may_change_where_the_code_is_compiled_for_it(tmp_path) -> No
     main = tmp_path / "main.c"
     main.write_text(CLAMPS, encoding="ascii")
     assert "compile it with -DSTICKSLIP_ANY_LAYOUT=1" in output(compiled(tmp_path / "c", main))
-    found = output(compiled(tmp_path / "c", main, "-O2", "-DSTICKSLIP_ANY_LAYOUT=1"))
+    found = output(compiled(tmp_path / "c", main, *QUICK, "-DSTICKSLIP_ANY_LAYOUT=1"))
     truth = simulate(
         KANG.replace(clamped=True), Ramp(1000.0, rise_time=0.05), times=[0.0, 0.05], tolerance=1e-11
     )
@@ -183,7 +194,7 @@ def test_what_moves_may_change_where_the_code_is_compiled_for_it(tmp_path) -> No
 
 def test_a_step_that_is_given_up_is_said(tmp_path) -> None:
     export_c(KANG, tmp_path / "c", waveform=Sawtooth(65.0, 20.0, periods=3))
-    program = compiled(tmp_path / "c", tmp_path / "c" / "host" / "walk.c", "-O2", "-DSTICKSLIP_MOST_TRIES=1")
+    program = compiled(tmp_path / "c", tmp_path / "c" / "host" / "walk.c", *QUICK, "-DSTICKSLIP_MOST_TRIES=1")
     done = subprocess.run([program], capture_output=True, text=True, check=True)
     assert "the integrator gave a step up" in done.stderr
 
@@ -191,30 +202,30 @@ def test_a_step_that_is_given_up_is_said(tmp_path) -> None:
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_sanitizers(real, tmp_path) -> None:
     export_c(KANG, tmp_path / "c", waveform=Sawtooth(65, 20, periods=2))
-    flags = SANITIZED + (["-DSTICKSLIP_FLOAT"] if real == "float" else [])
+    flags = [*SANITIZED, *REAL[real][1:]]
     for program in ("walk", "observe", "scan"):
         made = compiled(tmp_path / "c", tmp_path / "c" / "host" / f"{program}.c", *flags)
         assert len(output(made).splitlines()) > 50
     made = compiled(tmp_path / "c", C / "endure.c", *flags)
-    output(made, "20000")
+    output(made, "5000")
 
 
+# The law, the step in s, and how many steps: about a second's work each.
 STIFF = {
-    "as it is": (KANG.friction, 20e-6),
-    "a million times stiffer": (KANG.friction._replace(sigma_0=1.399e12), 20e-6),
-    "undamped": (LuGre(1.399e9, 0.0, 0.0, 0.54, 0.7), 20e-6),
-    "long steps": (KANG.friction, 1e-2),
+    "as it is": (KANG.friction, 20e-6, 300_000),
+    "a million times stiffer": (KANG.friction._replace(sigma_0=1.399e12), 20e-6, 50_000),
+    "undamped": (LuGre(1.399e9, 0.0, 0.0, 0.54, 0.7), 20e-6, 50_000),
+    "long steps": (KANG.friction, 1e-2, 10_000),
 }
 
 
 @pytest.mark.parametrize("case", STIFF)
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_random_input_stays_bounded(case, real, tmp_path) -> None:
-    law, h = STIFF[case]
+    law, h, steps = STIFF[case]
     export_c(KANG.replace(friction=law), tmp_path / "c", duration=0.2)
-    flags = ["-O2", "-DSTICKSLIP_FLOAT"] if real == "float" else ["-O2"]
-    made = compiled(tmp_path / "c", C / "endure.c", *flags)
-    force, velocity, stage = map(float, output(made, "1000000", repr(h)).split())
+    made = compiled(tmp_path / "c", C / "endure.c", *REAL[real])
+    force, velocity, stage = map(float, output(made, str(steps), repr(h)).split())
     assert 1e-3 < force < 60.0
     assert velocity < 2.0
     assert stage < 3 * KANG.gain * 150
@@ -226,8 +237,7 @@ def test_a_long_rest_ends_in_no_nan(real, tmp_path) -> None:
     law = LuGre(2.4e6, 101.5, 0.0, 0.067, 0.067)
     model = KANG.replace(natural_frequency=3481.0, damping_ratio=0.345, end_effector_mass=9e-3, friction=law)
     drive = Sine(34.0, 14.3, offset=48.0, periods=4)
-    flags = ["-O2", "-DSTICKSLIP_FLOAT"] if real == "float" else ["-O2"]
-    found = walk(model, tmp_path / "c", *flags, waveform=drive, duration=2.0, step=2e-4)
+    found = walk(model, tmp_path / "c", *REAL[real], waveform=drive, duration=2.0, step=2e-4)
     late = found["end_effector_position"][found["time"] > 1.0]
     assert np.ptp(late) < 1e-9
     assert abs(late[0]) > 1e-6
@@ -240,9 +250,7 @@ def test_a_late_channel(real, tmp_path) -> None:
     export_c(KANG, tmp_path / "c", waveform=Sine(30.0, 20.0, offset=30.0, periods=2), chain=chain)
     main = tmp_path / "main.c"
     main.write_text(LATE, encoding="ascii")
-    flags = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    flags += ["-DSTICKSLIP_FLOAT"] if real == "float" else []
-    program = compiled(tmp_path / "c", main, *flags)
+    program = compiled(tmp_path / "c", main, *SANITIZED, *(REAL[real][1:]))
     for h in (1e-6, 10e-6, 20e-6, 45e-6, 1e-4):
         off, moved = map(float, output(program, repr(h), "45e-6").split())
         assert off < 1e-9 < 1e-7 < moved
@@ -268,7 +276,7 @@ int main(int count, char **arguments)
         return 0;
     }
     stickslip_rest(&plant, &state, R(0.0));
-    const long steps = (long)(0.05 / h);
+    const long steps = (long)(0.02 / h);
     for (long k = 0; k < steps; ++k) {
         const double begin = rate * h * (double)k, end = begin + rate * h;
         (void)stickslip_step_ramp(&plant, &state, (real_t)begin, (real_t)end);

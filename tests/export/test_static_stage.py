@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from export.building import C, compiled, output, packaged_fmu, walk
+from export.building import QUICK, QUICK_FLOAT, C, compiled, output, packaged_fmu, walk
 from export.test_fmu import instance
 from stickslip.export import ExportError, export_c, export_fmu
 from stickslip.units import QuantityError
@@ -97,7 +97,7 @@ def test_fmi_3_has_no_lines_for_it(mode: Any, tmp_path: Path) -> None:
 )
 def test_a_held_step_of_the_code_says_that_it_jumps(change: Any, jumps: bool, tmp_path: Path) -> None:
     made = export_c(STATIC.replace(**change), tmp_path / "c")
-    for flags in ((), ("-O2", "-DSTICKSLIP_FLOAT")):
+    for flags in (QUICK, QUICK_FLOAT):
         text = output(compiled(made, C / "ticks.c", *flags), text="10 10 10.000001 30 30 nan 29")
         bits = [int(line.split()[2]) for line in text.splitlines()]
         assert bits == [0, 0, 0, 16 * jumps, 0, 2, 16 * jumps]
