@@ -35,7 +35,9 @@ NEEDED: dict[str, dict[str, Any]] = {
     "Capture": {"length": 1.0, "interval": 1e-3},
     "Filter": {"order": 2, "corner": 1e3},
     "PulledRig": {"mass": 0.3, "stiffness": 100.0, "speed": 1e-3},
+    "Range": {"low": "1 N", "high": 2.0},
     "Stack": STACK,
+    "Trigger": {"signal": "drive_voltage", "level": 1.0},
 }
 
 

@@ -25,7 +25,7 @@ FILE = study_functions.__file__
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Members at random over y, for each of three x; those of x = 5 fail."""
     path = tmp_path_factory.mktemp("pictures") / "s.zarr"
-    points = [Grid({"x": [0.0, 1.0, 5.0]}), Random({"y": Range(1.0, 1000.0, log=True)}, 512)]
+    points = [Grid({"x": [0.0, 1.0, 5.0]}), Random({"y": Range(1.0, 1000.0, spacing="log")}, 512)]
     ss.run_study(Study(points, Own(f"{FILE}:picky", {"x": "m"}), task=64), path, workers=1)
     return path
 

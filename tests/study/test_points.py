@@ -33,7 +33,7 @@ def test_a_grid_is_all_combinations_in_order_and_in_si() -> None:
 
 @pytest.mark.parametrize("method", ["sobol", "halton", "uniform"])
 def test_members_of_a_random_design_do_not_depend_on_how_it_is_cut(method) -> None:
-    ranges = {"sigma_0": Range("1 N/um", "2 N/um", log=True), "coulomb_force": ("0.3 N", "0.8 N")}
+    ranges = {"sigma_0": Range("1 N/um", "2 N/um", spacing="log"), "coulomb_force": ("0.3 N", "0.8 N")}
     design = Random(ranges, 100, method, seed=3)
     one = whole(Study(design, STEADY))
     for size in (1, 7, 64):
@@ -99,7 +99,8 @@ def test_another_order_of_names_is_another_study_where_it_is_other_members(part,
         (Grid({"amplitude": ["40 N"]}), "amplitude.*'40 N'"),
         ([Grid({"amplitude": [40]}), Random({"amplitude": (1, 2)}, 3)], "'amplitude' varies twice"),
         (Random({"amplitude": (2, 1)}, 3), "low = 2 must be below high = 1"),
-        (Random({"amplitude": Range(0, 1, log=True)}, 3), "log needs values above 0"),
+        (Random({"amplitude": Range(0, 1, spacing="log")}, 3), "log needs values above 0"),
+        (Random({"amplitude": Range(1, 2, "lgo")}, 3), "spacing is 'linear' or 'log', not"),  # type: ignore[arg-type]
         (Random({"amplitude": (1, 2)}, 0), "members = 0"),
         (Random({"amplitude": (1, 2)}, 3, "sobel"), "not 'sobel'"),  # type: ignore[arg-type]
         (Random({"amplitude": (1, 2)}, 2**31), "Sobol sequence has 1,073,741,824 members"),

@@ -60,7 +60,7 @@ def files(store: Path) -> dict[str, bytes]:
 @pytest.fixture(scope="module")
 def walks(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Path]:
     """Walks of a design, with trajectories for a summary that are not kept."""
-    ranges = {"sigma_0": Range("1 N/um", "2 N/um", log=True), "coulomb_force": ("0.3 N", "0.8 N")}
+    ranges = {"sigma_0": Range("1 N/um", "2 N/um", spacing="log"), "coulomb_force": ("0.3 N", "0.8 N")}
     points = [Random(ranges, 50), Grid({"amplitude": ["40 V", "65 V", "-1 V"]})]
     study = Study(
         points,

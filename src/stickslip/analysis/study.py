@@ -28,10 +28,11 @@ from ..experiment.cells import drive_of
 from ..experiment.file import PartSpec
 from ..gate.netcdf import netcdf_columns
 from ..identify.saved import load_fit
-from ..input_file import Hertz, InputFileError, Seconds, Strict, explain, load_yaml, quantity
+from ..input_file import Hertz, InputFileError, Part, Seconds, Strict, explain, load_yaml, quantity
 from ..study import Draws, Grid, Own, Random, Range, SteadySteps, Study, WalksFromRest, drawn_parameters
 from ..study.own import own_function
-from ..study.points import Part
+from ..study.points import Method
+from ..study.points import Part as Points
 from ..units import QuantityError, to_si, unit_for
 from ..waveform.signal import Waveform
 from .axis import AxisSpec
@@ -49,20 +50,12 @@ class GridAxisSpec(AxisSpec):
         return self.between(first, last, f"grid.{name}")
 
 
-class RangeSpec(Strict):
-    """From `low` to `high`; `spacing: log`: evenly over the logarithm."""
-
-    low: float | str
-    high: float | str
-    spacing: Literal["linear", "log"] = "linear"
-
-
 class RandomSpec(Strict):
     """As `Random`."""
 
-    ranges: dict[str, RangeSpec]
+    ranges: dict[str, Part[Range]]
     members: Count
-    method: Literal["sobol", "halton", "uniform"] = "sobol"
+    method: Method = "sobol"
     seed: Annotated[int, Field(ge=0)] = 0
 
 
@@ -135,7 +128,7 @@ class StudyFile(Strict):
         """The study; raises InputFileError, QuantityError, RegistryError, ..."""
         model = self._model(folder)
         measure = self._measure(folder, model)
-        points: list[Part] = []
+        points: list[Points] = []
         if self.grid:
             axes = {
                 name: one.values(name, measure) if isinstance(one, GridAxisSpec) else one
@@ -143,8 +136,9 @@ class StudyFile(Strict):
             }
             points.append(Grid(axes))
         if self.random:
-            ranges = {n: Range(r.low, r.high, r.spacing == "log") for n, r in self.random.ranges.items()}
-            points.append(Random(ranges, self.random.members, self.random.method, self.random.seed))
+            points.append(
+                Random(self.random.ranges, self.random.members, self.random.method, self.random.seed)
+            )
         if self.draws:
             points.append(self.draws.part(folder, model) if model else Draws(self._table_alone(folder)))
         summary = own_function(self.summary, folder) if self.summary else None

@@ -219,7 +219,7 @@ def _capture(run: RunSpec, can: Capabilities, units: Mapping[str, str]) -> Captu
     if spec.trigger is not None:
         unit = units.get(spec.trigger.signal, "V")
         level = to_si(spec.trigger.level, unit, "capture.trigger.level")
-        trigger = Trigger(spec.trigger.signal, level, spec.trigger.edge)
+        trigger = Trigger(level=level, **spec.trigger.given)
     interval = spec.interval if spec.interval is not None else (spec.down_sampling or 1) / can.sample_rate
     return Capture(interval=interval, trigger=trigger, **spec.given)
 

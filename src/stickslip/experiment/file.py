@@ -18,7 +18,7 @@ from .. import registry
 from ..electronics import Filter
 from ..input_file import Part, Seconds, Strict, fields_of
 from ..registry import own_path
-from ..rig import Capture, Limits, Variation
+from ..rig import Capture, Limits, Trigger, Variation
 from ..waveform.signal import shape
 
 Quantity = float | str
@@ -115,12 +115,10 @@ class ChannelSpec(Strict):
     zero: bool = False
 
 
-class TriggerSpec(Strict):
+class TriggerSpec(fields_of(Trigger, "signal", "edge")):
     """The channel whose edge begins the recording; `level` in its unit."""
 
-    signal: str
     level: Quantity
-    edge: Literal["rising", "falling"] = "rising"
 
 
 class CaptureSpec(fields_of(Capture, "length", "pre_trigger", "average")):

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 # From a name and values (numbers, or strings with units) to SI, and what `units` and `long_name` are.
 Read = Callable[[str, ArrayLike], tuple[Array, dict[str, str]]]
 Method = Literal["sobol", "halton", "uniform"]
+Spacing = Literal["linear", "log"]
 
 MOST_MEMBERS = 10**12
 # Of SciPy's Sobol sequence, of 30 bits.
@@ -40,11 +41,11 @@ class Grid:
 
 
 class Range(NamedTuple):
-    """From `low` to `high`, SI or strings with units; `log`: evenly over the logarithm."""
+    """From `low` to `high`, SI or strings with units; with the spacing "log" evenly over the logarithm."""
 
     low: float | str
     high: float | str
-    log: bool = False
+    spacing: Spacing = "linear"
 
 
 @dataclass(frozen=True)
@@ -153,20 +154,23 @@ def _random_axis(part: Random, read: Read) -> Axis:
         raise QuantityError(f"random: seed = {part.seed!r} must be a whole number >= 0")
     if not part.ranges:
         raise QuantityError("random: there are no ranges")
-    about, low, high, log = {}, [], [], []
+    about, low, high, logs = {}, [], [], []
     for name, given in part.ranges.items():
         ends = given if isinstance(given, Range) else Range(given[0], given[1])
         (first, last), about[name] = read(name, [ends.low, ends.high])
         if not first < last:
             raise QuantityError(f"random: {name}: low = {first:g} must be below high = {last:g}")
-        if ends.log and not first > 0.0:
+        if ends.spacing not in get_args(Spacing):
+            raise QuantityError(f"random: {name}: the spacing is 'linear' or 'log', not {ends.spacing!r}")
+        log = ends.spacing == "log"
+        if log and not first > 0.0:
             raise QuantityError(f"random: {name}: log needs values above 0, not {first:g}")
-        low.append(math.log(first) if ends.log else first)
-        high.append(math.log(last) if ends.log else last)
-        log.append(ends.log)
+        low.append(math.log(first) if log else first)
+        high.append(math.log(last) if log else last)
+        logs.append(log)
     sequence = _Sequence(part.method, part.seed, len(low))
     begin, width = np.array(low)[:, None], (np.array(high) - np.array(low))[:, None]
-    which = np.array(log)[:, None]
+    which = np.array(logs)[:, None]
 
     def drawn(start: int, stop: int) -> Array:
         at = begin + width * sequence.numbers(start, stop)
