@@ -79,8 +79,8 @@ def test_a_wrong_law_is_noticed_and_the_right_one_is_named(tmp_path: Path) -> No
     law = KANG.friction
     f, k = law.coulomb_force, law.sigma_0
     true = ss.Elastoplastic(0.5 * k, law.sigma_1, 0.0, f, f, 1.4 * f / k)
-    laws = ["LuGre", "Elastoplastic"]
-    done, results = run(tmp_path, KANG.replace(friction=true), 3, model_choice=laws, hops=0, free=["sigma_0", "coulomb_force"])
+    little = {"model_choice": ["LuGre", "Elastoplastic"], "hops": 0, "free": ["sigma_0", "coulomb_force"]}
+    done, results = run(tmp_path, KANG.replace(friction=true), 3, **little)
     assert done.exit_code == 1
     assert "the model does not explain walk_" in done.stderr
     assert "x the noise" in done.stderr
