@@ -1,4 +1,4 @@
-"""A small fault study: every kind of fault a few times, at random instants, in real processes."""
+"""A small fault study: every kind of fault once, at random instants, in real processes."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from benchmarks import faults
 
 
 def test_faults_at_random_instants_end_at_zero_volts_and_keep_what_was_recorded() -> None:
-    found = faults.study(2 * len(faults.FAULTS), seed=random.randrange(10**6), workers=2)
-    assert len(found) == 2 * len(faults.FAULTS)
+    found = faults.study(len(faults.FAULTS), seed=random.randrange(10**6), workers=2)
+    assert len(found) == len(faults.FAULTS)
     assert not [(one.fault, one.wrong) for one in found if one.wrong]
-    assert sum(one.late is not None for one in found) >= 6, "faults that hit an output"
-    assert sum(one.finished for one in found) >= 6
-    assert sum(one.unfinished for one in found) >= 4
+    assert sum(one.late is not None for one in found) >= 3, "faults that hit an output"
+    assert sum(one.finished for one in found) >= 3
+    assert sum(one.unfinished for one in found) >= 2
 
 
 RUN = {
