@@ -19,6 +19,7 @@ import xarray as xr
 
 import stickslip as ss
 import study_functions
+from stickslip.analysis.study import study_of_file
 from stickslip.engine.library import library
 from stickslip.study import (
     Grid,
@@ -235,7 +236,7 @@ def test_killed_runs_go_on_and_end_the_same(tmp_path: Path, log: Path, gate: Pat
     for process in left:
         while Path(f"/proc/{process}/cmdline").exists() and Path(f"/proc/{process}/cmdline").read_bytes():
             time.sleep(0.01)
-    assert begin(file, store, "--workers", "2").wait() == 0
+    ss.run_study(study_of_file(file), store, workers=1)
     found = xr.open_zarr(store, chunks=None).load()
     np.testing.assert_array_equal(found["value"], EXPECTED)
     np.testing.assert_array_equal(found["status"], 0)
@@ -288,7 +289,7 @@ def test_a_stop_ends_it_and_what_is_finished_is_kept(tmp_path: Path, gate: Path)
     assert run.wait() == 1
     done = Store(store).done()
     assert 4 <= done.sum() < done.size
-    assert begin(file, store, "--workers", "1").wait() == 0  # an old stop stops nobody
+    ss.run_study(study_of_file(file), store, workers=1)  # an old stop stops nobody
     np.testing.assert_array_equal(xr.open_zarr(store, chunks=None)["value"], EXPECTED)
 
 
@@ -345,9 +346,11 @@ def test_a_full_disk_ends_it_with_all_that_is_finished(small: Path, tmp_path: Pa
 
 def test_shards_are_the_whole(tmp_path: Path, log: Path) -> None:
     study, store = own("squares"), tmp_path / "s.zarr"
-    for k in (1, 2, 3):
+    for k, done in ((1, 14), (3, 27)):
         ss.run_study(study, store, workers=1, shard=(k, 3))
-        assert Store(store).done().sum() == {1: 14, 2: 27, 3: 40}[k]
+        assert Store(store).done().sum() == done
+    assert len(computed(log)) == 27
+    ss.run_study(study, store, workers=1)
     np.testing.assert_array_equal(xr.open_zarr(store, chunks=None)["value"], EXPECTED)
     assert len(computed(log)) == 40
 
