@@ -208,7 +208,10 @@ def test_garbage_and_late_answers_are_told_and_the_output_is_off(
 ) -> None:
     bench = Bench()
     GIVEN_UP.clear()
-    with bench.rig(timeout="2 s" if answer is late else "30 s") as rig:
+    timeout = (
+        "2 s" if answer is late else "5 s" if said == "only" else "30 s"
+    )  # a block that is cut is waited for
+    with bench.rig(timeout=timeout) as rig:
         broken(answer, monkeypatch, getattr(bench, which), query)
         with pytest.raises(RigError, match=f"{which} at 127.0.0.1:\\d+.*{said}"):
             ss.rig.measure(rig, DRIVE, CHANNELS, CAPTURE, LIMITS)
