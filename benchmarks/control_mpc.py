@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from stickslip.actuator import Actuator
 from stickslip.control.loops import Loop, sampled_loop
-from stickslip.control.moving import _smooth
 from stickslip.control.tuning import Tuning
 
 from .control_bench import RATE, TOP, loop, ours
@@ -62,7 +61,9 @@ def scanned(tuning: Tuning, plant: Loop, scan: float) -> tuple[Array, float]:
     for k in range(TICKS):
         found.append(float(plant.c @ state))
         begun = time.process_time()
-        volts = regulator.step(found[-1], _smooth((k + 1) / ticks) * TARGET, k)
+        share = min((k + 1) / ticks, 1.0)
+        wanted = TARGET * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)  # with the least jerk
+        volts = regulator.step(found[-1], wanted, k)
         spent += time.process_time() - begun
         state = plant.a @ state + plant.b * volts
     return np.array(found), spent / TICKS
