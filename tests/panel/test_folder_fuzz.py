@@ -8,9 +8,7 @@ from benchmarks.folder_fuzz import run
 
 
 def test_good_runs_are_listed_and_bad_entries_have_reasons() -> None:
-    with ThreadPoolExecutor(
-        1
-    ) as thread:  # for a browser may be driven by a loop of this one
+    with ThreadPoolExecutor(1) as thread:  # for a browser may be driven by a loop of this one
         found = thread.submit(run, 2, seed=40).result()
     assert found.wrong == []
     assert found.counts["good runs"] >= 4
