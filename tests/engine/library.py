@@ -10,9 +10,7 @@ from stickslip.engine import binding
 from stickslip.engine.compiled_law import HEADERS
 
 WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wshadow", "-Werror"]
-# Not optimised, and without checks of pointers that repeat those of addresses: they take a third of the time.
 SANITIZED = ["-O0", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-SANITIZED += ["-fno-sanitize=null,alignment,pointer-overflow,object-size,nonnull-attribute"]
 STRICT = ["-std=c99", "-ffp-contract=off", "-fPIC", "-shared"]
 
 
