@@ -2,7 +2,7 @@
 # that is possible; the rest comes from the lock file.
 #
 #   make demo       identify, verify and simulate; writes out/demo/report.html
-#   make test       all tests; CPU_SECONDS= for an error above so many
+#   make test       all tests; CPU_SECONDS=4500: an error if they take more
 #   make coverage   all tests, and the lines that they have run
 #   make check      lint, format, types, layers
 #   make drivers    others' drivers of controllers in an environment of their own, for the tests
@@ -136,7 +136,7 @@ bench: $(READY) peers
 bench-%: $(READY) peers
 	$(BIN)/python -m benchmarks $*
 
-# Each with its page in docs/benchmarks/; the tests keep a small case of each.
+# Most have a page in docs/benchmarks/; the tests keep a small case of each.
 of_random_actuators := 2000 --seed 21
 of_random_orbits := 1500 --seed 21
 of_random_piezos := 300 --seed 0

@@ -26,7 +26,7 @@ from typing import Annotated, Any, NamedTuple
 from ..engine._abi import ffi
 from ..engine.library import library
 from ..records import Quantity, of_kind, record
-from ..units import QuantityError, to_si, with_prefix
+from ..units import QuantityError, with_prefix
 from .arrival import Arrival
 from .blocks import ControlWarning, Regulator
 from .shaping import Slip
@@ -56,7 +56,7 @@ class Stepping(NamedTuple):
 _LOST = 0.2
 # V in one tick, up to which a target that moves is followed without a scan.
 _ALONG = 0.5
-# Of the piezo's stroke: nearer targets are tried from the middle of its range before steps are.
+# Share of the piezo's stroke within which a target is tried from the middle of the range before steps are.
 _NEAR = 0.25
 # "rest", "return" and so on, from MOVER_REST, MOVER_RETURN.
 _PHASES = {k: name.split("_")[1].lower() for k, name in ffi.typeof("mover_phase").elements.items()}
@@ -136,7 +136,6 @@ class Mover:
             f"{unit}/V", "C", "the stroke per volt, in the direction of a step forward,", above=0
         )
         self.gain, hold = stroke.check(gain, "Mover.gain"), _HOLD.check(hold, "Mover.hold")
-        learning = to_si(learning, "", "learning")
         parts = ("walk", walk, Stepping), ("table", table, StepSizes), ("regulator", regulator, Regulator)
         for name, part, kind in (*parts, ("slip", slip, Slip | None)):
             of_kind(part, kind, f"Mover.{name}")

@@ -16,12 +16,10 @@ from typing import Any
 
 from .._version import __version__
 from ..engine._abi import ffi
-from ..engine.library import FILE
+from ..engine.compiled_law import HEADERS
 from ..units import QuantityError
 from .blocks import Regulator
 from .moving import Mover
-
-ENGINE = FILE.parent / "c"
 
 _SOURCE = """\
 /* A regulator made by stickslip {version}: {rate:g} updates a second, {low:g} V to {high:g} V.
@@ -196,7 +194,7 @@ def mover_source(mover: Mover) -> str:
     made = _MADE.format(
         version=__version__, tables="\n".join(tables), numbers=_initial(mover.plan[0], iter(names))
     )
-    machine = [(ENGINE / name).read_text(encoding="ascii") for name in ("arrival.h", "mover.h")]
+    machine = [(HEADERS / name).read_text(encoding="ascii") for name in ("arrival.h", "mover.h")]
     return "".join([regulator_source(mover.regulator), _HEAD, *machine, made])
 
 

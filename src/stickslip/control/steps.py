@@ -202,7 +202,7 @@ class Steps:
         return [(0.0, *one) for one in self.table[:3]]
 
     def continue_in(self, mover: Any) -> None:
-        """Give the table to a mover in C, and be a view of that one from here on."""
+        """Copy the table into a mover in C; from then on show and teach the mover's own."""
         mover.table = self.of[0]
         self._mover, self.of = mover, ffi.addressof(mover, "table")
 

@@ -53,25 +53,25 @@ typedef struct {
     double nearby;                 /* m: such targets are tried from mid-range before steps are */
     double along;                  /* V in one update, up to which a moving target is followed without a scan */
     double holding;                /* s at the target, after which the move is done */
-    int64_t period, rise;             /* updates of a step, and of its rise */
+    int64_t period, rise;          /* updates of a step, and of its rise */
     int64_t slipping;
     const double *slip;            /* [slipping], what is left of a voltage after its rise */
-    int64_t pause, scanning;          /* updates after the last step, and of a scan or a return */
+    int64_t pause, scanning;       /* updates after the last step, and of a scan or a return */
     mover_table table;             /* with what is learnt at the start */
 } mover_plan;
 
 typedef struct {
     const mover_plan *plan;
     mover_phase phase;
-    int64_t entered;                  /* how often a phase began */
+    int64_t entered;               /* how often a phase began */
     mover_error error;
     double goal, voltage;          /* m, NAN before it was told; V */
     double wanted;                 /* m: where the regulator has to go at this update */
     bool begins;                   /* the regulator has to begin first, at `voltage` and the position `before` */
-    int64_t steps, lost;              /* made, and of them those that led nowhere */
-    bool settled, done;            /* it was at the target; it stayed there as int64_t as wanted */
+    int64_t steps, lost;           /* made, and of them those that led nowhere */
+    bool settled, done;            /* it was at the target; it stayed there as long as wanted */
     double settled_at;             /* s */
-    int64_t steps_wanted;             /* set to make so many full steps, backward below 0, and hold there */
+    int64_t steps_wanted;          /* set to make so many full steps, backward below 0, and hold there */
     bool centre_wanted;            /* set to have the piezo in mid-range when it holds, at the same target */
     mover_table table;             /* with what is learnt by now */
     double from, to, amplitude, before, close;
