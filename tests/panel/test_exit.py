@@ -13,6 +13,7 @@ from http.client import HTTPConnection
 from pathlib import Path
 
 import httpx
+import psutil
 import pytest
 import uvicorn
 from fastapi import FastAPI
@@ -30,10 +31,9 @@ SLOW_LAW |= {f"strength_{i}": 0.0135 for i in range(1, 41)}  # N
 def children(process: int) -> dict[int, str]:
     """Processes that a process started, and their commands."""
     found = {}
-    for status in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):
-            if int(status.read_text().rpartition(")")[2].split()[1]) == process:
-                found[int(status.parent.name)] = (status.parent / "cmdline").read_text().replace("\0", " ")
+    for child in psutil.Process(process).children():
+        with suppress(psutil.NoSuchProcess):
+            found[child.pid] = " ".join(child.cmdline())
     return found
 
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import xarray as xr
 
@@ -203,9 +204,7 @@ def wait_for(store: Path, tasks: int, process: subprocess.Popen) -> None:
 
 
 def workers_of(process: subprocess.Popen) -> list[int]:
-    """Of all threads of a process: workers are begun by any."""
-    folders = Path(f"/proc/{process.pid}/task").iterdir()
-    return [int(p) for f in folders for p in (f / "children").read_text().split()]
+    return [child.pid for child in psutil.Process(process.pid).children()]
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ from typing import Annotated, Any, NamedTuple
 from ..engine._abi import ffi
 from ..engine.library import library
 from ..records import Quantity, of_kind, record
-from ..units import QuantityError, with_prefix
+from ..units import QuantityError, to_si, with_prefix
 from .arrival import Arrival
 from .blocks import ControlWarning, Regulator
 from .shaping import Slip
@@ -136,6 +136,7 @@ class Mover:
             f"{unit}/V", "C", "the stroke per volt, in the direction of a step forward,", above=0
         )
         self.gain, hold = stroke.check(gain, "Mover.gain"), _HOLD.check(hold, "Mover.hold")
+        learning = to_si(learning, "", "learning")
         parts = ("walk", walk, Stepping), ("table", table, StepSizes), ("regulator", regulator, Regulator)
         for name, part, kind in (*parts, ("slip", slip, Slip | None)):
             of_kind(part, kind, f"Mover.{name}")
