@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks import fuzz_engine
 
 import stickslip as ss
 from engine import cases
@@ -169,3 +170,10 @@ def test_a_contact_may_let_go_just_before_a_break_of_the_drive() -> None:
     breaks = np.concatenate([[0.0], high + 0.5e-9 * np.arange(-20, 60)])
     whole, broken = ran(np.zeros(1), 8e-3), ran(breaks, 8e-3)
     np.testing.assert_allclose(broken[::2], whole[::2], rtol=0.0, atol=1e-9)
+
+
+def test_extreme_plants_end_with_numbers_or_with_a_reason() -> None:
+    """In 67082 a LuGre has a Stribeck velocity of 0: its force is no number at a speed of exactly 0."""
+    assert [
+        seed for seed in (*range(300), 67082) if fuzz_engine.case(seed).startswith(fuzz_engine.FOUND)
+    ] == []

@@ -15,7 +15,7 @@ from ..electronics.stack import Stack
 from ..engine.binding import DriveTable
 from ..engine.law_of import law_of
 from ..engine.members import ComposedMembers, MemberDrives, integrate_members
-from ..engine.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
+from ..engine.outcome import DONE, NO_NUMBER, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..friction import element
 from ..plant.at_piezo import tabulated
 from ..progress import Progress, unheard
@@ -45,6 +45,7 @@ OUTCOMES = {
     DONE: "complete",
     STEP_TOO_SMALL: "step_too_small",
     TOO_MANY_STEPS: "too_many_steps",
+    NO_NUMBER: "no_number",
     REFUSED: "refused",
 }
 # A GPU wants many members at once.

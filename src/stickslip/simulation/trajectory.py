@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuator import Actuator, PulledSlider
 from ..electronics.stack import Stack
 from ..engine.binding import TERMS, ComposedPlant, DriveTable, integrate
-from ..engine.outcome import DONE, STEP_TOO_SMALL
+from ..engine.outcome import DONE, NO_NUMBER, STEP_TOO_SMALL
 from ..recording import make_recording
 from ..recording.drive import drive_text
 from ..records import DURATION, SAMPLE_RATE, Quantity, refuse_too_many
@@ -24,7 +24,7 @@ from ..waveform.signal import Waveform
 from .channels import energy_account, of_stack, variables_of
 from .drives import refuse_no_waveform, tables
 from .errors import SimulationError, SimulationWarning
-from .models import SLIDER, Contact, System, classic, contact_load
+from .models import Contact, System, classic, contact_load
 from .refinement import LOOSE, refined
 from .state import REST, State, as_text, maker, placed, taken_up
 
@@ -33,7 +33,8 @@ COMPLETE = "complete"
 TOLERANCE = Quantity("m", "ε", "error that is allowed", above=0, maximum=1e-3)
 _OUTCOMES = {
     STEP_TOO_SMALL: "the steps no longer advance, for they fell below what floating point can resolve. Try "
-    "another tolerance, or a drive without jumps"
+    "another tolerance, or a drive without jumps",
+    NO_NUMBER: "a friction force is infinite or no number. Look for a parameter of the law that is 0 or huge",
 }
 
 
@@ -225,9 +226,9 @@ class _Task(NamedTuple):
             along = self.of.contact.along if self.of.contact is not None else None
             if run.outcome == STEP_TOO_SMALL and along is not None and not along.presses(run.place):
                 reason = f"the contact lifts off at {with_prefix(run.place, 'm')}, where nothing presses it"
-            end = with_prefix(times[-1], "s")
-            text = f"stopped at t = {with_prefix(run.reached, 's')} of {end}: {reason}"
-            keep = np.isfinite(samples[:, SLIDER])
+            keep = np.logical_and.accumulate(np.isfinite(samples).all(axis=1))
+            reached = float(times[~keep][0]) if run.outcome == NO_NUMBER else run.reached
+            text = f"stopped at t = {with_prefix(reached, 's')} of {with_prefix(times[-1], 's')}: {reason}"
             times, samples, work = times[keep], samples[keep], work[keep] if self.energy else work
         if self.anew and times.size:  # the run began before the state that it goes on from
             start, work = samples[0], work - work[0]

@@ -13,8 +13,9 @@
 #define STICKSLIP_API __attribute__((visibility("default")))
 #endif
 
-/* Outcomes of a run. LOG_FULL is no end: the log must be read and emptied before the run goes on; no caller sees it. */
-enum { DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, LOG_FULL, STOPPED, NO_MEMORY, DOES_NOT_FIT, NOT_FOUND };
+/* Outcomes of a run. LOG_FULL is no end: the log must be read and emptied before the run goes on; no caller sees it.
+ * NO_NUMBER: the run came to its end, but a sample is no number. */
+enum { DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, LOG_FULL, STOPPED, NO_MEMORY, DOES_NOT_FIT, NOT_FOUND, NO_NUMBER };
 
 /* One trajectory. Arrays belong to the caller. */
 struct stickslip_task {

@@ -243,7 +243,7 @@ static int OF(travel)(struct OF(journey) *J, struct log *log, const struct stick
     int outcome = OF(follow)(J);
     OF(copy)(P, w->q, task->state);
     *result = (struct stickslip_result){w->t, w->accepted, w->rejected};
-    return outcome;
+    return outcome == DONE && J->read.no_number ? NO_NUMBER : outcome;
 }
 
 #ifndef STICKSLIP_GPU /* where each thread has room of its own */

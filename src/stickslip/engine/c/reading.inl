@@ -29,6 +29,7 @@ struct OF(reading) {
     int columns;            /* of `samples` */
     real_t *samples;        /* [count, columns]: states, then outputs of the elements */
     real_t *account;        /* [count, TERMS], or NULL */
+    bool no_number;         /* a sample has one that is infinite or no number */
     real_t work[TERMS];     /* up to now */
 };
 
@@ -89,7 +90,10 @@ static void OF(read_samples)(struct OF(reading) *of, real_t shift, const real_t 
         OF(advance_segment)(of->load, t, &j);
         OF(advance_segment)(of->drive, inside, &own);
         OF(advance_segment)(of->load, inside, &loaded);
-        OF(sample)(of, step, shift, move, t, i, j, own, loaded, of->samples + of->next * of->columns);
+        real_t *out = of->samples + of->next * of->columns;
+        OF(sample)(of, step, shift, move, t, i, j, own, loaded, out);
+        for (int c = 0; c < of->columns; c++)
+            of->no_number = of->no_number || !r_isfinite(out[c]);
     }
 }
 
