@@ -100,7 +100,9 @@ def element_rate(law, v, z):
 def over_limit(law, speed, growth, z):
     """How far its deflection is over that at which it slides, relative; and how fast that grows, over the
     speed: above 1 the spring cannot follow."""
-    fall = (law.stiction - law.strength) * math.exp(-((speed / law.stribeck_velocity) ** 2))
+    fall = 0.0
+    if law.stiction != law.strength:
+        fall = (law.stiction - law.strength) * math.exp(-((speed / law.stribeck_velocity) ** 2))
     slope = 2.0 * fall / (law.stiffness * law.stribeck_velocity**2)
     return z * law.stiffness / (law.strength + fall) - 1.0, -slope * growth
 
@@ -118,14 +120,14 @@ def element_choose(law, speed, growth, z):
 
 
 def element_branch_rate(law, speed, z, branch):
-    over = over_limit(law, speed, 0.0, z)[0]
-    dz = speed
+    dz = speed  # of an elastic-perfectly-plastic one below its bound, and of one that sticks
     if law.stiction <= law.strength:
-        dz = 0.0 if over >= ON_LIMIT - 1.0 else speed
+        if over_limit(law, speed, 0.0, z)[0] >= ON_LIMIT - 1.0:
+            dz = 0.0
     elif branch == FOLLOWS:
-        dz = -speed * over / LAG
+        dz = -speed * over_limit(law, speed, 0.0, z)[0] / LAG
     elif branch == DRAWN:
-        dz = -law.attraction_rate * law.strength / law.stiffness * over
+        dz = -law.attraction_rate * law.strength / law.stiffness * over_limit(law, speed, 0.0, z)[0]
     return law.stiffness * z + law.sigma_2 * speed, dz
 
 

@@ -318,7 +318,10 @@ static inline real_t ss_element_bound(const ss_MaxwellElement *law, real_t z)
 /* stickslip.friction.maxwell_slip.over_limit: How far its deflection is over that at which it slides, relative; and how fast that grows, over the speed: above 1 the spring cannot follow. */
 static inline ss_over_limit_result ss_over_limit(const ss_MaxwellElement *law, real_t speed, real_t growth, real_t z)
 {
-    real_t fall = (law->stiction - law->strength) * r_exp(-r_square(speed / law->stribeck_velocity));
+    real_t fall = R(0.0);
+    if (law->stiction != law->strength) {
+        fall = (law->stiction - law->strength) * r_exp(-r_square(speed / law->stribeck_velocity));
+    }
     real_t slope = R(2.0) * fall / (law->stiffness * r_square(law->stribeck_velocity));
     return (ss_over_limit_result){z * law->stiffness / (law->strength + fall) - R(1.0), -slope * growth};
 }
@@ -347,15 +350,18 @@ static inline int64_t ss_element_choose(const ss_MaxwellElement *law, real_t spe
 /* stickslip.friction.maxwell_slip.element_branch_rate */
 static inline ss_element_branch_rate_result ss_element_branch_rate(const ss_MaxwellElement *law, real_t speed, real_t z, int64_t branch)
 {
-    ss_over_limit_result made_1 = ss_over_limit(law, speed, R(0.0), z);
-    real_t over = made_1.part_0;
     real_t dz = speed;
     if (law->stiction <= law->strength) {
-        dz = over >= R(0.999999999999) - R(1.0) ? R(0.0) : speed;
+        ss_over_limit_result made_1 = ss_over_limit(law, speed, R(0.0), z);
+        if (made_1.part_0 >= R(0.999999999999) - R(1.0)) {
+            dz = R(0.0);
+        }
     } else if (branch == 1) {
-        dz = -speed * over / R(1e-08);
+        ss_over_limit_result made_2 = ss_over_limit(law, speed, R(0.0), z);
+        dz = -speed * made_2.part_0 / R(1e-08);
     } else if (branch == 2) {
-        dz = -law->attraction_rate * law->strength / law->stiffness * over;
+        ss_over_limit_result made_3 = ss_over_limit(law, speed, R(0.0), z);
+        dz = -law->attraction_rate * law->strength / law->stiffness * made_3.part_0;
     }
     return (ss_element_branch_rate_result){law->stiffness * z + law->sigma_2 * speed, dz};
 }
