@@ -8,8 +8,9 @@ and why.
 from __future__ import annotations
 
 import importlib.resources
+import multiprocessing
 import os
-from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,25 +24,32 @@ from .report import Document, Section
 
 CAMPAIGN = "kang2007_campaign.yaml"
 EXAMPLES = ("friction_loops.yaml", "piezo_mirror.yaml", "pulled_slider.yaml")
-# Of the time that all takes.
-_CAMPAIGN_SHARE = 0.5
+
+
+def _run_or_why(file: Path) -> Document | str:
+    """The document of an identification file, or why its data are missing."""
+    try:
+        return run_file(file)
+    except RecordingError as error:
+        return str(error)
 
 
 def run(out: str | os.PathLike[str], progress: Progress = unheard) -> Document:
-    """Run everything; the campaign's recordings go into `out`, and are kept there for the next time."""
+    """Run everything; the campaign's recordings go into `out`, and are kept there for the next time.
+
+    Another process runs the identification files meanwhile.
+    """
     folder = Path(str(importlib.resources.files("stickslip") / "examples"))
-    share = (1.0 - _CAMPAIGN_SHARE) / max(len(EXAMPLES), 1)
-    tasks: list[tuple[str, float, float, Callable[[Progress], Document]]] = [
-        (CAMPAIGN, 0.0, _CAMPAIGN_SHARE, partial(run_campaign, folder / CAMPAIGN, out))
-    ]
-    for i, name in enumerate(EXAMPLES):
-        tasks.append((name, _CAMPAIGN_SHARE + i * share, share, partial(run_file, folder / name)))
-    parts, missing = [], dict[str, str]()
-    for name, begin, length, task in tasks:
-        try:
-            parts.append(task(partial(within, progress, begin, length)))
-        except RecordingError as error:
-            missing[name] = str(error)
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as other:
+        begun = [other.submit(_run_or_why, folder / name) for name in EXAMPLES]
+        campaign = run_campaign(folder / CAMPAIGN, out, partial(within, progress, 0.0, 0.6))
+        found = []
+        for k, name in enumerate(EXAMPLES):
+            progress(name, 0.6 + 0.4 * k / len(EXAMPLES))
+            found.append(begun[k].result())
+    progress("done", 1.0)
+    parts = [campaign, *(one for one in found if isinstance(one, Document))]
+    missing = {name: one for name, one in zip(EXAMPLES, found, strict=True) if isinstance(one, str)}
     title = "stickslip: demonstration"
     notes = (
         "The campaign of Kang's thesis on a virtual rig, from eleven recordings to a verified model; then "
