@@ -99,6 +99,8 @@ def broken_rules(file: Path) -> Iterator[str]:
         yield f"imports inside are relative: {wrong}"
     if wrong := {name.split(".")[1] for name in names if name.startswith(".")} - ROOMS:
         yield f"the root is for users: {wrong}"
+    if wrong := [name for name in names if name.startswith(("scipy.signal", "scipy.stats"))]:
+        yield f"0.4 s for every command: `import scipy` loads it where it is used: {wrong}"
     for dependency in {name.split(".")[0] for name in names} & OWNERS.keys():
         if not any(f"{room(file)}/".startswith(f"{owner}/") for owner in OWNERS[dependency]):
             yield f"{dependency} is for {OWNERS[dependency]}"

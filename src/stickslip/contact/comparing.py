@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 import xarray as xr
 from numpy.typing import NDArray
-from scipy import stats
 from scipy.optimize import minimize_scalar
 
 from ..estimate import Fit
@@ -186,7 +186,7 @@ def _fitted(design: Array, logarithms: Array, errors: Array) -> _Fitted:
         scatter = 0.0 if at(0.0)[2] <= found.fun else float(found.x)
     b, covariance, _ = at(0.0 if freedom == 0 else scatter**2)
     deviations = np.sqrt(np.diag(covariance))[1:]
-    of = stats.t(freedom) if freedom else stats.norm()
+    of = scipy.stats.t(freedom) if freedom else scipy.stats.norm()
     chances = 2.0 * of.sf(np.abs(b[1:]) / deviations)
     return _Fitted(b[1:], of.ppf(0.5 + LEVEL / 2) * deviations, chances, scatter)
 

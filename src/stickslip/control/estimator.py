@@ -19,8 +19,8 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from ..actuator import Actuator
 from ..electronics.output import OutputStage, output_of
@@ -167,7 +167,7 @@ class Estimator:
 
     def band(self, level: float | str = 0.95) -> tuple[float, float]:
         """Where the position is with a probability, m; raises QuantityError unless that is > 0 and < 1."""
-        half = float(norm.ppf(0.5 + 0.5 * _LEVEL.check(level, "level"))) * self.error
+        half = float(scipy.stats.norm.ppf(0.5 + 0.5 * _LEVEL.check(level, "level"))) * self.error
         return self.position - half, self.position + half
 
     def stepped(self, direction: int, count: int = 1) -> None:

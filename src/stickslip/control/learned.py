@@ -23,8 +23,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import binom
 
 from ..records import Quantity, of_kind
 from ..units import QuantityError, array_si
@@ -126,4 +126,4 @@ class Learnt:
 
 def _binomial(taps: int) -> Array:
     """Row of Pascal's triangle, its sum 1."""
-    return binom.pmf(np.arange(taps), taps - 1, 0.5)
+    return scipy.stats.binom.pmf(np.arange(taps), taps - 1, 0.5)

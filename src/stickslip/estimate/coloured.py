@@ -15,10 +15,10 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
-from scipy.signal import fftconvolve, lfilter
 
 from .covariance import decomposed
 from .drift import LEAST_WALK, MOST_WALK, sine_powers, walk_and_white
@@ -89,8 +89,8 @@ def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
         return Coloured(np.array([variance]), steps)
     impulse = np.zeros(min(max(r.size for r in pieces), 2000))
     impulse[0] = math.sqrt(variance)
-    response = np.asarray(lfilter([1.0], filter, impulse))
-    return Coloured(fftconvolve(response, response[::-1])[response.size - 1 :], steps)
+    response = np.asarray(scipy.signal.lfilter([1.0], filter, impulse))
+    return Coloured(scipy.signal.fftconvolve(response, response[::-1])[response.size - 1 :], steps)
 
 
 def white_and_walk(pieces: Sequence[Array]) -> tuple[float, float]:
@@ -172,7 +172,7 @@ def scores(jacobians: Sequence[Array], noise: Coloured) -> Array:
     for j in jacobians:
         lags = noise.autocovariance[: len(j)]
         kernel = np.concatenate([lags[:0:-1], lags])
-        full = fftconvolve(j, kernel[:, None], axes=0)[lags.size - 1 : lags.size - 1 + len(j)]
+        full = scipy.signal.fftconvolve(j, kernel[:, None], axes=0)[lags.size - 1 : lags.size - 1 + len(j)]
         total += j.T @ full
         later = np.cumsum(j[::-1], axis=0)[::-1][1:]
         total += noise.walk * later.T @ later

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import fftconvolve
+import scipy
 
 Loss = Callable[[np.ndarray], np.ndarray]
 
@@ -148,9 +148,9 @@ def decomposed(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 def _long_run(terms: np.ndarray, residuals: np.ndarray) -> np.ndarray:
     """Sum over all lags of the windowed autocovariance of the terms, shape (n, k)."""
-    power = fftconvolve(residuals, residuals[::-1])[residuals.size - 1 :]
+    power = scipy.signal.fftconvolve(residuals, residuals[::-1])[residuals.size - 1 :]
     negative = np.flatnonzero(power <= 0)
     # The window must be wide against the time in which the residuals forget, and short against the data.
     lags = min(4 * int(negative[0]) if negative.size else residuals.size, max(1, residuals.size // 4))
     window = 1 - np.abs(np.arange(-lags, lags + 1)) / (lags + 1)
-    return terms.T @ fftconvolve(terms, window[:, None], mode="same", axes=0)
+    return terms.T @ scipy.signal.fftconvolve(terms, window[:, None], mode="same", axes=0)

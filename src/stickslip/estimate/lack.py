@@ -22,9 +22,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import detrend
 from scipy.special import chdtrc, fdtrc, ndtri
 
 from .drift import drift
@@ -265,7 +265,7 @@ def _by_levels(r: Array, known: KnownNoise) -> _Compared | None:
     if noise <= 0.0 or not sizes:
         return None
     chance = min(_of_largest_change(r, n, m, noise) for m in sizes) * len(sizes)
-    left = detrend(r[n:])
+    left = scipy.signal.detrend(r[n:])
     return _Compared(
         math.sqrt(float(np.mean(left**2)) / noise), min(chance, 1.0), f"{AT_REST}, by changes of level"
     )

@@ -11,8 +11,8 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from scipy.optimize import least_squares
-from scipy.stats import qmc
 
 from ..progress import Progress
 from .convergence import relative_offset
@@ -201,7 +201,7 @@ def scattered(problem: Problem, n: int, seed: int) -> Array:
         return np.empty((0, problem.start.size))
     if not np.all(np.isfinite(problem.upper - problem.lower)):
         raise FitError("several starts need finite bounds, above 0 where the scale is logarithmic")
-    cube = qmc.LatinHypercube(problem.start.size, rng=np.random.default_rng(seed)).random(n)
+    cube = scipy.stats.qmc.LatinHypercube(problem.start.size, rng=np.random.default_rng(seed)).random(n)
     return problem.lower + cube * (problem.upper - problem.lower)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -77,12 +78,11 @@ def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
         The begin [s], and how far they then differ on average [V].
     """
     from scipy.optimize import minimize_scalar
-    from scipy.signal import correlate
 
     table, interval = drive.drive(float(since[-1])), float(since[-1]) / (since.size - 1)
     even = np.linspace(0.0, float(since[-1]), since.size)
     shape = evaluate(table, even)[0] - table.before
-    common = correlate(np.interp(even, since, u) - table.before, shape)[since.size - 1 :]
+    common = scipy.signal.correlate(np.interp(even, since, u) - table.before, shape)[since.size - 1 :]
     energy = np.cumsum(shape**2)[::-1]
     lag = int(np.argmax(2.0 * common - energy))
     some = np.arange(0, since.size, max(1, since.size // MOST_SAMPLES))

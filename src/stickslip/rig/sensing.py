@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import scipy
 from scipy.interpolate import CubicSpline
-from scipy.signal import sosfilt_zi
 
 from ..chain import Chain
 from ..electronics import Encoder, Filter, InductiveSensor, Interferometer, PositionSensor, StrainGauge
@@ -98,7 +98,7 @@ class Running:
 
     def __init__(self, filter: Filter, rate: float, first: float) -> None:
         made = sections(filter, rate)
-        zi = sosfilt_zi(made) * first
+        zi = scipy.signal.sosfilt_zi(made) * first
         self._rows = [[*row[:3], *row[4:], *z] for row, z in zip(made.tolist(), zi.tolist(), strict=True)]
 
     def __call__(self, value: float) -> float:

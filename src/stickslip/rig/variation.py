@@ -18,7 +18,6 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ..actuator import Actuator
 from ..records import Quantity, quantities, record
@@ -106,7 +105,9 @@ def _factors(variation: Variation, series: int, number: int) -> tuple[float, flo
     steps = np.random.default_rng([series, _SLOW]).standard_normal(number + 1)
     rho = math.exp(-1.0 / variation.drift_runs)
     steps[1:] *= math.sqrt(1.0 - rho * rho)
-    slow = lfilter([1.0], [1.0, -rho], steps)[-1]
+    slow = 0.0
+    for step in steps.tolist():
+        slow = rho * slow + step
     of_friction = variation.friction * own[0] + variation.drift * slow
     of_friction -= 0.5 * (variation.friction**2 + variation.drift**2)
     of_stiffness = variation.stiffness * own[1] - 0.5 * variation.stiffness**2

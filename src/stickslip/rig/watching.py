@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import sosfilt, sosfilt_zi
+import scipy
 
 from ..electronics.filters import sections
 from .gate import PositionInput
@@ -109,8 +109,8 @@ class WatchedRig:
             values = calibration(values)
         if channel.filter is not None:
             made = sections(channel.filter, self.capabilities.sample_rate)
-            state = self._states.get(name, sosfilt_zi(made) * values[0])
-            values, self._states[name] = sosfilt(made, values, zi=state)
+            state = self._states.get(name, scipy.signal.sosfilt_zi(made) * values[0])
+            values, self._states[name] = scipy.signal.sosfilt(made, values, zi=state)
         if channel.zero:
             if name not in self._zeros:
                 self._zeros[name] = float(values[: max(self._before, 1)].mean())

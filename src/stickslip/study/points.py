@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from ..units import QuantityError
@@ -204,8 +205,8 @@ class _Sequence:
 
     @cached_property
     def _new(self) -> Any:
-        from scipy.stats import qmc
-
         if self._method == "halton":
-            return qmc.Halton(self._dimensions, scramble=True, rng=np.random.default_rng(self._seed))
-        return qmc.Sobol(self._dimensions, scramble=True, rng=np.random.default_rng(self._seed))
+            return scipy.stats.qmc.Halton(
+                self._dimensions, scramble=True, rng=np.random.default_rng(self._seed)
+            )
+        return scipy.stats.qmc.Sobol(self._dimensions, scramble=True, rng=np.random.default_rng(self._seed))

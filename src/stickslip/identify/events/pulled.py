@@ -16,11 +16,11 @@ from itertools import pairwise
 from typing import Annotated, NamedTuple
 
 import numpy as np
+import scipy
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.ndimage import median_filter
-from scipy.signal import find_peaks
 
 from ...actuator import STANDARD_GRAVITY, PulledSlider
 from ...estimate.fit import fit_least_squares
@@ -153,7 +153,7 @@ def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_rat
     size = int(half_period / interval / 4) | 1
     smooth = median_filter(force, size=size, mode="nearest")
     least = max(_EVENT * float(np.mean(force)), _range_of_noise(force, size))
-    tops, _ = find_peaks(smooth, prominence=least, distance=int(half_period / interval))
+    tops, _ = scipy.signal.find_peaks(smooth, prominence=least, distance=int(half_period / interval))
     if tops.size < 3:
         nothing = np.empty(0)
         return Events(nothing, nothing, nothing, 0.0, free)

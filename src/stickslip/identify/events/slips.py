@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter, uniform_filter1d
-from scipy.signal import find_peaks
 
 from ...recording import RecordingError
 from ..recorded.drives import refuse_coarse
@@ -116,7 +116,7 @@ def _stand_out(x: Array, half: int) -> tuple[float, NDArray[np.int64], NDArray[n
     edges = _edges(x, half)
     slow = edges - median_filter(edges, 8 * half + 1, mode="nearest")
     size = np.abs(slow)
-    peaks = find_peaks(size, height=0.5 * float(size.max()), distance=2 * half)[0]
+    peaks = scipy.signal.find_peaks(size, height=0.5 * float(size.max()), distance=2 * half)[0]
     none = (0.0, peaks, np.zeros(0, dtype=np.int64))
     if peaks.size < 4:
         return none

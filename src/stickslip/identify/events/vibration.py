@@ -7,9 +7,9 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.signal import find_peaks
 
 from .slips import Slips
 
@@ -99,7 +99,7 @@ def _starts(window: Window, interval: float) -> list[Array]:
     padded = 4 * window.time.size
     spectrum = np.abs(np.fft.rfft(window.mean, padded))
     frequency = np.fft.rfftfreq(padded, interval)
-    peaks = find_peaks(spectrum)[0]
+    peaks = scipy.signal.find_peaks(spectrum)[0]
     peaks = peaks[(frequency[peaks] * window.time[-1] > 0.5 * CYCLES) & (frequency[peaks] < 0.45 / interval)]
     best = peaks[np.argsort(spectrum[peaks])[::-1][:4]]
     angular = 2.0 * math.pi * frequency[best]

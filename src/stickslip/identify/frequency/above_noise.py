@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from scipy.stats import f
 
 from ...estimate.lack import independent_samples
 from ...estimate.result import Fit
@@ -49,7 +49,9 @@ class Left(NamedTuple):
         """
         more = self.share * max(without - self.square, 0.0) / freedom
         ratio = more / self.variance if self.variance > 0.0 else np.inf
-        return min(1.0, trials * float(f.sf(ratio, freedom, self.share * self.degrees_of_freedom)))
+        return min(
+            1.0, trials * float(scipy.stats.f.sf(ratio, freedom, self.share * self.degrees_of_freedom))
+        )
 
 
 def chances(

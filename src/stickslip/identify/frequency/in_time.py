@@ -14,8 +14,8 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import scipy
 from scipy.linalg import expm
-from scipy.signal import lfilter
 
 from ...estimate.blas import single_threaded
 from ...estimate.fit import fit_least_squares
@@ -68,9 +68,9 @@ def _held_mode(
         if periodic:
             # The state that a period leads back to itself, for the filter's two states in SciPy's form.
             period = np.linalg.matrix_power([[-poles[1], 1.0], [-poles[2], 0.0]], drive.shape[-1])
-            _, end = lfilter(zeros, poles, delayed, zi=begin)
+            _, end = scipy.signal.lfilter(zeros, poles, delayed, zi=begin)
             begin = end @ np.linalg.inv(np.eye(2) - period).T
-        found.append(lfilter(zeros, poles, delayed, zi=begin)[0])
+        found.append(scipy.signal.lfilter(zeros, poles, delayed, zi=begin)[0])
     return np.stack([found[0], found[1] / omega])
 
 

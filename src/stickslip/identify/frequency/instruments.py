@@ -9,9 +9,9 @@ divided out of it (linear filters behind the sensor).
 from __future__ import annotations
 
 import numpy as np
+import scipy
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal
 
 from ...electronics import Amplifier, Filter, amplifier_output
 from ...electronics.filters import sections
@@ -50,8 +50,8 @@ def applied_voltage(
     own = amplifier._replace(gain=1.0, offset=0.0)
     times, output = amplifier_output(own, volts, sample_rate, capacitance, tolerance=_TOLERANCE)
     fine = np.arange(-_SPAN * _FINER, (volts.size + _SPAN) * _FINER) / (_FINER * sample_rate)
-    taps = signal.firwin(2 * _SPAN * _FINER + 1, _EDGE / _FINER, window="blackman")
-    seen = signal.fftconvolve(np.interp(fine, times, output), taps, "valid")
+    taps = scipy.signal.firwin(2 * _SPAN * _FINER + 1, _EDGE / _FINER, window="blackman")
+    seen = scipy.signal.fftconvolve(np.interp(fine, times, output), taps, "valid")
     return seen[: volts.size * _FINER : _FINER]
 
 
@@ -68,7 +68,7 @@ def without_filter(response: xr.Dataset, filter: Filter, sample_rate: float | st
     """
     sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     frequency = response["frequency"]
-    passed = signal.sosfreqz(sections(filter, sample_rate), frequency.to_numpy(), fs=sample_rate)[1]
+    passed = scipy.signal.sosfreqz(sections(filter, sample_rate), frequency.to_numpy(), fs=sample_rate)[1]
     by = xr.DataArray(passed, {"frequency": frequency})
     changed = {
         name: (response[name] / (by if name == "response" else abs(by))).assign_attrs(response[name].attrs)

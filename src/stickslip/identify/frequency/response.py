@@ -10,9 +10,9 @@ then the true uncertainty of the response. What instruments do to drive and resp
 from __future__ import annotations
 
 import numpy as np
+import scipy
 import xarray as xr
 from numpy.typing import ArrayLike
-from scipy import signal
 from scipy.ndimage import uniform_filter1d
 
 from ...estimate.blas import single_threaded
@@ -138,7 +138,7 @@ def welch_frequency_response(
 
     def spectra(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """(lines, channels of a, channels of b); SciPy conjugates its first argument."""
-        _, s = signal.csd(b[None, :], a[:, None], sample_rate, nperseg=segment)
+        _, s = scipy.signal.csd(b[None, :], a[:, None], sample_rate, nperseg=segment)
         return np.moveaxis(s, -1, 0)
 
     frequency = np.fft.rfftfreq(segment, 1 / sample_rate)

@@ -12,9 +12,9 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.signal import find_peaks
 
 from ...recording import RecordingError
 from .linear import second_order_poles, step_response
@@ -141,7 +141,7 @@ def _rings(test: StepTest, half: float, rise: float, angular: float) -> list[flo
     padded = 4 * x.size
     spectrum = np.abs(np.fft.rfft(x / rise, padded))
     frequency = 2.0 * math.pi * np.fft.rfftfreq(padded, interval)
-    peaks = find_peaks(spectrum)[0]
+    peaks = scipy.signal.find_peaks(spectrum)[0]
     peaks = peaks[(frequency[peaks] > ABOUT[0] * angular) & (frequency[peaks] < ABOUT[1] * angular)]
     return list(frequency[peaks[np.argsort(spectrum[peaks])[::-1][:PEAKS]]])
 

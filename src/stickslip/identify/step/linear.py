@@ -10,8 +10,8 @@ from __future__ import annotations
 import cmath
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal
 
 from ...electronics import Filter
 
@@ -30,10 +30,10 @@ def filter_zeros_poles(low: Filter) -> tuple[list[complex], list[complex]]:
     omega = 2.0 * np.pi * low.corner
     order = int(low.order)
     designs = {
-        "butterworth": lambda: signal.buttap(order),
-        "bessel": lambda: signal.besselap(order, norm="mag"),
-        "chebyshev": lambda: signal.cheb1ap(order, low.ripple),
-        "elliptic": lambda: signal.ellipap(order, low.ripple, low.attenuation),
+        "butterworth": lambda: scipy.signal.buttap(order),
+        "bessel": lambda: scipy.signal.besselap(order, norm="mag"),
+        "chebyshev": lambda: scipy.signal.cheb1ap(order, low.ripple),
+        "elliptic": lambda: scipy.signal.ellipap(order, low.ripple, low.attenuation),
     }
     zeros, poles, _ = designs[low.family]()
     return [complex(omega * z) for z in zeros], [complex(omega * p) for p in poles]

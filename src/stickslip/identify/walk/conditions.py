@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy import stats
 
 from ...actuator import Actuator
 from ...estimate.lack import independent_samples
@@ -169,7 +169,7 @@ def _chance(together: Fit, fits: Sequence[Fit]) -> float:
     if left <= 0.0 or freedom <= 0.0:
         return 1.0
     grown = max(together.cost - left, 0.0) / left * share * together.n_data
-    return float(stats.f.sf(grown / more, more, freedom))
+    return float(scipy.stats.f.sf(grown / more, more, freedom))
 
 
 def _moves(fits: Sequence[Fit], name: str) -> float:
@@ -183,7 +183,7 @@ def _moves(fits: Sequence[Fit], name: str) -> float:
         return math.nan
     weights = 1.0 / variance[told]
     mean = float(weights @ q[told] / weights.sum())
-    return float(stats.chi2.sf(weights @ (q[told] - mean) ** 2, np.count_nonzero(told) - 1))
+    return float(scipy.stats.chi2.sf(weights @ (q[told] - mean) ** 2, np.count_nonzero(told) - 1))
 
 
 def _values_of(recordings: Sequence[xr.Dataset], by: str, unit: str) -> list[float]:

@@ -21,8 +21,8 @@ from collections.abc import Callable, Container, Sequence
 from operator import itemgetter
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import qmc
 
 from ...actuator import Actuator
 from ...estimate.fit import fit_least_squares
@@ -112,7 +112,7 @@ def first_guess(
     names = [p.name for p in parameters if p.name in NAMES]
     if not names or not 0.0 < stroke * model.natural_frequency < math.inf:
         return list(parameters), [{p.name: p.start for p in parameters}]
-    square = qmc.LatinHypercube(2, rng=np.random.default_rng(seed)).random(TRIED)
+    square = scipy.stats.qmc.LatinHypercube(2, rng=np.random.default_rng(seed)).random(TRIED)
     found = plausible(model, stroke)(square)
     wide = [
         p._replace(
