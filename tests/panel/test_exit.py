@@ -54,7 +54,7 @@ def process_of_fits(panel: Panel) -> int:
         for number, said in children(panel.process.pid).items():
             if "spawn_main" in said:
                 return number
-        assert time.monotonic() < end, "no process of fits starts with the first page"
+        assert time.monotonic() < end, "no process of fits starts with the Identify page"
         time.sleep(0.01)
 
 
@@ -69,6 +69,7 @@ def test_ctrl_c_ends_it_while_a_request_is_computed(tmp_path: Path) -> None:
         httpx.Client(base_url=base, timeout=60) as client,
         streaming(client),
     ):
+        client.get("/api/identify/state").raise_for_status()
         fits = process_of_fits(panel)
         asked = {"set": "kang2007", "law": "MaxwellSlip", "friction": SLOW_LAW, "voltage": 100.0}
         asking.request("POST", "/api/design/map", json.dumps(asked), {"Content-Type": "application/json"})

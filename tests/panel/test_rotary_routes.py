@@ -14,7 +14,8 @@ import pytest
 import stickslip as ss
 from rotary.turning import RADIUS, SLIDES, TURNS
 from stickslip.panel import create_app
-from stickslip.panel.fitting import FitRequest, fit_recordings
+from stickslip.panel.fit_request import FitRequest
+from stickslip.panel.fitting import fit_recordings
 from stickslip.panel.folder import Folder
 
 from .serving import client_of, heard, streaming

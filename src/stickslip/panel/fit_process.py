@@ -1,6 +1,7 @@
 """The process in which fits run: it can be ended at any time, and the page's stream never waits for it.
 
-The process starts with the first page: a fit does not wait for imports.
+The process starts when the Identify page is first opened: a fit does not wait for imports, and a bench where
+nobody fits does not pay for them.
 """
 
 from __future__ import annotations
@@ -8,16 +9,17 @@ from __future__ import annotations
 import os
 import signal
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..registry import use_file
 from ..simulation import SimulationError
-from .fitting import Array, FitRequest, fit_recordings
+from .fit_request import FitRequest
 from .folder import Folder
 
 _NICE = 10  # below the server, whose stream and runs come first
@@ -38,17 +40,19 @@ def work(connection: Connection, root: str, used: Sequence[str] = ()) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which closes the connection
     if hasattr(os, "nice"):
         os.nice(_NICE)
+    from .fitting import fit_recordings  # not above: the server imports this module, and fits nothing
+
     for file in used:  # the user's own, which the server has run already
         use_file(file)
     while True:
         try:
-            _fit(connection, connection.recv(), root)
+            _fit(connection, connection.recv(), root, fit_recordings)
         except (EOFError, OSError):
             return
 
 
-def _fit(connection: Connection, asked: Begin, root: str) -> None:
-    def say(kind: str, fields: dict[str, Any], arrays: Sequence[Array] = ()) -> None:
+def _fit(connection: Connection, asked: Begin, root: str, fit_recordings: Callable[..., None]) -> None:
+    def say(kind: str, fields: dict[str, Any], arrays: Sequence[NDArray[np.float64]] = ()) -> None:
         connection.send((kind, fields, [np.asarray(one, dtype="<f4") for one in arrays]))
 
     try:

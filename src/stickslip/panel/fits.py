@@ -14,7 +14,7 @@ from ..gate.text import MOST_BYTES, read_file, read_json
 from ..history.storable import storable
 from ..registry import used_files
 from .fit_process import Begin, work
-from .fitting import FitRequest
+from .fit_request import FitRequest
 from .folder import Folder
 from .stream import Hub, packed
 

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from pydantic import Field
 
 from ..actuator import Actuator
 from ..analysis.walk import UsedWalk, walk_document
@@ -38,7 +37,7 @@ from ..recording import RecordingError
 from ..report import write_report
 from ..units import QuantityError, to_si
 from ..verification import verify
-from .exploration import Model, Value
+from .fit_request import FitRequest
 from .folder import Folder
 from .sets import Sets
 
@@ -50,27 +49,6 @@ _DRAFT = 1e-10  # m, rad of what turns: tolerance of what is only looked at
 Array = NDArray[np.float64]
 # Receiver of messages: kind, fields, and arrays that belong to them.
 Say = Callable[[str, dict[str, Any], Sequence[Array]], None]
-
-
-class FitRequest(Model):
-    """Request for a fit: the recordings (names in the panel's folder), from `begin` to `end` [s] of each, the
-    model at which the fit starts, its free parameters, and their bounds; `others` are only predicted.
-
-    Recordings of the clamped end-effector: `loops`, driven slowly to and fro, give hysteresis and creep;
-    `steps` give the mode of the stage. `slew_rate` [V/s] is that of the amplifier, if it is known.
-    """
-
-    recordings: list[str] = Field(min_length=1, max_length=20)
-    others: list[str] = Field(default_factory=list, max_length=40)
-    steps: list[str] = Field(default_factory=list, max_length=20)
-    loops: list[str] = Field(default_factory=list, max_length=20)
-    begin: Value | None = None
-    end: Value | None = None
-    slew_rate: Value | None = None
-    free: list[str] = Field(max_length=30)
-    bounds: dict[str, tuple[Value, Value]] = Field(default_factory=dict, max_length=30)
-    starts: int = Field(default=1, ge=1, le=20)
-    hops: int = Field(default=0, ge=0, le=6)
 
 
 def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> None:

@@ -20,8 +20,8 @@ from ..parameters import ParameterSetError, available_sets
 from ..readers.process import Reader, ReaderBusy
 from ..recording import RecordingError
 from ..rig import available_benches, load_bench
+from .fit_request import FitRequest
 from .fits import RUNNING, Fitting
-from .fitting import FitRequest
 from .folder import Folder
 from .path import PREDICTIONS
 from .sets import Sets
@@ -61,6 +61,7 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
 
     @routes.get("/state")
     def state() -> dict[str, Any]:
+        fitting.start_process()  # the page is opened: a fit shall not wait for the process
         return {**fitting.state, "frames": list(fitting.frames)}
 
     @routes.get("/traces/{kind}")

@@ -119,7 +119,7 @@ def create_app(
         beating = asyncio.create_task(beat())
         # A thread that computes keeps the others waiting for so long; Python's 5 ms are a third of a picture.
         sys.setswitchinterval(1e-3)
-        _start_processes(hub, fitting, runner, read)
+        _start_processes(hub, runner, read)
         with collected_on_request():
             yield
             beating.cancel()
@@ -163,18 +163,17 @@ def _greeting() -> Hub:
     return hub
 
 
-def _start_processes(hub: Hub, fitting: Fitting, runner: Runner, read: Reader) -> None:
-    """Start the process that reads files at once, those of fits and of the rig with the first page."""
+def _start_processes(hub: Hub, runner: Runner, read: Reader) -> None:
+    """Start the process that reads files at once, that of the rig with the first page."""
     first = threading.Lock()
 
-    def others() -> None:
-        fitting.start_process()
+    def rig() -> None:
         with suppress(RigError):
             runner.find_position()
 
     def changed() -> None:
         if first.acquire(blocking=False):
-            threading.Thread(target=others, daemon=True).start()
+            threading.Thread(target=rig, daemon=True).start()
 
     hub.changed.append(changed)
     threading.Thread(target=read.start, daemon=True).start()
