@@ -12,6 +12,7 @@ import xarray as xr
 from ..actuator import Actuator
 from ..analysis.alignment import POSITION, Aligned, on_level, without_drift
 from ..chain import Chain
+from ..estimate.blas import single_threaded
 from ..estimate.disturbed import lack_beside_faults
 from ..estimate.influence import PriorInfluence, prior_influence
 from ..estimate.lack import said
@@ -86,6 +87,7 @@ class Found(NamedTuple):
         return self.hysteresis.widened(self.stage)
 
 
+@single_threaded
 def evaluate(
     file: CampaignFile,
     model: Actuator,

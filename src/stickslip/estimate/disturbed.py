@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .blas import single_threaded
 from .disturbances import MOVES, Disturbance, disturbances
 from .lack import Lack, lacks_of
 from .moves import moves
@@ -19,6 +20,7 @@ SINGLE = ("jump", "burst", "freeze")
 Array = NDArray[np.float64]
 
 
+@single_threaded
 def with_disturbances(fit: Fit) -> Fit:
     """Return the fit with the faults of instruments that its residuals show, in `disturbances`.
 

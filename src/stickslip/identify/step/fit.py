@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...actuator import Actuator
 from ...electronics import Filter
+from ...estimate.blas import single_threaded
 from ...estimate.coloured import with_own_noise
 from ...estimate.disturbed import with_disturbances
 from ...estimate.drift import drift_seen, said_drift
@@ -54,6 +55,7 @@ STAGE_PARAMETERS = ("damping_ratio", "natural_frequency", "gain")
 Array = NDArray[np.float64]
 
 
+@single_threaded
 def identify_step(
     recordings: xr.Dataset | Sequence[xr.Dataset],
     model: Actuator | None = None,

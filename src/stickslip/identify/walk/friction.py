@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from ...actuator import Actuator
+from ...estimate.blas import single_threaded
 from ...estimate.disturbed import with_disturbances
 from ...estimate.identifiability import loosest
 from ...estimate.marginal import integrated
@@ -58,6 +59,7 @@ from .walks import SETTLED, Walks, own_values
 DITHERED = 10.0
 
 
+@single_threaded
 def identify_friction(
     recordings: xr.Dataset | Sequence[xr.Dataset],
     model: Actuator,
