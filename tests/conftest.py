@@ -34,6 +34,12 @@ def full_disk() -> Iterator[None]:
     resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
+@pytest.fixture
+def no_term_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fit that does not explain its walks says so, and fits no further terms: these take 20 s of CPU."""
+    monkeypatch.setattr("stickslip.identify.walk.diagnosis.SECONDS", 0.0)
+
+
 @pytest.fixture(autouse=True)
 def _figures_are_closed() -> Iterator[None]:
     """Those that `plot` opened: Matplotlib keeps them all, and warns of the twenty-first."""

@@ -150,9 +150,9 @@ def test_on_request_it_samples_follows_profiles_and_compares_models(folder: Path
         folder,
         "deeper.yaml",
         posterior=True,
-        posterior_simulations=2000,
+        posterior_simulations=1000,
         profiles=True,
-        model_choice=["Pohl: static", "Dahl", "LuGre"],
+        model_choice=["Pohl: static", "LuGre"],
     )
     out = folder / "out"  # the recordings are there
     done = run(file, "--out", str(out))

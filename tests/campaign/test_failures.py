@@ -75,6 +75,7 @@ def test_a_prior_that_the_recordings_contradict_is_told(tmp_path: Path) -> None:
     assert found["value"] == told["coulomb_force"]["with"]["value"]
 
 
+@pytest.mark.usefixtures("no_term_is_tried")
 def test_a_wrong_law_is_noticed_and_the_right_one_is_named(tmp_path: Path) -> None:
     law = KANG.friction
     f, k = law.coulomb_force, law.sigma_0

@@ -75,6 +75,7 @@ def test_the_campaign_finds_stage_and_friction_and_predicts(folder: Path) -> Non
     assert "a stage without hysteresis and creep does not explain these recordings" in page.lower()
 
 
+@pytest.mark.usefixtures("no_term_is_tried")
 def test_a_linear_stage_is_said_not_to_explain_the_same_recordings(folder: Path) -> None:
     done, results = ran(
         folder,
