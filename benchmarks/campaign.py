@@ -48,7 +48,6 @@ def prepare() -> None:
     """Record the campaign of the examples, fit it, and store what the tools need."""
     import importlib.resources
 
-    from stickslip.analysis.walk import changed
     from stickslip.campaign.evaluation import evaluate
     from stickslip.campaign.file import read_campaign
     from stickslip.campaign.gathering import gather
@@ -57,7 +56,7 @@ def prepare() -> None:
     file = read_campaign(path)
     with tempfile.TemporaryDirectory() as folder:
         gathered, _ = gather(file, path.parent, Path(folder), unheard)
-        model = changed(path.parent, file.model, file.change, file.friction)
+        model = file.load_model(path.parent)
         found = evaluate(file, model, gathered, unheard)
     (walk,) = (one for one in found.walks if one.use == "fit")
     assert walk.drive is not None

@@ -18,7 +18,6 @@ from datetime import date
 from pathlib import Path
 
 from stickslip.actuator import load_actuator
-from stickslip.analysis.walk import changed
 from stickslip.campaign.additional import additional
 from stickslip.campaign.evaluation import evaluate
 from stickslip.campaign.file import read_campaign
@@ -50,7 +49,7 @@ def main(most: int) -> None:
     file = read_campaign(path).model_copy(update={"posterior": True, "posterior_simulations": most})
     with tempfile.TemporaryDirectory() as folder:
         gathered, _ = gather(file, path.parent, Path(folder), unheard)
-        model = changed(path.parent, file.model, file.change, file.friction)
+        model = file.load_model(path.parent)
         found = evaluate(file, model, gathered, unheard)
     cpu, wall = time.process_time(), time.perf_counter()
     samples = additional(

@@ -23,7 +23,6 @@ import numpy as np
 
 from stickslip.actuator import Actuator, load_actuator
 from stickslip.analysis.alignment import Aligned, aligned
-from stickslip.analysis.walk import changed
 from stickslip.campaign.evaluation import Found, evaluate
 from stickslip.campaign.file import CampaignFile, read_campaign
 from stickslip.experiment.cells import Cell, cells
@@ -67,7 +66,7 @@ def example() -> Example:
         known = {one.name: one for one in cells(experiment, EXAMPLE.parent, laboratory)}
     finally:
         laboratory.close()
-    start = changed(EXAMPLE.parent, file.model, file.change, file.friction)
+    start = file.load_model(EXAMPLE.parent)
     return Example(file, {name: known[name] for name in USES}, start)
 
 

@@ -18,7 +18,7 @@ import stickslip as ss
 from damaged_json import mutated
 from stickslip.analysis.design_given import draws_of_file
 from stickslip.analysis.move_model import at_intervals
-from stickslip.analysis.verification import AnalysisError, VerificationAnalysis, model_of_file
+from stickslip.analysis.verification import AnalysisError, VerificationAnalysis
 from stickslip.calibration import CalibrationError, available_calibrations, load_calibration
 from stickslip.calibration.applying import calibration_attribute
 from stickslip.campaign.kept import Kept
@@ -94,7 +94,7 @@ def json_of(name: str) -> Any:
 
 def verified(path: Path) -> Any:
     content = {"kind": "verification", "title": "x", "fit": path.name, "recordings": [{"file": "a.csv"}]}
-    return model_of_file(VerificationAnalysis.model_validate(content), path.parent, "verification")
+    return VerificationAnalysis.model_validate(content).load_model(path.parent)
 
 
 KINDS: dict[str, tuple[Any, str, Callable[[Path], Any], type[Exception]]] = {

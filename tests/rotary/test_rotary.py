@@ -14,9 +14,9 @@ import stickslip as ss
 from export.building import walk
 from rotary.turning import DRIVE, RADIUS, SLIDES, TURNS, units
 from stickslip.analysis.design import design_analysis
+from stickslip.analysis.model import with_changes
 from stickslip.analysis.results import model_and_chain
 from stickslip.analysis.study import study_of_file
-from stickslip.analysis.walk import with_changes
 from stickslip.cli import app
 from stickslip.electronics import Encoder
 from stickslip.export import export_c, export_fmu

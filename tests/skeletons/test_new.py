@@ -14,7 +14,7 @@ import yaml
 from typer.testing import CliRunner
 
 import stickslip as ss
-from stickslip.analysis.walk import changed
+from stickslip.analysis.model import NamedModel
 from stickslip.campaign.file import read_campaign
 from stickslip.cli import app
 from stickslip.skeletons import KINDS, new_file
@@ -152,7 +152,7 @@ def test_recordings_of_an_angle(tmp_path: Path) -> None:
     assert to_si(said["change"]["gain"], "rad/V") == pytest.approx(model.gain / 0.012, rel=0.01)
     mass = to_si(said["change"]["end_effector_mass"], "kg m^2")
     assert mass == pytest.approx(0.1 * 0.012**2, rel=0.02)
-    start = changed(tmp_path, said["model"], said["change"], said["friction"])
+    start = NamedModel(**{key: said[key] for key in ("model", "change", "friction")}).load_model(tmp_path)
     assert start.friction.sigma_0 == pytest.approx(1e6 * 0.012**2, rel=0.02)
     assert start.friction.coulomb_force == pytest.approx(0.8 * 0.012, rel=0.02)
     refused = run("new", "actuator", tmp_path / "step.csv", "--out", tmp_path / "own.toml")

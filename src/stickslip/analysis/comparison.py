@@ -50,12 +50,12 @@ class ComparisonAnalysis(WalkFile):
         """Check what is asked for before a recording is read; returns the laws."""
         if {one.use for one in self.recordings} != {"fit", "verify"}:
             raise InputFileError("recordings: at least one with 'use: fit' and one with 'use: verify'")
-        model = self.actuator(folder)
+        model = self.load_model(folder)
         return checked_laws(candidates_of(model), self.laws or True, model, folder, "laws")
 
     def run(self, folder: Path, progress: Progress) -> Document:
         """Fit and judge."""
-        laws, model = self.check(folder), self.actuator(folder)
+        laws, model = self.check(folder), self.load_model(folder)
         parts = read_parts(self.recordings, folder)
         data: dict[str, list[Any]] = {"fit": [], "verify": []}
         for r in self.recordings:

@@ -22,7 +22,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import ValidationError, model_validator
 
 from ..identify.results import model_numbers
 from ..input_file import explain, load_yaml
@@ -35,21 +35,16 @@ from .design_given import Array, Given, Made, draws_of_file
 from .design_map import MapSpec
 from .design_plan import PlanSpec
 from .file import Analysis, AnalysisError
-from .verification import model_of_file
+from .model import ModelOrFit
 
 PARTS = ("map", "optimise", "front", "actuator", "plan")
 OF_FIT = "fit"
 
 
-class DesignAnalysis(Analysis):
-    """See the module. The model is that of `fit`, a results.json of an identification, or of the parameter
-    set `model`; `change` and `friction` change fields of it. At least one of the parts is asked for."""
+class DesignAnalysis(Analysis, ModelOrFit):
+    """See the module. At least one of the parts is asked for."""
 
     kind: Literal["design"] = "design"
-    fit: str | None = None
-    model: str | None = None
-    change: dict[str, float | str | bool] = Field(default_factory=dict)
-    friction: dict[str, float | str] = Field(default_factory=dict)
     uncertainty: str | None = None
     map: MapSpec | None = None
     optimise: OptimiseSpec | None = None
@@ -65,7 +60,7 @@ class DesignAnalysis(Analysis):
 
     def run(self, folder: Path, progress: Progress) -> Document:
         """All parts, one after the other. What is done when one is stopped, or cannot be done, is kept."""
-        model = model_of_file(self, folder, "design")
+        model = self.load_model(folder)
         draws, origin = self._draws(folder), origin_of(model, [])
         parts = {name: getattr(self, name) for name in PARTS if getattr(self, name) is not None}
         made: dict[str, Made] = {}

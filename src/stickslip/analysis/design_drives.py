@@ -36,7 +36,7 @@ from .design_given import (
     goal_of,
     output_stage,
 )
-from .walk import changed
+from .model import named_model
 
 # Conditions that a table shows, the worst ones, and points of a front: all of them are in results.json.
 MOST_ROWS, MOST_POINTS = 30, 12
@@ -135,7 +135,7 @@ class ActuatorSpec(SearchSpec):
 
     def made(self, given: Given) -> Made:
         """Search, and say what was found; raises QuantityError."""
-        models = {name: changed(given.folder, one, {}, {}) for name, one in (self.models or {}).items()}
+        models = {name: named_model(given.folder, one) for name, one in (self.models or {}).items()}
         found = optimise_actuator(
             models or given.model,
             goal=goal_of(self.goal, given.model),

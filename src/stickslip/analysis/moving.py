@@ -43,11 +43,11 @@ from ..rig import Bench, Channel, Repeats, VirtualRig, load_bench, regulate
 from ..rig.driving import driving
 from ..units import optional_si, to_si, unit_for
 from .file import Analysis, AnalysisError
+from .model import named_model, with_changes
 from .move_document import DRIVE, POSITION, move_document
 from .move_model import Aim, at_draws, at_ends, at_intervals, feedforward_of
 from .results import model_and_chain
 from .study import DrawsSpec
-from .walk import changed
 
 Quantity = float | str
 
@@ -223,7 +223,7 @@ def _tuned_on(file: MoveFile, plant: Actuator, folder: Path) -> tuple[Actuator, 
 
 
 def _model(spec: ActuatorSpec, folder: Path) -> Actuator:
-    return changed(folder, spec.set, spec.change, spec.friction)
+    return with_changes(named_model(folder, spec.set), spec.change, spec.friction)
 
 
 def _channels(file: MoveFile, folder: Path) -> dict[str, Channel]:

@@ -21,7 +21,7 @@ from ..report.piezo import hysteresis_numbers, hysteresis_pictures
 from ..units import near_one, with_prefix
 from ..verification import Requirement, Verification, verify
 from .file import Analysis, AnalysisError, RecordingFile, read_parts
-from .walk import changed
+from .model import named_model
 
 
 class PiezoAnalysis(Analysis):
@@ -46,7 +46,7 @@ class PiezoAnalysis(Analysis):
     def run(self, folder: Path, progress: Progress) -> Document:
         """Fit, compare with a straight line, and predict what the fit has not seen."""
         requirements = [Requirement.parse(text) for text in self.require]
-        model = changed(folder, self.model, {}, {}) if self.model else None
+        model = named_model(folder, self.model) if self.model else None
         parts = read_parts(self.recordings, folder)
         fitted, unseen = (
             [parts[r.label] for r in self.recordings if r.use == use] for use in ("fit", "verify")

@@ -36,7 +36,7 @@ from ..study.points import Part as Points
 from ..units import QuantityError, to_si, unit_for
 from ..waveform.signal import Waveform
 from .axis import AxisSpec
-from .verification import model_of_file
+from .model import ModelOrFit
 
 Count = Annotated[int, Field(ge=1)]
 
@@ -104,17 +104,13 @@ class OwnSpec(Strict):
     units: dict[str, str] = Field(default_factory=dict)
 
 
-class StudyFile(Strict):
+class StudyFile(ModelOrFit):
     """See the module. `measure` is `steady`, `walk` or `own`; the points are all combinations of `grid`,
     `random` and `draws`; `summary` is FILE.py:NAME; `keep` and `task` as for `Study`."""
 
     kind: Literal["study"]
     title: str = ""
     notes: str = ""
-    model: str | None = None
-    fit: str | None = None
-    change: dict[str, float | str | bool] = Field(default_factory=dict)
-    friction: dict[str, float | str] = Field(default_factory=dict)
     drive: PartSpec | None = None
     measure: Annotated[SteadySpec | WalkSpec | OwnSpec, Field(discriminator="kind")]
     grid: dict[str, GridAxisSpec | list[float | str]] = Field(default_factory=dict)
@@ -151,7 +147,7 @@ class StudyFile(Strict):
                     "a function of your own has no 'model', 'fit', 'drive', 'change' or 'friction'"
                 )
             return None
-        return model_of_file(self, folder, "study")
+        return self.load_model(folder)
 
     def _measure(self, folder: Path, model: Any) -> SteadySteps | WalksFromRest | Own:
         given = self.measure

@@ -7,12 +7,11 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import xarray as xr
 from pydantic import Field, ValidationError
 
-from ..actuator import Actuator
 from ..chain import Chain
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
@@ -29,8 +28,9 @@ from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
 from .alignment import POSITION, aligned, aligned_by_itself, on_level, said_drives
 from .file import Analysis, AnalysisError, read_parts
+from .model import ModelOrFit
 from .results import model_and_chain
-from .walk import WalkRecording, changed, with_changes
+from .walk import WalkRecording
 
 MOST_PICTURES = 8
 DRIVE = "drive_voltage"
@@ -38,15 +38,10 @@ _READ = ("time", POSITION, DRIVE)
 _EXAMPLES = {"--column": 'end_effector_position="Disp (um)"', "--unit": "drive_voltage=kV"}
 
 
-class VerificationAnalysis(Analysis):
-    """See the module. The model is that of `fit`, a results.json of an identification or a fit of `save_fit`,
-    or of the parameter set `model` with fields changed; `require`: sentences such as "r_squared > 0.99"."""
+class VerificationAnalysis(Analysis, ModelOrFit):
+    """See the module. `require`: sentences such as "r_squared > 0.99"."""
 
     kind: Literal["verification"] = "verification"
-    fit: str | None = None
-    model: str | None = None
-    change: dict[str, float | str | bool] = Field(default_factory=dict)
-    friction: dict[str, float | str] = Field(default_factory=dict)
     delay: Seconds = 0.0
     recordings: list[WalkRecording] = Field(min_length=1)
     require: list[str] = Field(default_factory=list)
@@ -111,38 +106,9 @@ class VerificationAnalysis(Analysis):
         )
 
     def _predictor(self, folder: Path) -> tuple[Predictor, Chain]:
-        if (self.fit is None) == (self.model is None):
-            raise AnalysisError(
-                "a verification has either 'fit', a results.json or a saved fit, or 'model', a parameter set"
-            )
-        model, chain = _of_file(self, folder)
+        model, chain = self.load_model_and_chain(folder)
         chain = chain._replace(delay=self.delay or chain.delay)
         return Predictor(model, chain), chain
-
-
-class ModelOfFile(Protocol):
-    """A file whose model is that of `fit`, a results.json, or of the parameter set `model`; `change` and
-    `friction` change fields of it."""
-
-    fit: str | None
-    model: str | None
-    change: dict[str, float | str | bool]
-    friction: dict[str, float | str]
-
-
-def model_of_file(file: ModelOfFile, folder: Path, what: str) -> Actuator:
-    """The model of `what`, which may turn; raises AnalysisError, QuantityError."""
-    if (file.fit is None) == (file.model is None):
-        raise AnalysisError(f"a {what} has either 'model', a parameter set, or 'fit', a results.json")
-    return _of_file(file, folder)[0]
-
-
-def _of_file(file: ModelOfFile, folder: Path) -> tuple[Actuator, Chain]:
-    """The model, and what a position channel shows of it, as far as a results.json says."""
-    if file.fit is None:
-        return changed(folder, str(file.model), file.change, file.friction), Chain()
-    base, chain = model_and_chain(folder / file.fit)
-    return with_changes(base, file.change, file.friction), chain
 
 
 def _verified(

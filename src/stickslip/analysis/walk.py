@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import xarray as xr
 from pydantic import Discriminator, Field, Tag
 
-from ..actuator import Actuator, load_actuator
+from ..actuator import Actuator
 from ..estimate.influence import prior_influence
 from ..estimate.result import Fit
 from ..experiment.cells import drive_of
@@ -24,14 +24,14 @@ from ..identify.walk.conditions import Conditions, identify_conditions
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.position_channel import walked
 from ..progress import Progress, unheard, within
-from ..records import quantities_of
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, parameter_table
 from ..report.origin import origin_of
-from ..units import QuantityError, near_one, to_si
+from ..units import near_one
 from ..verification import verify
 from ..waveform.signal import Waveform
 from .file import Analysis, AnalysisError, Pairs, RecordingFile, read_parts
+from .model import NamedModel
 from .priors import with_priors
 
 _ROLE = {"fit": "fitted", "verify": "predicted"}
@@ -57,45 +57,10 @@ class WalkRecording(RecordingFile):
         return drive_of(self.drive if isinstance(self.drive, list) else [self.drive], {}, folder)
 
 
-def changed(
-    folder: Path,
-    model: str,
-    change: Mapping[str, float | str | bool],
-    friction: Mapping[str, float | str],
-) -> Actuator:
-    """The actuator of a parameter set, by name or file, with fields changed."""
-    own = folder / model
-    base = load_actuator(own if own.suffix == ".toml" and own.is_file() else model)
-    return with_changes(base, change, friction)
+class WalkFile(Analysis, NamedModel):
+    """Walks of an actuator, and the model that a fit starts at."""
 
-
-def with_changes(
-    base: Actuator, change: Mapping[str, float | str | bool], friction: Mapping[str, float | str]
-) -> Actuator:
-    """The actuator with fields of it and of its friction law changed, in the units of what it then is."""
-    if "law" in friction:
-        raise QuantityError(
-            f"friction.law: only fields of {type(base.friction).__name__} change here; another law has a "
-            "parameter set of its own, model: FILE.toml (stickslip new actuator writes one to be changed)"
-        )
-    known = quantities_of(base.friction, base._replace(rotary=bool(change.get("rotary", base.rotary))))
-    law = {name: to_si(x, known[name].unit, name) if name in known else x for name, x in friction.items()}
-    changes: dict[str, Any] = {**change, "friction": base.friction._replace(**law)}
-    return base.replace(**changes)
-
-
-class WalkFile(Analysis):
-    """Walks of an actuator. `model` is a parameter set or a file; `change` and `friction` change fields of it
-    before the fit, which starts there."""
-
-    model: str
-    change: dict[str, float | str | bool] = Field(default_factory=dict)
-    friction: dict[str, float | str] = Field(default_factory=dict)
     recordings: list[WalkRecording]
-
-    def actuator(self, folder: Path) -> Actuator:
-        """The model that a fit starts at."""
-        return changed(folder, self.model, self.change, self.friction)
 
 
 class WalkAnalysis(WalkFile):
@@ -117,7 +82,7 @@ class WalkAnalysis(WalkFile):
 
     def check(self, folder: Path) -> Actuator:
         """Check what is asked for before a recording is read; returns the model."""
-        model = self.actuator(folder)
+        model = self.load_model(folder)
         asked: dict[str, Any] = {"bounds": self.bounds, "priors": self.priors, "tied": self.tied}
         check_asked(model, self.free, noise=self.noise, **asked)
         if not any(one.use == "fit" for one in self.recordings):

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from ..actuator import Actuator
 from ..analysis.comparison import candidates_of, checked_laws
-from ..analysis.walk import changed
 from ..identify.walk.asked import check_asked
 from ..input_file import InputFileError
 from ..records import did_you_mean
@@ -30,7 +29,7 @@ def check_campaign(file: CampaignFile, folder: Path, cells: Sequence[str]) -> Ac
         InputFileError: no recording fits a pattern, or there is none of a name that `published` has.
         ParameterSetError: there is no such model.
     """
-    model = changed(folder, file.model, file.change, file.friction)
+    model = file.load_model(folder)
     for text in file.require:
         Requirement.parse(text)
     checked_laws(candidates_of(model), file.model_choice, model, folder, "model_choice")

@@ -10,6 +10,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
 
 from ..analysis.file import Pairs, RecordingFile
 from ..analysis.loops import LawChoice
+from ..analysis.model import NamedModel
 from ..electronics import Filter
 from ..experiment.file import PartSpec
 from ..input_file import InputFileError, Part, Seconds, Strict, explain, load_yaml, quantity
@@ -54,7 +55,7 @@ RecordingSpec = Annotated[
 ]
 
 
-class CampaignFile(Strict):
+class CampaignFile(NamedModel):
     """A whole campaign file.
 
     `experiment` is an experiment file that is recorded first. `model` is a parameter set or a file, whose
@@ -75,8 +76,6 @@ class CampaignFile(Strict):
     experiment: str | None = None
     recordings: Annotated[list[RecordingSpec], Field(min_length=1)]
     model: str = "kang2007"
-    change: dict[str, float | str | bool] = Field(default_factory=dict)
-    friction: dict[str, float | str] = Field(default_factory=dict)
     free: list[str] = Field(default_factory=lambda: ["sigma_0", "sigma_1", "coulomb_force"], min_length=1)
     tied: dict[str, str] = Field(default_factory=dict)
     bounds: Pairs
