@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..estimate.blas import single_threaded
 from ..friction import elements
 from .linear import Method, S, W, X, Y, Z, contacts
 
@@ -23,6 +24,7 @@ _SHARES = ((1.0, 0.0), (1.0, 0.01), (1.0, 0.1), (1.0, 0.5), (0.3, 0.03), (0.1, 0
 _DOUBLINGS = 36
 
 
+@single_threaded
 def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     """How stage position and velocity (of its first mode), end-effector position and velocity, bristles, and
     position and velocity of each further mode follow a measured position of the end-effector, shape (5 + 2
