@@ -11,8 +11,13 @@ from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
+from threadpoolctl import threadpool_limits
 
 os.environ["MPLBACKEND"] = "Agg"  # here and in commands that tests start: no display
+# Tests and the commands that they start share few cores: several threads of linear algebra only wait for
+# each other. The variable is for commands and libraries loaded later, the call for those loaded already.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+threadpool_limits(1, user_api="blas")
 # What is known of real rigs, from where positions count, is not the user's.
 os.environ["STICKSLIP_RIGS"] = tempfile.mkdtemp(prefix="stickslip-rigs-")
 
