@@ -145,7 +145,7 @@ def _settings(fit: Fit, options: dict[str, Any]) -> dict[str, Any]:
         raise FitError("the fit does not say what noise it was given: make it again")
     predictor, told = getattr(fit.predict, "__self__", None), options.get("noise")
     own: dict[str, Any] = {"bounds": None, "priors": None, "tied": None, "begin": None, "channel": ()}
-    own |= {"starts": 1, "hops": 0, "stage": None, "correlated": False}
+    own |= {"starts": 1, "hops": 0, "stage": None, "correlated": False, "diagnose": False}
     own |= {"noise": fit.noise[0] if fit.noise else told if isinstance(told, xr.Dataset) else None}
     own |= {"loss": fit.loss, "loss_scale": fit.loss_scale}
     if isinstance(predictor, Predictor):
