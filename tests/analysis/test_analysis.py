@@ -324,7 +324,7 @@ def short_experiment(content) -> None:
 
 def short_campaign(content) -> None:
     """Of these."""
-    content.update(title="A short campaign", published={}, require=[])
+    content.update(title="A short campaign", published={}, require=[], hops=0)
     content["recordings"] = [{"cells": "step_*", "use": "step"}, {"cells": "*", "use": "fit"}]
 
 

@@ -150,7 +150,7 @@ def test_importance_sampling_finds_the_same_spread(monkeypatch) -> None:
     weights = 0.5 * weights / weights.sum() + 0.5 / at.size
 
     random = np.random.default_rng(0)
-    cell = random.choice(at.size, 8000, p=weights)
+    cell = random.choice(at.size, 2000, p=weights)
     held_at = at[cell] + (random.random(cell.size) - 0.5) * widths[cell]
     roots = np.linalg.cholesky(np.array([1.5**2 * one.covariance for one in path]))[cell]
     z = random.standard_normal((cell.size, 3))
