@@ -19,7 +19,7 @@ from urllib.request import urlopen
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, Page, WebSocketRoute, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, WebSocketRoute, expect, sync_playwright
 
 PATIENCE = 300.0  # s for a server on a busy machine
 expect.set_options(timeout=1e3 * PATIENCE)
@@ -139,20 +139,53 @@ def _patient(new: Callable[..., Any]) -> Callable[..., Any]:
     return made
 
 
+@contextmanager
+def fresh(browser: Browser) -> Iterator[BrowserContext]:
+    """A browser's context for the panel, with nothing in its cache."""
+    made = browser.new_context(viewport={"width": 1280, "height": 720}, accept_downloads=True)
+    # The same page for the server in every test: control is with it from one test to the next.
+    made.add_init_script(AS_CLIENT)
+    made.add_init_script(NOTES)
+    yield made
+    made.unroute_all(behavior="wait")  # what a test's own answers raise belongs to that test
+    made.close()
+
+
+def errors_of(page: Page) -> list[str]:
+    """Errors in scripts of the panel, from now on."""
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(error.stack or str(error)))
+    page.on("console", lambda said: errors.append(said.text) if "Content Security" in said.text else None)
+    return errors
+
+
 @pytest.fixture
 def page(browser: Browser) -> Iterator[Page]:
-    """An empty page; an error in a script of the panel fails the test."""
-    context = browser.new_context(viewport={"width": 1280, "height": 720}, accept_downloads=True)
-    # The same page for the server in every test: control is with it from one test to the next.
-    context.add_init_script(AS_CLIENT)
-    context.add_init_script(NOTES)
-    made = context.new_page()
-    errors: list[str] = []
-    made.on("pageerror", lambda error: errors.append(error.stack or str(error)))
-    made.on("console", lambda said: errors.append(said.text) if "Content Security" in said.text else None)
+    """An empty page in a context of its own; an error in a script of the panel fails the test."""
+    with fresh(browser) as context:
+        made = context.new_page()
+        errors = errors_of(made)
+        yield made
+    assert not errors
+
+
+@pytest.fixture(scope="package")
+def window(browser: Browser) -> Iterator[BrowserContext]:
+    """A context with a page that stays: while it has a window, another page takes half of the computing."""
+    with fresh(browser) as made:
+        made.new_page()
+        yield made
+
+
+@pytest.fixture
+def tab(window: BrowserContext) -> Iterator[Page]:
+    """As `page`, in the context of other tests too: for tests that ask nothing of cache and storage."""
+    made = window.new_page()
+    errors = errors_of(made)
     yield made
-    context.unroute_all(behavior="wait")  # what a test's own answers raise belongs to that test
-    context.close()
+    window.unroute_all(behavior="wait")
+    for one in window.pages[1:]:
+        one.close()
     assert not errors
 
 
