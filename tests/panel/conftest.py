@@ -235,11 +235,11 @@ def fitted(page: Page, panel: Panel, act: Callable[[], object]) -> dict[str, Any
 
 @contextmanager
 def endless(panel: Panel, run: str, client: str = CLIENT) -> Iterator[None]:
-    """Inside, this run goes on for two minutes, longer than even a busy machine takes to stop it. The rig
+    """Inside, this run goes on for a minute, longer than even a busy machine takes to stop it. The rig
     computes it first, in some seconds."""
     with connected(panel, {"X-Client": client}) as asking:
         path = ["runs", ("walk", "forward", "step").index(run), "capture", "length"]
-        asking.post("/bench/set", json={"path": path, "value": "120 s"}).raise_for_status()
+        asking.post("/bench/set", json={"path": path, "value": "60 s"}).raise_for_status()
         try:
             yield
         finally:

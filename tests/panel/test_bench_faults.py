@@ -43,8 +43,8 @@ def panel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
 
 
 def running(client: httpx.Client) -> None:
-    """Start a walk of two minutes in real time, and wait until it is put out."""
-    change(client, ["runs", 0, "capture", "length"], "120 s").raise_for_status()
+    """Start a walk of a minute in real time, and wait until it is put out."""
+    change(client, ["runs", 0, "capture", "length"], "60 s").raise_for_status()
     with streaming(client) as stream:
         heard(stream, "run")
         client.post("/bench/start", json={"runs": ["walk"]}).raise_for_status()
