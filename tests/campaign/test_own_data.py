@@ -100,7 +100,7 @@ def text_of(out: Path) -> str:
 
 @pytest.mark.usefixtures("no_term_is_tried")
 @pytest.mark.filterwarnings("default")
-def test_no_report_of_ones_own_data_speaks_of_the_thesis(folder: Path) -> None:
+def test_no_report_of_ones_own_data_speaks_of_another_actuator(folder: Path) -> None:
     run("new", "identification", folder / "slow.csv", folder / "fast.csv", "--out", folder / "walks.yaml")
     walks = yaml.safe_load((folder / "walks.yaml").read_text("utf-8"))
     (folder / "models.yaml").write_text(
