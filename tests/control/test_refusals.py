@@ -23,6 +23,7 @@ from stickslip.control import (
     Regulator,
     Relay,
     Shaper,
+    Slip,
     StepModel,
     Stepping,
     StepSizes,
@@ -55,6 +56,10 @@ def relay(**how: Any) -> Relay:
         (lambda: StepSizes((1.0, 2.0), (1e-6, 2e-6), (2e-6, 1e-6)), "backward"),
         (lambda: Mover(Stepping(), TABLE, MADE, KANG.gain, unit="mm"), "unit"),
         (lambda: Mover(Stepping(), TABLE, UNLIMITED, KANG.gain), "range is finite"),
+        (
+            lambda: Mover(Stepping(pause=1e-3), TABLE, MADE, KANG.gain, slip=Slip(2e-3)),
+            "slip edge takes 40 ticks",
+        ),
         (lambda: Regulator(Pid(1.0), RATE, notches=Notch(500.0)), "notches"),  # type: ignore[arg-type]
         (lambda: simulate_control(KANG, None, "1 um", "1 ms"), "must have step"),  # type: ignore[arg-type]
         (lambda: Estimator(STEPS).band("95 nm"), "level"),

@@ -26,10 +26,12 @@ from stickslip.study import (
     export_study,
     merge_studies,
     open_study,
+    stop_study,
     study_state,
 )
 from stickslip.study.picture import study_picture
 from stickslip.study.sealing import sealed
+from stickslip.study.store import STOP
 from stickslip.units import QuantityError
 
 FILE = study_functions.__file__
@@ -258,3 +260,12 @@ def test_a_store_opens_as_zarr_opens_it(whole: Path) -> None:
         for name in theirs.variables:
             assert a[name].attrs == b[name].attrs
             np.testing.assert_array_equal(a[name], b[name])
+
+
+def test_a_stop_touches_nothing_outside_its_store(whole: Path, tmp_path: Path) -> None:
+    store = shutil.copytree(whole, tmp_path / "s.zarr")
+    (store / STOP).symlink_to(tmp_path / "outside")
+    stop_study(store)
+    assert (store / STOP).is_file()
+    assert not (store / STOP).is_symlink()
+    assert not (tmp_path / "outside").exists()
