@@ -1,10 +1,20 @@
-"""Members of the study of random piezos, one of each model: right, or with a warning."""
+"""Members of the study of random piezos: right, or with a warning.
+
+Positions are stored that brute force gives, ``benchmarks.random_actuators.truth(member(n, 0))``: its
+compilation would take most of the time.
+"""
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
+import numpy as np
 import pytest
-from benchmarks.random_actuators import SMALL, TOLERANCE, WELL_KNOWN, measure, truth
+from benchmarks.random_actuators import SMALL, TOLERANCE, measure
 from benchmarks.random_piezos import member
+
+STORED = json.loads(Path(__file__).with_name("random_piezos.json").read_text())
 
 
 def test_they_are_of_all_models() -> None:
@@ -21,11 +31,8 @@ def test_they_are_of_all_models() -> None:
     }
 
 
-@pytest.mark.parametrize("number", [4, 6])
-def test_the_position_is_that_of_brute_force(number: int) -> None:
-    m = member(number, 0)
-    known = truth(m)
-    found = measure(m, known.position)
-    assert known.doubt < WELL_KNOWN
+@pytest.mark.parametrize("number", STORED)
+def test_the_position_is_that_of_brute_force(number: str) -> None:
+    found = measure(member(int(number), 0), np.array(STORED[number]))
     assert found.error < 2.0 * TOLERANCE
     assert max(found.error, found.estimate) < SMALL or found.error < 3.0 * found.estimate
