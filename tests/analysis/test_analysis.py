@@ -35,8 +35,14 @@ def edited(example: str, folder: Path, change) -> Path:
 
 
 def test_friction_loops_are_predicted_better_than_the_known_marks(tmp_path: Path) -> None:
-    document = run_file(EXAMPLES / "friction_loops.yaml")
+    looked_at = ("Dahl", "Maxwell slip, 2 elements", "the same, alike both ways", "Elastoplastic, drifting")
+
+    def fewer_laws(content) -> None:
+        content["laws"] = [one for one in content["laws"] if one.get("label", one["law"]) in looked_at]
+
+    document = run_file(edited("friction_loops.yaml", tmp_path, fewer_laws))
     found = {name: n["r_squared_predicted"].value for name, n in document.numbers.items()}
+    assert tuple(found) == looked_at
     assert max(found.values()) >= 0.998
     assert found["Maxwell slip, 2 elements"] > 0.9963 > found["Dahl"] > 0.9864
     assert found["the same, alike both ways"] > 0.9963
