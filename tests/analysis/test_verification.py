@@ -166,7 +166,7 @@ def test_results_without_an_actuator_say_which_have_one(folder: Path) -> None:
 def test_wrong_files_are_refused(folder: Path) -> None:
     content = yaml.safe_load((folder / "check.yaml").read_text("utf-8"))
     for change, words in (
-        ({"fit": "fit.json"}, "either 'fit'"),
+        ({"fit": "fit.json"}, "either 'model'"),
         ({"model": None, "fit": "none.json"}, "no results of an identification"),
         ({"require": ["r_squared >> 1"]}, "r_squared"),
         ({"recordings": []}, "recordings"),

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from stickslip.engine import binding
-from stickslip.engine.compiled_law import HEADERS
+from stickslip.engine.library import SOURCES
 
 WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wshadow", "-Werror"]
 SANITIZED = ["-O0", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
@@ -31,10 +31,10 @@ def integrate(
 
 def built(folder: Path, *flags: str, of: str = "") -> Path:
     """The engine's sources, or a C text instead, compiled into a library in a folder."""
-    files = sorted(map(str, HEADERS.glob("*.c")))
+    files = sorted(map(str, SOURCES.glob("*.c")))
     if of:
         files = [str(folder / "text.c")]
         Path(files[0]).write_text(of)
     made = folder / "engine.so"
-    subprocess.run(["cc", *STRICT, *flags, f"-I{HEADERS}", *files, "-o", str(made), "-lm"], check=True)
+    subprocess.run(["cc", *STRICT, *flags, f"-I{SOURCES}", *files, "-o", str(made), "-lm"], check=True)
     return made

@@ -16,7 +16,7 @@ from typing import Any
 
 from .._version import __version__
 from ..engine._abi import ffi
-from ..engine.compiled_law import HEADERS
+from ..engine.library import SOURCES
 from ..units import QuantityError
 from .blocks import Regulator
 from .moving import Mover
@@ -194,7 +194,7 @@ def mover_source(mover: Mover) -> str:
     made = _MADE.format(
         version=__version__, tables="\n".join(tables), numbers=_initial(mover.plan[0], iter(names))
     )
-    machine = [(HEADERS / name).read_text(encoding="ascii") for name in ("arrival.h", "mover.h")]
+    machine = [(SOURCES / name).read_text(encoding="ascii") for name in ("arrival.h", "mover.h")]
     return "".join([regulator_source(mover.regulator), _HEAD, *machine, made])
 
 

@@ -14,9 +14,9 @@ from typing import Any
 
 from ._abi import ffi
 from .interface import Interface
+from .library import SOURCES
 from .translator import Record, Translation, TranslationError
 
-HEADERS = Path(__file__).parent / "c"
 # Rounded as Python rounds: no product is fused with a sum.
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 LONGEST = 60.0  # s, for a compiler that hangs
@@ -70,7 +70,7 @@ def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]
     with tempfile.TemporaryDirectory(prefix="stickslip-", ignore_cleanup_errors=True) as folder:
         file, library = Path(folder, "law.c"), Path(folder, "law.so")
         file.write_text(text, encoding="utf-8")
-        run = [*command, *FLAGS, f"-I{HEADERS}", str(file), "-o", str(library), "-lm"]
+        run = [*command, *FLAGS, f"-I{SOURCES}", str(file), "-o", str(library), "-lm"]
         try:
             subprocess.run(run, check=True, capture_output=True, timeout=LONGEST)
             opened: Any = ffi.dlopen(str(library))

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from . import nvrtc
 from .binding import Array
-from .cuda_source import FOLDER, THREADS, headers, kernel, layout, refused
+from .cuda_source import THREADS, headers, kernel, layout, refused
+from .library import SOURCES
 from .members import Integers
 from .nvrtc import GpuError
 
@@ -55,7 +56,7 @@ int cuLaunchKernel(void *function, unsigned int grid_x, unsigned int grid_y, uns
                    void *stream, void **arguments, void **further);
 """
     + "\n".join(
-        line for line in (FOLDER / "gpu.h").read_text("ascii").splitlines() if not line.startswith("#")
+        line for line in (SOURCES / "gpu.h").read_text("ascii").splitlines() if not line.startswith("#")
     )
 )
 _COMPILING = threading.Lock()

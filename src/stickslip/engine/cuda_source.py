@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,11 +15,11 @@ from .binding import Array, ComposedPlant
 from .interface import of_numbers
 from .law_of import EngineLaw
 from .laws import LAW
+from .library import SOURCES
 from .members import numbers_of
 from .sizes import largest, sizes
 from .translator import Record, Translation, record_type
 
-FOLDER = Path(__file__).parent / "c"
 # Threads of a block, and blocks on a multiprocessor at once: each thread may have 128 of the 65,536
 # registers there.
 THREADS, BLOCKS = 128, 4
@@ -62,14 +61,14 @@ def for_gpu(text: str) -> str:
 @functools.cache
 def headers() -> dict[str, str]:
     """Return every header that the kernel's source includes, but `layout.h`, by the name that includes it."""
-    files = [file for file in FOLDER.iterdir() if file.suffix in (".h", ".inl")]
+    files = [file for file in SOURCES.iterdir() if file.suffix in (".h", ".inl")]
     found = {file.name: for_gpu(file.read_text("ascii")) for file in files}
     return {**_STANDARD, **found}
 
 
 def kernel() -> str:
     """Return the source of the kernel."""
-    return (FOLDER / "members.cu").read_text("ascii")
+    return (SOURCES / "members.cu").read_text("ascii")
 
 
 def layout(plant: Any, values: Array) -> tuple[str, Array]:

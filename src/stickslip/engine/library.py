@@ -12,6 +12,8 @@ from ._abi import ffi
 # Placed there by native/CMakeLists.txt.
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 FILE = Path(__file__).with_name(f"_engine{SUFFIX}")
+# The C that it is made of: a user's law includes it, a GPU compiles it, exported code contains it.
+SOURCES = Path(__file__).with_name("c")
 
 
 class EngineMissingError(ImportError):

@@ -16,6 +16,7 @@ from .._version import __version__
 from ..actuator import Actuator
 from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
+from ..engine.library import SOURCES
 from ..records import of_kind
 from ..simulation.drives import checked_drive
 from ..simulation.jumps import cannot_jump, refuse_jumps
@@ -36,7 +37,6 @@ AT_ONCE = 1e7
 # Part of a period in which the default sawtooth of a model that cannot jump falls: 0.4 ms, 20 default steps.
 FALL = 0.002
 CORE = ("stickslip.c", "stickslip.h", "stickslip_follow.h", "stickslip_player.h")
-ENGINE = Path(__file__).parents[1] / "engine" / "c"
 _INCLUDED = re.compile(r'^#include "(?:engine/)?([^"]+)"', re.MULTILINE)
 LICENCE = Path(__file__).parent / "c" / "LICENSE.txt"
 
@@ -146,9 +146,9 @@ def core_files(
 def _engine(*texts: str) -> dict[str, str]:
     """The engine's own source, as far as these texts include it."""
     found: dict[str, str] = {}
-    names = {name for text in texts for name in _INCLUDED.findall(text) if (ENGINE / name).exists()}
+    names = {name for text in texts for name in _INCLUDED.findall(text) if (SOURCES / name).exists()}
     while names := names - found.keys():
-        found |= {name: (ENGINE / name).read_text(encoding="utf-8") for name in names}
+        found |= {name: (SOURCES / name).read_text(encoding="utf-8") for name in names}
         names = {name for text in found.values() for name in _INCLUDED.findall(text)}
     return found
 
