@@ -37,11 +37,11 @@ def _run_or_why(file: Path) -> Document | str:
 def run(out: str | os.PathLike[str], progress: Progress = unheard) -> Document:
     """Run everything; the campaign's recordings go into `out`, and are kept there for the next time.
 
-    Another process runs the identification files meanwhile.
+    Two other processes run the identification files meanwhile.
     """
     folder = Path(str(importlib.resources.files("stickslip") / "examples"))
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as other:
-        begun = [other.submit(_run_or_why, folder / name) for name in EXAMPLES]
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as others:
+        begun = [others.submit(_run_or_why, folder / name) for name in EXAMPLES]
         campaign = run_campaign(folder / CAMPAIGN, out, partial(within, progress, 0.0, 0.6))
         found = []
         for k, name in enumerate(EXAMPLES):
