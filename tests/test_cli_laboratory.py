@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import yaml
 from typer.testing import CliRunner
@@ -140,6 +141,27 @@ def test_record_refuses_in_one_line(tmp_path: Path) -> None:
     done = run("record", str(small(tmp_path, runs=[])), "--out", str(tmp_path / "out"))
     assert done.exit_code == 2
     assert "experiment.yaml: runs:" in done.stderr
+
+
+def test_the_demonstration_interrupted(tmp_path: Path) -> None:
+    """Ctrl-C in a terminal reaches its other processes too: they say nothing, and end."""
+    command = [sys.executable, "-m", "stickslip", "demo", "--out", str(tmp_path / "out")]
+    with (
+        subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True) as process,
+        contextlib.ExitStack() as at_last,
+    ):
+        at_last.callback(process.kill)
+        assert process.stderr is not None
+        while "step_60V" not in (line := process.stderr.readline()):
+            assert line, "it ended early"
+        others = psutil.Process(process.pid).children()
+        os.killpg(process.pid, signal.SIGINT)
+        rest = process.communicate(timeout=300)[1]
+    assert process.returncode == 130
+    assert "Traceback" not in rest
+    assert rest.strip().splitlines()[-1].startswith("Error: interrupted; finished recordings and stages")
+    assert len(others) >= 2
+    assert not psutil.wait_procs(others, timeout=60.0)[1]
 
 
 def test_schema() -> None:

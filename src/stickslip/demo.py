@@ -7,9 +7,11 @@ and why.
 
 from __future__ import annotations
 
+import contextlib
 import importlib.resources
 import multiprocessing
 import os
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -21,9 +23,26 @@ from .job.running import joined
 from .progress import Progress, unheard, within
 from .recording import RecordingError
 from .report import Document, Section
+from .study.local import sigint_blocked
 
 CAMPAIGN = "kang2007_campaign.yaml"
 EXAMPLES = ("friction_loops.yaml", "piezo_mirror.yaml", "pulled_slider.yaml")
+# Of the time that all takes.
+_CAMPAIGN_SHARE = 0.6
+
+
+@contextlib.contextmanager
+def _others() -> Iterator[ProcessPoolExecutor]:
+    """Two processes for the identification files, which an error or Ctrl-C here ends at once."""
+    before = multiprocessing.active_children()
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as others:
+        try:
+            yield others
+        except BaseException:
+            for process in multiprocessing.active_children():
+                if process not in before:
+                    process.terminate()
+            raise
 
 
 def _run_or_why(file: Path) -> Document | str:
@@ -40,12 +59,13 @@ def run(out: str | os.PathLike[str], progress: Progress = unheard) -> Document:
     Two other processes run the identification files meanwhile.
     """
     folder = Path(str(importlib.resources.files("stickslip") / "examples"))
-    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as others:
-        begun = [others.submit(_run_or_why, folder / name) for name in EXAMPLES]
-        campaign = run_campaign(folder / CAMPAIGN, out, partial(within, progress, 0.0, 0.6))
+    with _others() as others:
+        with sigint_blocked():
+            begun = [others.submit(_run_or_why, folder / name) for name in EXAMPLES]
+        campaign = run_campaign(folder / CAMPAIGN, out, partial(within, progress, 0.0, _CAMPAIGN_SHARE))
         found = []
         for k, name in enumerate(EXAMPLES):
-            progress(name, 0.6 + 0.4 * k / len(EXAMPLES))
+            progress(name, _CAMPAIGN_SHARE + (1.0 - _CAMPAIGN_SHARE) * k / len(EXAMPLES))
             found.append(begun[k].result())
     progress("done", 1.0)
     parts = [campaign, *(one for one in found if isinstance(one, Document))]
