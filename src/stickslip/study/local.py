@@ -47,8 +47,8 @@ def processors() -> int:
 
 @contextlib.contextmanager
 def sigint_blocked() -> Iterator[None]:
-    """A context for starting a process that this one ends, not Ctrl-C in the terminal, which reaches both. The
-    process starts with the signal blocked: during its imports it could not ignore it."""
+    """A context for starting a process that this one ends, not Ctrl-C in the terminal, which reaches both. It
+    starts with the signal blocked: during its imports it could not ignore it."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
