@@ -76,8 +76,8 @@ REFUSED = {  # what is said when the file is looked at, or taken as time and x
             b"time,x\n2020-01-01T00:00:00+14:00,1\n2020-01-01T00:00:01-12:00,2\n2020-01-01T00:00:02Z,3\n",
             "does not increase",
         ),
-        "picture": (b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 100, "neither text nor"),
-        "packed": (gzip.compress(HEAD + ROWS), "neither text nor"),
+        "picture": (b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 100, "a picture"),
+        "packed": (gzip.compress(HEAD + ROWS), "packed by gzip"),
         "brackets": (
             b"time [s],x [" + b"(" * 5000 + b"m" + b")" * 5000 + b"]\n" + ROWS,
             "more than 1,000 char",

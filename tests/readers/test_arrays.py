@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -98,11 +97,3 @@ def test_objects_are_not_unpickled(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", x=np.array([{}, {}]), allow_pickle=True)
     with pytest.raises(RecordingError, match="not a readable NPZ file"):
         read_recording(tmp_path / "a.npz", {"x": "x"}, sample_rate=1)
-
-
-def test_a_workbook_is_no_archive_of_arrays(tmp_path: Path) -> None:
-    with zipfile.ZipFile(tmp_path / "a.xlsx", "w") as book:
-        book.writestr("[Content_Types].xml", "<Types/>")
-        book.writestr("xl/workbook.xml", "<workbook/>")
-    with pytest.raises(RecordingError, match=r"a\.xlsx: a ZIP archive without NumPy arrays"):
-        read_recording(tmp_path / "a.xlsx", {"x": "x"}, sample_rate=1)

@@ -13,7 +13,7 @@ from .frame import Traceback, app, only_reading
 
 @app.command()
 def inspect(
-    file: Annotated[Path, typer.Argument(help="A measurement: CSV, NPZ, MAT, MDF 4, dSPACE, NetCDF.")],
+    file: Annotated[Path, typer.Argument(help="A measurement, of a format of `stickslip list readers`.")],
     picture: Annotated[
         Path | None,
         typer.Option(

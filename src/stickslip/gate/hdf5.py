@@ -287,6 +287,16 @@ def is_hdf5(path: Path) -> bool:
         return h5f.is_hdf5(name_of(file).encode())
 
 
+def has_attribute(path: Path, name: str) -> bool:
+    """Return whether the first group of an HDF5 file has an attribute of that name.
+
+    Raises:
+        GateError: the file is damaged.
+    """
+    with _opened(path) as tree, _damage(path):
+        return h5a.exists(tree.root.identifier, name.encode())
+
+
 @contextmanager
 def hdf5_tree(path: Path) -> Iterator[Hdf5Tree]:
     """Open an HDF5 file and give its checked tree, which is valid until the end of the context.

@@ -62,6 +62,12 @@ def array_parts(leaves: Mapping[str, Leaf]) -> list[Part]:
     return found
 
 
+def subscripted(part: Part) -> str:
+    """The name of a channel as in Python: "table[:, 2]"; the only one of an array is called as the array."""
+    name = part.array
+    return name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
+
+
 def array_source(
     reader: str, leaves: Mapping[str, Leaf], channels: Sequence[tuple[Part, FileChannel]]
 ) -> FileContent:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import codecs
 from pathlib import Path
 
 from .. import registry
+from ..gate.errors import GateError
 from ..gate.files import opened
 from ..gate.limits import check_regular
 from ..recording import RecordingError
+from .signatures import is_text, known_format, not_read
 from .source import Format
 
 # What read_recording takes without a `Format`.
@@ -17,7 +18,6 @@ TEXT_LINE = (
     "Numbers in lines: CSV, TSV, LabVIEW's LVM, tables of oscilloscopes, with or without headers and units."
 )
 _TEXT = (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".lvm")
-_HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def find_format(path: Path) -> str:
@@ -40,16 +40,17 @@ def find_format(path: Path) -> str:
         head = file.read(1 << 16)
     ending = path.suffix.lower()
     known = _formats()
-    named = {".nc": "nc", **dict.fromkeys(_TEXT, TEXT)}
+    named = dict.fromkeys(_TEXT, TEXT)
     named |= {end: one.name for one in reversed(known) for end in one.endings}
-    found = next((one.name for one in known if one.recognises(head, ending)), None) or _content(head)
+    found = next((one.name for one in known if one.recognises(head, ending)), None)
+    if found is None and is_text(head) and known_format(head, ending) is None:
+        found = TEXT
     if found is None:
-        raise RecordingError(
-            f"the content is neither text nor {', '.join(registry.readers.names())} or NetCDF 4"
-        )
+        read = ", ".join(sorted(registry.readers.names()))
+        raise RecordingError(not_read(head, ending, read))
     if named.get(ending, found) != found:
         raise RecordingError(f"the name says {named[ending]}, but the content is {found}")
-    return found
+    return "nc" if found == "hdf5" and _is_recording(path, ending) else found
 
 
 def _formats() -> list[Format]:
@@ -57,9 +58,11 @@ def _formats() -> list[Format]:
     return sorted((one for _, one in registry.readers.all()), key=lambda one: not registry.origin(one.read))
 
 
-def _content(head: bytes) -> str | None:
-    if head.startswith(_HDF5):
-        return "nc"
-    if b"\0" not in head or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return TEXT
-    return None
+def _is_recording(path: Path, ending: str) -> bool:
+    """Whether an HDF5 file is a recording of ours; a damaged one with the ending of ours is."""
+    from ..gate.hdf5 import has_attribute  # HDF5 is not for those who only read text
+
+    try:
+        return has_attribute(path, "schema_version")
+    except GateError:
+        return ending == ".nc"

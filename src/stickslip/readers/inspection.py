@@ -20,6 +20,7 @@ from .reading import read_recording, said
 
 # A pause is a step of the clock longer than this many usual ones.
 PAUSE = 1.5
+WIDEST = 80  # characters of a name in the table of columns
 ROUNDED = 1e-6  # of an interval: what a time may be off by rounding
 
 
@@ -130,7 +131,7 @@ def inspect_file(path: str | Path) -> Inspection:
     """What a file holds that `read_recording` reads, with guesses where it does not say.
 
     Args:
-        path: text, NPY, NPZ, MAT, MDF 4, dSPACE, or a recording of ours.
+        path: of a format that `stickslip list readers` names, or a recording of ours.
 
     Raises:
         RecordingError: it is of no known format, damaged, or has no columns of numbers.
@@ -154,5 +155,12 @@ def inspect_file(path: str | Path) -> Inspection:
 
 
 def _table(rows: list[list[str]]) -> list[str]:
+    rows = [[_cell(text) for text in row] for row in rows]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
+def _cell(text: str) -> str:
+    """A text of a file in one line that a terminal can show."""
+    shown = "".join(sign if sign.isprintable() else "?" for sign in text)
+    return shown if len(shown) <= WIDEST else f"{shown[: WIDEST - 3]}..."

@@ -7,8 +7,10 @@ from pathlib import Path
 from ..gate import archives as gate
 from ..gate.limits import check_size
 from ..recording import RecordingError
-from .arrays import Leaf, array_parts, array_source, total_bytes
+from .arrays import Leaf, array_parts, array_source, subscripted, total_bytes
 from .source import FileChannel, FileContent, add_format
+
+_NAME_LENGTH, _NAME = 26, 30  # of the first file in a ZIP archive, from its start
 
 
 def read_npy(path: Path) -> FileContent:
@@ -33,7 +35,7 @@ def read_npz(path: Path) -> FileContent:
     """
     arrays = gate.read_npz(path)
     if not arrays:
-        raise RecordingError("a ZIP archive without NumPy arrays (a table of a workbook is read as CSV)")
+        raise RecordingError("a ZIP archive without NumPy arrays")
     leaves = {
         name: Leaf(array.shape, lambda array=array: array) for name, array in arrays.items() if array.ndim
     }
@@ -47,11 +49,17 @@ def _source(path: Path, reader: str, leaves: dict[str, Leaf]) -> FileContent:
             raise RecordingError(f"the array {name!r} of the shape {leaf.shape} holds no samples")
     channels = []
     for part in array_parts(leaves):
-        name = part.array
-        label = name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
-        channels.append((part, FileChannel(label, key=(name, *part.others) if name else part.others)))
+        key = (part.array, *part.others) if part.array else part.others
+        channels.append((part, FileChannel(subscripted(part), key=key)))
     return array_source(reader, leaves, channels)
 
 
+def _is_npz(head: bytes, ending: str) -> bool:
+    """Whether a ZIP archive is called so, or its first file is an array of NumPy's."""
+    name = int.from_bytes(head[_NAME_LENGTH : _NAME_LENGTH + 2], "little")
+    first = head[_NAME : _NAME + name]
+    return head.startswith(b"PK\x03\x04") and (ending == ".npz" or first.endswith(b".npy"))
+
+
 add_format(read_npy, "npy", (".npy",), lambda head, ending: head.startswith(b"\x93NUMPY"))
-add_format(read_npz, "npz", (".npz",), lambda head, ending: head.startswith(b"PK\x03\x04"))
+add_format(read_npz, "npz", (".npz",), _is_npz)

@@ -6,6 +6,7 @@ The readers of the formats know only their format; everything that a recording m
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -30,7 +31,17 @@ from .unlikely import refuse_unlikely, warn_of_unsaid
 # No recording runs for three years: a clock beyond this counts from 1970.
 _SINCE_1970 = 1e8
 _LAST_DATE = 1e11  # the year 5138
-_LONGEST_MESSAGE = 1500  # characters; a field of a file, or its names, may be as long as a line
+_LONGEST_MESSAGE = 1500  # characters; the names in a file may be many
+_LONGEST_QUOTE = 80  # characters; a field of a file may be as long as a line
+# A text in quotes, as Python writes it, that is longer: "'abc...'", but no apostrophe.
+_SIGN = r"(?:[^{0}\\]|\\.)"
+_QUOTE = re.compile(
+    "|".join(
+        rf"(?<!\w){mark}({sign}{{{_LONGEST_QUOTE}}}){sign}+{mark}(?!\w)"
+        for mark in "'\""
+        for sign in [_SIGN.format(mark)]
+    )
+)
 
 
 def read_recording(
@@ -51,7 +62,7 @@ def read_recording(
     calibration: str = "",
     reader: str = "",
 ) -> xr.Dataset:
-    r"""A recording from a text, NPY, NPZ, MAT, MDF 4 or dSPACE file, or from our own ``.nc``.
+    r"""A recording from a file of a format that `stickslip list readers` names, or from our own ``.nc``.
 
     Args:
         path: the file. Its content decides how it is read; its extension must not contradict.
@@ -91,10 +102,7 @@ def read_recording(
             raise RecordingError(f"delimiter, decimal and skip are for text; this file is {kind}")
         changes = columns or units or clocks or (sample_rate, start_time, *rows) != (None, None, 0, None)
         if kind == "nc" and changes:
-            raise RecordingError(
-                "a saved recording is read as it is, without columns, units, clocks or rows (what another "
-                "program has written in NetCDF or HDF5 becomes one through make_recording)"
-            )
+            raise RecordingError("a saved recording is read as it is, without columns, units, clocks or rows")
     if kind == "nc":
         return open_recording(path)
     with _named(path):
@@ -154,12 +162,16 @@ def _named(path: Path) -> Iterator[None]:
 
 
 def said(path: Path, error: ValueError | OSError) -> str:
-    """Return the message of an error in one line, with the name of the file before it; of a long text, only
-    its ends."""
+    """Return the message of an error in one line, with the name of the file before it; of long quotes only
+    the start, of a long text only its ends."""
     whole = (isinstance(error, OSError) and error.strerror) or str(error).removeprefix(f"{path}: ")
-    text = " ".join(whole.split())
+    text = _QUOTE.sub(_shortened, " ".join(whole.split()))
     cut = text if len(text) <= _LONGEST_MESSAGE else f"{text[: _LONGEST_MESSAGE - 300]} ... {text[-300:]}"
     return f"{path}: {cut}"
+
+
+def _shortened(quote: re.Match[str]) -> str:
+    return f"'{quote[1] or quote[2]}...'"
 
 
 def _rate(sample_rate: float | str | None) -> float:
