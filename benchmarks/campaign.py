@@ -51,11 +51,14 @@ def prepare() -> None:
     from stickslip.campaign.evaluation import evaluate
     from stickslip.campaign.file import read_campaign
     from stickslip.campaign.gathering import gather
+    from stickslip.experiment.running import read_experiment
 
     path = Path(str(importlib.resources.files("stickslip") / "examples" / "kang2007_campaign.yaml"))
     file = read_campaign(path)
     with tempfile.TemporaryDirectory() as folder:
-        gathered, _ = gather(file, path.parent, Path(folder), unheard)
+        assert file.experiment is not None
+        experiment = read_experiment(path.parent / file.experiment), path.parent
+        gathered, _ = gather(file, path.parent, Path(folder), unheard, experiment)
         model = file.load_model(path.parent)
         found = evaluate(file, model, gathered, unheard)
     (walk,) = (one for one in found.walks if one.use == "fit")
