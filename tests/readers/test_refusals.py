@@ -98,6 +98,7 @@ def test_request(tmp_path: Path) -> None:
         ({"columns": ["t", "x"]}, r"columns = \['t', 'x'\] must be a mapping"),
         ({"units": "um"}, "units = 'um' must be a mapping"),
         ({"missing": "interpolate"}, "missing = 'interpolate' must be 'error' or 'drop'"),
+        ({"missing_values": "-9999"}, "missing_values = '-9999' must be a list of texts"),
         ({"skip": -1}, "skip = -1 must be a number of lines"),
     ):
         with pytest.raises(RecordingError, match=rf"a\.csv: .*{message}"):
@@ -154,9 +155,10 @@ def test_name_and_content_differ(tmp_path: Path) -> None:
 
 def test_text_options_are_for_text(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.arange(5.0))
-    for option in ({"delimiter": ","}, {"decimal": ","}, {"skip": 1}):
+    for option in ({"delimiter": ","}, {"decimal": ","}, {"skip": 1}, {"missing_values": ["-9999"]}):
         with pytest.raises(
-            RecordingError, match=r"delimiter, decimal and skip are for text; this file is npy"
+            RecordingError,
+            match=r"delimiter, decimal, skip and missing_values are for text; this file is npy",
         ):
             read_recording(tmp_path / "a.npy", sample_rate=1, **option)
 

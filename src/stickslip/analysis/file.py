@@ -20,7 +20,7 @@ AnalysisError = InputFileError
 # Of parameters, by name: bounds, or value and standard deviation of priors; in SI, or texts with units.
 Pairs = Annotated[dict[str, tuple[float | str, float | str]], Field(default_factory=dict)]
 # Parts of one file that agree in these are of one reading.
-_FORMAT = ("columns", "units", "sample_rate", "reader", "rows", "missing")
+_FORMAT = ("columns", "units", "clocks", "sample_rate", "reader", "rows", "missing", "missing_values")
 OF_SOURCE = {"dataset", "file", "calibration", "rename", "scale_uncertainty", *_FORMAT}
 
 
@@ -41,15 +41,18 @@ class SourceFile(Strict):
 
 
 class RecordingFile(SourceFile):
-    """A recording in a file: `columns` and `units` as for `read_recording`; `calibration` names those of a
-    variable, in order, and `rename` calls it otherwise then; `start` and `end` cut a part of it out. `reader`
-    is its format, where the content does not tell, or one of one's own, "my_reader.py:scope"; `rows` and
-    `missing` are as for `read_recording`: the samples to read, and what is done where a number is missing.
-    `scale_uncertainty` is the relative standard uncertainty of a variable's scale, where its calibrations do
-    not say it."""
+    """A recording in a file.
+
+    `columns`, `units`, `clocks`, `rows`, `missing` and `missing_values` are as for `read_recording`;
+    `reader` is its format, where the content does not tell, or one of one's own, "my_reader.py:scope".
+    `calibration` names the calibrations of a variable, in order, and `rename` calls it otherwise then.
+    `start` and `end` cut a part out. `scale_uncertainty` is the relative standard uncertainty of a
+    variable's scale, where its calibrations do not say it.
+    """
 
     columns: dict[str, str | int | list[str | int]] = Field(default_factory=dict)
     units: dict[str, str] = Field(default_factory=dict)
+    clocks: dict[str, str | int | list[str | int]] = Field(default_factory=dict)
     calibration: dict[str, list[str]] = Field(default_factory=dict)
     rename: dict[str, str] = Field(default_factory=dict)
     scale_uncertainty: dict[str, Annotated[float, Field(gt=0, lt=1)]] = Field(default_factory=dict)
@@ -57,6 +60,7 @@ class RecordingFile(SourceFile):
     reader: str = ""
     rows: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=1)] | None] = (0, None)
     missing: Literal["error", "drop"] = "error"
+    missing_values: list[str] = Field(default_factory=list)
     start: Seconds | None = None
     end: Seconds | None = None
     use: Literal["fit", "verify"] = "fit"
@@ -78,16 +82,21 @@ class RecordingFile(SourceFile):
         return recording
 
     def _calibrated(self, folder: Path) -> xr.Dataset:
-        columns = {k: tuple(v) if isinstance(v, list) else v for k, v in self.columns.items()}
+        columns, clocks = (
+            {k: tuple(v) if isinstance(v, list) else v for k, v in named.items()}
+            for named in (self.columns, self.clocks)
+        )
         own, name = own_path(self.reader)
         recording = read_recording(
             self.path(folder),
             columns or None,
             self.units or None,
+            clocks=clocks or None,
             sample_rate=self.sample_rate,
             reader=f"{allowed_file(own, folder)}:{name}" if own else name,
             rows=self.rows,
             missing=self.missing,
+            missing_values=self.missing_values,
         )
         if not self.calibration:
             return recording

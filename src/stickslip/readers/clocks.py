@@ -42,10 +42,12 @@ def complete_samples(
             at = int(np.argmin(kept))
             bad = [group.clock] if not np.isfinite(group.time[at]) else []
             bad += [labels[name] for name, values in group.values.items() if not np.isfinite(values[at])]
-            raise RecordingError(
-                f"{place(at)}: {', '.join(bad)} is empty, NaN or infinite "
-                "(missing='drop', in a YAML file missing: drop, leaves such samples out)"
+            advice = (
+                " (missing='drop', in a YAML file missing: drop, leaves such samples out)"
+                if kept.sum() > 1
+                else ", and no two samples are complete: name columns without it"
             )
+            raise RecordingError(f"{place(at)}: {', '.join(bad)} is empty, NaN or infinite{advice}")
         group = Clocked(group.clock, group.time[kept], {name: v[kept] for name, v in group.values.items()})
     if not len(group.time):
         raise RecordingError(f"{group.clock}: there are no samples")

@@ -20,12 +20,11 @@ from ..gate.errors import GateError
 from ..gate.files import opened
 from ..gate.limits import LIMITS
 from ..recording import RecordingError
-from .layout import LINE_END, MISSING, TextLayout, find_layout
+from .fields import OVERLOAD
+from .layout import LINE_END, TextLayout, find_layout
 from .progress import reading_progress
 from .source import FileContent, Rows
 
-# By which SCPI instruments mean infinity and no number.
-OVERLOADS = (9.9e37, 9.91e37)
 CHUNK = 1 << 23  # bytes of text
 
 
@@ -35,14 +34,20 @@ _EXACT: Any = (
 )
 
 
-def read_csv(path: Path, delimiter: str | None, decimal: str | None, skip: int) -> FileContent:
+def read_csv(
+    path: Path,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    skip: int = 0,
+    missing_values: Sequence[str] = (),
+) -> FileContent:
     r"""The columns of a text file; see `find_layout` for the arguments.
 
     Raises:
         RecordingError: there are no numbers; when reading, a field is no number or a row has too many or, at
             the end of the file, too few.
     """
-    layout = find_layout(path, delimiter, decimal, skip)
+    layout = find_layout(path, delimiter, decimal, skip, missing_values)
     epoch = _epoch(path, layout)
     channels = tuple(
         one._replace(epoch=epoch) if kind == "d" else one
@@ -83,7 +88,7 @@ def _read_columns(
         for _ in range(layout.first_line):
             file.readline()
         try:
-            for chunk in _chunks(_Lines(path, file), layout, indices, rows.stop):
+            for chunk in _chunks(_Lines(path, file, layout), layout, indices, rows.stop):
                 kept = slice(max(rows.start - position, 0), None)
                 position += len(chunk)
                 values = [_numbers(chunk[i].iloc[kept], layout.kinds[i], epoch) for i in indices]
@@ -108,8 +113,8 @@ def _read_columns(
 class _Lines:
     """A text file, as pandas reads one, in which no line is longer than `LIMITS.line`."""
 
-    def __init__(self, path: Path, file: TextIO) -> None:
-        self._path, self._file, self._run = path, file, 0
+    def __init__(self, path: Path, file: TextIO, layout: TextLayout) -> None:
+        self._path, self._file, self._layout, self._run = path, file, layout, 0
 
     def read(self, size: int = -1) -> str:
         """Return the next part of the text.
@@ -118,11 +123,12 @@ class _Lines:
             GateError: a line is too long.
         """
         part = self._file.read(size)
+        part += self._file.readline(LIMITS.line)  # so that no number is cut in two
         end = max(part.rfind("\n"), part.rfind("\r"))
         self._run = self._run + len(part) if end < 0 else len(part) - end - 1
         if self._run > LIMITS.line:
             raise GateError(f"{self._path}: a line has more than {LIMITS.line:,} characters: no numbers")
-        return part
+        return self._layout.rewritten(part)
 
     def __iter__(self) -> Iterator[str]:
         return iter(lambda: self._file.readline(LIMITS.line), "")
@@ -144,7 +150,7 @@ def _chunks(file: Any, layout: TextLayout, indices: list[int], stop: int | None)
         skipinitialspace=True,
         keep_default_na=False,
         **_EXACT,
-        na_values=MISSING,
+        na_values=list(layout.missing),
         nrows=stop,
         chunksize=max(int(CHUNK / layout.line_bytes), 1),
     )
@@ -155,7 +161,7 @@ def _chunks(file: Any, layout: TextLayout, indices: list[int], stop: int | None)
 def _numbers(column: pd.Series, kind: str, epoch: float = 0.0) -> np.ndarray:
     if kind == "n":
         found = column.to_numpy()
-        beyond = np.isin(np.abs(found), OVERLOADS)
+        beyond = np.abs(found) >= OVERLOAD
         return np.where(beyond, np.inf, found) if beyond.any() else found
     stamps = column.str.replace("/", "-").str.replace(",", ".")
     times = pd.to_datetime(stamps, utc=True, format="ISO8601")
@@ -182,8 +188,9 @@ def _is_date(text: str) -> bool:
 def _rows(path: Path, layout: TextLayout) -> Iterator[tuple[int, str]]:
     """Number (from 1) and text of each line of data: the slow way, to say where an error is."""
     with opened(path) as raw, TextIOWrapper(raw, encoding=layout.encoding, errors="replace") as file:
-        for number, line in enumerate(_Lines(path, file), 1):
+        for number, line in enumerate(_Lines(path, file, layout), 1):
             if number > layout.first_line and layout.is_data(line):
+                line = layout.rewritten(line)
                 yield number, line.split(layout.comment)[0] if layout.comment else line
 
 

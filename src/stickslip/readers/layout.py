@@ -18,6 +18,7 @@ from ..gate.files import opened
 from ..gate.limits import LIMITS, check_count
 from ..recording import RecordingError
 from .counted import Counting, counted
+from .fields import FORTRAN, LIBRARY, MISSING, SHEET_ERRORS, Signs
 from .file_units import is_unit, is_unit_of, to_si_unit
 from .headers import said_units, with_said_units
 from .source import FileChannel, is_clock
@@ -26,29 +27,8 @@ SAMPLE = 100  # lines, at least and spread over the head, that settle the delimi
 BESIDE = 40  # lines of data beside which the settings of an instrument may stand
 SPACE = r"\s+"
 LINE_END = re.compile(r"\r\n|\n|\r")
-MISSING = (
-    "",
-    "nan",
-    "NaN",
-    "NAN",
-    "-nan",
-    "NA",
-    "N/A",
-    "n/a",
-    "null",
-    "#N/A",
-    "inf",
-    "-inf",
-    "Inf",
-    "-Inf",
-    "INF",
-)
-
-# Regular expressions here read a text in one pass: none has two ways to take the same signs, for a field may
-# be as long as a line.
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-_DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d([T ]\d\d:\d\d(:\d\d([.,]\d*)?)?)?\s*(Z|[+-]\d\d:?\d\d)?")
-_COMMENT = re.compile(r"\s*(#|%|//)+")
+# An error of Excel, "#N/A", is no comment.
+_COMMENT = re.compile(rf"\s*(#(?!{'|'.join(re.escape(one[1:]) for one in SHEET_ERRORS)})|%|//)+")
 _OVER_UNIT = re.compile(r"\s/\s(\S+)$")
 # "Zeit/ms" and "Time, s": only of units that look like none but units, for "I/O" and "max/min" are names.
 _TIGHT = re.compile(
@@ -70,6 +50,8 @@ class TextLayout(NamedTuple):
     line_bytes: float  # mean length of a line
     channels: tuple[FileChannel, ...]
     kinds: str  # "n" numbers, "d" dates, "s" text, "e" always empty
+    missing: frozenset[str] = MISSING  # texts that stand for no number
+    fortran: bool = False  # numbers are written "1.0D-03"
     counting: Counting | None = None  # of the first column, where it numbers the samples
 
     def split(self, line: str) -> list[str]:
@@ -78,20 +60,35 @@ class TextLayout(NamedTuple):
 
     def fits(self, field: str, column: int) -> bool:
         """Whether a field is of its column's kind, or missing."""
-        return _kind(field, self.decimal) in (self.kinds[column], "e")
+        return Signs(self.decimal, self.missing).kind(field) in (self.kinds[column], "e")
 
     def is_data(self, line: str) -> bool:
         """Whether a line below the header is a row of data, neither blank nor a comment."""
-        return bool(line.strip()) and not (self.comment and line.lstrip().startswith(self.comment))
+        return bool(line.strip()) and not (self.comment and _COMMENT.match(line))
+
+    def rewritten(self, text: str) -> str:
+        """Return lines as pandas reads them: "1.0D-03" becomes "1.0e-03", and "1.#QNAN" begins no comment."""
+        if "#" in text:
+            text = LIBRARY.sub("nan", text)
+            for error in SHEET_ERRORS:
+                text = text.replace(error, "nan")
+        return FORTRAN.sub("e", text) if self.fortran else text
 
 
-def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: int) -> TextLayout:
+def find_layout(
+    path: Path,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    skip: int = 0,
+    missing_values: Sequence[str] = (),
+) -> TextLayout:
     r"""The layout of a text file.
 
     Args:
         path: the file.
         delimiter, decimal: as the user knows them, or None. ``r"\s+"`` is any white space.
         skip: lines at the top that are neither header nor data.
+        missing_values: texts that stand for no number, beside those of `MISSING`.
 
     Raises:
         RecordingError: there are no numbers, or what should be the first row of data cannot be read.
@@ -100,15 +97,17 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
     data = [i for i in range(skip, len(lines)) if lines[i].strip() and not _COMMENT.match(lines[i])]
     sample = [lines[i] for i in data[:: max(len(data) // SAMPLE, 1)]]
     asked_decimal = decimal
-    kinds, delimiter, decimal = _judge(sample, _ways(delimiter, decimal))
+    missing = MISSING | set(missing_values)
+    kinds, delimiter, decimal = _judge(sample, _ways(delimiter, decimal), missing)
     if not kinds:
         raise RecordingError(f"there are no rows of numbers in the first {len(lines)} lines")
     check_count(path, len(kinds), LIMITS.channels, "columns")
+    signs = Signs(decimal, missing)
     split = [_split(line, delimiter) for line in sample]
     if asked_decimal is None:
-        _refuse_thousands([row for row in split if len(row) == len(kinds)], kinds, decimal)
-    kinds = _without_settings(split, kinds, decimal)
-    first = next(i for i in data if _begins(_split(lines[i], delimiter), kinds, decimal))
+        _refuse_thousands([row for row in split if len(row) == len(kinds)], kinds, signs)
+    kinds = _without_settings(split, kinds, signs)
+    first = next(i for i in data if _begins(_split(lines[i], delimiter), kinds, signs))
     filled = [_split(lines[i], delimiter) for i in data if i >= first]
     blank = [all(row[k : k + 1] in ([], [""]) for row in filled) for k in range(len(kinds))]
     rows = {i: _header_fields(lines[i], delimiter, len(kinds), blank[-1]) for i in range(skip, first)}
@@ -118,8 +117,8 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
     if counting is not None and counting.blank:
         counting, kinds = (counting, "n" + kinds[1:]) if blank[0] else (None, kinds)
         blank[0] = False
-    channels = _header(lines, rows, kinds, decimal, {first: filled[0]})
-    kinds = "".join("e" if b and not c.name else k for k, b, c in zip(kinds, blank, channels, strict=True))
+    channels = _header(lines, rows, kinds, signs, {first: filled[0]})
+    kinds = "".join("e" if b else k for k, b in zip(kinds, blank, strict=True))
     channels = [c._replace(numeric=k in "nd") for k, c in zip(kinds, channels, strict=True)]
     beside = [_split(line, delimiter) for line in lines[: first + BESIDE]]
     channels = with_said_units(channels, *said_units(beside))
@@ -133,6 +132,8 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
         max(len(head) / max(len(lines), 1), 2.0),
         tuple(channels),
         kinds,
+        missing,
+        any(FORTRAN.search(line) for line in sample),
         counting,
     )
 
@@ -178,14 +179,16 @@ def _ways(delimiter: str | None, decimal: str | None) -> list[tuple[str, str]]:
     return [(split, sign) for split, sign in ways if decimal in (None, sign)]
 
 
-def _judge(lines: Sequence[str], ways: Sequence[tuple[str, str]]) -> tuple[str, str, str]:
+def _judge(
+    lines: Sequence[str], ways: Sequence[tuple[str, str]], missing: frozenset[str]
+) -> tuple[str, str, str]:
     """The kinds of the columns, delimiter and decimal sign of the best way; the first of equals."""
     best, best_score = ("", "", "."), (0, 0, 0)
     quoted = any('"' in line for line in lines)
     for delimiter, decimal in ways:
         if delimiter == decimal and not quoted:
             continue
-        rows = (_kinds(_split(line, delimiter), decimal) for line in lines)
+        rows = (Signs(decimal, missing).kinds(_split(line, delimiter)) for line in lines)
         # Blanks count as numbers only beside one: else lines of words that end with a delimiter were rows.
         counted = Counter(kinds.replace("e", "n") for kinds in rows if "n" in kinds)
         for kinds, count in counted.most_common(1):
@@ -195,14 +198,14 @@ def _judge(lines: Sequence[str], ways: Sequence[tuple[str, str]]) -> tuple[str, 
     return best
 
 
-def _refuse_thousands(rows: Sequence[Sequence[str]], kinds: str, decimal: str) -> None:
+def _refuse_thousands(rows: Sequence[Sequence[str]], kinds: str, signs: Signs) -> None:
     """Raise RecordingError where a sign may part thousands: in a column of "531" and "1,062", or where one
     column has another decimal sign than the others."""
-    other = "," if decimal == "." else "."
+    decimal, other = signs.decimal, "," if signs.decimal == "." else "."
     parted = re.compile(rf"[+-]?[1-9]\d{{0,2}}{re.escape(decimal)}\d{{3}}")
-    rows = [row for row in rows if "n" in _kinds(row, decimal)]
+    rows = [row for row in rows if "n" in signs.kinds(row)]
     for k, kind in enumerate(kinds):
-        fields = [row[k] for row in rows if row[k] not in MISSING]
+        fields = [row[k] for row in rows if row[k] not in signs.missing]
         signed = [field for field in fields if decimal in field]
         whole = [field for field in fields if re.fullmatch(r"[+-]?\d{1,3}", field)]
         several = signed and whole and len(signed) + len(whole) == len(fields)
@@ -212,7 +215,8 @@ def _refuse_thousands(rows: Sequence[Sequence[str]], kinds: str, decimal: str) -
                 f"the numbers without; if it is the decimal sign, say decimal={decimal!r}"
             )
         foreign = [field for field in fields if other in field]
-        if kind == "s" and foreign and all(_kind(field, other) == "n" for field in fields):
+        otherwise = signs._replace(decimal=other).kinds(fields)
+        if kind == "s" and foreign and set(otherwise) == {"n"}:
             raise RecordingError(
                 f"column {k + 1} has {foreign[0]!r}, but the decimal sign of the others is {decimal!r}: if "
                 f"{other!r} parts thousands, write the numbers without"
@@ -243,30 +247,18 @@ def _split(line: str, delimiter: str) -> list[str]:
         raise RecordingError(f"a line with quotes cannot be read: {error}") from None
 
 
-def _kinds(fields: Sequence[str], decimal: str) -> str:
-    return "".join(_kind(field, decimal) for field in fields)
-
-
-def _kind(field: str, decimal: str) -> str:
-    if field in MISSING:
-        return "e"
-    if _NUMBER.fullmatch(field if decimal == "." else field.replace(".", "x").replace(decimal, ".")):
-        return "n"
-    return "d" if _DATE.fullmatch(field) else "s"
-
-
-def _begins(fields: Sequence[str], kinds: str, decimal: str) -> bool:
+def _begins(fields: Sequence[str], kinds: str, signs: Signs) -> bool:
     """Whether a line is the first of data."""
-    found = _kinds(fields, decimal)
+    found = signs.kinds(fields)
     return len(found) == len(kinds) and all(
         b == "e" or a in (b, "e") for a, b in zip(found, kinds, strict=True)
     )
 
 
-def _without_settings(rows: Sequence[Sequence[str]], kinds: str, decimal: str) -> str:
+def _without_settings(rows: Sequence[Sequence[str]], kinds: str, signs: Signs) -> str:
     """The kinds of the columns, those empty in which an oscilloscope keeps its settings beside the first
     samples: words in a few rows, blank in the others."""
-    found = [row for row in (_kinds(row, decimal) for row in rows) if len(row) == len(kinds)]
+    found = [row for row in map(signs.kinds, rows) if len(row) == len(kinds) and "n" in row]
     blank = [sum(row[k] == "e" for row in found) > 0.9 * len(found) for k in range(len(kinds))]
     if not any(b and any(row[k] == "s" for row in found) for k, b in enumerate(blank)):
         return kinds
@@ -292,18 +284,18 @@ def _header_fields(line: str, delimiter: str, count: int, last_is_blank: bool) -
 
 
 def _header(
-    lines: Sequence[str], above: dict[int, list[str]], kinds: str, decimal: str, data: dict[int, list[str]]
+    lines: Sequence[str], above: dict[int, list[str]], kinds: str, signs: Signs, data: dict[int, list[str]]
 ) -> list[FileChannel]:
     """The columns by name and unit, from the fields of the lines above the data; of that, the first line."""
     rows = {i: fields for i, fields in above.items() if len(fields) == len(kinds)}
-    texts = [i for i, fields in rows.items() if set(_kinds(fields, decimal)) in ({"s"}, {"s", "e"})]
+    texts = [i for i, fields in rows.items() if set(signs.kinds(fields)) in ({"s"}, {"s", "e"})]
     header = texts[-1] if texts else -1
     for i, fields in rows.items():
         if i > header and not _COMMENT.match(lines[i]) and any(fields):
-            k = next(k for k, field in enumerate(fields) if _kind(field, decimal) not in (kinds[k], "e"))
+            k = next(k for k, field in enumerate(fields) if signs.kind(field) not in (kinds[k], "e"))
             name = rows[header][k] if texts else str(k)
             hint = "" if texts else f" (if the line is no data: skip={i + 1})"
-            if _kind(fields[k], decimal) == "n":  # most below are words, as with separators of thousands
+            if signs.kind(fields[k]) == "n":  # most below are words, as with separators of thousands
                 ((i, fields),) = data.items()
             raise RecordingError(f"line {i + 1}, column {name!r}: {fields[k]!r} is not a number{hint}")
     if not texts:
@@ -311,7 +303,7 @@ def _header(
     columns = [_channel(field) for field in rows[header]]
     names = rows.get(header - 1, [])  # a row of names, a row of units
     units = [_unit_alone(field) for field in rows[header]]
-    if any("s" in _kind(name, decimal) for name in names) and _all_units(units, columns):
+    if any("s" in signs.kind(name) for name in names) and _all_units(units, columns):
         columns = [FileChannel(name, unit) for name, unit in zip(names, units, strict=True)]
     return _distinct(columns)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from operator import index
@@ -54,6 +54,7 @@ def read_recording(
     clocks: Mapping[str, Column] | None = None,
     rows: tuple[int, int | None] = (0, None),
     missing: Literal["error", "drop"] = "error",
+    missing_values: Sequence[str] = (),
     delimiter: str | None = None,
     decimal: str | None = None,
     skip: int = 0,
@@ -82,6 +83,8 @@ def read_recording(
         rows: samples (start, stop) to read, from 0, stop not included; None for the end.
         missing: what to do where a number is missing, NaN, infinite or an overload (9.9E37): raise, or drop
             the sample.
+        missing_values: texts by which a text file says that a number is missing ("n.v.", "-9999"), beside
+            those that are known: blank, NaN, OL, --, #DIV/0!, 1.#QNAN and the like.
         delimiter, decimal: of a text file; found out by default. ``r"\s+"`` is any white space.
         skip: lines at the top of a text file that are neither header nor data.
         title, notes, calibration: free text, kept with the recording.
@@ -93,25 +96,35 @@ def read_recording(
             column.
     """
     path = Path(path)
-    text_options = delimiter is not None or decimal is not None or skip != 0
+    text_options = delimiter is not None or decimal is not None or skip != 0 or len(missing_values) > 0
     with _named(path):
         rate, start_time = _rate(sample_rate), optional_si(start_time, "s", "start_time")
-        _check_arguments(columns=columns, units=units, clocks=clocks, missing=missing, skip=skip)
+        _check_arguments(
+            columns=columns,
+            units=units,
+            clocks=clocks,
+            missing=missing,
+            skip=skip,
+            missing_values=missing_values,
+        )
         kind = _kind(path, reader)
         if kind != "text" and text_options:
-            raise RecordingError(f"delimiter, decimal and skip are for text; this file is {kind}")
+            raise RecordingError(
+                f"delimiter, decimal, skip and missing_values are for text; this file is {kind}"
+            )
         changes = columns or units or clocks or (sample_rate, start_time, *rows) != (None, None, 0, None)
         if kind == "nc" and changes:
             raise RecordingError("a saved recording is read as it is, without columns, units, clocks or rows")
     if kind == "nc":
         return open_recording(path)
     with _named(path):
-        source = source_of(path, kind, delimiter, decimal, skip)
+        text = {"delimiter": delimiter, "decimal": decimal, "skip": skip, "missing_values": missing_values}
+        source = source_of(path, kind, **(text if kind == TEXT else {}))
         chosen = select(source.channels, columns or {}, units or {}, clocks or {}, equally_spaced=rate > 0)
         window = _window(rows)
         groups = _load(source, chosen, window, rate)
         whole, steps = _on_one_clock(source, chosen, groups, missing, window)
-        refuse_unlikely(chosen, groups)
+        refuse_unlikely(chosen, groups, units or {})
         warn_of_unsaid(path, chosen, groups)
         time, epoch = _from_start(whole.time, start_time, _epoch(chosen))
         return make_recording(
@@ -145,6 +158,9 @@ def _check_arguments(**given: Any) -> None:
         raise RecordingError(f"missing = {given['missing']!r} must be 'error' or 'drop'")
     if not isinstance(given["skip"], int) or given["skip"] < 0:
         raise RecordingError(f"skip = {given['skip']!r} must be a number of lines, 0 or more")
+    values = given["missing_values"]
+    if isinstance(values, str) or not all(isinstance(one, str) for one in values):
+        raise RecordingError(f"missing_values = {values!r} must be a list of texts: ['n.v.', '-9999']")
 
 
 def _is_own_name(variable: Variable) -> bool:

@@ -1,9 +1,9 @@
-"""Numbers without a unit: those that cannot be in SI are refused, and the others are told of."""
+"""Numbers that are not likely in their unit, and numbers without a unit: refused, or told of."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,25 +20,33 @@ UNLIKELY = {
     "N": (1e4, "mN"),
     "m/s": (20.0, "mm/s"),
 }
-LONGEST_STEP, FEW = 1.0, 10  # s from sample to sample, of more than these
+# Longest time from sample to sample in s, where no unit is said and where the file says it; of more than
+# `FEW` samples.
+LONGEST_STEP, LONGEST_SAID_STEP, FEW = 1.0, 30.0, 10
 
 
-def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked]) -> None:
-    """Ask for the unit where nobody says one and the numbers are not likely to be in SI.
+def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked], units: Container[str]) -> None:
+    """Ask for the unit where the numbers are not likely to be in it, be it a label of the file.
+
+    Args:
+        chosen, groups: what is read.
+        units: the variables of which the user says the unit, and means it.
 
     Raises:
         RecordingError: names the column, the size as it would be in SI, and what to say.
     """
     for group, clock in zip(groups, chosen.clocks.values(), strict=True):
         step = float(np.median(np.diff(group.time))) if group.time.size > FEW else 0.0
-        if clock is not None and not clock.unit and step > LONGEST_STEP:
+        longest = LONGEST_SAID_STEP if clock is not None and clock.unit else LONGEST_STEP
+        if clock is not None and not clock.column.epoch and "time" not in units and step > longest:
             raise _unlikely(clock, f"as seconds they are {step:.4g} s apart", "ms or us", "s")
         for variable in chosen.variables:
             limit, likely = UNLIKELY.get(variable.conversion.unit, (np.inf, ""))
             values = group.values.get(variable.name)
-            if values is None or not values.size or (variable.unit and variable.sure):
+            if values is None or not values.size or variable.name in units:
                 continue
-            span = float(np.nanmax(values) - np.nanmin(values))
+            real = values[np.isfinite(values)]
+            span = float(real.max() - real.min()) if real.size else 0.0
             if span > limit:
                 unit = variable.conversion.unit
                 raise _unlikely(variable, f"as {unit} they go over {span:.4g} {unit}", likely, unit)
@@ -46,9 +54,12 @@ def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked]) -> None:
 
 def _unlikely(variable: Variable, size: str, likely: str, unit: str) -> RecordingError:
     said = f"units={{{variable.name!r}: ...}}"
-    who = "only the end of the name says a unit" if variable.unit else "no unit is said with the numbers"
+    who = "no unit is said with the numbers"
+    if variable.unit:
+        who = f"the file says {variable.unit}" if variable.sure else "only the end of the name says a unit"
+    so = variable.unit or unit
     return RecordingError(
-        f"{variable.label}: {who}, and {size}. Say {said}, {likely} perhaps, or {unit!r} if it is so"
+        f"{variable.label}: {who}, and {size}. Say {said}, {likely} perhaps, or {so!r} if it is so"
     )
 
 

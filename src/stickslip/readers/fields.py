@@ -1,0 +1,59 @@
+"""Fields of a text file: numbers, what programs write where a number is missing, dates, and words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+_WORDS = """
+nan nan() nan(ind) nanq qnan snan na n/a n.a. n.d. null none nil missing nodata invalid inf infinity ∞ ol 0l
+o.l o.l. ovl ovld ovrld ovf ovfl ovflw ovrng over overflow overload overrange overld overrng over-range under
+underflow underrange
+"""
+_PHRASES = ("no data", "no value", "over range", "under range", "out of range", "not a number")
+# Errors of Excel, in English and German.
+SHEET_ERRORS = ("#N/A", "#NV", "#DIV/0!", "#VALUE!", "#WERT!", "#NUM!", "#ZAHL!", "#REF!", "#NAME?", "#NULL!")
+
+
+def _missing() -> frozenset[str]:
+    words = [*_WORDS.split(), *_PHRASES]
+    cased = {form for word in words for form in (word, word.upper(), word.title(), word.capitalize())}
+    signed = {sign + word for sign in ("", "+", "-") for word in {*cased, "NaN", "NaNQ", "QNaN", "SNaN"}}
+    signs = {sign * count for sign in "-*#?." for count in range(1, 17)}
+    return frozenset(signed | signs | {"", "…", "–", "—", "- -", "-.-", "-.--", "--.--", *SHEET_ERRORS})
+
+
+# Texts that stand where a number is missing, infinite or beyond a range; `missing_values` adds one's own.
+MISSING = _missing()
+# Numbers that say the same: instruments write 9.9e37 (SCPI) or the largest number that they know.
+OVERLOAD = 9.89e37
+
+# Regular expressions here read a text in one pass: none has two ways to take the same signs, for a field may
+# be as long as a line.
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?")
+_DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d([T ]\d\d:\d\d(:\d\d([.,]\d*)?)?)?\s*(Z|[+-]\d\d:?\d\d)?")
+FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")  # "1.0D-03"
+# What Microsoft's C library prints: "1.#QNAN", "-1.#IND00", "1.#INFe+000".
+LIBRARY = re.compile(r"[+-]?1[.,]#[A-Za-z]+\d*([eE][+-]?\d+)?")
+
+
+class Signs(NamedTuple):
+    """The decimal sign, and the texts that stand for no number."""
+
+    decimal: str
+    missing: frozenset[str] = MISSING
+
+    def kind(self, field: str) -> str:
+        """Return "e" of a field without a value, "n" of a number, "d" of a date, "s" of other words."""
+        if field in self.missing or LIBRARY.fullmatch(field):
+            return "e"
+        if _NUMBER.fullmatch(
+            field if self.decimal == "." else field.replace(".", "x").replace(self.decimal, ".")
+        ):
+            return "n"
+        return "d" if _DATE.fullmatch(field) else "s"
+
+    def kinds(self, fields: Sequence[str]) -> str:
+        """Return the kind of each field."""
+        return "".join(map(self.kind, fields))
