@@ -189,6 +189,16 @@ class Hdf5Tree:
             found = {name.decode(): self.attribute(one.identifier, name) for name in shown}
         return {name: value for name, value in found.items() if value is not None}
 
+    def text_attribute(self, one: Hdf5Array | Hdf5Group, name: str) -> str:
+        """Return an attribute of an object as text; "" where it is missing or anything else."""
+        if isinstance(one, Hdf5Array) and not one.kind:
+            return ""
+        with _damage(self.path):
+            if not h5a.exists(one.identifier, name.encode()):
+                return ""
+            value = self.attribute(one.identifier, name.encode())
+        return value.decode("latin-1") if isinstance(value, bytes) else "" if value is None else str(value)
+
     def attribute(self, identifier: Any, name: bytes) -> Any:
         """Return an attribute of an object that is a text or numbers; None if it is anything else."""
         opened = h5a.open(identifier, name)

@@ -6,6 +6,7 @@ same bytes are therefore read here first, in the same order, without keeping the
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import struct
@@ -18,6 +19,7 @@ from .files import opened
 from .limits import LIMITS, Visits, allowed_bytes, check_count, check_size
 
 _HEADER = 128  # bytes before the first variable of version 5
+_SUBSYSTEM = 8  # bytes before the first variable of those of the objects
 _MATRIX, _COMPRESSED = 14, 15  # types of elements
 _CELL, _STRUCTURE, _OBJECT, _CHARACTERS, _SPARSE = range(1, 6)  # classes of matrices; numbers follow
 _LAST_NUMBERS, _FUNCTION, _OPAQUE = 15, 16, 17
@@ -120,12 +122,17 @@ class _Bytes:
         return length, -length % 8
 
 
-def check_matlab5(path: Path) -> None:
+def check_matlab5(path: Path) -> dict[str, str]:
     """Refuse a MAT file of the versions 4 to 7 that SciPy would not read in bounded time and memory.
+
+    Returns:
+        The variables of versions 5 and 7 by name, with the class of those that are objects of MATLAB (tables,
+        strings), else "".
 
     Raises:
         GateError: the file has more variables or cells, deeper ones, or unpacks to more than `LIMITS` allows.
     """
+    variables: dict[str, str] = {}
     with opened(path) as file:
         head = file.read(_HEADER)
         try:
@@ -133,12 +140,27 @@ def check_matlab5(path: Path) -> None:
                 file.seek(0)
                 _check_4(path, file)
             else:
-                _check_5(_Bytes(path, file, "<" if head[126:128] == b"IM" else ">"), file)
+                _check_5(_Bytes(path, file, _order(head[126:128])), file, variables)
         except (_End, struct.error, zlib.error):
-            return
+            pass
+    return variables
 
 
-def _check_5(data: _Bytes, file: BinaryIO) -> None:
+def check_subsystem(path: Path, content: bytes) -> None:
+    """Refuse the hidden variables in which MATLAB keeps what its objects hold; see `check_matlab5`."""
+    file = io.BytesIO(content)
+    file.seek(_SUBSYSTEM)
+    try:
+        _check_5(_Bytes(path, file, _order(content[2:4])), file, {})
+    except (_End, struct.error, zlib.error):
+        return
+
+
+def _order(mark: bytes) -> str:
+    return "<" if mark == b"IM" else ">"
+
+
+def _check_5(data: _Bytes, file: BinaryIO, variables: dict[str, str]) -> None:
     while tag := file.read(8):
         kind, length = struct.unpack(f"{data.order}II", tag)
         after = file.tell() + length
@@ -146,7 +168,7 @@ def _check_5(data: _Bytes, file: BinaryIO) -> None:
             data.begin_packed(length)
             data.take(8)
         if length:
-            _check_matrix(data, 1)
+            _check_matrix(data, 1, variables)
         else:
             data.visits(1)
         if kind == _COMPRESSED:
@@ -154,23 +176,27 @@ def _check_5(data: _Bytes, file: BinaryIO) -> None:
         file.seek(after)
 
 
-def _check_matrix(data: _Bytes, depth: int) -> None:
-    """Read one matrix behind its tag, and the matrices in it."""
+def _check_matrix(data: _Bytes, depth: int, variables: dict[str, str]) -> None:
+    """Read one matrix behind its tag, and the matrices in it; add its name, and its class if it is an object,
+    to `variables`."""
     data.visits(depth)
     data.take(8)
     flags, _ = struct.unpack(f"{data.order}II", data.take(8))
     kind, inside = flags & 0xFF, 0
     if kind == _OPAQUE:
-        for _ in range(3):
-            data.element()
+        name, _, kind_name = (data.element().decode("utf-8", "replace") for _ in range(3))
+        check_count(data.path, len(name) + len(kind_name), LIMITS.name, "characters in a name")
+        variables[name] = kind_name
         _check_inner(data, 1, depth)
         return
     sizes = data.element()
     count = math.prod(struct.unpack(f"{data.order}{len(sizes) // 4}i", sizes))
     if len(sizes) > 4 * _MOST_AXES or count < 0:
         raise _End
-    if len(data.element()) > LIMITS.name:
+    name = data.element()
+    if len(name) > LIMITS.name:
         raise GateError(f"{data.path}: a name in it has more than {LIMITS.name:,} characters: shorten it")
+    variables[name.decode("latin-1")] = ""
     if kind == _CELL:
         inside = count
     elif kind in (_STRUCTURE, _OBJECT):
@@ -198,7 +224,7 @@ def _check_inner(data: _Bytes, count: int, depth: int) -> None:
         if kind != _MATRIX:
             raise _End
         if length:
-            _check_matrix(data, depth + 1)
+            _check_matrix(data, depth + 1, {})
         else:
             data.visits(depth + 1)
 

@@ -19,6 +19,8 @@ class Leaf(NamedTuple):
 
     shape: tuple[int, ...]
     load: Callable[[], np.ndarray]
+    unit: str = ""  # as the file says it
+    epoch: float = 0.0  # of dates: what their numbers count from, s since 1970
 
 
 def total_bytes(leaves: Iterable[Leaf]) -> int:
