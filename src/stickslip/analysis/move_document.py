@@ -14,7 +14,9 @@ from ..figures.control import approach, closed_loop
 from ..figures.style import svg
 from ..identify.recorded.levels import converter_step
 from ..identify.results import model_numbers
+from ..records import quantities
 from ..report import Column, Document, Number, Picture, Section, Table
+from ..rig import Plausibility
 from ..units import with_prefix
 from .move_model import Aim
 
@@ -34,6 +36,7 @@ def move_document(
     mover: Mover,
     recording: xr.Dataset,
     found: Settling,
+    beliefs: Plausibility,
 ) -> Document:
     """Of a run that ended as it should."""
     there = mover.settled_at is not None
@@ -49,7 +52,11 @@ def move_document(
     return Document(
         title=file.title,
         summary=said,
-        sections=[_course(file, aim, mover, recording, found), _loop(tuning, aim.unit, recording)],
+        sections=[
+            _course(file, aim, mover, recording, found),
+            _loop(tuning, aim.unit, recording),
+            _believed(beliefs, aim.unit),
+        ],
         highlights=[
             ("at the target after", took),
             ("rms over the hold", held),
@@ -161,4 +168,21 @@ def _loop(tuning: Tuning, unit: str, recording: xr.Dataset) -> Section:
             f"over {tuning.models} model{'s' * (tuning.models > 1)}: {tuning.margins.report()}",
             f"{recording.attrs['limited_updates']} updates were kept within the limits",
         ],
+    )
+
+
+def _believed(beliefs: Plausibility, unit: str) -> Section:
+    rows = []
+    for name, quantity in quantities(Plausibility).items():
+        own = quantity if unit == "m" else quantity.turned()
+        rows.append([name, Number(getattr(beliefs, name), own.unit), own.meaning])
+    return Section(
+        "What is believed of the sensor",
+        tables=(
+            Table(
+                "Beyond any of these the run stops. A move's file can set each in `plausibility`.",
+                (Column("threshold"), Column("value"), Column("meaning")),
+                rows,
+            ),
+        ),
     )

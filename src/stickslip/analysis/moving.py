@@ -30,6 +30,7 @@ from ..control import (
     Stepping,
     StepSizes,
     export_mover,
+    plausibility,
     tune,
 )
 from ..control import settling as settled
@@ -39,7 +40,7 @@ from ..experiment.laboratory import own_file
 from ..input_file import Part, RecordPart, Seconds, Strict, explain, fields_of, load_yaml, quantity
 from ..progress import Progress
 from ..report import Document
-from ..rig import Bench, Channel, Repeats, VirtualRig, load_bench, regulate
+from ..rig import Bench, Channel, Plausibility, Repeats, VirtualRig, load_bench, regulate
 from ..rig.driving import driving
 from ..units import optional_si, to_si, unit_for
 from .file import Analysis, AnalysisError
@@ -50,6 +51,7 @@ from .results import model_and_chain
 from .study import DrawsSpec
 
 Quantity = float | str
+SECOND = "second_position"
 
 
 class PositionSpec(Strict):
@@ -75,6 +77,16 @@ class SlipSpec(fields_of(Slip)):
         return edge._replace(**self.given)
 
 
+class SecondSpec(PositionSpec):
+    """Another input that shows the same position: a move stops where the two differ."""
+
+    input: str  # type: ignore[mutable-override]
+
+
+class PlausibilitySpec(fields_of(Plausibility)):
+    """Thresholds of what is believed of the sensor; see `stickslip.rig.Plausibility`."""
+
+
 class MoveFile(Analysis):
     """See the module.
 
@@ -84,7 +96,8 @@ class MoveFile(Analysis):
     `draws` too, those of a saved fit or the samples of a posterior, and at both ends of each `spread`,
     relative uncertainties of fields of it, ``natural_frequency: 5 %``. `within` is what counts as there, the
     `tolerance` of the `walk`; `hold` is how long it stays, `at_most` when a move is given up; `hold_within`
-    is required of the rms over the hold.
+    is required of the rms over the hold. `plausibility` are thresholds of what is believed of the sensor, in
+    the place of those of the model (`control.plausibility`).
     """
 
     rig: VirtualRigSpec = Field(default_factory=VirtualRigSpec)
@@ -94,6 +107,8 @@ class MoveFile(Analysis):
     draws: DrawsSpec | None = None
     spread: dict[str, Annotated[float, quantity("")]] = Field(default_factory=dict)
     position: PositionSpec = Field(default_factory=PositionSpec)
+    second_position: SecondSpec | None = None
+    plausibility: PlausibilitySpec = Field(default_factory=PlausibilitySpec)
     limits: LimitsSpec = Field(default_factory=LimitsSpec)
     walk: Annotated[Stepping, RecordPart(without=("tolerance",))] = Field(default_factory=Stepping)
     slip: SlipSpec = Field(default_factory=SlipSpec)
@@ -189,6 +204,8 @@ def run_move(
         walk, table, tuning.regulator(rate, **ends), model.gain, hold=file.hold, slip=slip, unit=aim.unit
     )
     export_mover(linear, out / "mover.h")
+    beliefs = plausibility(model, output, walk.frequency, high - low, table=table)
+    beliefs = beliefs._replace(**file.plausibility.given)
     with driving():
         recording = regulate(
             rig,
@@ -202,10 +219,12 @@ def run_move(
             attributes={"notes": file.notes, "actuator": repr(plant)},
             progress=progress,
             save=out / f"{name}.nc",
+            plausibility=beliefs,
+            second="" if file.second_position is None else SECOND,
         )
     hold = min(file.hold, float(recording["time"].values[-1]))
     found = settled(recording, aim.target, hold=hold)
-    return move_document(file, aim, plant, tuning, mover, recording, found)
+    return move_document(file, aim, plant, tuning, mover, recording, found, beliefs)
 
 
 def _tuned_on(file: MoveFile, plant: Actuator, folder: Path) -> tuple[Actuator, list[Actuator]]:
@@ -227,5 +246,9 @@ def _model(spec: ActuatorSpec, folder: Path) -> Actuator:
 
 
 def _channels(file: MoveFile, folder: Path) -> dict[str, Channel]:
-    chain = tuple(load_calibration(own_file(text, folder, ".json")) for text in file.position.calibration)
-    return {POSITION: Channel(file.position.input, chain), DRIVE: Channel("drive")}
+    def shown(by: PositionSpec) -> Channel:
+        chain = tuple(load_calibration(own_file(text, folder, ".json")) for text in by.calibration)
+        return Channel(by.input, chain)
+
+    second = {} if file.second_position is None else {SECOND: shown(file.second_position)}
+    return {POSITION: shown(file.position), DRIVE: Channel("drive"), **second}

@@ -14,6 +14,7 @@ from .learned import Learnt as Learnt
 from .moving import MoveError as MoveError
 from .moving import Mover as Mover
 from .moving import Stepping as Stepping
+from .plausible import plausibility as plausibility
 from .portable import export_mover as export_mover
 from .portable import export_regulator as export_regulator
 from .portable import mover_source as mover_source

@@ -26,9 +26,11 @@ from typing import Annotated, Any, NamedTuple
 from ..engine._abi import ffi
 from ..engine.library import library
 from ..records import Quantity, of_kind, record
+from ..rig.plausibility import Plausibility
 from ..units import QuantityError, to_si, with_prefix
 from .arrival import Arrival
 from .blocks import ControlWarning, Regulator
+from .plausible import of_steps
 from .shaping import Slip
 from .steps import Steps, StepSizes, StepTicks
 
@@ -181,6 +183,11 @@ class Mover:
     steps, lost, done = _member("steps"), _member("lost"), _member("done")
     steps_wanted, centre_wanted = _member("steps_wanted"), _member("centre_wanted")
     goal = _member("goal")
+
+    @property
+    def plausibility(self) -> Plausibility:
+        """What a loop with it believes of its sensor: see `plausibility`, which a model makes narrower."""
+        return of_steps(self.steps_of.table, self.gain, self.regulator.high - self.regulator.low)
 
     @property
     def phase(self) -> str:

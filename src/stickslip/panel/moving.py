@@ -15,7 +15,18 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..actuator import Actuator
-from ..control import LowPass, Pid, Regulator, Stepping, StepSizes, Tuning, check_margins, commanded, tune
+from ..control import (
+    LowPass,
+    Pid,
+    Regulator,
+    Stepping,
+    StepSizes,
+    Tuning,
+    check_margins,
+    commanded,
+    plausibility,
+    tune,
+)
 from ..control.loops import Loop, sampled_loop, step_response
 from ..control.tuning import margins, models_of
 from ..electronics import OutputStage
@@ -26,9 +37,10 @@ from ..experiment.running import check_experiment
 from ..input_file import Strict, fields_of
 from ..progress import Progress
 from ..readers.process import Reader
-from ..rig import Capabilities, Channel, HostedRig, RigError, regulate
+from ..records import quantities
+from ..rig import Capabilities, Channel, HostedRig, Plausibility, RigError, regulate
 from ..rig.measurement import DRIVE, POSITION
-from ..units import QuantityError, unit_for
+from ..units import QuantityError, unit_for, with_prefix
 from .control import Control
 from .document import BenchDocument
 from .folder import Folder
@@ -192,7 +204,21 @@ class Moves:
             "corner": _range(0.45 * rate if own.low_pass is None else own.low_pass.corner, 20.0, 0.45 * rate),
             "stroke": model.gain * (made.high - made.low),
             "at_most": AT_MOST,
+            "plausibility": self._believed(made),
         }
+
+    def _believed(self, made: Prepared) -> list[dict[str, Any]]:
+        """The thresholds of what is believed of the sensor, for people to read."""
+        beliefs, rows = self._plausibility(made, Stepping().frequency), []
+        for name, quantity in quantities(Plausibility).items():
+            own = quantity if made.unit == "m" else quantity.turned()
+            value = getattr(beliefs, name)
+            rows.append({"name": name, "value": with_prefix(value, own.unit), "meaning": own.meaning})
+        return rows
+
+    def _plausibility(self, made: Prepared, frequency: float) -> Plausibility:
+        span, table = made.high - made.low, self._table(made, frequency)
+        return plausibility(made.cell.actuator, made.output, frequency, span, table=table)
 
     def response(self, asked: Settings) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
         """The response to a target that jumps, of the model and with its frequency off both ways, and what
@@ -246,8 +272,10 @@ class Moves:
         file = check_experiment(content)
         job = Job("Move", file, self._folder.root, out, made.columns)
 
+        beliefs = self._plausibility(made, walk.frequency)
+
         def loop(progress: Progress) -> None:
-            self._run(job, made, spec, position, progress)
+            self._run(job, made, spec, position, beliefs, progress)
 
         def finished() -> None:
             self._rig, self.state = None, {**self.state, "on": False}
@@ -278,7 +306,15 @@ class Moves:
             raise QuantityError(f"there is no input {name!r:.40} that shows the position in {made.unit}")
         return Channel(name)
 
-    def _run(self, job: Job, made: Prepared, spec: Any, position: Channel, progress: Progress) -> None:
+    def _run(
+        self,
+        job: Job,
+        made: Prepared,
+        spec: Any,
+        position: Channel,
+        beliefs: Plausibility,
+        progress: Progress,
+    ) -> None:
         laboratory = self._runner.laboratory(job)
         rate = made.can.sample_rate
         try:
@@ -302,6 +338,7 @@ class Moves:
                 progress=progress,
                 save=job.out / "move.nc",
                 sees=lambda block: self._sees(rig, block),
+                plausibility=beliefs,
             )
         finally:
             laboratory.close()

@@ -16,6 +16,7 @@ from .limits import LimitError as LimitError
 from .limits import Limits as Limits
 from .measurement import measure as measure
 from .nv200 import Nv200Rig as Nv200Rig
+from .plausibility import Plausibility as Plausibility
 from .protocols import About as About
 from .protocols import Capabilities as Capabilities
 from .protocols import Controller as Controller

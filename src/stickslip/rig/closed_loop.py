@@ -7,6 +7,7 @@ the process that owns the rig, as a thread of this one that only takes its sampl
 
 from __future__ import annotations
 
+import json
 import math
 import threading
 import time
@@ -28,6 +29,7 @@ from .home import Home
 from .hosted import HostedRig
 from .limits import LimitError, Limits
 from .measurement import POSITION, _home_of, _keep, _why, channel_units
+from .plausibility import Plausibility, plausibility_of
 from .protocols import Array, Controller, ControllerSpec, RigError, StreamingRig
 from .recorded import COMPLETE, Channel, Making
 from .samples import Samples
@@ -53,6 +55,8 @@ def regulate(
     home: Home | None = None,
     save: Path | None = None,
     sees: Callable[[dict[str, Array]], None] | None = None,
+    plausibility: Plausibility | None = None,
+    second: str = "",
 ) -> xr.Dataset:
     """Close a loop for a while, and record it. However it ends, the output ramps to 0 V.
 
@@ -72,6 +76,9 @@ def regulate(
         title, attributes, progress, home, save: as for `measure`. A run that ended early, or was killed, is
             in unfinished/ beside `save`.
         sees: called with the next values of each channel [n]; what it raises ends the run.
+        plausibility: what is believed of the position, see `control.plausibility`; by default what the
+            controller says of itself, as a `Mover` does.
+        second: the channel of another sensor of the same position, which is compared with the first.
 
     Returns:
         The recording, with `target_position` and `asked_voltage` [V]. Its attributes `limited_updates`,
@@ -79,7 +86,8 @@ def regulate(
 
     Raises:
         QuantityError: a channel, the target or a time does not fit the rig. Nothing was put out.
-        LimitError: a limit was passed, or the controller failed; its `recording` is what there is.
+        LimitError: a limit was passed, the position is not plausible, or the controller failed; its
+            `recording` is what there is.
         RigError: the rig does not answer as it should.
     """
     seconds, between = to_si(duration, "s", "duration"), optional_si(interval, "s", "interval")
@@ -101,6 +109,8 @@ def regulate(
         raise QuantityError(
             f"{can.name} has {can.sample_rate:g} samples for {can.update_rate:g} updates a second"
         )
+    if second and second not in channels:
+        raise QuantityError(f"second = {second!r:.60} is no channel; there are {', '.join(channels)}")
     capture = Capture(seconds, between or 1.0 / can.sample_rate)
     stride(capture, can.sample_rate)
     count = math.ceil(seconds * can.sample_rate)
@@ -116,11 +126,19 @@ def regulate(
     shown = {**channels, POSITION: Channel(AT), _TARGET: Channel(WANTED), _ASKED: Channel(ASKED)}
     units = channel_units(looped(can, unit), shown, limits)
     texts |= {} if told is None else told(1)
+    if plausibility is None and not isinstance(rig, HostedRig):  # the rig's process asks its own controller
+        plausibility = plausibility_of(
+            controller.made() if isinstance(controller, ControllerSpec) else controller
+        )
+    if plausibility is not None:
+        texts["plausibility"] = json.dumps(plausibility._asdict())
     making = Making(looped(can, unit), shown, units, capture, limits, 0, 0, "", texts)
     samples = None if save is None else Samples(save, making, count)
     position = PositionInput(channels[POSITION].input, channels[POSITION].calibration)
+    other = PositionInput(channels[second].input, channels[second].calibration) if second else None
     try:
-        loop = _Loop(_looped(rig, controller, position, home, limits, samples), making, samples, sees)
+        hears = _looped(rig, controller, position, home, limits, samples, plausibility, other)
+        loop = _Loop(hears, making, samples, sees)
         failure = loop.run(wanted, count, progress)
         raw = loop.recorded()
         outcome = COMPLETE if failure is None else f"stopped: {_why(failure)}"[:1000]
@@ -151,17 +169,20 @@ def _looped(
     home: Home | None,
     limits: Limits,
     samples: Samples | None,
+    plausibility: Plausibility | None,
+    second: PositionInput | None,
 ) -> LoopRig | HostedRig:
     """The rig with its loop, here or in the rig's process."""
     if not isinstance(rig, HostedRig):
         made: Controller = controller.made() if isinstance(controller, ControllerSpec) else controller
-        return LoopRig(rig, made, position, _home_of(rig) if home is None else home, limits)
+        home = _home_of(rig) if home is None else home
+        return LoopRig(rig, made, position, home, limits, plausibility, second)
     if not isinstance(controller, ControllerSpec):
         raise QuantityError(
             "a loop on a HostedRig runs in the rig's process: give a ControllerSpec, not a controller"
         )
     rig.guard(limits, position, 0, None if samples is None else samples.path)
-    rig.controlled(controller)
+    rig.controlled(controller, plausibility, second)
     return rig
 
 

@@ -30,6 +30,7 @@ from .home import Home
 from .limits import LONGEST_STOP, Limits
 from .lock import locked
 from .memory import collected_on_request, give_memory_back
+from .plausibility import Plausibility
 from .protocols import Array, Capabilities, RigError
 from .supervisor import ANOTHER, Order, Supervisor, state_of
 from .wire import WireError, receive, send, text_of
@@ -253,6 +254,8 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
         volts,
         None if asked.get("keep") is None else Path(str(asked["keep"])),
         asked.get("controller"),
+        None if asked.get("plausibility") is None else Plausibility(**asked["plausibility"]),
+        None if asked.get("second") is None else _position(asked["second"]),
     )
 
 

@@ -22,6 +22,7 @@ from ..units import QuantityError
 from .devices import told_of
 from .gate import PositionInput
 from .limits import LimitError, Limits
+from .plausibility import Plausibility
 from .protocols import Array, Capabilities, ControllerSpec, RigError
 from .supervisor import ANOTHER, StopRequested
 from .wire import receive, send
@@ -153,10 +154,17 @@ class HostedRig:
         device, where it is another."""
         return told_of(self._device, runs, self._runs) or self._told
 
-    def controlled(self, controller: ControllerSpec) -> None:
+    def controlled(
+        self,
+        controller: ControllerSpec,
+        plausibility: Plausibility | None = None,
+        second: PositionInput | None = None,
+    ) -> None:
         """The next run is a closed loop in the rig's process; what is loaded are targets, m. To be said after
-        `guard`."""
+        `guard`. For the other two see `supervisor.Order`."""
         self._guard["controller"] = controller.document()
+        self._guard["plausibility"] = None if plausibility is None else plausibility._asdict()
+        self._guard["second"] = None if second is None else position_document(second.name, second.calibration)
 
     def command(self, **what: Any) -> None:
         """Tell the controller of the loop that goes on; raises QuantityError for what it refuses."""

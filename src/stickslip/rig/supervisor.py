@@ -22,6 +22,7 @@ from .gate import Gate, PositionInput
 from .home import Home
 from .limits import LimitError, Limits
 from .memory import collect
+from .plausibility import Plausibility
 from .protocols import Array, Rig, RigError, StreamingRig, controller_of
 from .samples import complete
 from .turns import LoopRig
@@ -38,7 +39,9 @@ class StopRequested(RigError):
 class Order(NamedTuple):
     """A run: limits, inputs and samples to record, how many of them are before the drive, what shows the
     position, the drive, V, and the file to which the program stores its samples, if it does. With a
-    `controller` (see `protocols.ControllerSpec`) it is a closed loop, and its `volts` are targets, m."""
+    `controller` (see `protocols.ControllerSpec`) it is a closed loop, and its `volts` are targets, m; then
+    `plausibility` is what is believed of the position, by default what the controller says of itself, and
+    `second` another input that shows it."""
 
     limits: Limits
     inputs: tuple[str, ...]
@@ -48,6 +51,8 @@ class Order(NamedTuple):
     volts: Array
     keep: Path | None = None
     controller: dict[str, Any] | None = None
+    plausibility: Plausibility | None = None
+    second: PositionInput | None = None
 
 
 class Supervisor:
@@ -108,7 +113,8 @@ class Supervisor:
             raise RigError("a closed loop needs the input that shows the position")
         made = controller_of(order.controller)
         rig = cast(StreamingRig, self.rig)
-        return LoopRig(rig, made, order.position, self.home, order.limits)
+        beliefs = order.plausibility, order.second
+        return LoopRig(rig, made, order.position, self.home, order.limits, *beliefs)
 
     def command(self, what: dict[str, Any]) -> None:
         """Tell the controller of the loop that goes on. It looks at the command in this thread, and takes it

@@ -15,8 +15,9 @@ import numpy as np
 
 from ..units import with_prefix
 from .gate import FROZEN_DRIVE, PositionInput
-from .home import Home
+from .home import Home, calibrated
 from .limits import LimitError, Limits, beyond
+from .plausibility import Plausibility, Plausible, plausibility_of
 from .protocols import Array, Capabilities, Controller, RigError, StreamingRig, check_rate
 
 # What the loop adds to the inputs of its rig: where the end-effector is from home, where it should be, and
@@ -42,6 +43,8 @@ class LoopRig:
         position: the input that is controlled.
         home: from where positions count.
         limits: what the output may not pass.
+        plausibility: what is believed of the position; by default what the controller says of itself.
+        second: another input that shows the same position, to be compared with it.
 
     Attributes:
         count: updates so far; `heard`: when something was last heard, `time.monotonic`; `answering`: whether
@@ -50,7 +53,14 @@ class LoopRig:
     """
 
     def __init__(
-        self, rig: StreamingRig, controller: Controller, position: PositionInput, home: Home, limits: Limits
+        self,
+        rig: StreamingRig,
+        controller: Controller,
+        position: PositionInput,
+        home: Home,
+        limits: Limits,
+        plausibility: Plausibility | None = None,
+        second: PositionInput | None = None,
     ) -> None:
         if not hasattr(rig, "begin") or not hasattr(rig, "exchange"):
             raise RigError(f"{rig.capabilities.name} takes whole drives only: no loop can be closed on it")
@@ -60,6 +70,9 @@ class LoopRig:
         self.capabilities = looped(rig.capabilities, unit)
         self._position, self._home, self._limits = position, home, limits
         self._guard = _Guard(limits, rig.capabilities, unit)
+        self.plausibility = plausibility or plausibility_of(controller)
+        self._plausible = Plausible(self.plausibility, limits, rig.capabilities, unit)
+        self._second = second
         self._targets: list[float] = [0.0]
         self._inputs: tuple[str, ...] = ()
         self._samples = 0
@@ -88,9 +101,10 @@ class LoopRig:
 
     def start(self) -> None:
         """Begin at 0 V."""
-        name = self._position.name
-        own = [one for one in self._inputs if one not in OWN and one != name]
-        read = (name, *own)  # the position is the first reading
+        name, second = self._position.name, self._second
+        first = (name,) if second is None or second.name == name else (name, second.name)
+        own = [one for one in self._inputs if one not in OWN and one not in first]
+        read = (*first, *own)  # the position is the first reading, the second sensor's the next
         self._picks = [list(OWN).index(one) - 3 if one in OWN else read.index(one) for one in self._inputs]
         self._read = read
         self._readings = self.rig.begin(read)
@@ -150,6 +164,8 @@ class LoopRig:
             self._home.position = measured
             guard.sees(reading, measured, given)
             target = self._targets[min(tick, len(self._targets) - 1)]
+            other = None if self._second is None else self._other(readings)
+            self._plausible.sees(measured, given, getattr(controller, "target", target), other)
             begun = time.perf_counter()
             self.answering = True
             try:
@@ -178,6 +194,12 @@ class LoopRig:
             readings = exchange(given)
             self.heard = time.monotonic()
             self._readings, self._given = readings, given
+
+    def _other(self, readings: list[float]) -> float:
+        """What the second sensor shows, through its calibrations."""
+        assert self._second is not None
+        raw = np.array(readings[1:2] if self._second.name != self._position.name else readings[:1])
+        return float(calibrated(raw, self._second.calibration)[0])
 
     def _check(self, readings: list[float], tick: int) -> None:
         for name, value in zip(self._read, readings, strict=True):

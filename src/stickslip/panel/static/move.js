@@ -51,8 +51,10 @@ export async function mount(element, app) {
   const sensor = makeChoice("Sensor", [], "", (name) => { kept.input = name; });
   const setup = h("fieldset", { class: "bare inputs" }, sensor.element);
   const watching = h("p", { class: "watching", hidden: true }, "Another page is in control: ask it at the top. Emergency stop works from here too.");
+  const believed = h("dl", { id: "believed" });
   const panel = h("section", { class: "card", "aria-label": "What to do" }, h("div", { class: "bare" }, watching, deeds, fault,
-    h("h2", {}, "How"), setup, h("p", { class: "soft small-text", id: "move-how" })));
+    h("h2", {}, "How"), setup, h("p", { class: "soft small-text", id: "move-how" }),
+    h("details", { class: "small-text" }, h("summary", {}, "When the sensor is not believed"), h("p", { class: "soft" }, "The move stops beyond any of these. They come from the model."), believed)));
 
   // --- where it is
   const shown = {};
@@ -182,6 +184,7 @@ export async function mount(element, app) {
     sensor.set(kept.input);
     setup.replaceChildren(sensor.element, field("amplitude", "Steps of", "V"), field("frequency", "a second", "Hz"), field("tolerance", "There within ±", choices.unit));
     how.textContent = `${choices.actuator}, whose piezo reaches ${formatQuantity(choices.stroke, choices.unit, 3)}. It holds until you let go, ${choices.at_most} s at most; sensor and gains are those with which it began. Steps made counts also those that bring the piezo back to mid-range.`;
+    believed.replaceChildren(...choices.plausibility.flatMap(({ value, meaning }) => [h("dt", {}, meaning), h("dd", {}, value)]));
     gains();
     show();
   }
