@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from stickslip.figures.style import svg
+from stickslip.report.figures.style import svg
 
 from . import accuracy, campaign, pictures, results, startup, tables
 from .ours.ensemble import MEMBERS

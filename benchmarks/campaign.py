@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.progress import unheard
+from stickslip.quantities.progress import unheard
 
 from .problems import START
 from .truth import TRUTH
@@ -48,10 +48,10 @@ def prepare() -> None:
     """Record the campaign of the examples, fit it, and store what the tools need."""
     import importlib.resources
 
-    from stickslip.campaign.evaluation import evaluate
-    from stickslip.campaign.file import read_campaign
-    from stickslip.campaign.gathering import gather
-    from stickslip.experiment.running import read_experiment
+    from stickslip.jobs.campaign.evaluation import evaluate
+    from stickslip.jobs.campaign.file import read_campaign
+    from stickslip.jobs.campaign.gathering import gather
+    from stickslip.rig.experiment.running import read_experiment
 
     path = Path(str(importlib.resources.files("stickslip") / "examples" / "kang2007_campaign.yaml"))
     file = read_campaign(path)

@@ -17,14 +17,14 @@ import time
 from datetime import date
 from pathlib import Path
 
-from stickslip.actuator import load_actuator
-from stickslip.campaign.additional import additional
-from stickslip.campaign.evaluation import evaluate
-from stickslip.campaign.file import read_campaign
-from stickslip.campaign.gathering import gather
-from stickslip.campaign.kept import Kept
-from stickslip.progress import unheard
-from stickslip.units import with_prefix
+from stickslip.jobs.campaign.additional import additional
+from stickslip.jobs.campaign.evaluation import evaluate
+from stickslip.jobs.campaign.file import read_campaign
+from stickslip.jobs.campaign.gathering import gather
+from stickslip.jobs.campaign.kept import Kept
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.progress import unheard
+from stickslip.quantities.units import with_prefix
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks" / "posterior.md"
 HEAD = """# The posterior of a whole campaign

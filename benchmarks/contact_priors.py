@@ -15,8 +15,8 @@ import sys
 import numpy as np
 
 import stickslip as ss
-from stickslip.contact import load_pair, rough_prior, self_affine
 from stickslip.estimate import prior_influence
+from stickslip.physics.contact import load_pair, rough_prior, self_affine
 from stickslip.rig.bench import Mounted
 
 FREE = ("sigma_0", "coulomb_force")
@@ -25,15 +25,15 @@ WALK = ss.Sawtooth(65.0, 50.0, periods=2)
 DRIVE = ss.waveform.Sequence(ss.waveform.Rest(0.01), WALK)
 
 
-def rig_of(prior: ss.contact.ContactPrior):
+def rig_of(prior: ss.physics.contact.ContactPrior):
     """What records two periods with a poor sensor, of a contact; and what is fitted to them."""
     bench = ss.rig.load_bench("kang2007-bench")
-    sensor = Mounted(ss.electronics.Interferometer(1e-9, noise_density=2e-9), "end_effector", None)
+    sensor = Mounted(ss.physics.electronics.Interferometer(1e-9, noise_density=2e-9), "end_effector", None)
     bench = bench.replace(sensors={**bench.sensors, "poor": sensor})
     start = ss.load_actuator("kang2007").replace(friction=prior.law(sigma_1=30.0))
     channels = {"drive_voltage": ss.rig.Channel("drive"), "end_effector_position": ss.rig.Channel("poor")}
     capture = ss.rig.Capture(length=0.06, interval=0.5e-3, pre_trigger=0.01)
-    drive = ss.electronics.driven(bench.amplifier, DRIVE, bench.piezo_capacitance, 0.06)
+    drive = ss.physics.electronics.driven(bench.amplifier, DRIVE, bench.piezo_capacitance, 0.06)
 
     def recorded(truth: dict[str, float], seed: int):
         law = start.friction._replace(**truth, stiction_force=truth["coulomb_force"])
@@ -48,7 +48,7 @@ def rig_of(prior: ss.contact.ContactPrior):
     return recorded, fitted
 
 
-def truths_of(prior: ss.contact.ContactPrior, count: int, far: bool) -> list[dict[str, float]]:
+def truths_of(prior: ss.physics.contact.ContactPrior, count: int, far: bool) -> list[dict[str, float]]:
     """Drawn from the prior, or two to four of its standard deviations off in any direction."""
     random = np.random.default_rng(21 + far)
     off = random.standard_normal((count, 2))

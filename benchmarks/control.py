@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.control import (
     WINDOWS,
     LowPass,
@@ -32,6 +31,7 @@ from stickslip.control import (
     Tuning,
     settling,
 )
+from stickslip.physics.actuator import Actuator, load_actuator
 from stickslip.rig import Channel, RigError, VirtualRig, load_bench, regulate
 
 from .control_bench import HOLD, LIMITS, RATE, SET, TOP, WALK, bench, drawn, loop, ours

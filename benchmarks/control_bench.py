@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.control import Regulator, Requirement, Stepping, StepSizes, Tuning, tune
-from stickslip.electronics import Interferometer
+from stickslip.physics.actuator import Actuator, load_actuator
+from stickslip.physics.electronics import Interferometer
 from stickslip.rig import Bench, Limits, load_bench
 from stickslip.rig.bench import Mounted
 

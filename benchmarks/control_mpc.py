@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.actuator import Actuator
 from stickslip.control.loops import Loop, sampled_loop
 from stickslip.control.tuning import Tuning
+from stickslip.physics.actuator import Actuator
 
 from .control_bench import RATE, TOP, loop, ours
 from .session import PEERS, ROOT

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.control import Estimator, Mover, NoiseShaped, StepModel, Steps, StepSizes
 from stickslip.control.steps import RISING
+from stickslip.physics.actuator import Actuator, load_actuator
 from stickslip.rig import Channel, VirtualRig, regulate
 from stickslip.simulation import Motion, steady_steps
 from stickslip.waveform import Sawtooth

@@ -25,13 +25,13 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from stickslip.actuator import Actuator, load_actuator
-from stickslip.calibration import load_calibration
-from stickslip.electronics import Filter, InductiveSensor, filtered
-from stickslip.electronics.noise import random_walk, white_noise
 from stickslip.identify.step.fit import identify_step
 from stickslip.identify.walk.friction import identify_friction
+from stickslip.physics.actuator import Actuator, load_actuator
+from stickslip.physics.electronics import Filter, InductiveSensor, filtered
+from stickslip.physics.electronics.noise import random_walk, white_noise
 from stickslip.recording import RecordingWarning
+from stickslip.recording.calibration import load_calibration
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
 from stickslip.study import Grid, Own, Study, run_study
 from stickslip.waveform.periodic import Sawtooth

@@ -182,7 +182,7 @@ def drives(first: int, count: int) -> None:
     for number in range(first, first + count):
         try:
             row = searched(number)
-        except ss.units.QuantityError as error:
+        except ss.QuantityError as error:
             print(f"| {number} | {member(number).law} | {error} | | | | |", flush=True)
             continue
         best = max(row["sawtooth"], row["outside"])

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip import registry
+from stickslip.quantities import registry
 from stickslip.rig import Capabilities, RigError
 from stickslip.rig.wire import receive, send
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip.actuator import load_actuator
+from stickslip.physics.actuator import load_actuator
 from stickslip.rig import Gate, Limits, RigError, VirtualRig, load_bench
 from stickslip.rig.limits import LONGEST_STOP
 from stickslip.rig.wire import receive, send

@@ -32,10 +32,10 @@ from typing import Any, NamedTuple
 import yaml
 
 from benchmarks.fault_device import OWN
-from stickslip.experiment import run_experiment, running
+from stickslip.quantities.registry import use_file
 from stickslip.recording import open_recording
-from stickslip.registry import use_file
 from stickslip.rig import Link, RigError, folder_of
+from stickslip.rig.experiment import run_experiment, running
 from stickslip.rig.samples import recover
 
 FAR_RIG = Path(__file__).parent / "far_rig.py"

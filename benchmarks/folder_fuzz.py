@@ -33,7 +33,7 @@ from stickslip.history import Index
 from stickslip.history.index import READING
 from stickslip.history.storable import shown_name
 from stickslip.panel import create_app, server
-from stickslip.readers.process import PATIENCE, Reader
+from stickslip.recording.readers.process import PATIENCE, Reader
 from stickslip.study import StudyError, study_state
 from stickslip.study.store import Store
 

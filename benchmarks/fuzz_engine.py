@@ -25,7 +25,7 @@ import stickslip as ss
 from stickslip.engine import binding
 from stickslip.engine.library import library
 from stickslip.friction import NormalForce
-from stickslip.plant.system import Element, Mode, Plant
+from stickslip.simulation.plant.system import Element, Mode, Plant
 from stickslip.waveform.drive import Drive, constant
 
 LIMIT = 10.0  # s of computing for one case
@@ -116,7 +116,7 @@ def case(seed: int) -> str:
         load = load._replace(polynomial=load.polynomial + np.array([number(rng, 1e-3, 1e6), 0.0, 0.0, 0.0]))
     try:
         composed = binding.ComposedPlant(plant)
-    except ss.units.QuantityError:
+    except ss.QuantityError:
         return "refused"
     q = rng.normal(size=composed.states) * number(rng, 1e-12, 1e-3, 0.5)
     times = np.linspace(0.0, end, 20)

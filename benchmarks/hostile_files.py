@@ -38,8 +38,8 @@ SECONDS, MEGABYTES = 10.0, 500.0  # of computing and of memory that one process 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "hostile-files.md"
 BOMB = 200_000_000  # bytes that a file of some 100 kB unpacks to
 PYTHON = {  # what opens a file of each kind from Python, and its documented error
-    "data": "from stickslip.readers import read_recording as act; from stickslip import RecordingError as E",
-    "yaml": "from stickslip.job.file import read_job as act, InputFileError as E",
+    "data": "import stickslip as ss; act, E = ss.read_recording, ss.recording.RecordingError",
+    "yaml": "from stickslip.jobs.file import read_job as act, InputFileError as E",
     "toml": "from stickslip.parameters import load_set as act, ParameterSetError as E",
     "json": "from stickslip.identify.saved import FitError as E, load_fit as act",
 }

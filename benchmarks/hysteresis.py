@@ -21,16 +21,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip.actuator import Actuator, load_actuator
-from stickslip.analysis.alignment import Aligned, aligned
-from stickslip.campaign.evaluation import Found, evaluate
-from stickslip.campaign.file import CampaignFile, read_campaign
-from stickslip.experiment.cells import Cell, cells
-from stickslip.experiment.laboratory import open_laboratory
-from stickslip.experiment.running import read_experiment
-from stickslip.piezo import Creep, Piezo, PrandtlIshlinskii
-from stickslip.progress import unheard
+from stickslip.jobs.analysis.alignment import Aligned, aligned
+from stickslip.jobs.campaign.evaluation import Found, evaluate
+from stickslip.jobs.campaign.file import CampaignFile, read_campaign
+from stickslip.physics.actuator import Actuator, load_actuator
+from stickslip.physics.piezo import Creep, Piezo, PrandtlIshlinskii
+from stickslip.quantities.progress import unheard
 from stickslip.rig import VirtualRig, load_bench, measure
+from stickslip.rig.experiment.cells import Cell, cells
+from stickslip.rig.experiment.laboratory import open_laboratory
+from stickslip.rig.experiment.running import read_experiment
 
 from .coverage import LEVEL, random_truth
 

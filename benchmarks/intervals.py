@@ -23,7 +23,6 @@ from tests.identify.piezo import records
 from tests.identify.piezo.test_fit import noise_of
 from tests.identify.walk import test_conditions, test_scales
 
-from stickslip.actuator import load_actuator
 from stickslip.control import Estimator
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
@@ -39,6 +38,7 @@ from stickslip.identify.events.sawtooth import sawtooth_features
 from stickslip.identify.frequency.instruments import applied_voltage
 from stickslip.identify.loops.fit import identify_loops
 from stickslip.identify.walk.friction import identify_friction
+from stickslip.physics.actuator import load_actuator
 from stickslip.recording import make_recording
 from stickslip.simulation import friction_response, simulate
 from stickslip.waveform.periodic import Sawtooth

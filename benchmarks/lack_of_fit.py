@@ -23,12 +23,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip.actuator import Actuator
 from stickslip.estimate.result import Fit
 from stickslip.friction import Elastoplastic, MaxwellSlip
 from stickslip.identify.step.fit import identify_step
 from stickslip.identify.walk.explained import Explained, explained
 from stickslip.identify.walk.friction import identify_friction
+from stickslip.physics.actuator import Actuator
 from stickslip.recording import RecordingWarning
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth

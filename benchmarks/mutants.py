@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 from tests.twins.serving import ACTUATOR, TestClock
 
-from stickslip.positioners import Anc300Client, Kim101Client, Mcs2Client
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import Nv200Rig, RigError
-from stickslip.twins import Anc300, HangUp, Kim101, Mcs2, Nv200, Stage
-from stickslip.units import QuantityError
+from stickslip.rig.positioners import Anc300Client, Kim101Client, Mcs2Client
+from stickslip.rig.twins import Anc300, HangUp, Kim101, Mcs2, Nv200, Stage
 
 ASKED = 80.0  # V that a client asks for at most
 # Of the replies, so many are mutated: a KIM101 gives few when it is opened.

@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 import stickslip as ss
-from stickslip.piezo import BoucWen, MaxwellCapacitor, PrandtlIshlinskii
+from stickslip.physics.piezo import BoucWen, MaxwellCapacitor, PrandtlIshlinskii
 
 from . import oracle
 

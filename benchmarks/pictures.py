@@ -6,7 +6,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from stickslip.figures.style import (
+from stickslip.report.figures.style import (
     BLACK,
     BLUE,
     GREEN,

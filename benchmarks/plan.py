@@ -27,10 +27,10 @@ import numpy as np
 import xarray as xr
 
 import stickslip as ss
-from stickslip.actuator import Actuator
 from stickslip.design import Plan
 from stickslip.estimate.problem import FitError
 from stickslip.identify import PlannedWalk
+from stickslip.physics.actuator import Actuator
 from stickslip.recording import RecordingWarning
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, measure
 from stickslip.waveform import Rest
@@ -75,7 +75,7 @@ def plan(chain: Chain, **how: Any) -> Plan:
         limits=LIMITS,
         duration=LONG,
         recordings=RECORDINGS,
-        chain=ss.chain.Chain(delay=DELAY, slew_rate=slew(chain), zeroed=True),
+        chain=ss.recording.Chain(delay=DELAY, slew_rate=slew(chain), zeroed=True),
         **how,
     )
 
@@ -134,7 +134,9 @@ def at_piezo(chain: Chain, setup: Setup) -> Setup:
         times = np.arange(0.0, setup.length + BEFORE, 1.0 / bench.dac.update_rate)
         step = bench.dac.step * bench.amplifier.gain
         command = ss.Sampled(times, step * np.rint(value_at(drive, times) / step), "hold")
-        drives.append(ss.electronics.driven(bench.amplifier, command, bench.piezo_capacitance, times[-1]))
+        drives.append(
+            ss.physics.electronics.driven(bench.amplifier, command, bench.piezo_capacitance, times[-1])
+        )
     return setup._replace(drives=drives)
 
 

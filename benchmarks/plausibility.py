@@ -19,12 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.control import MoveError, Mover, NoiseShaped, Stepping, StepSizes, plausibility, tune
-from stickslip.electronics import Interferometer
+from stickslip.physics.actuator import Actuator, load_actuator
+from stickslip.physics.electronics import Interferometer
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import Bench, Channel, LimitError, Limits, Plausibility, VirtualRig, load_bench, regulate
 from stickslip.rig.bench import Mounted
-from stickslip.units import QuantityError
 
 OUT = Path(__file__).parents[1] / "docs" / "benchmarks" / "plausibility.md"
 RATE, TOP = 20e3, 100.0

@@ -13,9 +13,9 @@ import time
 
 import numpy as np
 
-from stickslip.actuator import load_actuator
 from stickslip.identify.walk.bayes import posterior
 from stickslip.identify.walk.friction import identify_friction
+from stickslip.physics.actuator import load_actuator
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence

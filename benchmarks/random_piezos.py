@@ -13,8 +13,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 import stickslip as ss
-from stickslip.piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii, register_piezo
-from stickslip.records import Quantity, record
+from stickslip.physics.piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii, register_piezo
+from stickslip.quantities.records import Quantity, record
 
 from . import random_actuators
 from .random_actuators import Dice, Member

@@ -15,7 +15,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from stickslip.figures.style import svg
+from stickslip.report.figures.style import svg
 
 PAGES = Path(__file__).resolve().parents[1] / "docs" / "gallery"
 CODE = re.compile(r"```python\n(.*?)```", re.DOTALL)

@@ -13,8 +13,8 @@ from importlib import resources
 from pathlib import Path
 
 import stickslip as ss
-from stickslip.figures.recordings import recording_detail, recordings_together
-from stickslip.figures.style import svg
+from stickslip.report.figures.recordings import recording_detail, recordings_together
+from stickslip.report.figures.style import svg
 
 
 def main(folder: Path) -> None:
@@ -22,8 +22,7 @@ def main(folder: Path) -> None:
     experiment = Path(str(resources.files("stickslip") / "examples" / "kang2007_experiment.yaml"))
     with tempfile.TemporaryDirectory() as out:
         recorded = {
-            one.cell.name: ss.open_recording(one.path)
-            for one in ss.experiment.run_experiment(experiment, out)
+            one.cell.name: ss.open_recording(one.path) for one in ss.rig.run_experiment(experiment, out)
         }
     walks = {name: recorded[name] for name in ("sawtooth_5Hz_35V", "sawtooth_5Hz_75V")}
     figures = {
@@ -40,7 +39,9 @@ def main(folder: Path) -> None:
 def slow_ramp():
     """The first milliseconds of a sawtooth, every sample of the rig, with nothing done to the sensors."""
     rig = ss.rig.VirtualRig(ss.load_actuator("kang2007"), ss.rig.load_bench("kang2007-bench"), seed=3)
-    gauge = ss.rig.Channel("strain_gauge", (ss.calibration.load_calibration("kang2007-strain-gauge"),))
+    gauge = ss.rig.Channel(
+        "strain_gauge", (ss.recording.calibration.load_calibration("kang2007-strain-gauge"),)
+    )
     channels = {"drive_voltage": ss.rig.Channel("drive"), "piezo_elongation": gauge}
     channels["inductive_sensor"] = ss.rig.Channel("inductive")
     capture = ss.rig.Capture(length=0.12, interval=50e-6, pre_trigger=0.1)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import reference
 from stickslip.friction import Coulomb, CoulombViscous, MaxwellSlip, Stribeck
 from stickslip.friction.law import register
-from stickslip.plant.system import Element, Plant
+from stickslip.simulation.plant.system import Element, Plant
 
 Array = NDArray[np.float64]
 # Positions in um, velocities in mm/s, deflections in 0.1 um, of what is no contact 1.

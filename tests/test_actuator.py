@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stickslip.actuator import Actuator, PulledSlider, load_actuator
 from stickslip.friction import Coulomb, Dahl, LuGre
 from stickslip.parameters import references
-from stickslip.units import QuantityError
+from stickslip.physics.actuator import Actuator, PulledSlider, load_actuator
+from stickslip.quantities.units import QuantityError
 
 LUGRE = LuGre(1.399e6, 34.9, 0.0, 0.5401, 0.5401, 1e-3)
 THESIS = Actuator(

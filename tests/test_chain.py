@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.chain import Chain
 from stickslip.export import export_c
+from stickslip.quantities.units import QuantityError
+from stickslip.recording.chain import Chain
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
-from stickslip.units import QuantityError
 from stickslip.waveform.slewed import Slewed
 
 from tests.export.building import compiled, output  # isort: skip

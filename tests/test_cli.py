@@ -17,9 +17,9 @@ import pytest
 from typer.testing import CliRunner
 
 from stickslip import __version__
-from stickslip.actuator import load_actuator
 from stickslip.cli import app
 from stickslip.cli.frame import check_output, progress_bar
+from stickslip.physics.actuator import load_actuator
 from stickslip.recording import make_recording, open_recording, save_recording
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth

@@ -18,8 +18,8 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from stickslip.calibration import load_calibration, read_table
 from stickslip.cli import app
+from stickslip.recording.calibration import load_calibration, read_table
 
 
 def run(*arguments: str):

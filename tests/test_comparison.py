@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import event_driven
-from stickslip.actuator import load_actuator
-from stickslip.comparison import (
+from stickslip.friction import LAWS, Dahl, LuGre, Stribeck
+from stickslip.identify.comparison import (
     LawCharacter,
     Limit,
     characterise_laws,
@@ -19,7 +19,7 @@ from stickslip.comparison import (
     laws_as_markdown,
     limits_as_markdown,
 )
-from stickslip.friction import LAWS, Dahl, LuGre, Stribeck
+from stickslip.physics.actuator import load_actuator
 from stickslip.waveform.periodic import Sawtooth
 
 ACTUATOR, DRIVE = load_actuator("kang2007"), Sawtooth(65.0, 5.0)

@@ -12,9 +12,8 @@ from pathlib import Path
 import pytest
 
 from datasets import DATASETS as FOLDER
-from stickslip import datasets
-from stickslip.datasets import DATASETS, dataset_path, fetch
-from stickslip.recording import RecordingError
+from stickslip.recording import RecordingError, datasets
+from stickslip.recording.datasets import DATASETS, dataset_path, fetch
 
 FILES = [(name, path) for name, dataset in DATASETS.items() for path in dataset.files]
 

@@ -11,7 +11,6 @@ import math
 import numpy as np
 import pytest
 
-from stickslip.actuator import Actuator, PulledSlider
 from stickslip.friction import (
     Coulomb,
     CoulombViscous,
@@ -23,6 +22,7 @@ from stickslip.friction import (
     StictionCoulombViscous,
     Stribeck,
 )
+from stickslip.physics.actuator import Actuator, PulledSlider
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sine
 from stickslip.waveform.sequence import Sequence

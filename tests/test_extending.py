@@ -38,20 +38,20 @@ def test_law(example: Any) -> None:
     found = ss.simulation.friction_response(law, time, speed * time, tolerance=1e-12)["friction_force"].values
     expected = coulomb * (1.0 - np.exp(-stiffness * speed * time / coulomb)) + viscous * speed
     np.testing.assert_allclose(found[1:], expected[1:], rtol=1e-5)  # at time 0 it rests
-    with pytest.raises(ss.units.QuantityError, match="sigma_0"):
+    with pytest.raises(ss.QuantityError, match="sigma_0"):
         law._replace(sigma_0=-1.0)
 
 
 def test_piezo_model(example: Any, tmp_path: Path) -> None:
     """By its name in a parameter set, in what results say, and read back from them."""
     own = example("my_piezo").ColemanHodgdon(0.3, "0.05 1/V", 0.004)
-    model = ss.load_actuator("kang2007").replace(piezo=ss.piezo.Piezo(own))
+    model = ss.load_actuator("kang2007").replace(piezo=ss.physics.piezo.Piezo(own))
     write_parameters(tmp_path / "bent.toml", parameter_text(model, title="bent", source="the test"))
     assert ss.load_actuator(tmp_path / "bent.toml").piezo == model.piezo
     said = json.loads(json.dumps(ss.registry.piezos.written(type(own))))
     assert said["piezo model_of"].endswith("my_piezo.py")
     assert ss.registry.piezos.of_results(said) is type(own)
-    loop = ss.piezo.duhem_output(own, [0.0, 100.0, 0.0])
+    loop = ss.physics.piezo.duhem_output(own, [0.0, 100.0, 0.0])
     assert 0.0 < loop[-1] < 10.0  # V: it has not come back
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from stickslip.figures import thesis
-from stickslip.figures.style import svg
+from stickslip.report.figures import thesis
+from stickslip.report.figures.style import svg
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = {

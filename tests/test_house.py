@@ -33,17 +33,17 @@ BUILT = {".pyc", ".so", ".o", ".coverage", ".egg-info", ".whl"}
 # The rooms that may import a heavy dependency; everything else reaches it through them.
 OWNERS = {
     "numba": {"engine/numba_laws"},
-    "pint": {"units"},
-    "pandas": {"readers/csv", "recording/schema", "history/table", "study/exports"},
-    "matplotlib": {"figures"},
+    "pint": {"quantities/units"},
+    "pandas": {"recording/readers/csv", "recording/schema", "history/table", "study/exports"},
+    "matplotlib": {"report/figures"},
     "jinja2": {"report"},
-    "pooch": {"datasets"},
+    "pooch": {"recording/datasets"},
     "threadpoolctl": {"estimate"},
     "arviz": {"estimate/posterior"},
-    "pydantic": {"input_file", "analysis", "experiment", "campaign", "job", "panel"},
-    "yaml": {"input_file", "gate"},
+    "pydantic": {"quantities/input_file", "jobs", "rig/experiment", "panel"},
+    "yaml": {"quantities/input_file", "gate"},
     "pyvisa": {"rig/scpi"},
-    "asammdf": {"readers/mdf"},
+    "asammdf": {"recording/readers/mdf"},
     "h5py": {"gate"},
     "h5netcdf": {"gate"},
     "typer": {"cli"},
@@ -59,7 +59,7 @@ HEAVY += ["jinja2", "dask", "distributed", "zarr", "fastapi", "arviz"]
 
 
 def room(file: Path) -> str:
-    """The module's path inside the package, without the ending: "solve/rodas"."""
+    """The module's path inside the package, without the ending: "rig/virtual"."""
     return file.relative_to(PACKAGE).with_suffix("").as_posix()
 
 
@@ -181,7 +181,7 @@ def test_every_test_runs() -> None:
 
 @pytest.mark.parametrize(
     ("missing", "name"),
-    [("matplotlib", "plot"), ("pydantic", "campaign"), ("anywidget", "panel.plot_widget")],
+    [("matplotlib", "plot"), ("pydantic", "jobs.campaign"), ("anywidget", "panel.plot_widget")],
 )
 def test_a_missing_extra_is_named(missing: str, name: str) -> None:
     program = f"import sys; sys.modules[{missing!r}] = None; import stickslip; stickslip.{name}"

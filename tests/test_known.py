@@ -10,13 +10,13 @@ import pytest
 from typer.testing import CliRunner
 
 import stickslip as ss
-from stickslip import registry
 from stickslip.cli import app
-from stickslip.units import QuantityError
+from stickslip.quantities import registry
+from stickslip.quantities.units import QuantityError
 
 
 def test_all_kinds_with_a_line_each() -> None:
-    found = ss.catalogue()
+    found = ss.jobs.catalogue()
     kinds = "laws, actuators, piezo models, waveforms, sensors, readers, rigs, amplifiers, stacks, "
     kinds += "materials, friction pairs, benches, "
     assert list(found) == [*kinds.split(", ")[:-1], "calibrations", "datasets"]
@@ -38,12 +38,12 @@ def test_every_public_waveform_is_there() -> None:
     public = vars(ss.waveform)
     made = {n for n, one in public.items() if isinstance(one, type)} - {"Drive"}
     assert set(registry.waveforms.packaged()) == made - {"Waveform"}
-    assert made - {"Waveform"} <= set(ss.catalogue("waveforms")["waveforms"])
+    assert made - {"Waveform"} <= set(ss.jobs.catalogue("waveforms")["waveforms"])
 
 
 def test_an_unknown_kind_names_the_nearest() -> None:
     with pytest.raises(QuantityError, match=r"'law'.*did you mean 'laws'"):
-        ss.catalogue("law")
+        ss.jobs.catalogue("law")
 
 
 def test_the_command() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from stickslip.experiment.file import ExperimentFile
+from stickslip.rig.experiment.file import ExperimentFile
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "laboratory.md").read_text(encoding="utf-8")

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from stickslip.actuator import Actuator, PulledSlider
 from stickslip.friction import Coulomb, LuGre, MaxwellSlip, NormalForce, force
+from stickslip.physics.actuator import Actuator, PulledSlider
 from stickslip.simulation.models import Contact, resting_state, system
 from stickslip.waveform.drive import constant
 

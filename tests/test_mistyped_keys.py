@@ -11,10 +11,10 @@ import pytest
 import yaml
 
 import stickslip
-from stickslip.analysis import run_file
-from stickslip.analysis.study import study_of_file
-from stickslip.input_file import InputFileError, load_yaml
-from stickslip.job.file import read_job
+from stickslip.jobs.analysis import run_file
+from stickslip.jobs.analysis.study import study_of_file
+from stickslip.jobs.file import read_job
+from stickslip.quantities.input_file import InputFileError, load_yaml
 
 PACKAGE = Path(stickslip.__file__).parent
 WALK = {"file": "walk.csv", "columns": {"time": "t"}, "units": {"time": "ms"}, "start": 0.1, "use": "fit"}

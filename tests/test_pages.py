@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from public_names import everything
 
-from stickslip.actuator import load_actuator
 from stickslip.identify.frequency.modal import modal_response
 from stickslip.parameters.load import Entry
+from stickslip.physics.actuator import load_actuator
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 KANG = load_actuator("kang2007")

@@ -13,15 +13,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError, create_model
 
-from stickslip.analysis.design import json_schema as design_schema
-from stickslip.analysis.running import json_schema as analysis_schema
-from stickslip.input_file import InputFileError, Part, RecordFields, RecordPart, Strict, explain, fields_of
-from stickslip.job.file import json_schema as job_schema
-from stickslip.records import Quantity, fields_with_quantity, quantities, record
+from stickslip.jobs.analysis.design import json_schema as design_schema
+from stickslip.jobs.analysis.running import json_schema as analysis_schema
+from stickslip.jobs.file import json_schema as job_schema
+from stickslip.quantities.input_file import (
+    InputFileError,
+    Part,
+    RecordFields,
+    RecordPart,
+    Strict,
+    explain,
+    fields_of,
+)
+from stickslip.quantities.records import Quantity, fields_with_quantity, quantities, record
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import Limits
-from stickslip.units import QuantityError
 
-FOLDERS = ("analysis", "campaign", "experiment", "job", "panel")
+FOLDERS = ("jobs", "jobs.analysis", "jobs.campaign", "panel", "rig.experiment")
 STACK = {
     "capacitance": 1e-6,
     "loss_tangent": 0.02,

@@ -21,22 +21,6 @@ def test_the_top_level_is_small_and_the_rest_is_in_rooms() -> None:
         assert inspect.getdoc(module), room
 
 
-@pytest.mark.parametrize(
-    ("name", "room"),
-    [
-        ("VirtualRig", "rig"),
-        ("Sequence", "waveform"),
-        ("FitError", "estimate"),
-        ("Limits", "rig"),  # design has some too
-        ("PlannedWalk", "identify"),
-        ("Requirement", "verification"),
-    ],
-)
-def test_a_name_that_stood_at_the_top_says_where_it_is(name: str, room: str) -> None:
-    with pytest.warns(DeprecationWarning, match=rf"stickslip\.{name} is stickslip\.{room}\.{name}"):
-        assert getattr(ss, name) is getattr(getattr(ss, room), name)
-
-
 def test_an_extra_that_is_missing_hides_nothing_else() -> None:
     program = (
         "import sys; sys.modules['matplotlib'] = sys.modules['pydantic'] = None; import stickslip as ss; "
@@ -48,7 +32,7 @@ def test_an_extra_that_is_missing_hides_nothing_else() -> None:
 
 def test_a_name_that_there_is_not() -> None:
     for name in ("simulat", "Path", "np"):  # nor what a room imports for itself
-        with pytest.raises(AttributeError, match=f"no '{name}'"):
+        with pytest.raises(AttributeError, match=name):
             getattr(ss, name)
 
 

@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 
 import stickslip
 from stickslip.friction import Dahl, LuGre, MaxwellSlip
-from stickslip.records import Quantity, did_you_mean, quantities, record, sequences
-from stickslip.units import QuantityError
+from stickslip.quantities.records import Quantity, did_you_mean, quantities, record, sequences
+from stickslip.quantities.units import QuantityError
 
 
 @record

@@ -14,32 +14,32 @@ import pytest
 from typer.testing import CliRunner
 
 import stickslip as ss
-from stickslip import registry
-from stickslip.analysis.file import RecordingFile
-from stickslip.analysis.loops import LawSpec
 from stickslip.cli import app
-from stickslip.experiment.cells import drive_of
-from stickslip.experiment.file import PartSpec, json_schema
 from stickslip.identify.saved import load_fit, save_fit
-from stickslip.input_file import yaml_text
+from stickslip.jobs.analysis.file import RecordingFile
+from stickslip.jobs.analysis.loops import LawSpec
 from stickslip.panel.document import BenchDocument
 from stickslip.panel.exploration import State, python
 from stickslip.panel.folder import Folder
 from stickslip.panel.sets import Sets
 from stickslip.panel.sliders import choices
 from stickslip.parameters.writing import parameter_text
+from stickslip.quantities import registry
+from stickslip.quantities.input_file import yaml_text
+from stickslip.quantities.registry import RegistryError
+from stickslip.quantities.units import QuantityError
 from stickslip.recording.drive import drive_text, named_drive
-from stickslip.registry import RegistryError
 from stickslip.rig.devices import open_device, virtual_device
+from stickslip.rig.experiment.cells import drive_of
+from stickslip.rig.experiment.file import PartSpec, json_schema
 from stickslip.rig.hosted import stop_all
 from stickslip.study.own import own_function
-from stickslip.units import QuantityError
 
 LAW = '''
 from typing import Annotated, NamedTuple
 
 from stickslip.friction import register_law
-from stickslip.records import Quantity, record
+from stickslip.quantities.records import Quantity, record
 
 
 @record
@@ -61,7 +61,7 @@ WAVEFORM = '''
 import math
 from typing import Annotated, NamedTuple
 
-from stickslip.records import Quantity
+from stickslip.quantities.records import Quantity
 from stickslip.waveform.pieces import Piece, repeat
 from stickslip.waveform.signal import Unit, breaks_within, signal_record, slope_at, value_at
 
@@ -349,8 +349,8 @@ def test_the_rig_s_process_gets_the_law_of_its_client(folder: Path, monkeypatch:
 SENSOR = '''
 from typing import Annotated, NamedTuple
 
-from stickslip import registry
-from stickslip.records import Quantity, record
+from stickslip.quantities import registry
+from stickslip.quantities.records import Quantity, record
 
 
 @registry.sensors.add
@@ -367,7 +367,7 @@ class Ruler(NamedTuple):
 READER = '''
 import numpy as np
 
-from stickslip.readers.source import FileChannel, FileContent, add_format
+from stickslip.recording.readers.source import FileChannel, FileContent, add_format
 
 
 def read_scope(path):
@@ -432,7 +432,7 @@ def test_an_own_reader(tmp_path: Path) -> None:
     assert ss.read_recording(tmp_path / "scope.raw", sample_rate=1e5).equals(read)  # known by its ending now
     samples.tofile(tmp_path / "scope.bin")
     assert ss.read_recording(tmp_path / "scope.bin", sample_rate=1e5, reader="scope").equals(read)
-    assert "pairs of float32" in ss.catalogue("readers")["readers"]["scope"]
+    assert "pairs of float32" in ss.jobs.catalogue("readers")["readers"]["scope"]
     np.save(tmp_path / "still.npy", np.zeros((5, 2)))
     assert ss.inspect_file(tmp_path / "still.npy").reader == "npy"
     (tmp_path / "still.npy").rename(tmp_path / "still.raw")
@@ -458,14 +458,14 @@ def test_an_own_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ],
     }
     (tmp_path / "experiment.yaml").write_text(yaml_text(experiment))
-    ss.experiment.run_experiment(tmp_path / "experiment.yaml", tmp_path / "out")
+    ss.rig.run_experiment(tmp_path / "experiment.yaml", tmp_path / "out")
     stop_all()
     recorded = ss.open_recording(tmp_path / "out" / "walk.nc")
     assert float(recorded["drive_voltage"].max()) == pytest.approx(10.0, rel=0.05)
     experiment["rig"] = {"kind": "scpy"}
     (tmp_path / "experiment.yaml").write_text(yaml_text(experiment))
     with pytest.raises(ValueError, match=r"rig.*no rig 'scpy' \(did you mean 'scpi'\?\)"):
-        ss.experiment.run_experiment(tmp_path / "experiment.yaml", tmp_path / "out")
+        ss.rig.run_experiment(tmp_path / "experiment.yaml", tmp_path / "out")
 
 
 def test_an_installed_package_adds_by_its_entry_points(tmp_path: Path) -> None:
@@ -484,7 +484,7 @@ def test_an_installed_package_adds_by_its_entry_points(tmp_path: Path) -> None:
     written = registry.laws.written(law)
     assert registry.laws.name_of(law) == "ViscousDahl"
     assert registry.laws.of_results(written) is law
-    listed = ss.catalogue("laws")["laws"]
+    listed = ss.jobs.catalogue("laws")["laws"]
     assert listed["ViscousDahl"].startswith("Dahl's law with a viscous part.")
     assert "the law 'Broken' of wearlaws cannot be loaded: AttributeError" in listed["Broken"]
     with pytest.raises(RegistryError, match="cannot be loaded"):
@@ -499,7 +499,7 @@ def test_one_file_in_the_package_adds_one(tmp_path: Path, monkeypatch: pytest.Mo
     registry._import_room.cache_clear()
     monkeypatch.delitem(sys.modules, "stickslip.friction.viscous_dahl", raising=False)
     assert list(registry.laws.packaged())[-1] == "ViscousDahl"
-    assert "ViscousDahl" in ss.catalogue("laws")["laws"]
+    assert "ViscousDahl" in ss.jobs.catalogue("laws")["laws"]
     assert "ViscousDahl" in choices()["by_unit"]["m"]["laws"]
 
 

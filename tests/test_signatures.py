@@ -18,14 +18,22 @@ import xarray as xr
 from public_names import everything
 
 import stickslip as ss
-from stickslip import calibration, contact, control, design, study
+from stickslip import control, design, study
 from stickslip.control.loops import sampled_loop
-from stickslip.progress import Progress, unheard
+from stickslip.physics import contact
+from stickslip.quantities.progress import Progress, unheard
+from stickslip.recording import calibration
 
 # Plain numbers: shares, ratios, a scale in multiples of the noise, the relative steps of `estimate`.
 PLAIN = {"level", "load", "normal_load", "share", "loss_scale", "difference_step", "settled", "exponent"}
 # What parses or prints a quantity, and what the solver calls.
-OTHERS = ("units.", "friction.rate", "friction.force", "friction.project", "estimate.fit_least_squares")
+OTHERS = (
+    "quantities.units.",
+    "friction.rate",
+    "friction.force",
+    "friction.project",
+    "estimate.fit_least_squares",
+)
 NO_QUANTITY = ("3 cd", "much", True, [[1.0]], {})
 
 
@@ -140,8 +148,8 @@ def test_units_in_lists_of_members() -> None:
 
 
 SAW = ss.Sawtooth(65.0, 50.0)
-LINE = ss.calibration.Calibration("line", (0.0, 2e-6), "V", "m", 0.0, 10.0)
-FITTED = ss.calibration.fit_calibration([1.0, 2.0, 4.0], [1e-6, 2e-6, 4.1e-6], 1)
+LINE = ss.recording.calibration.Calibration("line", (0.0, 2e-6), "V", "m", 0.0, 10.0)
+FITTED = ss.recording.calibration.fit_calibration([1.0, 2.0, 4.0], [1e-6, 2e-6, 4.1e-6], 1)
 TABLE = ss.design.StepTable(*(np.array([a, b]) for a, b in ((10.0, 100.0), *[(0.0, 1e-6)] * 3)), 0.0, "", "")
 REGULATOR = ss.control.Regulator(ss.control.Pid(1e6), "10 kHz")
 POSITION = 1e-6 * np.concatenate([np.linspace(-1.0, 1.0, 200), np.linspace(1.0, -1.0, 200)])
@@ -162,7 +170,7 @@ ARRAYS: dict[str, tuple[str, Any, Callable[[Any], Any]]] = {
         *FORCES, lambda v: ss.simulate_ensemble(KANG, SAW, 0.02, parameters={"coulomb_force": v})
     ),
     "sensitivities-times": (
-        *SECONDS, lambda v: ss.sensitivities(KANG, SAW, parameters=["coulomb_force"], times=v)
+        *SECONDS, lambda v: ss.simulation.sensitivities(KANG, SAW, parameters=["coulomb_force"], times=v)
     ),
     "steady_steps-parameters": (*VOLTS, lambda v: ss.steady_steps(KANG, SAW, parameters={"amplitude": v})),
     "step_map-voltage": (*VOLTS, lambda v: ss.step_map(KANG, SAW, voltage=v)),
@@ -176,9 +184,9 @@ ARRAYS: dict[str, tuple[str, Any, Callable[[Any], Any]]] = {
     ),
     "design.load_speed_curve-loads": ("N", [0.0, 0.1], lambda v: design.load_speed_curve(KANG, SAW, v)),
     "design.step_at-voltage": ("V", [20.0, 50.0], lambda v: design.step_at(TABLE, v)),
-    "simulation.friction_response-time": ("s", [0.0, 0.1], lambda v: RESPONSE(v, [0.0, 1e-6])),
-    "simulation.friction_response-position": ("m", [0.0, 1e-6], lambda v: RESPONSE([0.0, 0.1], v)),
-    "simulation.friction_response-normal_force": (
+    "friction_response-time": ("s", [0.0, 0.1], lambda v: RESPONSE(v, [0.0, 1e-6])),
+    "friction_response-position": ("m", [0.0, 1e-6], lambda v: RESPONSE([0.0, 0.1], v)),
+    "friction_response-normal_force": (
         "N", [1.0, 1.2], lambda v: RESPONSE([0.0, 0.1], [0.0, 1e-6], normal_force=v)
     ),
     "study.drawn_parameters-source": (
@@ -195,31 +203,37 @@ ARRAYS: dict[str, tuple[str, Any, Callable[[Any], Any]]] = {
     "control.Learnt.contraction-frequencies": (
         *HERTZ, lambda v: control.Learnt(REGULATOR, 100).contraction(sampled_loop(KANG, 1e4), v)
     ),
-    "calibration.Calibration.__call__-x": ("V", [1.0, 2.0], lambda v: LINE(v)),
-    "calibration.Calibration.slope-x": ("V", [1.0, 2.0], lambda v: LINE.slope(v)),
-    "calibration.Calibration.inverse-y": ("m", [1e-6, 2e-6], lambda v: LINE.inverse(v)),
-    "calibration.Calibration.prediction_band-x": (
+    "recording.calibration.Calibration.__call__-x": ("V", [1.0, 2.0], lambda v: LINE(v)),
+    "recording.calibration.Calibration.slope-x": ("V", [1.0, 2.0], lambda v: LINE.slope(v)),
+    "recording.calibration.Calibration.inverse-y": ("m", [1e-6, 2e-6], lambda v: LINE.inverse(v)),
+    "recording.calibration.Calibration.prediction_band-x": (
         "V", [1.0, 2.0], lambda v: FITTED.prediction_band(v)
     ),
-    "calibration.fit_calibration-x": (
+    "recording.calibration.fit_calibration-x": (
         *LEVELS, lambda v: calibration.fit_calibration(v, SLOPE[1], 1).coefficients
     ),
-    "calibration.fit_calibration-y": (
+    "recording.calibration.fit_calibration-y": (
         *SLOPE, lambda v: calibration.fit_calibration(LEVELS[1], v, 1).coefficients
     ),
-    "contact.measured-heights": ("m", 1e-9 * np.sin(np.arange(20.0)), lambda v: contact.measured(v, 1e-8)),
-    "contact.sliding_path-sliding_displacement": ("m", [0.0, 1e-3, 0.0], lambda v: contact.sliding_path(v)),
-    "contact.of_backbone-displacement": (
+    "physics.contact.measured-heights": (
+        "m", 1e-9 * np.sin(np.arange(20.0)), lambda v: contact.measured(v, 1e-8)
+    ),
+    "physics.contact.sliding_path-sliding_displacement": (
+        "m", [0.0, 1e-3, 0.0], lambda v: contact.sliding_path(v)
+    ),
+    "physics.contact.of_backbone-displacement": (
         "m", [1e-7, 3e-7, 6e-7], lambda v: contact.of_backbone(v, [0.2, 0.4, 0.5])
     ),
-    "contact.of_backbone-force": ("N", [0.2, 0.4, 0.5], lambda v: contact.of_backbone([1e-7, 3e-7, 6e-7], v)),
-    "contact.of_loop-position": ("m", POSITION, lambda v: contact.of_loop(v, FORCE).law),
-    "contact.of_loop-force": ("N", FORCE, lambda v: contact.of_loop(POSITION, v).law),
-    "contact.backbone-displacement": (
+    "physics.contact.of_backbone-force": (
+        "N", [0.2, 0.4, 0.5], lambda v: contact.of_backbone([1e-7, 3e-7, 6e-7], v)
+    ),
+    "physics.contact.of_loop-position": ("m", POSITION, lambda v: contact.of_loop(v, FORCE).law),
+    "physics.contact.of_loop-force": ("N", FORCE, lambda v: contact.of_loop(POSITION, v).law),
+    "physics.contact.backbone-displacement": (
         "m", [0.0, 1e-8],
         lambda v: contact.backbone(lambda a: 1e6 * a, 1e-7, v, friction_coefficient=0.2, stiffness_ratio=0.8),
     ),
-    "contact.Ageing.stiction_ratio-rest": (
+    "physics.contact.Ageing.stiction_ratio-rest": (
         "s", [1.0, 10.0], lambda v: contact.Ageing(0.02).stiction_ratio(v)
     ),
 }  # fmt: skip
@@ -266,14 +280,14 @@ def test_an_array_in_another_unit_is_refused() -> None:
     for name, call in [*((n, one[2]) for n, one in ARRAYS.items()), *REFUSED_ONLY.items()]:
         field = name.split("-")[1] if name in REFUSED_ONLY else ""
         for given in (xr.DataArray([3.0, 4.0], attrs={"units": "cd"}), ["3 cd", "4 cd"], np.array(["3 cd"])):
-            with pytest.raises(ss.units.QuantityError, match=f"{field}.*'[13] cd'.*'cd'"):
+            with pytest.raises(ss.QuantityError, match=f"{field}.*'[13] cd'.*'cd'"):
                 call(given)
 
 
 IN_METRES: tuple[Callable[[Any], Any], ...] = (
     lambda v: ss.simulate(KANG, SAW, 0.02, tolerance=v),
     lambda v: ss.simulate_ensemble(KANG, SAW, 0.02, parameters={"load": [1]}, tolerance=v),
-    lambda v: ss.sensitivities(KANG, SAW, 0.02, parameters=["sigma_0"], tolerance=v),
+    lambda v: ss.simulation.sensitivities(KANG, SAW, 0.02, parameters=["sigma_0"], tolerance=v),
     lambda v: ss.steady_step(KANG, SAW, tolerance=v),
     lambda v: ss.simulation.steady_orbit(KANG, SAW, tolerance=v),
     lambda v: ss.steady_steps(KANG, SAW, parameters={"load": [1]}, tolerance=v),
@@ -289,15 +303,15 @@ def test_a_tolerance_that_says_nothing_is_refused() -> None:
     """With an infinite one a walk of 21 um ended at 0.30 m, by its own account without an error."""
     for call in IN_METRES:
         for given in (np.inf, np.nan, 0.0, -1e-9, 0.01, "2 mm", "inf m"):
-            with pytest.raises(ss.units.QuantityError, match=r"^tolerance = .*> 0 and <= 0.001 m"):
+            with pytest.raises(ss.QuantityError, match=r"^tolerance = .*> 0 and <= 0.001 m"):
                 call(given)
 
 
 # What counts in units that are given beside, or in those of its results.
 COUNTS_OTHERWISE = (
     "estimate.",
-    "calibration.cross_validation",
-    "contact.backbone-load",
+    "recording.calibration.cross_validation",
+    "physics.contact.backbone-load",
     "identify.",
     "make_recording",
     "electronics.",

@@ -11,7 +11,7 @@ from scipy import signal
 
 import stickslip as ss
 from stickslip.identify.frequency.modal import ModalModel, modal_response
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 LINES = np.array([0.1, 50.0, 500.0, 2000.0])

@@ -17,7 +17,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.units import QuantityError, array_si, near_one, to_si, with_prefix
+from stickslip.quantities.units import QuantityError, array_si, near_one, to_si, with_prefix
 
 READ = [
     ("65 V", "V", 65.0), ("65V", "V", 65.0), ("  65   V  ", "V", 65.0), ("65", "V", 65.0),
@@ -162,7 +162,7 @@ def test_prefixes_only_move_the_decimal_point(number: float, prefix: tuple[str, 
 
 def test_pint_is_imported_with_the_first_foreign_unit_only() -> None:
     program = (
-        "import sys; from stickslip.units import to_si, with_prefix\n"
+        "import sys; from stickslip.quantities.units import to_si, with_prefix\n"
         "to_si(65, 'V'); to_si('65', 'V'); to_si('65 V', 'V'); with_prefix(1e-9, 'm')\n"
         "to_si('1.4 N/um', 'N/m'); to_si('5 g', 'kg')\n"
         "print('pint' in sys.modules); to_si('1 lbf', 'N'); print('pint' in sys.modules)"

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.actuator import load_actuator
-from stickslip.chain import Chain
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
 from stickslip.estimate.result import Fit
+from stickslip.identify.verification import Requirement, net_step, verify
 from stickslip.identify.walk.prediction import Predictor
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import RecordingError, make_recording
+from stickslip.recording.chain import Chain
 from stickslip.simulation import simulate
-from stickslip.units import QuantityError
-from stickslip.verification import Requirement, net_step, verify
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sequence import Sequence
 from stickslip.waveform.shapes import Rest, Step

@@ -11,15 +11,15 @@ from pathlib import Path
 
 from cffi import FFI
 
-from stickslip.electronics import charging
 from stickslip.engine import laws
 from stickslip.engine.interface import of_numbers
 from stickslip.engine.translator import BOOL, REAL, Translation
-from stickslip.piezo import BoucWen
-from stickslip.piezo.creep import lag_change
-from stickslip.piezo.duhem import DUHEM
-from stickslip.piezo.operators import beyond, play
-from stickslip.plant.creeping import weights
+from stickslip.physics.electronics import charging
+from stickslip.physics.piezo import BoucWen
+from stickslip.physics.piezo.creep import lag_change
+from stickslip.physics.piezo.duhem import DUHEM
+from stickslip.physics.piezo.operators import beyond, play
+from stickslip.simulation.plant.creeping import weights
 
 ENGINE = Path(laws.__file__).parent
 # In the order of their includes.

@@ -24,7 +24,7 @@ import numpy as np
 import yaml
 
 from stickslip import load_actuator
-from stickslip.campaign.running import run_campaign
+from stickslip.jobs.campaign.running import run_campaign
 
 from .faults import PLANT, SINGLE, SIZES, Recorded, recorded
 from .simulator import Motion, Truth, motion, sawtooth, step

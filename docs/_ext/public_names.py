@@ -8,7 +8,17 @@ from typing import Any
 
 import stickslip as ss
 
-ROOMS = {name: room for name in ss.__all__ if isinstance(room := getattr(ss, name), ModuleType)}
+
+def _rooms(module: ModuleType, above: str = "") -> dict[str, ModuleType]:
+    """The sub-packages that a package lists, and theirs, by dotted name."""
+    found: dict[str, ModuleType] = {}
+    for name in getattr(module, "__all__", ()):
+        if isinstance(room := getattr(module, name), ModuleType):
+            found |= {above + name: room} | _rooms(room, f"{above}{name}.")
+    return found
+
+
+ROOMS = _rooms(ss)
 TOP = {name: getattr(ss, name) for name in ss.__all__ if name not in ROOMS and not name.startswith("_")}
 
 

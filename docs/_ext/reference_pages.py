@@ -10,7 +10,7 @@ from typing import Any
 from public_names import ROOMS, TOP, everything
 
 import stickslip
-from stickslip.records import quantities
+from stickslip.quantities.records import quantities
 
 _TOP_LEVEL = "stickslip"
 

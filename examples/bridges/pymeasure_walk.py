@@ -6,7 +6,7 @@ import sys
 
 from pymeasure.experiment import FloatParameter, IntegerParameter, Parameter, Procedure, Results, Worker
 
-from stickslip.positioners import Mcs2Client, wait
+from stickslip.rig.positioners import Mcs2Client, wait
 
 
 class Walk(Procedure):

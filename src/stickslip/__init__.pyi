@@ -1,44 +1,31 @@
 # isort: skip_file
 
 # Sub-packages: what is not daily work
-from . import calibration as calibration
-from . import campaign as campaign
-from . import chain as chain
-from . import comparison as comparison
-from . import contact as contact
 from . import control as control
 from . import design as design
-from . import electronics as electronics
 from . import estimate as estimate
-from . import experiment as experiment
 from . import export as export
 from . import friction as friction
 from . import history as history
 from . import identify as identify
+from . import jobs as jobs
 from . import panel as panel
 from . import parameters as parameters
-from . import piezo as piezo
-from . import positioners as positioners
-from . import readers as readers
+from . import physics as physics
+from . import quantities as quantities
 from . import recording as recording
-from . import registry as registry
+from .quantities import registry as registry
 from . import report as report
 from . import rig as rig
 from . import simulation as simulation
 from . import study as study
-from . import twins as twins
-from . import units as units
-from . import verification as verification
 from . import waveform as waveform
 
 # Models, and where their numbers are from
-from .actuator import Actuator as Actuator
-from .actuator import PulledSlider as PulledSlider
-from .actuator import StageModes as StageModes
-from .actuator import load_actuator as load_actuator
-from .actuator import load_pulled_slider as load_pulled_slider
-from .known import catalogue as catalogue
+from .physics.actuator import Actuator as Actuator
+from .physics.actuator import load_actuator as load_actuator
 from .parameters import cite as cite
+from .quantities import QuantityError as QuantityError
 
 # Friction laws
 from .friction import LAWS as LAWS
@@ -55,15 +42,16 @@ from .friction import Stribeck as Stribeck
 # Drive signals
 from .waveform import Constant as Constant
 from .waveform import PeriodicKnots as PeriodicKnots
+from .waveform import Rest as Rest
 from .waveform import ReverseSawtooth as ReverseSawtooth
 from .waveform import Sampled as Sampled
 from .waveform import Sawtooth as Sawtooth
+from .waveform import Sequence as Sequence
 from .waveform import Sine as Sine
 from .waveform import Step as Step
 
 # Simulation
-from .simulation import final_state as final_state
-from .simulation import sensitivities as sensitivities
+from .simulation import friction_response as friction_response
 from .simulation import simulate as simulate
 from .simulation import simulate_ensemble as simulate_ensemble
 from .simulation import steady_orbit as steady_orbit
@@ -71,17 +59,22 @@ from .simulation import steady_step as steady_step
 from .simulation import steady_steps as steady_steps
 
 # Recordings
-from .history import runs as runs
-from .readers import inspect_file as inspect_file
-from .readers import read_recording as read_recording
+from .recording.readers import inspect_file as inspect_file
+from .recording.readers import read_recording as read_recording
 from .recording import make_recording as make_recording
 from .recording import open_recording as open_recording
 from .recording import save_recording as save_recording
 
+# Rigs
+from .rig import Capture as Capture
+from .rig import Channel as Channel
+from .rig import Limits as Limits
+from .rig import VirtualRig as VirtualRig
+from .rig import load_bench as load_bench
+from .rig import measure as measure
+
 # Identification and verification
-from .contact import compare_contacts as compare_contacts
 from .estimate import Fit as Fit
-from .identify import compare_walks as compare_walks
 from .identify import identify_frequency as identify_frequency
 from .identify import identify_friction as identify_friction
 from .identify import identify_loops as identify_loops
@@ -91,17 +84,16 @@ from .identify import inverse_drive as inverse_drive
 from .identify import load_fit as load_fit
 from .identify import posterior as posterior
 from .identify import save_fit as save_fit
-from .verification import verify as verify
+from .identify.verification import verify as verify
 
 # Design
 from .design import optimise_waveform as optimise_waveform
-from .design import minimum_voltage as minimum_voltage
 from .design import step_map as step_map
 from .design import plan_experiment as plan_experiment
 
 # Pictures, files whose steps do all of this, studies of many members, code for others
-from .figures.plotting import plot as plot
-from .job import run_job as run_job
+from .report.figures.plotting import plot as plot
+from .jobs import run_job as run_job
 from .study import run_study as run_study
 from .export import export_c as export_c
 from .export import export_fmu as export_fmu

@@ -12,12 +12,12 @@ import pytest
 import yaml
 from tests.identify.stops import made_loops
 
-from stickslip import demo
-from stickslip.actuator import load_actuator
-from stickslip.analysis import run_file
-from stickslip.analysis.file import AnalysisError, RecordingFile, read_parts
-from stickslip.analysis.loops import _spans
 from stickslip.friction import Dahl
+from stickslip.jobs import demo
+from stickslip.jobs.analysis import run_file
+from stickslip.jobs.analysis.file import AnalysisError, RecordingFile, read_parts
+from stickslip.jobs.analysis.loops import _spans
+from stickslip.physics.actuator import load_actuator
 from stickslip.recording import RecordingError, make_recording, save_recording
 from stickslip.report import write_report
 from stickslip.simulation import friction_response, simulate

@@ -16,11 +16,11 @@ from typer.testing import CliRunner
 
 import stickslip as ss
 from stickslip import design
-from stickslip.analysis.design import design_analysis
-from stickslip.analysis.design_given import draws_of_file
-from stickslip.analysis.file import AnalysisError
 from stickslip.cli import app
-from stickslip.experiment.running import read_experiment
+from stickslip.jobs.analysis.design import design_analysis
+from stickslip.jobs.analysis.design_given import draws_of_file
+from stickslip.jobs.analysis.file import AnalysisError
+from stickslip.rig.experiment.running import read_experiment
 
 KANG = ss.load_actuator("kang2007")
 PULLED = {"name": "pulled", "change": {"external_force": "-0.1 N"}}
@@ -86,7 +86,7 @@ def test_the_drive_is_that_of_the_call(folder: Path, numbers: Any) -> None:
     force = design.Scenario("pulled", external_force="-0.1 N")
     found = ss.optimise_waveform(
         KANG, goal="speed", knots=4, max_voltage="90 V", frequency=(50.0, 1000.0), scenarios=[force],
-        output=ss.electronics.OutputStage("20 kHz", 400, "0.1 V", **LIMITS),  # type: ignore[arg-type]
+        output=ss.physics.electronics.OutputStage("20 kHz", 400, "0.1 V", **LIMITS),  # type: ignore[arg-type]
         uncertainty=draws_of_file(folder / "known.nc"), draws=2, budget=100,
     )  # fmt: skip
     told = numbers["optimise"]
@@ -169,7 +169,7 @@ def test_a_map_behind_an_output_is_that_of_the_call(tmp_path: Path) -> None:
     )
     assert done.exit_code == 0, done.output
     told = json.loads((tmp_path / "out" / "results.json").read_bytes())["numbers"]["map"]["net_step"]["value"]
-    output = ss.electronics.OutputStage(20e3, slew_rate=300e3)
+    output = ss.physics.electronics.OutputStage(20e3, slew_rate=300e3)
     of_call = ss.step_map(KANG, voltage=[60.0], frequency=[70.0, 1300.0], output=output).net_step.values
     np.testing.assert_array_equal(told, of_call)
 
@@ -204,7 +204,7 @@ def test_what_was_done_before_an_interruption_is_written(
     def early(*_: Any, **__: Any) -> None:
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr("stickslip.analysis.design_drives.optimise_waveform", early)
+    monkeypatch.setattr("stickslip.jobs.analysis.design_drives.optimise_waveform", early)
     asked = {"map": {"voltage": [60.0], "frequency": 20.0}, "optimise": {"goal": "speed"}, "plan": PLAN}
     done = run(written(tmp_path, {"model": "kang2007", **asked}), command)
     assert done.exit_code == 130

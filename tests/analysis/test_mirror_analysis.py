@@ -11,8 +11,8 @@ import pytest
 import yaml
 from tests.identify.frequency import modal_system
 
-from stickslip.analysis import run_file
-from stickslip.analysis.file import AnalysisError
+from stickslip.jobs.analysis import run_file
+from stickslip.jobs.analysis.file import AnalysisError
 from stickslip.report import write_report
 
 EXAMPLES = Path(str(importlib.resources.files("stickslip") / "examples"))

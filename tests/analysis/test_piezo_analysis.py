@@ -11,9 +11,9 @@ import yaml
 from typer.testing import CliRunner
 
 import stickslip as ss
-from stickslip.analysis.running import json_schema
 from stickslip.cli import app
 from stickslip.identify.results import model_of, piezo_of
+from stickslip.jobs.analysis.running import json_schema
 from stickslip.recording import save_recording
 
 STAGE = ss.load_actuator("kang2007-hysteresis").replace(clamped=True)

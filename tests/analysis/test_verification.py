@@ -12,17 +12,17 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from stickslip.actuator import load_actuator
 from stickslip.cli import app
 from stickslip.identify.results import model_numbers
 from stickslip.identify.saved import save_fit
+from stickslip.identify.verification import net_step, verify
 from stickslip.identify.walk.friction import identify_friction
-from stickslip.readers import inspect_file, read_recording
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.units import to_si
 from stickslip.recording import RecordingWarning, open_recording, save_recording
+from stickslip.recording.readers import inspect_file, read_recording
 from stickslip.report import Document, Number, write_report
 from stickslip.simulation import simulate
-from stickslip.units import to_si
-from stickslip.verification import net_step, verify
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sampled import Sampled
 from stickslip.waveform.sequence import Sequence

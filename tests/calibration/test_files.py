@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.analysis.file import RecordingFile
-from stickslip.calibration import (
+from stickslip.jobs.analysis.file import RecordingFile
+from stickslip.recording import RecordingError, make_recording, open_recording, save_recording
+from stickslip.recording.calibration import (
     CalibrationError,
     apply_calibration,
     available_calibrations,
@@ -22,8 +23,7 @@ from stickslip.calibration import (
     read_table,
     save_calibration,
 )
-from stickslip.calibration.storage import from_text
-from stickslip.recording import RecordingError, make_recording, open_recording, save_recording
+from stickslip.recording.calibration.storage import from_text
 
 CHAIN = ["kang2007-inductive-5", "kang2007-recalibration"]
 
@@ -179,7 +179,7 @@ def test_a_table_is_a_plain_file_of_finite_numbers_and_limited_size(tmp_path: Pa
     good = "position [mm], a [V]\n0, 1\n1, 2\n"
     (tmp_path / "infinite.csv").write_text(good + "2, 1e999\n")
     (tmp_path / "large.csv").write_text(good)
-    monkeypatch.setattr("stickslip.calibration.table.MOST_TABLE_BYTES", len(good) - 1)
+    monkeypatch.setattr("stickslip.recording.calibration.table.MOST_TABLE_BYTES", len(good) - 1)
     for name, said in (("pipe", "no plain file"), ("large", "such a file has up to")):
         with pytest.raises(CalibrationError, match=rf"{name}\.csv: .*{said}"):
             read_table(tmp_path / f"{name}.csv")

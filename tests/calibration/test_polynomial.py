@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from stickslip.calibration import (
+from stickslip.recording.calibration import (
     CalibrationError,
     cross_validation,
     fit_calibration,

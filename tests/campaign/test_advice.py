@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 import stickslip as ss
-from stickslip.campaign import additional, evaluation
-from stickslip.campaign.running import run_campaign
+from stickslip.jobs.campaign import additional, evaluation
+from stickslip.jobs.campaign.running import run_campaign
 from stickslip.report.document import Document
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)

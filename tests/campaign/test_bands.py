@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from stickslip.actuator import load_actuator
-from stickslip.analysis.alignment import Aligned
-from stickslip.campaign.bands import walk_bands
-from stickslip.campaign.budget import inherited
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
 from stickslip.estimate.result import Fit
 from stickslip.friction import Coulomb
 from stickslip.identify.walk.friction import identify_friction
+from stickslip.jobs.analysis.alignment import Aligned
+from stickslip.jobs.campaign.bands import walk_bands
+from stickslip.jobs.campaign.budget import inherited
+from stickslip.physics.actuator import load_actuator
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import with_values
 from stickslip.waveform.periodic import Sawtooth

@@ -12,19 +12,19 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from stickslip.analysis.alignment import Aligned
-from stickslip.campaign import run_campaign
-from stickslip.campaign.file import read_campaign
-from stickslip.campaign.gathering import scale_of, scaled
 from stickslip.cli import app
-from stickslip.input_file import InputFileError
+from stickslip.jobs.analysis.alignment import Aligned
+from stickslip.jobs.campaign import run_campaign
+from stickslip.jobs.campaign.file import read_campaign
+from stickslip.jobs.campaign.gathering import scale_of, scaled
+from stickslip.quantities.input_file import InputFileError
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import (
     RecordingError,
     make_recording,
     open_recording,
     save_recording,
 )
-from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.signal import value_at
 
@@ -207,7 +207,7 @@ def test_own_recordings_and_what_is_wrong_with_them(folder: Path) -> None:
     """The walk as a CSV of one's own; then cut short, constant, empty: each is refused by its name."""
     time = np.arange(4000) * 0.25e-3
     rng = np.random.default_rng(0)
-    from stickslip.actuator import load_actuator
+    from stickslip.physics.actuator import load_actuator
     from stickslip.simulation import simulate
     from stickslip.waveform.sequence import Sequence
     from stickslip.waveform.shapes import Rest
@@ -336,7 +336,7 @@ def test_what_no_field_alone_shows_is_refused_before_anything_is_computed(
     own = {"file": "walk.nc", "waveform": [{"shape": "Sawtooth", "fields": fields}]}
     plain = {"experiment": None, "reference": None, "recordings": [own], "published": {}}
     file = written(tmp_path, "own.yaml", **{**plain, **changes})
-    monkeypatch.setattr("stickslip.campaign.running.evaluate", lambda *_: pytest.fail("computed before"))
+    monkeypatch.setattr("stickslip.jobs.campaign.running.evaluate", lambda *_: pytest.fail("computed before"))
     with pytest.raises(InputFileError, match=rf"own\.yaml: {words}"):
         run_campaign(file, tmp_path)
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.analysis.alignment import Aligned, aligned
-from stickslip.campaign.document import campaign_document
-from stickslip.campaign.evaluation import evaluate
-from stickslip.campaign.file import CampaignFile
+from stickslip.jobs.analysis.alignment import Aligned, aligned
+from stickslip.jobs.campaign.document import campaign_document
+from stickslip.jobs.campaign.evaluation import evaluate
+from stickslip.jobs.campaign.file import CampaignFile
 from stickslip.waveform import Rest, Sequence
 
 NAMES = ("sigma_0", "sigma_1", "coulomb_force")

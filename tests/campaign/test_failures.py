@@ -14,8 +14,8 @@ from benchmarks.instruments.faults import SIZES
 from typer.testing import CliRunner
 
 import stickslip as ss
-from stickslip.campaign import additional
 from stickslip.cli import app
+from stickslip.jobs.campaign import additional
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
 NOISE = 50e-9

@@ -14,8 +14,8 @@ import yaml
 from typer.testing import CliRunner
 
 import stickslip as ss
-from stickslip.campaign import evaluation
 from stickslip.cli import app
+from stickslip.jobs.campaign import evaluation
 from stickslip.report.circumstances import circumstances
 from stickslip.report.results import results_json
 
@@ -107,7 +107,7 @@ def numbers(document: Any) -> Any:
 def run(folder: Path, out: Path, file: str = "campaign.yaml") -> Any:
     """The document; None where it was interrupted, as by Ctrl-C."""
     try:
-        return ss.campaign.run_campaign(folder / file, out, figures=False)
+        return ss.jobs.run_campaign(folder / file, out, figures=False)
     except KeyboardInterrupt:
         return None
 

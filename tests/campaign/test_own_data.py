@@ -32,7 +32,7 @@ MY_LAW = """
 from typing import Annotated, NamedTuple
 
 from stickslip.friction import register_law
-from stickslip.records import Quantity, record
+from stickslip.quantities.records import Quantity, record
 
 
 @record

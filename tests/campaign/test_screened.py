@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
-from stickslip.analysis.alignment import Aligned, aligned, on_level, said_to_drift, without_drift
-from stickslip.campaign.evaluation import moved
 from stickslip.identify.recorded.screen import refuse_inverted, refuse_walk
 from stickslip.identify.walk.prediction import Predictor
+from stickslip.jobs.analysis.alignment import Aligned, aligned, on_level, said_to_drift, without_drift
+from stickslip.jobs.campaign.evaluation import moved
+from stickslip.physics.actuator import load_actuator
 from stickslip.recording import RecordingError, make_recording
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth

@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.analysis.alignment import Aligned
-from stickslip.analysis.comparison import conclusion, named
-from stickslip.campaign.additional import Additional
-from stickslip.campaign.additional_sections import additional_numbers, additional_sections
-from stickslip.campaign.features import feature_numbers, features_of, features_section
 from stickslip.estimate.bent import straight
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.goodness import Goodness
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.posterior import sample
 from stickslip.estimate.problem import Residuals
-from stickslip.figures.posterior import posterior_corner
 from stickslip.identify.candidates import Comparison
 from stickslip.identify.walk.compare import walk_candidates
+from stickslip.jobs.analysis.alignment import Aligned
+from stickslip.jobs.analysis.comparison import conclusion, named
+from stickslip.jobs.campaign.additional import Additional
+from stickslip.jobs.campaign.additional_sections import additional_numbers, additional_sections
+from stickslip.jobs.campaign.features import feature_numbers, features_of, features_section
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import make_recording
 from stickslip.report import Number
-from stickslip.units import QuantityError
+from stickslip.report.figures.posterior import posterior_corner
 
 T = np.linspace(0.0, 1.0, 200)
 Y = 1.0 + 2.0 * T + 0.05 * np.random.default_rng(0).standard_normal(T.size)

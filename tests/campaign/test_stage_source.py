@@ -13,9 +13,15 @@ import yaml
 from typer.testing import CliRunner
 
 import stickslip as ss
-from stickslip.campaign.file import CampaignFile
-from stickslip.campaign.stage_source import FITTED_TOO, FROM_STEPS, band_words, stage_heading, stage_words
 from stickslip.cli import app
+from stickslip.jobs.campaign.file import CampaignFile
+from stickslip.jobs.campaign.stage_source import (
+    FITTED_TOO,
+    FROM_STEPS,
+    band_words,
+    stage_heading,
+    stage_words,
+)
 
 KANG = ss.load_actuator("kang2007")
 DRIVE = {"shape": "Sawtooth", "fields": {"amplitude": 65.0, "frequency": 50.0, "periods": 3}}

@@ -12,12 +12,12 @@ import pytest
 
 import stickslip as ss
 from identify.step.test_own_timing import GAIN, VOLTS, recorded
-from stickslip.campaign.evaluation import _stage
-from stickslip.campaign.file import CampaignFile
-from stickslip.campaign.gathering import gather
-from stickslip.campaign.kept import Kept
-from stickslip.campaign.stage import stage_section
-from stickslip.progress import unheard
+from stickslip.jobs.campaign.evaluation import _stage
+from stickslip.jobs.campaign.file import CampaignFile
+from stickslip.jobs.campaign.gathering import gather
+from stickslip.jobs.campaign.kept import Kept
+from stickslip.jobs.campaign.stage import stage_section
+from stickslip.quantities.progress import unheard
 
 
 def test_the_stage_of_a_campaign(tmp_path: Path) -> None:

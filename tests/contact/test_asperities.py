@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from stickslip.contact import (
+from stickslip.friction import MaxwellSlip
+from stickslip.physics.contact import (
     AdhesiveBall,
     Ageing,
     Bodies,
@@ -30,10 +31,9 @@ from stickslip.contact import (
     sliding_path,
     worn_depth,
 )
-from stickslip.contact.asperities import moment
-from stickslip.friction import MaxwellSlip
+from stickslip.physics.contact.asperities import moment
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import friction_response
-from stickslip.units import QuantityError
 
 STEEL = Material("210 GPa", 0.3, "7.5 GPa")
 BODIES = Bodies(STEEL, STEEL)

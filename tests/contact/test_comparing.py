@@ -9,7 +9,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.estimate import Fit, Parameter, Residuals, fit_least_squares
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 LOADS = (1.0, 2.0, 4.0, 1.0, 2.0, 4.0, 1.0, 4.0)
 SURFACES = ("ground",) * 3 + ("lapped",) * 3 + ("ground", "lapped")
@@ -42,7 +42,7 @@ CONDITIONS = {"normal_force": [f"{load} N" for load in LOADS], "surface": SURFAC
 
 
 def test_what_moved() -> None:
-    found = ss.compare_contacts(contacts(0, scatter=0.05), CONDITIONS)
+    found = ss.physics.contact.compare_contacts(contacts(0, scatter=0.05), CONDITIONS)
     assert found.moved("normal_force") == ["sigma_0", "coulomb_force"]
     assert found.moved("surface: lapped over ground") == ["sigma_0"]
     row = found.effects.sel(parameter="sigma_0")
@@ -64,7 +64,7 @@ def test_intervals_hold_and_chances_are_right() -> None:
     """Of 40 studies: 95 % intervals hold the truth, and scatter from place to place is found."""
     held, wrong, scatters = [], [], []
     for seed in range(40):
-        found = ss.compare_contacts(contacts(seed, scatter=0.1, ratio=1.0), CONDITIONS)
+        found = ss.physics.contact.compare_contacts(contacts(seed, scatter=0.1, ratio=1.0), CONDITIONS)
         ends = found.effects.sel(effect="normal_force")
         held += list((ends["low"].values < 1.0) & (ends["high"].values > 1.0))
         wrong.append(bool(found.moved("surface: lapped over ground")))
@@ -78,7 +78,7 @@ def test_two_contacts_alone() -> None:
     """By hand: the logarithm of a ratio with both errors, and a sentence on what is not in it."""
     random = np.random.default_rng(5)
     two = {"before": fit(random, coulomb_force=0.5), "after": fit(random, coulomb_force=0.4)}
-    found = ss.compare_contacts(two, {"run_in": ["no", "yes"]})
+    found = ss.physics.contact.compare_contacts(two, {"run_in": ["no", "yes"]})
     effect = found.effects.squeeze()
     ratio = two["after"].values["coulomb_force"] / two["before"].values["coulomb_force"]
     assert float(effect["ratio"]) == pytest.approx(ratio)
@@ -101,8 +101,8 @@ def test_what_cannot_be_compared() -> None:
         ({"load": [1.0, 2.0], "surface": ["x", "y"]}, "vary together"),
     ):
         with pytest.raises(QuantityError, match=match):
-            ss.compare_contacts(two, conditions)
+            ss.physics.contact.compare_contacts(two, conditions)
     with pytest.raises(QuantityError, match=r"not every fit has 'coulomb_forc' .did you mean"):
-        ss.compare_contacts(two, {"load": [1.0, 2.0]}, parameters=["coulomb_forc"])
+        ss.physics.contact.compare_contacts(two, {"load": [1.0, 2.0]}, parameters=["coulomb_forc"])
     with pytest.raises(QuantityError, match="at least two"):
-        ss.compare_contacts({"a": two["a"]}, {"load": [1.0]})
+        ss.physics.contact.compare_contacts({"a": two["a"]}, {"load": [1.0]})

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from stickslip.contact import ExponentialContact, Hertz, Mindlin, backbone
-from stickslip.contact.persson import GAMMA, GAMMA_FACTOR, Persson
-from stickslip.contact.roughness import measured
+from stickslip.physics.contact import ExponentialContact, Hertz, Mindlin, backbone
+from stickslip.physics.contact.persson import GAMMA, GAMMA_FACTOR, Persson
+from stickslip.physics.contact.roughness import measured
 
 from .half_space import free, held, periodic, pressed, pushed, rough
 

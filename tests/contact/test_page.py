@@ -11,7 +11,7 @@ import pytest
 
 import stickslip as ss
 from identify.stops import tribometer
-from stickslip.contact import ball_prior, load_pair, of_loop
+from stickslip.physics.contact import ball_prior, load_pair, of_loop
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "contact.md").read_text(encoding="utf-8")
 
@@ -55,7 +55,7 @@ def test_the_study(page: dict[str, Any]) -> None:
         [[1.0, np.log(float(t["normal_force"].split()[0])), t["surface"] == "ground"] for t in truth]
     )
     for name, unit in (("sigma_0", "N/m"), ("coulomb_force", "N")):
-        values = [ss.units.to_si(t[name], unit) for t in truth]
+        values = [ss.quantities.units.to_si(t[name], unit) for t in truth]
         _, power, ratio = np.linalg.lstsq(design, np.log(values), rcond=None)[0]
         for effect, value in (("normal_force", power), ("surface: ground over lapped", np.exp(ratio))):
             row = found.effects.sel(parameter=name, effect=effect)

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.contact import (
+from stickslip.identify.loops.fit import identify_loops
+from stickslip.parameters import ParameterSetError, cite
+from stickslip.physics.contact import (
     Mindlin,
     available_materials,
     available_pairs,
@@ -20,11 +22,9 @@ from stickslip.contact import (
     rough_prior,
     self_affine,
 )
-from stickslip.contact.priors import GAMMA_FACTOR, OF_BALL, OF_ROUGHNESS, THEORY, together
-from stickslip.identify.loops.fit import identify_loops
-from stickslip.parameters import ParameterSetError, cite
+from stickslip.physics.contact.priors import GAMMA_FACTOR, OF_BALL, OF_ROUGHNESS, THEORY, together
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import make_recording
-from stickslip.units import QuantityError
 
 PAIR = load_pair("sapphire-steel")
 SURFACE = self_affine("0.3 um", 0.8, longest="80 um", shortest="1 um", roll_off="20 um")
@@ -165,11 +165,11 @@ def test_every_pair_says_where_its_numbers_are_from(name: str) -> None:
     assert all(len(why) > 15 for why in pair.assumptions.values())
     assert not pair.citations or "@" in cite(*pair.citations)
     assert pair.bodies.hardness is not None
-    assert pair.title in ss.catalogue("friction pairs")["friction pairs"][name]
+    assert pair.title in ss.jobs.catalogue("friction pairs")["friction pairs"][name]
 
 
 def test_materials_and_files_of_ones_own(tmp_path: Path) -> None:
-    assert set(ss.catalogue("materials")["materials"]) == set(available_materials())
+    assert set(ss.jobs.catalogue("materials")["materials"]) == set(available_materials())
     assert load_material("steel").youngs_modulus == 210e9
     (tmp_path / "glass.toml").write_text(
         'title = "glass"\ncitations = []\nkind = "material"\n'

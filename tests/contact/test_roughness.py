@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from stickslip.contact import (
+from stickslip.physics.contact import (
     GreenwoodWilliamson,
     Persson,
     Roughness,
@@ -19,7 +19,7 @@ from stickslip.contact import (
     read_topography,
     self_affine,
 )
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 from .half_space import rough
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from stickslip.actuator import load_actuator
 from stickslip.control import (
     ControlWarning,
     Mover,
@@ -18,6 +17,7 @@ from stickslip.control import (
 )
 from stickslip.engine._abi import ffi
 from stickslip.engine.library import library
+from stickslip.physics.actuator import load_actuator
 
 KANG = load_actuator("kang2007")
 RATE, TOLERANCE, GAIN = 20e3, 10e-9, 0.1e-6

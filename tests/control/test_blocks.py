@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stickslip.control import LowPass, NoiseShaped, Notch, Pid, Regulator
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 RATE = 20e3
 PARTS = {"notches": (Notch("350 Hz", 0.5, 0.05), Notch(900.0)), "low_pass": LowPass("2 kHz")}

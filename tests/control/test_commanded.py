@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.actuator import load_actuator
 from stickslip.control import (
     Commanded,
     Pid,
@@ -21,8 +20,9 @@ from stickslip.control import (
 )
 from stickslip.control.commanded import WORDS
 from stickslip.control.loops import sampled_loop, step_response
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import steady_step
-from stickslip.units import QuantityError
 from stickslip.waveform import PeriodicKnots
 
 KANG = load_actuator("kang2007")

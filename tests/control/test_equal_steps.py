@@ -7,8 +7,8 @@ import pytest
 from benchmarks.control_bench import RATE, SET, WALK, drawn
 from benchmarks.control_steps import Series, equal_steps
 
-from stickslip.actuator import load_actuator
 from stickslip.control import Steps, StepSizes
+from stickslip.physics.actuator import load_actuator
 
 BASE = load_actuator(SET)
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
 from stickslip.control import Estimator, StepModel
-from stickslip.electronics import OutputStage
+from stickslip.physics.actuator import load_actuator
+from stickslip.physics.electronics import OutputStage
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import steady_step
-from stickslip.units import QuantityError
 from stickslip.waveform import Sawtooth
 
 KANG = load_actuator("kang2007")

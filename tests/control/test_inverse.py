@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
 from stickslip.control import Mover, PiezoInverse, Stepping, StepSizes, settling, simulate_control, tune
+from stickslip.physics.actuator import load_actuator
 from stickslip.simulation import Motion
 from stickslip.waveform import Sampled
 

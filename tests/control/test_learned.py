@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
 from stickslip.control import Learnt, Regulator, simulate_control, tune
 from stickslip.control.loops import Loop, sampled_loop
+from stickslip.physics.actuator import load_actuator
 from stickslip.waveform import Sampled
 
 KANG, BENT = load_actuator("kang2007"), load_actuator("kang2007-hysteresis")

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.control import LowPass, MarginError, Notch, Pid, Regulator, Tuning, check_margins, tune
 from stickslip.control.loops import OpenLoop, closed_loop, sampled_loop
 from stickslip.control.tuning import margins
+from stickslip.physics.actuator import Actuator, load_actuator
 from stickslip.simulation.sticking import sticking
 
 KANG = load_actuator("kang2007")

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from stickslip.analysis.file import AnalysisError
-from stickslip.analysis.moving import MoveFile, read_move, run_move
-from stickslip.progress import unheard
-from stickslip.units import QuantityError
+from stickslip.jobs.analysis.file import AnalysisError
+from stickslip.jobs.analysis.moving import MoveFile, read_move, run_move
+from stickslip.quantities.progress import unheard
+from stickslip.quantities.units import QuantityError
 
 ACTUATOR = {"set": "kang2007"}
 

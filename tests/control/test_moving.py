@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
 from stickslip.control import (
     MoveError,
     Mover,
@@ -17,10 +16,11 @@ from stickslip.control import (
     simulate_control,
     tune,
 )
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import make_recording
 from stickslip.rig import Channel, LimitError, Limits, VirtualRig, load_bench, regulate
 from stickslip.simulation import simulate
-from stickslip.units import QuantityError
 from stickslip.waveform import Sampled, Sequence
 
 KANG = load_actuator("kang2007")

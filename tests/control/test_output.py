@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.control import (
     ControlWarning,
     Mover,
@@ -23,10 +22,11 @@ from stickslip.control import (
     tune,
 )
 from stickslip.control.loops import sampled_loop
-from stickslip.electronics import Amplifier, OutputStage
+from stickslip.physics.actuator import Actuator, load_actuator
+from stickslip.physics.electronics import Amplifier, OutputStage
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import steady_step
 from stickslip.simulation.sticking import sticking
-from stickslip.units import QuantityError
 from stickslip.waveform import Sampled
 
 KANG = load_actuator("kang2007")

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
 from stickslip.control import (
     LowPass,
     Notch,
@@ -19,7 +18,8 @@ from stickslip.control import (
     Regulator,
     export_regulator,
 )
-from stickslip.units import QuantityError
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.units import QuantityError
 
 RATE = 20e3
 PROGRAM = """

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.actuator import load_actuator
 from stickslip.control import (
     Estimator,
     Learnt,
@@ -30,7 +29,8 @@ from stickslip.control import (
     settling,
     simulate_control,
 )
-from stickslip.units import QuantityError
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.units import QuantityError
 
 KANG, BENT = load_actuator("kang2007"), load_actuator("kang2007-hysteresis")
 RATE = 20e3

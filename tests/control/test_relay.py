@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
 from stickslip.control import Pid, Regulator, Relay, simulate_control
 from stickslip.control.loops import grid, sampled_loop
 from stickslip.control.tuning import margins
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.units import QuantityError, to_si
 from stickslip.rig import Channel, Limits, VirtualRig, load_bench, regulate
-from stickslip.units import QuantityError, to_si
 
 KANG = load_actuator("kang2007")
 RATE = 20e3

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from stickslip.control import settling
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import make_recording
-from stickslip.units import QuantityError
 
 TIME = np.arange(2000) * 5e-6
 RINGING = 1e-6 * (1.0 - np.exp(-500.0 * TIME) * np.cos(2.0 * np.pi * 2.2e3 * TIME))

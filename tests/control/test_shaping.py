@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.actuator import load_actuator
 from stickslip.control import (
     Mover,
     Pid,
@@ -18,10 +17,11 @@ from stickslip.control import (
     StepSizes,
     simulate_control,
 )
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import Controller
 from stickslip.simulation import simulate
 from stickslip.simulation.sticking import sticking
-from stickslip.units import QuantityError
 from stickslip.waveform import Sampled
 
 RATE = 20e3

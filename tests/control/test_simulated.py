@@ -21,8 +21,8 @@ from stickslip.control import (
     StepSizes,
     simulate_control,
 )
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import Controller
-from stickslip.units import QuantityError
 from stickslip.waveform import Ramp as Line
 
 KANG = ss.load_actuator("kang2007")

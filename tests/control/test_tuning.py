@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.actuator import load_actuator
 from stickslip.control import (
     LowPass,
     MarginError,
@@ -26,8 +25,9 @@ from stickslip.control.loops import sampled_loop
 from stickslip.control.tuning import margins, models_of
 from stickslip.estimate.posterior import Posterior
 from stickslip.friction import Coulomb
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation.sticking import sticking
-from stickslip.units import QuantityError
 
 KANG = load_actuator("kang2007")
 RATE = 20e3

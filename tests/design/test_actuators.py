@@ -12,7 +12,7 @@ import stickslip as ss
 from stickslip import design
 from stickslip.design import Scenario
 from stickslip.design.space import built, space_of
-from stickslip.electronics import OutputStage
+from stickslip.physics.electronics import OutputStage
 
 KANG = ss.load_actuator("kang2007")
 HARD = KANG.replace(friction=KANG.friction._replace(coulomb_force=1.0, stiction_force=1.3))
@@ -88,7 +88,7 @@ def test_what_has_to_be_held_is():
     """The fastest contact is a light one; it must hold 1 N."""
     found = find(KANG, free={"load": (0.3, 3.0)}, holding_force="1 N")
     assert found.load * KANG.friction.coulomb_force == pytest.approx(1.0, rel=5e-3)
-    with pytest.raises(ss.units.QuantityError, match="holding_force = 2 N is not reached"):
+    with pytest.raises(ss.QuantityError, match="holding_force = 2 N is not reached"):
         find(KANG, free={"load": (0.3, 3.0)}, holding_force="2 N", budget=100)
 
 
@@ -128,15 +128,15 @@ REFUSED = [
 
 @pytest.mark.parametrize(("given", "said"), REFUSED)
 def test_refused(given, said):
-    with pytest.raises(ss.units.QuantityError, match=said):
+    with pytest.raises(ss.QuantityError, match=said):
         find(KANG, **given)
 
 
 def test_refused_of_models():
-    with pytest.raises(ss.units.QuantityError, match="no actuator"):
+    with pytest.raises(ss.QuantityError, match="no actuator"):
         find({}, free={"load": (0.5, 2.0)})
-    with pytest.raises(ss.units.QuantityError, match="clamped"):
+    with pytest.raises(ss.QuantityError, match="clamped"):
         find(KANG.replace(clamped=True), free={"load": (0.5, 2.0)})
     maxwell = KANG.replace(friction=ss.MaxwellSlip((1e6, 2e6), (0.3, 0.4)))
-    with pytest.raises(ss.units.QuantityError, match="MaxwellSlip has no coulomb_force"):
+    with pytest.raises(ss.QuantityError, match="MaxwellSlip has no coulomb_force"):
         find(maxwell, free={"load": (0.5, 2.0)}, holding_force="1 N")

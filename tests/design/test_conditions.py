@@ -80,19 +80,19 @@ def test_robust_over_draws_is_worse_nowhere():
 
 @pytest.mark.parametrize("given", [{"load": math.inf}, {"factors": {"gain": math.nan}}])
 def test_a_scenario_is_of_finite_numbers(given):
-    with pytest.raises(ss.units.QuantityError, match=next(iter(given))):
+    with pytest.raises(ss.QuantityError, match=next(iter(given))):
         conditions_of(KANG, [Scenario(**given)], None, 1, 0)
 
 
 def test_an_uncertainty_of_another_model_is_refused():
     other = KANG.replace(friction=ss.Coulomb(coulomb_force=0.5))
-    with pytest.raises(ss.units.QuantityError, match="of another model: it has 'sigma_0'"):
+    with pytest.raises(ss.QuantityError, match="of another model: it has 'sigma_0'"):
         ss.optimise_waveform(
             other, goal="speed", max_voltage=100.0, uncertainty=posterior_of(coulomb_force=0.1, sigma_0=0.2)
         )
-    with pytest.raises(ss.units.QuantityError, match="uncertainty=posterior"):
+    with pytest.raises(ss.QuantityError, match="uncertainty=posterior"):
         ss.optimise_waveform(posterior_of(sigma_0=0.1), goal="speed")
-    with pytest.raises(ss.units.QuantityError, match="no parameter of the actuator"):
+    with pytest.raises(ss.QuantityError, match="no parameter of the actuator"):
         ss.optimise_waveform(KANG, goal="speed", max_voltage=100.0, uncertainty=posterior_of())
 
 
@@ -260,7 +260,7 @@ def test_a_front_of_speed_and_current():
     assert speed[-1] == pytest.approx(exact(KANG, last) / last.period, rel=1e-4)
     times, volts = np.array([*last.times, last.period]), np.array([*last.values, last.values[0]])
     assert current[-1] == pytest.approx(1.4e-6 * np.abs(np.diff(volts) / np.diff(times)).max())
-    with pytest.raises(ss.units.QuantityError, match="must be two"):
+    with pytest.raises(ss.QuantityError, match="must be two"):
         design.waveform_front(KANG, goals=("speed",))  # type: ignore[arg-type]
 
 
@@ -275,10 +275,10 @@ def test_what_stays_of_a_front():
 
 
 def test_heat_is_that_of_the_account():
-    stack = ss.electronics.Stack(1.4e-6, 0.02, 8.0, 150.0, 20.0, 5.0)
+    stack = ss.physics.electronics.Stack(1.4e-6, 0.02, 8.0, 150.0, 20.0, 5.0)
     shape = design.polygons.Polygons(
         np.array([[0.0, 0.3, 0.6, 0.8]]), np.array([[0.0, 90.0, 40.0, 70.0]]), np.array([2e-3])
     )
     heat = design.Heat(stack).of(shape, Moved(*np.zeros((2, 1, 1))))
-    account = ss.electronics.electrical(shape.one(0), stack, 400 * 2e-3)
+    account = ss.physics.electronics.electrical(shape.one(0), stack, 400 * 2e-3)
     assert float(heat[0, 0]) == pytest.approx(float(account.mean_loss), rel=5e-3)

@@ -14,7 +14,7 @@ from stickslip.design.limits import Allowed
 from stickslip.design.moving import Moved
 from stickslip.design.polygons import STEEPEST, Polygons, as_knots, knots, sawtooths, starts
 from stickslip.design.search import SHORTFALL, Judge, worst_of
-from stickslip.electronics import OutputStage
+from stickslip.physics.electronics import OutputStage
 from stickslip.simulation.demand import electrical_demand
 
 NONE = np.zeros(0, np.int64)
@@ -89,7 +89,7 @@ def test_what_the_search_moves() -> None:
 def test_goals_are_what_they_say() -> None:
     assert Speed().of(TWO, MOVED) == pytest.approx(np.array([[1e-4, -3e-4], [1e-3, 2.5e-3]]))
     assert (Speed().sign, Speed(-1).sign) == (1.0, -1.0)
-    with pytest.raises(ss.units.QuantityError, match="direction"):
+    with pytest.raises(ss.QuantityError, match="direction"):
         Speed(0.5)
     assert StepSize(2e-6).of(TWO, MOVED) == pytest.approx(np.array([[1e-6, 5e-6], [0.0, 3e-6]]))
     current = Current(2e-6).of(TWO, MOVED)
@@ -98,7 +98,7 @@ def test_goals_are_what_they_say() -> None:
     assert Ripple().of(TWO, MOVED) == pytest.approx(MOVED.ripple)
 
 
-STACK = ss.electronics.Stack("1.8 uF", 0.02, 8.0, "150 V", 20.0, 5.0)
+STACK = ss.physics.electronics.Stack("1.8 uF", 0.02, 8.0, "150 V", 20.0, 5.0)
 
 
 def test_heat_is_that_of_the_closed_cycles_wherever_the_period_begins() -> None:
@@ -154,7 +154,7 @@ def test_current_energy_and_heat_of_a_slow_fall() -> None:
     assert found["temperature_rise"] == pytest.approx(stack.thermal_resistance * 200.0 * lost)
     quick = electrical_demand(wave, {"frequency": np.array([100.0, 400.0])}, stack, 2)
     assert quick["peak_current"] == pytest.approx(found["peak_current"] * [0.5, 2.0])
-    with pytest.raises(ss.units.QuantityError, match="jumps"):
+    with pytest.raises(ss.QuantityError, match="jumps"):
         electrical_demand(ss.Sawtooth(100.0, 200.0), {}, stack, 1)
 
 
@@ -169,7 +169,7 @@ def test_a_table_is_joined_by_lines() -> None:
     assert design.voltage_for(table, "3.5 um") == pytest.approx(30.0)
     back = table._replace(steps=-steps)
     assert design.voltage_for(back, -3.5e-6) == pytest.approx(30.0)
-    with pytest.raises(ss.units.QuantityError, match="out of range"):
+    with pytest.raises(ss.QuantityError, match="out of range"):
         design.voltage_for(table, "5 um")
-    with pytest.raises(ss.units.QuantityError, match="not monotone"):
+    with pytest.raises(ss.QuantityError, match="not monotone"):
         design.voltage_for(table._replace(steps=np.array([1e-6, 3e-6, 2e-6])), "2 um")

@@ -10,8 +10,8 @@ import pytest
 import stickslip as ss
 from stickslip import design
 from stickslip.design.stepping import TOLERANCE
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import SimulationError, SimulationWarning, steady_step
-from stickslip.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 SLOW = ss.Sawtooth(65.0, 5.0)
@@ -26,17 +26,21 @@ def test_least_voltage(seed: int, step: float) -> None:
         damping_ratio=float(rng.uniform(0.3, 0.7)),
     )
     hertz, load = float(rng.uniform(5.0, 150.0)), float(rng.uniform(0.0, 0.02))
-    least = ss.minimum_voltage(model, frequency=hertz, step=step, load=load, tolerance="2 mV")
+    least = ss.design.minimum_voltage(model, frequency=hertz, step=step, load=load, tolerance="2 mV")
     loaded = model.replace(external_force=load)
     assert steady_step(loaded, ss.Sawtooth(least, hertz)) >= step
     assert steady_step(loaded, ss.Sawtooth(least - 0.002, hertz)) < step
 
 
 def test_least_voltage_of_the_mirrored_drive_is_the_same() -> None:
-    forward = ss.minimum_voltage(KANG, SLOW, step="1 um")
-    assert ss.minimum_voltage(KANG, SLOW, step="1 um", direction=-1) == pytest.approx(forward, abs=2e-3)
-    assert forward == pytest.approx(ss.minimum_voltage(KANG, frequency="5 Hz", step="1000 nm"), abs=1e-9)
-    assert ss.minimum_voltage(KANG, SLOW) < 0.2 * forward
+    forward = ss.design.minimum_voltage(KANG, SLOW, step="1 um")
+    assert ss.design.minimum_voltage(KANG, SLOW, step="1 um", direction=-1) == pytest.approx(
+        forward, abs=2e-3
+    )
+    assert forward == pytest.approx(
+        ss.design.minimum_voltage(KANG, frequency="5 Hz", step="1000 nm"), abs=1e-9
+    )
+    assert ss.design.minimum_voltage(KANG, SLOW) < 0.2 * forward
 
 
 def test_a_step_that_becomes_less_again_is_said() -> None:
@@ -48,23 +52,23 @@ def test_a_step_that_becomes_less_again_is_said() -> None:
     assert steps[best] > 1e-9
     wanted = 0.5 * float(steps[best])
     with pytest.warns(SimulationWarning, match="reached at .* and not any more at"):
-        least = ss.minimum_voltage(KANG, frequency=700.0, step=wanted)
+        least = ss.design.minimum_voltage(KANG, frequency=700.0, step=wanted)
     assert least < volts[best]
     assert steady_step(KANG, ss.Sawtooth(least, 700.0)) >= wanted
 
 
 def test_a_voltage_beyond_the_model_s_range_is_refused() -> None:
     with pytest.raises(QuantityError, match="max_voltage = 500 V is out of range: kang2007 takes 150 V"):
-        ss.minimum_voltage(KANG, frequency=5.0, step=1e-6, max_voltage=500.0)
+        ss.design.minimum_voltage(KANG, frequency=5.0, step=1e-6, max_voltage=500.0)
 
 
 def test_what_no_voltage_reaches() -> None:
     with pytest.raises(
         SimulationError, match=r"no voltage up to 150 V steps by 1 mm: at most by .* at 150 V"
     ):
-        ss.minimum_voltage(KANG, frequency=5.0, step="1 mm")
+        ss.design.minimum_voltage(KANG, frequency=5.0, step="1 mm")
     with pytest.raises(QuantityError, match="max_voltage must be given"):
-        ss.minimum_voltage(KANG.replace(max_voltage=math.inf), frequency=5.0)
+        ss.design.minimum_voltage(KANG.replace(max_voltage=math.inf), frequency=5.0)
 
 
 @pytest.mark.parametrize("seed", [0, 3])

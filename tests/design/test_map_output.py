@@ -11,12 +11,12 @@ import pytest
 
 import stickslip as ss
 from stickslip import design
-from stickslip.actuator import Actuator
 from stickslip.control import StepSizes
 from stickslip.control.steps import RISING
-from stickslip.electronics import Amplifier, OutputStage, Stack
+from stickslip.physics.actuator import Actuator
+from stickslip.physics.electronics import Amplifier, OutputStage, Stack
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import steady_step
-from stickslip.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 RATE, HERTZ = 20e3, 100.0

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.actuator import Actuator
 from stickslip.design.motion import measured, sample_times
+from stickslip.physics.actuator import Actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import SimulationWarning
 from stickslip.simulation import steady_members as engine
-from stickslip.units import QuantityError
 from stickslip.waveform import Constant, Cycloid
 
 KANG = ss.load_actuator("kang2007")
@@ -194,12 +194,12 @@ def test_sample_times_are_close_behind_breaks() -> None:
 
 
 def test_current_energy_and_heat() -> None:
-    stack = ss.electronics.Stack(1.8e-6, 0.02, 8.0, 150.0, 20.0, 5.0)
+    stack = ss.physics.electronics.Stack(1.8e-6, 0.02, 8.0, 150.0, 20.0, 5.0)
     drive = ss.Sawtooth(65.0, 50.0, rise_fraction=0.9)
     found = ss.step_map(KANG, drive, voltage=[30.0, 65.0], frequency=[50.0, 200.0], stack=stack)
     for volts, hertz in itertools.product([30.0, 65.0], [50.0, 200.0]):
         one, at = drive._replace(amplitude=volts, frequency=hertz), found.sel(voltage=volts, frequency=hertz)
-        run = ss.electronics.electrical(one, stack, 1.0 / hertz)
+        run = ss.physics.electronics.electrical(one, stack, 1.0 / hertz)
         assert float(at.peak_current) == pytest.approx(float(run.peak_current), rel=1e-3)
         assert float(at.rms_current) == pytest.approx(float(run.rms_current), rel=1e-3)
         assert float(at.heat) == pytest.approx(float(run.mean_loss), rel=1e-3)

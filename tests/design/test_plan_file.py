@@ -12,11 +12,11 @@ import pytest
 import stickslip as ss
 from stickslip.design import Plan
 from stickslip.design.candidates import there_and_back
-from stickslip.experiment import run_experiment
-from stickslip.input_file import InputFileError, load_yaml, yaml_text
+from stickslip.quantities.input_file import InputFileError, load_yaml, yaml_text
+from stickslip.quantities.units import QuantityError
 from stickslip.recording.drive import named_drive
 from stickslip.rig import Limits
-from stickslip.units import QuantityError
+from stickslip.rig.experiment import run_experiment
 from stickslip.waveform import Sequence
 
 mpl.use("agg")

@@ -21,10 +21,10 @@ from stickslip.estimate.coloured import Coloured
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.tied import Ties
 from stickslip.identify import PlannedWalk
-from stickslip.input_file import load_yaml
+from stickslip.quantities.input_file import load_yaml
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import Limits
 from stickslip.simulation import steady_step_derivatives
-from stickslip.units import QuantityError
 from stickslip.waveform import Rest, Sequence
 
 Array = NDArray[np.float64]
@@ -95,7 +95,7 @@ def test_information_is_that_of_differences() -> None:
     columns.append((position(model, walk.drive, t, 1e-6) - position(model, walk.drive, t, 0.0)) / 1e-6)
     columns.append(np.ones(t.size))
     j = np.column_stack(columns)
-    found = seen(model, walk, "one", space(model, names), ss.chain.Chain(), None)
+    found = seen(model, walk, "one", space(model, names), ss.recording.Chain(), None)
     norms = np.sqrt(np.diag(found.normal))
     assert np.abs(found.normal / np.outer(norms, norms) - 3.0 * j.T @ j / np.outer(norms, norms)).max() < 5e-3
     assert np.allclose(found.spread, NOISE**2 * found.normal)
@@ -185,7 +185,7 @@ def test_one_s_own_default_lasts_as_long_as_the_candidates(duration: float) -> N
 
 def test_grid_tells_more_than_the_default_within_its_limits() -> None:
     slew = 2.0e5
-    plan = planned(None, chain=ss.chain.Chain(slew_rate=slew), recordings=2)
+    plan = planned(None, chain=ss.recording.Chain(slew_rate=slew), recordings=2)
     assert np.all(plan.dataset["narrower"] > 5.0)
     for name, walk in plan.recordings.items():
         t = np.arange(0.0, walk.duration, 1e-5)
@@ -249,10 +249,12 @@ def test_tied_values_move_together() -> None:
     """sigma_1 = c sqrt(sigma_0): the plan for sigma_0 alone then is that along both."""
     drive, names = FEW["fast"], ["sigma_0", "sigma_1"]
     walk = PlannedWalk(drive, 0.4, RATE, NOISE)
-    both = seen(ACTUATOR, walk, "one", space(ACTUATOR, names), ss.chain.Chain(), None).normal
+    both = seen(ACTUATOR, walk, "one", space(ACTUATOR, names), ss.recording.Chain(), None).normal
     free = Parameter("sigma_0", 1.399e6, 0.0)
     follows = Parameter("sigma_1", tied=f"{34.9 / math.sqrt(1.399e6)!r} * sqrt(sigma_0)", unit="")
-    found = seen(ACTUATOR, walk, "one", Space((free,), Ties([free, follows])), ss.chain.Chain(), None).normal
+    found = seen(
+        ACTUATOR, walk, "one", Space((free,), Ties([free, follows])), ss.recording.Chain(), None
+    ).normal
     along = np.array([1.0, 0.5])
     assert found[0, 0] == pytest.approx(along @ both[:2, :2] @ along, rel=1e-6)
 
@@ -366,10 +368,10 @@ def test_zeros_of_recordings_are_one_more_error() -> None:
         (None, NOISE**2 * np.eye(at_rest + len(j))),
         (Coloured(np.array([NOISE**2, 0.3 * NOISE**2])), NOISE**2 * _banded(at_rest + len(j), 0.3)),
     ):
-        found = seen(ACTUATOR, walk, "one", of, ss.chain.Chain(zeroed=True), colour).spread
+        found = seen(ACTUATOR, walk, "one", of, ss.recording.Chain(zeroed=True), colour).spread
         assert found == pytest.approx(j.T @ averaged @ sigma @ averaged.T @ j, rel=0.02)
     drifting = Coloured(np.array([NOISE**2]), step**2)
-    drifts = seen(ACTUATOR, walk, "one", of, ss.chain.Chain(zeroed=True), drifting)
+    drifts = seen(ACTUATOR, walk, "one", of, ss.recording.Chain(zeroed=True), drifting)
     i = np.arange(1, at_rest + len(j) + 1)
     sigma = NOISE**2 * np.eye(i.size) + step**2 * np.minimum(i[:, None], i)
     assert drifts.spread == pytest.approx(j.T @ averaged @ sigma @ averaged.T @ j, rel=0.05)

@@ -9,10 +9,10 @@ import xarray as xr
 import stickslip as ss
 from stickslip.design.solving import intervals
 from stickslip.estimate import Fit, Parameter, Posterior, Residuals, fit_least_squares
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import SimulationWarning
 from stickslip.simulation.varied import with_values
 from stickslip.study import drawn_parameters
-from stickslip.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 TRUE = {"sigma_0": 1.399e6, "coulomb_force": 0.5401}

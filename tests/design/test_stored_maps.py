@@ -9,9 +9,9 @@ import pytest
 import xarray as xr
 
 import stickslip as ss
+from stickslip.quantities.units import QuantityError
 from stickslip.study import StudyDiffers
 from stickslip.study.store import Store
-from stickslip.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 DRIVE = ss.Sawtooth(65.0, 50.0)

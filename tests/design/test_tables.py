@@ -10,7 +10,7 @@ import pytest
 
 import stickslip as ss
 from stickslip import design
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 

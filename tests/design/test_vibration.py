@@ -100,7 +100,7 @@ def test_sound_of_a_slow_drive() -> None:
     every = a_weighting(1.0 * count) * np.abs(acceleration(shape, *STAGE.values(), 40_000)[0])
     one = Moved(np.zeros((1, 1)), np.zeros((1, 1)))
     assert Noise(**STAGE).of(shape, one)[0, 0] == pytest.approx(np.sqrt(2.0 * np.sum(every**2)), rel=1e-3)
-    with pytest.raises(ss.units.QuantityError, match=r"0\.1 Hz is out of range"):
+    with pytest.raises(ss.QuantityError, match=r"0\.1 Hz is out of range"):
         Noise(**STAGE).of(shape._replace(period=np.array([10.0])), one)
 
 
@@ -124,8 +124,8 @@ def test_a_search_walks_as_fast_with_less_of_it(kind: type[TipLoad | Noise], sha
     found = ss.optimise_waveform(model, goal=goal, knots=6, max_voltage=100.0, minimum_speed="1 mm/s")
     assert found.speeds[0] >= 1e-3 * (1 - 1e-6)
     assert found.value < share * found.sawtooth_value
-    with pytest.raises(ss.units.QuantityError, match="minimum_speed"):
+    with pytest.raises(ss.QuantityError, match="minimum_speed"):
         ss.optimise_waveform(model, goal=goal, max_voltage=100.0)
     static = model.replace(natural_frequency=float("inf"))
-    with pytest.raises(ss.units.QuantityError, match="natural frequency"):
+    with pytest.raises(ss.QuantityError, match="natural frequency"):
         kind.of_stage(static)

@@ -17,8 +17,8 @@ from stickslip.design.polygons import knots
 from stickslip.design.scenarios import conditions_of
 from stickslip.design.search import Judge, Task, robust
 from stickslip.design.searched import Searched
-from stickslip.electronics import OutputStage
-from stickslip.progress import unheard
+from stickslip.physics.electronics import OutputStage
+from stickslip.quantities.progress import unheard
 
 KANG = ss.load_actuator("kang2007")
 exact = partial(ss.steady_step, tolerance=1e-11)
@@ -197,20 +197,20 @@ def test_limits_hold_at_every_sample():
     ],
 )
 def test_what_cannot_be_is_said(given, said):
-    with pytest.raises(ss.units.QuantityError, match=said):
+    with pytest.raises(ss.QuantityError, match=said):
         ss.optimise_waveform(KANG, **({"goal": "speed", "max_voltage": 100.0} | given))
 
 
 def test_other_models_are_refused():
-    with pytest.raises(ss.units.QuantityError, match="must be an actuator"):
+    with pytest.raises(ss.QuantityError, match="must be an actuator"):
         ss.optimise_waveform(ss.LuGre, goal="speed")
-    with pytest.raises(ss.units.QuantityError, match="clamped"):
+    with pytest.raises(ss.QuantityError, match="clamped"):
         ss.optimise_waveform(KANG.replace(clamped=True), goal="speed")
-    with pytest.raises(ss.units.QuantityError, match="says what differs"):
+    with pytest.raises(ss.QuantityError, match="says what differs"):
         Scenario("nothing")
-    with pytest.raises(ss.units.QuantityError, match="factors"):
+    with pytest.raises(ss.QuantityError, match="factors"):
         Scenario(factors=[1.1])  # type: ignore[arg-type]
-    with pytest.raises(ss.units.QuantityError, match=r"factors\['gain'\] = 'a'"):
+    with pytest.raises(ss.QuantityError, match=r"factors\['gain'\] = 'a'"):
         Scenario(factors={"gain": "a"})  # type: ignore[dict-item]
 
 
@@ -225,7 +225,7 @@ def test_a_least_speed_is_one_in_the_direction_of_the_goal():
     )
     assert step.value < 1e-8
     assert step.speeds[0] <= -0.1e-3 * (1.0 - 1e-3)
-    with pytest.raises(ss.units.QuantityError, match="capacitance"):
+    with pytest.raises(ss.QuantityError, match="capacitance"):
         OutputStage(current="1 A")
-    with pytest.raises(ss.units.QuantityError, match="interpolation"):
+    with pytest.raises(ss.QuantityError, match="interpolation"):
         OutputStage("1 kHz", interpolation="cubic")

@@ -12,9 +12,16 @@ import xarray as xr
 from scipy.integrate import solve_ivp
 
 import stickslip as ss
-from stickslip.electronics import Stack, TemperatureDependence, driven, electrical, load_amplifier, load_stack
-from stickslip.electronics.cycles import half_cycles, lost_power
-from stickslip.units import QuantityError
+from stickslip.physics.electronics import (
+    Stack,
+    TemperatureDependence,
+    driven,
+    electrical,
+    load_amplifier,
+    load_stack,
+)
+from stickslip.physics.electronics.cycles import half_cycles, lost_power
+from stickslip.quantities.units import QuantityError
 
 STACK = Stack(
     capacitance="1.8 uF",

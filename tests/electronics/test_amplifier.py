@@ -10,8 +10,8 @@ import pytest
 import xarray as xr
 from scipy.integrate import solve_ivp
 
-from stickslip.electronics import Amplifier, amplifier_output, driven
-from stickslip.units import QuantityError
+from stickslip.physics.electronics import Amplifier, amplifier_output, driven
+from stickslip.quantities.units import QuantityError
 from stickslip.waveform import Sawtooth
 
 AMPLIFIER = Amplifier(

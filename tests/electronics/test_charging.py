@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from stickslip.electronics.charging import ChargingLimits, _mean_square, _until_as_fast, charged, rest
+from stickslip.physics.electronics.charging import ChargingLimits, _mean_square, _until_as_fast, charged, rest
 
 FARAD = 2e-6
 # A², above any mean square of these tests.

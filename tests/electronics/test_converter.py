@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.electronics import Adc, Dac, adc_output, dac_output
-from stickslip.units import QuantityError
+from stickslip.physics.electronics import Adc, Dac, adc_output, dac_output
+from stickslip.quantities.units import QuantityError
 
 DAC = Dac(bits=12, low="-10 V", high="10 V", gain="10 V", update_rate="20 kHz")
 ADC = Adc(bits=16, low=-10.0, high=10.0, max_rate="250 kHz")

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.electronics import Amplifier, driven, driven_period, small_signal_bandwidth
-from stickslip.units import QuantityError
+from stickslip.physics.electronics import Amplifier, driven, driven_period, small_signal_bandwidth
+from stickslip.quantities.units import QuantityError
 from stickslip.waveform.signal import value_at
 
 ENDLESS = {"bandwidth": math.inf, "slew_rate": math.inf, "max_current": math.inf}
@@ -286,7 +286,7 @@ def test_refused_calls() -> None:
     for farad in (0.0, -1e-6, math.nan):
         with pytest.raises(QuantityError, match=r"capacitance = .* F is (out of range|not finite)"):
             driven(of, saw, farad, 1.0)
-    metres, output = ss.Sawtooth(1e-6, 5.0, unit="m"), ss.electronics.amplifier_output
+    metres, output = ss.Sawtooth(1e-6, 5.0, unit="m"), ss.physics.electronics.amplifier_output
     for call, said in (
         (lambda: driven(of, saw, NEC, 1.0, tolerance=0.0), "tolerance = 0 V"),
         (lambda: driven(of, saw, NEC, math.inf), "duration = inf s"),

@@ -13,9 +13,16 @@ from typer.testing import CliRunner
 
 import stickslip as ss
 from stickslip.cli import app
-from stickslip.electronics import Amplifier, driven, driven_period, electrical, load_amplifier, load_stack
-from stickslip.piezo import MaxwellCapacitor, Piezo
-from stickslip.units import QuantityError
+from stickslip.physics.electronics import (
+    Amplifier,
+    driven,
+    driven_period,
+    electrical,
+    load_amplifier,
+    load_stack,
+)
+from stickslip.physics.piezo import MaxwellCapacitor, Piezo
+from stickslip.quantities.units import QuantityError
 
 STACK = load_stack("ae0505d16")
 CHANNELS = {"current": "A", "charge": "C", "reactive_power": "W", "loss_power": "W", "temperature": "K"}
@@ -103,7 +110,7 @@ def test_where_the_drive_charges_no_stack() -> None:
         ss.steady_steps(
             model.replace(piezo=Piezo(port)), ss.Sine(10.0, 50.0), parameters={"gain": [1e-7]}, stack=STACK
         )
-    slider = ss.PulledSlider(0.1, 1e4, 0.0, model.friction)
+    slider = ss.physics.PulledSlider(0.1, 1e4, 0.0, model.friction)
     with pytest.raises(QuantityError, match="a PulledSlider has none"):
         ss.simulate(slider, ss.waveform.Ramp(1e-3, 0.1), 0.1, stack=STACK)
 

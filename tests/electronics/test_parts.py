@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from stickslip.electronics import (
+from stickslip.parameters import ParameterSetError, cite
+from stickslip.physics.electronics import (
     Amplifier,
     Stack,
     available_parts,
@@ -16,7 +17,6 @@ from stickslip.electronics import (
     load_stack,
     small_signal_bandwidth,
 )
-from stickslip.parameters import ParameterSetError, cite
 
 
 @pytest.mark.parametrize("name", available_parts())

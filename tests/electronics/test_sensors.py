@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from stickslip.electronics import (
+from stickslip.physics.electronics import (
     Filter,
     InductiveSensor,
     Interferometer,
@@ -14,9 +14,9 @@ from stickslip.electronics import (
     StrainGauge,
     filtered,
 )
-from stickslip.electronics.filters import first_order, sections
-from stickslip.electronics.noise import delayed, random_walk, white_noise
-from stickslip.units import QuantityError
+from stickslip.physics.electronics.filters import first_order, sections
+from stickslip.physics.electronics.noise import delayed, random_walk, white_noise
+from stickslip.quantities.units import QuantityError
 
 RATE = 100e3
 GAPS = np.linspace(0.0, 1e-3, 11)

@@ -12,9 +12,9 @@ import stickslip as ss
 from engine.library import integrate
 from plants import Lag
 from stickslip.friction import NormalForce, register
-from stickslip.piezo import MaxwellCapacitor, Piezo
-from stickslip.plant.system import Element, Mode, Plant, state_size
+from stickslip.physics.piezo import MaxwellCapacitor, Piezo
 from stickslip.simulation.models import contact_load
+from stickslip.simulation.plant.system import Element, Mode, Plant, state_size
 from stickslip.waveform.drive import Drive, constant
 
 Array = NDArray[np.float64]
@@ -183,7 +183,7 @@ def anywhere(seed: int) -> Case:
 
 
 def cases() -> dict[str, Case]:
-    slider = ss.PulledSlider(0.1, 2e4, 3.0, ss.Stribeck(0.2, 0.3, 1e-3, 0.1, 0.6))
+    slider = ss.physics.PulledSlider(0.1, 2e4, 3.0, ss.Stribeck(0.2, 0.3, 1e-3, 0.1, 0.6))
     static = KANG.replace(natural_frequency=math.inf, blocked_force_per_volt=1.0, external_force=0.1)
     wave, falls = ss.Sine(0.4, 130.0, offset=1.0), ss.Sawtooth(0.5, 90.0, offset=0.7)
     return {

@@ -13,7 +13,7 @@ from engine import library
 from plant.layouts import U
 from stickslip.engine._abi import ffi
 from stickslip.engine.binding import ComposedPlant, DriveTable
-from stickslip.plant.system import Plant
+from stickslip.simulation.plant.system import Plant
 
 Array = NDArray[np.float64]
 

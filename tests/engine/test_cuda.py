@@ -16,8 +16,8 @@ from engine import cases, own, pretended
 from engine.test_members import CASES, LEFT_OUT, Task
 from stickslip.engine import cuda, cuda_source, nvrtc
 from stickslip.friction import law as registered
-from stickslip.plant.system import values_of
 from stickslip.simulation import SimulationWarning, simulate_ensemble
+from stickslip.simulation.plant.system import values_of
 
 # Together: one law and several, bristles and static laws, composed ones, a load along the stroke and in time,
 # a user's own law, a two-port.

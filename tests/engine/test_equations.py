@@ -30,8 +30,8 @@ from plants import (
 )
 from stickslip.engine.binding import ComposedPlant
 from stickslip.friction import MaxwellSlip
-from stickslip.plant.system import Element, Mode, Plant
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
+from stickslip.simulation.plant.system import Element, Mode, Plant
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from engine.test_orbits import Task as Orbit
 from stickslip.engine import binding, members
 from stickslip.engine.laws import parameters
 from stickslip.engine.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
-from stickslip.plant.system import values_of
+from stickslip.simulation.plant.system import values_of
 from stickslip.waveform.drive import Drive
 
 CASES = cases.cases()

@@ -13,8 +13,8 @@ from engine.own import Own
 from stickslip.engine import binding, members
 from stickslip.engine.outcome import DONE, TOO_MANY_STEPS
 from stickslip.friction import law as registered
-from stickslip.plant.system import values_of, with_values
 from stickslip.simulation import simulate_ensemble
+from stickslip.simulation.plant.system import values_of, with_values
 from stickslip.waveform.members import Drives, member_of, stacked
 
 CASES = cases.cases()

@@ -14,7 +14,7 @@ from plants import Lag
 from stickslip.engine import binding, members, near
 from stickslip.engine.outcome import DONE, TOO_MANY_STEPS
 from stickslip.friction import law as registered
-from stickslip.plant.system import values_of
+from stickslip.simulation.plant.system import values_of
 from stickslip.waveform.members import stacked
 
 CASES, STORED = cases.cases(), stored("neighbours")

@@ -24,7 +24,7 @@ ss.simulate(a, ss.Sine(40.0, 50.0, offset=40.0), 0.1)
 ss.simulate_ensemble(a, w, 0.1, parameters={"sigma_0": [1e6, 2e6], "amplitude": [30.0, 60.0]})
 ss.steady_step(a, w)
 ss.steady_steps(a, w, parameters={"frequency": [20.0, 50.0]})
-ss.sensitivities(a, w, 0.1, parameters=["sigma_0", "amplitude"])
+ss.simulation.sensitivities(a, w, 0.1, parameters=["sigma_0", "amplitude"])
 ss.simulation.steady_step_derivatives(a, w, parameters=["sigma_0", "amplitude"])
 ss.friction_response(a.friction, np.linspace(0.0, 1.0, 99), 1e-6 * np.sin(np.linspace(0.0, 9.0, 99)))
 assert "numba" not in sys.modules

@@ -12,9 +12,9 @@ from engine import cases
 from engine.stored import stored
 from stickslip.engine import binding, members, orbits
 from stickslip.engine.outcome import DONE
-from stickslip.plant.system import values_of
 from stickslip.simulation import periodic
 from stickslip.simulation.models import contact_load
+from stickslip.simulation.plant.system import values_of
 from stickslip.waveform.members import Drives, common
 
 LAWS = {

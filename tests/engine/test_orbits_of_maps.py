@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from engine.library import built
 from stickslip.engine import binding, members, orbits
 from stickslip.engine.outcome import DONE
-from stickslip.plant.system import Mode, Plant, values_of
+from stickslip.simulation.plant.system import Mode, Plant, values_of
 from stickslip.waveform.drive import constant
 from stickslip.waveform.members import common
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from engine.inner import Inner
 from stickslip.engine.binding import DriveTable
 from stickslip.friction import LuGre
-from stickslip.plant.system import Element, Mode, Plant
+from stickslip.simulation.plant.system import Element, Mode, Plant
 from stickslip.waveform.drive import Drive, evaluate
 
 Array = NDArray[np.float64]

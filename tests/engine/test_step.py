@@ -13,7 +13,7 @@ from engine.inner import Inner
 from plants import Lag, by_time, jacobian, motion, scale_of, weights_and_rates
 from stickslip.engine.binding import DriveTable
 from stickslip.friction import CoulombViscous, Dahl, Elastoplastic, LuGre, MaxwellSlip
-from stickslip.plant.system import Element, Mode, Plant
+from stickslip.simulation.plant.system import Element, Mode, Plant
 from stickslip.waveform.drive import Drive
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import FitError, Residuals
 from stickslip.estimate.search import SearchState
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 from . import nist
 

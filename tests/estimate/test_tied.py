@@ -16,7 +16,7 @@ from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import FitError, Problem, Residuals
 from stickslip.estimate.result import Fit
 from stickslip.estimate.tied import Ties, names_in
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 T = np.linspace(0.0, 1.0, 60)
 A, B = Parameter("a", 1.0, 0.1, 10.0, "N"), Parameter("b", 2.0, 0.1, 10.0, "N")

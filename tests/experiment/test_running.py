@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 import scipy.io
 
-from stickslip.experiment import run_experiment
-from stickslip.experiment.running import read_experiment
-from stickslip.input_file import InputFileError
-from stickslip.readers import read_recording
+from stickslip.quantities.input_file import InputFileError
 from stickslip.recording import RecordingWarning, open_recording
+from stickslip.recording.readers import read_recording
 from stickslip.rig import LimitError
+from stickslip.rig.experiment import run_experiment
+from stickslip.rig.experiment.running import read_experiment
 
 from experiment.files import NAMES, SMALL, changed, written  # isort: skip
 
@@ -205,7 +205,7 @@ def test_progress_and_interruption(tmp_path: Path) -> None:
 KILLED = """
 import os, random, signal, sys, time
 from pathlib import Path
-from stickslip.experiment import run_experiment
+from stickslip.rig.experiment import run_experiment
 from stickslip.recording import open_recording
 path, out, kills = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
 begun = time.perf_counter()
@@ -246,7 +246,7 @@ def test_a_full_disk_keeps_what_was_recorded(tmp_path: Path) -> None:
     long = {**SMALL["runs"][0], "name": "long", "capture": {"length": "4 s", "interval": "50 us"}}
     path = written(tmp_path, {**SMALL, "runs": [SMALL["runs"][0], long]})
     program = (
-        "import signal, sys; from stickslip.experiment import run_experiment; "
+        "import signal, sys; from stickslip.rig.experiment import run_experiment; "
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); run_experiment(*sys.argv[1:])"
     )
 
@@ -280,7 +280,7 @@ def test_a_trigger_that_cannot_come_is_found_before_the_first_output(tmp_path: P
 
 
 def test_the_schema_knows_the_example() -> None:
-    from stickslip.experiment.file import json_schema
+    from stickslip.rig.experiment.file import json_schema
 
     schema = json_schema()
     assert schema["additionalProperties"] is False

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from stickslip.actuator import load_actuator
-from stickslip.experiment import run_experiment
-from stickslip.experiment.cells import limits_of
-from stickslip.experiment.laboratory import VirtualLaboratory
-from stickslip.experiment.running import read_experiment
-from stickslip.input_file import InputFileError
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.input_file import InputFileError
 from stickslip.recording import open_recording
 from stickslip.rig import RigError, VirtualRig
+from stickslip.rig.experiment import run_experiment
+from stickslip.rig.experiment.cells import limits_of
+from stickslip.rig.experiment.laboratory import VirtualLaboratory
+from stickslip.rig.experiment.running import read_experiment
 
 from experiment.files import SMALL, changed, written  # isort: skip
 

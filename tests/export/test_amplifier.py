@@ -11,9 +11,9 @@ import pytest
 
 import stickslip as ss
 from export.building import SANITIZED, C, compiled, output, scan, walk
-from stickslip.chain import Chain
-from stickslip.electronics import Amplifier, driven
 from stickslip.export import export_c, export_fmu
+from stickslip.physics.electronics import Amplifier, driven
+from stickslip.recording.chain import Chain
 
 KANG = ss.load_actuator("kang2007")
 FLOAT = [*SANITIZED, "-DSTICKSLIP_FLOAT"]

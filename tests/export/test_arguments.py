@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from stickslip import Constant, Sine, load_actuator
-from stickslip.actuator import PulledSlider
 from stickslip.export import ExportError, export_c, export_fmu
-from stickslip.units import QuantityError
+from stickslip.physics.actuator import PulledSlider
+from stickslip.quantities.units import QuantityError
 
 KANG = load_actuator("kang2007")
 PULLED = PulledSlider(0.1, 1e4, 1.0, KANG.friction)

@@ -16,10 +16,11 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 from export.building import packaged_fmu
-from stickslip import MaxwellSlip, PulledSlider, load_actuator, simulate
-from stickslip.chain import Chain
+from stickslip import MaxwellSlip, load_actuator, simulate
 from stickslip.export import export_fmu
 from stickslip.friction import Coulomb
+from stickslip.physics import PulledSlider
+from stickslip.recording.chain import Chain
 from stickslip.waveform.periodic import Sawtooth
 
 KANG = load_actuator("kang2007")

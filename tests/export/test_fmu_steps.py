@@ -123,7 +123,7 @@ def test_a_lost_estimate_is_a_warning(fmi: int, tmp_path: Any) -> None:
 @pytest.mark.parametrize(("fmi", "delay"), [(2, 0.0), (3, 4e-6), (2, 30e-6), (3, 35e-6)])
 def test_a_late_channel_in_steps_of_any_length(fmi: int, delay: float, tmp_path: Any) -> None:
     """Shorter and longer than the internal step, equal and not; within what a line between 10 us leaves."""
-    chain = ss.chain.Chain(delay=delay, offset=1e-6, scale=1.02)
+    chain = ss.recording.Chain(delay=delay, offset=1e-6, scale=1.02)
     fmu = export_fmu(KANG, tmp_path / "fmu", fmi=fmi, chain=chain)
     random = np.random.default_rng(3)
     for k, lengths in enumerate(

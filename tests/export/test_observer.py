@@ -11,13 +11,13 @@ import pytest
 import stickslip as ss
 from export.building import FLOAT, QUICK, C, compiled, output
 from friction.samples import ALL, name
-from stickslip.electronics import Amplifier
 from stickslip.export import ExportError, export_c, gain
 from stickslip.export.gain import observer_gain
 from stickslip.export.linear import Contact, Method, contacts
+from stickslip.physics.electronics import Amplifier
 
 KANG = ss.load_actuator("kang2007")
-MODES = ss.StageModes((1e-8, -4e-9), (7600.0, 10200.0), (0.02, 0.05), (0.4, 2.0))
+MODES = ss.physics.StageModes((1e-8, -4e-9), (7600.0, 10200.0), (0.02, 0.05), (0.4, 2.0))
 RANDOM = ("LuGre", "Dahl", "Elastoplastic", "ResetIntegrator", "MaxwellSlip", "Stribeck")
 
 

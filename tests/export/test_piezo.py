@@ -11,10 +11,10 @@ import pytest
 
 import stickslip as ss
 from export.building import QUICK, QUICK_FLOAT, SANITIZED, scan, walk
-from stickslip.electronics import Amplifier
 from stickslip.export import ExportError, export_fmu
 from stickslip.identify.results import model_numbers
-from stickslip.piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
+from stickslip.physics.electronics import Amplifier
+from stickslip.physics.piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
 
 BENT = ss.load_actuator("kang2007-hysteresis")
 DRIVE = ss.Sawtooth(65.0, 20.0, periods=4)

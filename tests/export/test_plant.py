@@ -21,12 +21,13 @@ from export.building import (
     walk,
 )
 from friction.samples import ALL, name
-from stickslip import Actuator, PulledSlider, load_actuator, simulate
-from stickslip.chain import Chain
-from stickslip.electronics import StrainGauge, amplifier_output
+from stickslip import Actuator, load_actuator, simulate
 from stickslip.export import export_c
 from stickslip.export.signal_chain import amplifier_after, sensor_after, sensor_output
 from stickslip.friction import Coulomb, LuGre
+from stickslip.physics import PulledSlider
+from stickslip.physics.electronics import StrainGauge, amplifier_output
+from stickslip.recording.chain import Chain
 from stickslip.rig import load_bench
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth, Sine
 from stickslip.waveform.shapes import Ramp, Step

@@ -13,12 +13,12 @@ import pytest
 import stickslip as ss
 from export.building import QUICK, QUICK_FLOAT, SANITIZED, C, compiled, output, walk
 from export.test_fmu import instance
-from stickslip.actuator import StageModes
 from stickslip.export import export_c, export_fmu
 from stickslip.export.piezo import felt
 from stickslip.friction import Coulomb, MaxwellSlip
 from stickslip.identify.results import model_numbers, model_of
-from stickslip.piezo import MaxwellCapacitor, Piezo
+from stickslip.physics.actuator import StageModes
+from stickslip.physics.piezo import MaxwellCapacitor, Piezo
 
 KANG = ss.load_actuator("kang2007")
 OMEGA = KANG.natural_frequency

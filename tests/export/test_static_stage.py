@@ -13,7 +13,7 @@ import stickslip as ss
 from export.building import QUICK, QUICK_FLOAT, C, compiled, output, packaged_fmu, walk
 from export.test_fmu import instance
 from stickslip.export import ExportError, export_c, export_fmu
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 H = 20e-6
 KANG = ss.load_actuator("kang2007")

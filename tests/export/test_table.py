@@ -11,7 +11,7 @@ import pytest
 from stickslip import load_actuator
 from stickslip.export import export_c
 from stickslip.export.table import _lines, played
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 from stickslip.waveform import Chirp, PeriodicKnots, Sampled, Sawtooth, Sequence, Sine, Waveform
 from stickslip.waveform.drive import evaluate
 

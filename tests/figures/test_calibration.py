@@ -1,7 +1,7 @@
 import numpy as np
 
-from stickslip.calibration import fit_calibration, read_table
-from stickslip.figures.calibration import calibration_curve
+from stickslip.recording.calibration import fit_calibration, read_table
+from stickslip.report.figures.calibration import calibration_curve
 
 
 def test_curve_and_errors() -> None:

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip import design
-from stickslip.figures.design import draw_map
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
+from stickslip.report.figures.design import draw_map
 
 KANG = ss.load_actuator("kang2007")
 VOLTS, HERTZ = np.linspace(40.0, 160.0, 7), np.geomspace(10.0, 1000.0, 5)

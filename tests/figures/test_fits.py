@@ -14,7 +14,7 @@ from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import FitError, Residuals
 from stickslip.estimate.result import Fit
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 DRIVE = ss.Sawtooth(65.0, 100.0, periods=2)
 NOISE = 60e-9  # m
@@ -33,7 +33,7 @@ def fit() -> Fit:
 
 
 def test_measured_model_and_residuals_stand_over_time_with_the_noise(fit: Fit, tmp_path: Path) -> None:
-    axes = fit.plot()
+    axes = ss.plot(fit)
     assert axes.shape == (2, 2)
     for i, (above, below) in enumerate(axes):
         measured, model = above.lines
@@ -55,16 +55,16 @@ def test_measured_model_and_residuals_stand_over_time_with_the_noise(fit: Fit, t
 def test_it_draws_on_axes_that_are_given_and_as_it_was_saved(fit: Fit, tmp_path: Path) -> None:
     ss.save_fit(fit, tmp_path / "fit.json")
     given = Figure().subplots(2, 2).T
-    axes = ss.load_fit(tmp_path / "fit.json").plot(given)
+    axes = ss.plot(ss.load_fit(tmp_path / "fit.json"), given)
     assert axes[1, 0] is given[1, 0]
     np.testing.assert_allclose(given[1, 0].lines[0].get_ydata(), 1e6 * fit.measured[1])
     with pytest.raises(QuantityError, match="3 axes are given, and 2 recordings need 4"):
-        fit.plot(Figure().subplots(3))
+        ss.plot(fit, Figure().subplots(3))
 
 
 def test_without_known_noise_the_band_is_that_of_the_residuals(fit: Fit) -> None:
     unknown = replace(fit, known=())
-    (band,) = unknown.plot()[1, 1].collections
+    (band,) = ss.plot(unknown)[1, 1].collections
     half = 2e9 * np.sqrt(np.mean(fit.residuals[1] ** 2))
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(half)
     assert "as large as the residuals" in band.get_label()
@@ -76,4 +76,4 @@ def test_what_is_no_recording_over_time_is_not_drawn() -> None:
         [Residuals(lambda v: v["a"] * np.arange(1.0, 4.0) - y, y)], [Parameter("a", 2.0, 0.1, 9.0)]
     )
     with pytest.raises(FitError, match="not of recordings over time"):
-        line.plot()
+        ss.plot(line)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from stickslip.figures.frequency import Response, frequency_response
+from stickslip.report.figures.frequency import Response, frequency_response
 
 F = np.geomspace(10.0, 2000.0, 200)
 S = 2j * np.pi * F

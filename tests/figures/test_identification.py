@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from stickslip.figures.identification import (
+from stickslip.report.figures.identification import (
     Estimates,
     fit_with_residuals,
     friction_loop,

@@ -9,7 +9,7 @@ from matplotlib import pyplot
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 DRIVE = ss.Sawtooth(65.0, 50.0, periods=3)

@@ -1,7 +1,7 @@
 import numpy as np
 
-from stickslip.figures.recordings import recording_detail, recordings_together
 from stickslip.recording import make_recording
+from stickslip.report.figures.recordings import recording_detail, recordings_together
 
 TIME = np.arange(400) * 1e-3
 

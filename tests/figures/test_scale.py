@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from stickslip.figures.scale import scale_for
+from stickslip.report.figures.scale import scale_for
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from stickslip.figures.style import (
+from stickslip.report.figures.style import (
     DOTS_PER_INCH,
     LONGEST_TEXT,
     MANY_MARKERS,

@@ -7,9 +7,9 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
-from stickslip.actuator import load_actuator
-from stickslip.figures import thesis
 from stickslip.friction import Coulomb, CoulombViscous, Elastoplastic, StictionCoulombViscous, Stribeck
+from stickslip.physics.actuator import load_actuator
+from stickslip.report.figures import thesis
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 

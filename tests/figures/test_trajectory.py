@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from stickslip.figures.trajectory import trajectory
 from stickslip.recording import make_recording
+from stickslip.report.figures.trajectory import trajectory
 
 TIME = np.linspace(0.0, 0.4, 41)
 STAGE = 6.87e-6 * (TIME % 0.2) / 0.2

@@ -20,8 +20,8 @@ from stickslip.friction import (
     rate,
     register,
 )
-from stickslip.records import quantities
-from stickslip.units import QuantityError
+from stickslip.quantities.records import quantities
+from stickslip.quantities.units import QuantityError
 
 
 def test_laws_are_listed_in_the_order_of_the_thesis():

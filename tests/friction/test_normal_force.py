@@ -9,7 +9,7 @@ import pytest
 
 from stickslip.friction import NormalForce
 from stickslip.friction.normal_force import along, kept, leaning, softening, uniform
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 SPRING = NormalForce(slope=40.0)
 MAGNET = NormalForce(slope=-30.0, power=-2.0, origin=1e-3, stiffness_exponent=1.0 / 3.0)

@@ -16,26 +16,26 @@ import pytest
 
 import stickslip as ss
 from damaged_json import mutated
-from stickslip.analysis.design_given import draws_of_file
-from stickslip.analysis.move_model import at_intervals
-from stickslip.analysis.verification import AnalysisError, VerificationAnalysis
-from stickslip.calibration import CalibrationError, available_calibrations, load_calibration
-from stickslip.calibration.applying import calibration_attribute
-from stickslip.campaign.kept import Kept
-from stickslip.contact import load_material, load_pair
-from stickslip.electronics.parts import load_part
 from stickslip.export.source import ExportError, exported
 from stickslip.gate.errors import GateError, damaged
 from stickslip.gate.results import json_attribute, results_numbers
 from stickslip.identify.results import model_numbers
+from stickslip.jobs.analysis.design_given import draws_of_file
+from stickslip.jobs.analysis.move_model import at_intervals
+from stickslip.jobs.analysis.verification import AnalysisError, VerificationAnalysis
+from stickslip.jobs.campaign.kept import Kept
 from stickslip.parameters import ParameterSetError
+from stickslip.physics.contact import load_material, load_pair
+from stickslip.physics.electronics.parts import load_part
+from stickslip.quantities.units import QuantityError
+from stickslip.recording.calibration import CalibrationError, available_calibrations, load_calibration
+from stickslip.recording.calibration.applying import calibration_attribute
 from stickslip.recording.drive import drive_text, named_drive
 from stickslip.rig import load_bench
 from stickslip.simulation.state import State, as_text, final_state
-from stickslip.units import QuantityError
 
 PACKAGE = Path(ss.__file__).parent
-CALIBRATION = f"calibration/sets/{available_calibrations()[0]}.json"
+CALIBRATION = f"recording/calibration/sets/{available_calibrations()[0]}.json"
 KANG = ss.load_actuator("kang2007")
 RUNS = 300  # damaged files of each kind
 LONGEST = 700  # characters of a message

@@ -21,7 +21,7 @@ from stickslip.gate.hdf5_heap import check_heaps
 from stickslip.gate.matlab5 import check_matlab5
 from stickslip.gate.mdf import check_mdf
 from stickslip.history.acts import _acts_of
-from stickslip.readers import csv, layout
+from stickslip.recording.readers import csv, layout
 from stickslip.rig import samples
 from stickslip.study.chunks import ChunkError, plain_bytes
 
@@ -88,7 +88,7 @@ def test_what_was_opened_is_read_whatever_has_its_name(tmp_path: Path) -> None:
 READING = re.compile(
     r"""(?<![\w.])open\(|\.open\((['"]r|encoding|\))|\.read_(text|bytes)\(|(loadmat|File|MDF|load)\(path\b"""
 )
-ROOMS = ("gate", "readers", "history", "calibration", "parameters", "recording", "identify", "estimate")
+ROOMS = ("gate", "history", "parameters", "recording", "identify", "estimate")
 
 
 def test_files_are_opened_in_one_place() -> None:

@@ -14,14 +14,14 @@ import pytest
 import xarray as xr
 from h5py import h5g, h5i, h5p  # pyright: ignore[reportAttributeAccessIssue]
 
-from stickslip.analysis.design_given import draws_of_file
-from stickslip.analysis.study import _table
 from stickslip.gate.errors import GateError
 from stickslip.gate.hdf5 import Hdf5Array, hdf5_tree
 from stickslip.gate.limits import LIMITS
 from stickslip.gate.netcdf import read_netcdf
-from stickslip.readers import inspect_file, read_recording
+from stickslip.jobs.analysis.design_given import draws_of_file
+from stickslip.jobs.analysis.study import _table
 from stickslip.recording import RecordingError, make_recording, open_recording, save_recording
+from stickslip.recording.readers import inspect_file, read_recording
 
 SECRET = bytes(range(256)) * 10  # a file that the recording must not read
 N = 300

@@ -14,8 +14,8 @@ from asammdf import MDF, Signal
 from asammdf.blocks.v4_blocks import ChannelConversion
 
 from stickslip.gate.limits import LIMITS
-from stickslip.readers import read_recording
 from stickslip.recording import RecordingError
+from stickslip.recording.readers import read_recording
 
 TIME = np.arange(200) * 1e-3
 

@@ -16,7 +16,7 @@ from stickslip.gate.archives import read_npz
 from stickslip.gate.errors import GateError
 from stickslip.gate.limits import LIMITS, Visits, check_size
 from stickslip.gate.matlab5 import check_matlab5
-from stickslip.readers import read_recording
+from stickslip.recording.readers import read_recording
 
 from .hostile import MAKERS
 
@@ -30,7 +30,7 @@ import json, os, resource, sys, warnings
 warnings.simplefilter("ignore")
 from pathlib import Path
 from tests.gate.hostile import MAKERS
-from stickslip.readers import inspect_file, read_recording
+from stickslip.recording.readers import inspect_file, read_recording
 
 def measured(act):
     read, write = os.pipe()

@@ -17,7 +17,7 @@ import xarray as xr
 import stickslip as ss
 from stickslip.history import Index, note_act, read_acts
 from stickslip.history.storable import real_name, shown_name
-from stickslip.readers.process import Reader
+from stickslip.recording.readers.process import Reader
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def test_a_bad_entry_is_a_row_with_a_reason(tmp_path: Path, read: Reader, record
     assert {name: said[name] in row["problem"] for name, row in found.items()} == dict.fromkeys(said, True)
     assert [name for name, row in found.items() if not row["problem"]] == [n for n in found if not said[n]]
     assert found[r"Pr\xfcfung.nc"]["samples"] == 50
-    table = ss.runs(tmp_path).set_index("name")
+    table = ss.history.runs(tmp_path).set_index("name")
     assert {*table.index} == {*said}
     with Index(tmp_path, read) as index:
         index.to_bin(r"Pr\xfcfung.nc")

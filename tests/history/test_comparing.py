@@ -112,7 +112,7 @@ def test_an_estimate_is_said_with_its_unit() -> None:
 def test_a_file_that_was_taken_in_has_a_source_and_no_rig(tmp_path: Path) -> None:
     (tmp_path / "of_another_lab.csv").write_text("time [s],force [mN]\n0,1\n1,2\n2,3\n")
     ss.save_recording(ss.read_recording(tmp_path / "of_another_lab.csv"), tmp_path / "taken.nc")
-    table = ss.runs(tmp_path).set_index("name")
+    table = ss.history.runs(tmp_path).set_index("name")
     assert table.loc["taken.nc", "rig"] == ""
     assert table.loc["taken.nc", "settings"] == {"source": "of_another_lab.csv"}
 
@@ -125,8 +125,8 @@ def test_a_fit_with_failures_is_not_called_complete(tmp_path: Path) -> None:
         (fit / "results.json").write_text(json.dumps(results))
         (fit / "report.html").write_text("")
         (fit / "shown.json").write_text(json.dumps({"phase": "done", "request": {}}))
-    table = ss.runs(tmp_path).set_index("name")
+    table = ss.history.runs(tmp_path).set_index("name")
     assert table.loc["fits/good", "outcome"] == "complete"
     assert table.loc["fits/bad", "outcome"] == ("not as required: the model does not explain a.nc; r² is 0.7")
-    assert list(ss.runs(tmp_path, outcome="not as required")["name"]) == ["fits/bad"]
+    assert list(ss.history.runs(tmp_path, outcome="not as required")["name"]) == ["fits/bad"]
     assert set(table["begun"]) == {"2026-01-03T10:00:00+00:00"}, "when it was made, not when it was annotated"

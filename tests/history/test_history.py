@@ -14,12 +14,12 @@ from typer.testing import CliRunner
 
 import stickslip as ss
 from stickslip.cli import app
-from stickslip.experiment import run_experiment
 from stickslip.history import Index, differences
 from stickslip.history.comparing import on_one_clock
-from stickslip.readers.process import Reader
 from stickslip.recording import RecordingError
 from stickslip.recording.drive import drive_text
+from stickslip.recording.readers.process import Reader
+from stickslip.rig.experiment import run_experiment
 
 from damaged import hanging  # isort: skip
 from experiment.files import SMALL, written  # isort: skip
@@ -44,7 +44,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     shown = {"phase": "done", "request": {"recordings": ["whole/walk_65V_100_1.nc"], "set": "kang2007"}}
     (fit / "shown.json").write_text(json.dumps(shown))
-    ss.runs(folder)  # the index is made once
+    ss.history.runs(folder)  # the index is made once
     return folder
 
 
@@ -62,7 +62,7 @@ def lab(made: Path, tmp_path: Path) -> Path:
 
 
 def test_a_table_of_all_there_is(lab: Path) -> None:
-    table = ss.runs(lab).set_index("name")
+    table = ss.history.runs(lab).set_index("name")
     walks = [f"whole/walk_{v}_{f}_{r}.nc" for v in ("35V", "65V") for f in ("50Hz", "100") for r in (1, 2)]
     others = {"own.csv", "damaged.nc", "broken.nc", "fits/one", "stopped/unfinished/walk_35V_50Hz_1.nc"}
     assert set(table.index) == {*walks, *others}
@@ -110,20 +110,23 @@ def test_a_result_that_is_too_deep_is_one_line_of_the_history(tmp_path: Path) ->
     (tmp_path / "fit").mkdir()
     (tmp_path / "fit" / "report.html").write_text("")
     (tmp_path / "fit" / "results.json").write_text("[" * 100_000)
-    (row,) = ss.runs(tmp_path).to_dict("records")
+    (row,) = ss.history.runs(tmp_path).to_dict("records")
     assert (row["name"], row["kind"]) == ("fit", "fit")
     assert "within each other more than 64 deep" in row["problem"]
 
 
 def test_search_and_filter(lab: Path) -> None:
-    assert set(ss.runs(lab, outcome="stopped")["operator"]) == {"Another"}
-    assert set(ss.runs(lab, "65 v 100")["name"]) >= {"whole/walk_65V_100_1.nc", "whole/walk_65V_100_2.nc"}
-    assert len(ss.runs(lab, "t. est", kind="recording")) == 8
-    assert len(ss.runs(lab, "'; drop table runs; --")) == 0
+    assert set(ss.history.runs(lab, outcome="stopped")["operator"]) == {"Another"}
+    assert set(ss.history.runs(lab, "65 v 100")["name"]) >= {
+        "whole/walk_65V_100_1.nc",
+        "whole/walk_65V_100_2.nc",
+    }
+    assert len(ss.history.runs(lab, "t. est", kind="recording")) == 8
+    assert len(ss.history.runs(lab, "'; drop table runs; --")) == 0
     with pytest.raises(ValueError, match="no column 'colour'"):
-        ss.runs(lab, colour="red")
+        ss.history.runs(lab, colour="red")
     with pytest.raises(OSError, match="no such folder"):
-        ss.runs(lab / "gone")
+        ss.history.runs(lab / "gone")
 
 
 def test_what_differs_and_the_curves_of_two(lab: Path) -> None:
@@ -167,7 +170,7 @@ def test_two_who_ask_at_once_and_a_folder_that_cannot_be_written(lab: Path, monk
     (lab / ".stickslip" / "runs.sqlite").unlink()
     (lab / "damaged.nc").unlink()
     counts: list[int] = []
-    threads = [threading.Thread(target=lambda: counts.append(len(ss.runs(lab)))) for _ in range(2)]
+    threads = [threading.Thread(target=lambda: counts.append(len(ss.history.runs(lab)))) for _ in range(2)]
     for one in threads:
         one.start()
     for one in threads:
@@ -175,7 +178,7 @@ def test_two_who_ask_at_once_and_a_folder_that_cannot_be_written(lab: Path, monk
     assert counts == [12, 12]
     shutil.rmtree(lab / ".stickslip")
     (lab / ".stickslip").write_text("in the way")
-    assert len(ss.runs(lab)) == 12
+    assert len(ss.history.runs(lab)) == 12
 
 
 def test_a_drive_of_many_samples_stays_in_its_file(tmp_path: Path) -> None:
@@ -186,7 +189,7 @@ def test_a_drive_of_many_samples_stays_in_its_file(tmp_path: Path) -> None:
         recording = ss.make_recording(times[:20], {"drive_voltage": (values[:20], "V")})
         text = drive_text(ss.Sampled(times, values))
         ss.save_recording(recording.assign_attrs(drive=text), tmp_path / f"{name}.nc")
-    found = ss.runs(tmp_path).set_index("name")["settings"]
+    found = ss.history.runs(tmp_path).set_index("name")["settings"]
     assert found["one.nc"]["drive"]["values"].startswith("20000 values, ")
     assert len(json.dumps(found["one.nc"])) < 300
     assert found["one.nc"]["drive"] == found["same.nc"]["drive"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from stickslip.datasets import dataset_path
 from stickslip.recording import make_recording
+from stickslip.recording.datasets import dataset_path
 
 
 def stops(stiffness, strength, position, ratio, start):

@@ -8,7 +8,7 @@ import pytest
 import stickslip as ss
 from stickslip.friction import LuGre
 from stickslip.identify.free import parameter
-from stickslip.records import quantities
+from stickslip.quantities.records import quantities
 from stickslip.simulation.varied import free_names, value_of
 
 LAWS = (

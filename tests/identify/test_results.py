@@ -10,9 +10,6 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.analysis.file import AnalysisError
-from stickslip.analysis.results import model_and_chain
-from stickslip.chain import Chain
 from stickslip.export import ExportError, export_c
 from stickslip.export.source import exported_values
 from stickslip.friction import NormalForce
@@ -24,8 +21,11 @@ from stickslip.identify.results import (
     piezo_numbers,
     piezo_of,
 )
-from stickslip.piezo import Creep, Piezo, PrandtlIshlinskii
-from stickslip.units import QuantityError
+from stickslip.jobs.analysis.file import AnalysisError
+from stickslip.jobs.analysis.results import model_and_chain
+from stickslip.physics.piezo import Creep, Piezo, PrandtlIshlinskii
+from stickslip.quantities.units import QuantityError
+from stickslip.recording.chain import Chain
 
 PIEZO = Piezo(PrandtlIshlinskii((0.0, 20.0), (0.8, 0.2)), Creep((1.0,), (0.01,)))
 MODEL = ss.load_actuator("kang2007").replace(piezo=PIEZO, normal_force=NormalForce(slope=2.0))

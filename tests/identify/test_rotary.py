@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.quantities.units import turned
 from stickslip.recording import RecordingError
-from stickslip.units import turned
 
 from .step_system import step_recording
 from .stops import made_loops

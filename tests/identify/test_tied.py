@@ -13,8 +13,8 @@ from stickslip.identify.events.pulled import PulledRig, simulated_force, slider
 from stickslip.identify.walk.displacement import Displacement
 from stickslip.identify.walk.explained import explained
 from stickslip.identify.walk.walks import by_coordinates, columns_of, position_slopes
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation.varied import with_values
-from stickslip.units import QuantityError
 
 from .frequency import modal_system
 from .loops.test_inertia import driven

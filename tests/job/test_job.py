@@ -17,10 +17,10 @@ from typer.testing import CliRunner
 import stickslip as ss
 from experiment.files import SMALL
 from stickslip.cli import app
-from stickslip.experiment import running
-from stickslip.input_file import InputFileError
-from stickslip.job.file import json_schema, read_job
+from stickslip.jobs.file import json_schema, read_job
+from stickslip.quantities.input_file import InputFileError
 from stickslip.recording import RecordingWarning
+from stickslip.rig.experiment import running
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
 TRUTH = {"sigma_0": 1.399e6, "coulomb_force": 0.5401}
@@ -286,7 +286,7 @@ def test_ctrl_c_ends_a_step_without_a_rig_at_once(tmp_path: Path, monkeypatch: p
         signal.raise_signal(signal.SIGINT)
         reached.append("the fit went on")
 
-    monkeypatch.setattr("stickslip.job.running.run_analysis", fitting)
+    monkeypatch.setattr("stickslip.jobs.running.run_analysis", fitting)
     path = written(
         tmp_path, {"title": "Both", "steps": [{"record": copy.deepcopy(SMALL)}, steps(tmp_path)[0]]}
     )

@@ -27,7 +27,7 @@ from stickslip.panel import running as running_module
 from stickslip.panel.connections import server_config
 from stickslip.panel.folder import Folder
 from stickslip.panel.starting import new_folder
-from stickslip.readers import process
+from stickslip.recording.readers import process
 
 from .conftest import PATIENCE, Panel, connected
 from .serving import client_of, heard, serving, streaming

@@ -82,7 +82,7 @@ def test_a_search_within_generator_and_amplifier(client: httpx.Client) -> None:
     answer = client.post("/api/design/search", json=MODEL | asked | {"voltage": 100.0, "capacitance": "1 uF"})
     found = ss.optimise_waveform(
         ss.load_actuator("kang2007"), goal="speed", knots=4, max_voltage=100.0,
-        output=ss.electronics.OutputStage(1e4, 100, 1.0, current=0.2, capacitance=1e-6),
+        output=ss.physics.electronics.OutputStage(1e4, 100, 1.0, current=0.2, capacitance=1e-6),
     )  # fmt: skip
     assert answer.json()["value"] == pytest.approx(found.value, rel=1e-9)
     assert len(answer.json()["drive"]["fields"]["values"]) == 4

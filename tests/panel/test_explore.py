@@ -18,7 +18,7 @@ from stickslip.panel.folder import Folder
 from stickslip.panel.sets import Sets
 from stickslip.panel.sliders import choices, law_types, shapes
 from stickslip.parameters.writing import parameter_text, write_parameters
-from stickslip.piezo import BoucWen, Piezo
+from stickslip.physics.piezo import BoucWen, Piezo
 
 CHOICES = choices()
 
@@ -225,7 +225,7 @@ def test_hysteresis_that_is_not_made_of_plays_has_sliders_of_its_own(tmp_path: P
     assert abs(moved[0] - moved[1]) > 1e-8
     assert "BoucWen(alpha=0.4" in python(wider, saved)
     wrong = here.model_copy(update={"model": {**found["model"], "piezo_beta": -1.0}})
-    with pytest.raises(ss.units.QuantityError) as caught:
+    with pytest.raises(ss.QuantityError) as caught:
         motion(wrong, saved)
     assert field_of(str(caught.value)) == "model.piezo_beta"
 
@@ -256,7 +256,7 @@ def test_errors_name_the_field(changes: dict[str, Any], field: str, words: str) 
     base = {key: value for key, value in changes.items() if key != "law" or value in law_types()}
     here = state(**base)
     here = here.model_copy(update={"law": changes.get("law", here.law)})
-    with pytest.raises(ss.units.QuantityError) as caught:
+    with pytest.raises(ss.QuantityError) as caught:
         motion(here)
     assert field_of(str(caught.value)) == field
     assert words in str(caught.value)

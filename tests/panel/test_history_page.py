@@ -276,7 +276,7 @@ def test_acts_follow_a_renamed_run(tmp_path: Path) -> None:
         ("exported", "b.nc"),
         ("renamed", "b.nc"),
     ]
-    table = ss.runs(tmp_path).set_index("name")
+    table = ss.history.runs(tmp_path).set_index("name")
     assert table.loc["fits/f", "links"] == {"fitted": ["b.nc"]}
 
 
@@ -303,4 +303,4 @@ def test_the_newest_comes_first_in_whatever_zone_it_was_written(tmp_path: Path) 
         ("c", "2025-12-31T22:30:00-12:00"),
     ]:
         walk(tmp_path, f"{name}.nc", 1.0, epoch=epoch)
-    assert list(ss.runs(tmp_path)["name"]) == ["a.nc", "c.nc", "b.nc"]
+    assert list(ss.history.runs(tmp_path)["name"]) == ["a.nc", "c.nc", "b.nc"]

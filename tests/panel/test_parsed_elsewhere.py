@@ -13,13 +13,13 @@ import httpx
 import pytest
 
 import stickslip as ss
-from stickslip.calibration import load_calibration, save_calibration
 from stickslip.gate import text, yaml_text
 from stickslip.history.acts import note_act
 from stickslip.identify.results import model_numbers
 from stickslip.panel import create_app
 from stickslip.panel.document import DEFAULT
 from stickslip.panel.server import READ_BY
+from stickslip.recording.calibration import load_calibration, save_calibration
 from stickslip.rig.bench import _BENCHES
 
 from .serving import client_of
@@ -105,7 +105,7 @@ fit, saved = Path(sys.argv[1]), Path(sys.argv[2])
 for name in sys.argv[3:]:
     import_module(name)
 before = {*sys.modules}
-from stickslip.analysis.fit_parameters import fit_parameters, results_summary
+from stickslip.jobs.analysis.fit_parameters import fit_parameters, results_summary
 from stickslip.history.describing import described_fit, described_set
 fit_parameters(fit, "x", "y")
 results_summary(fit)

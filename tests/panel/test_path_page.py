@@ -18,7 +18,7 @@ pytestmark = pytest.mark.browser
 
 
 def links(folder: Path, name: str) -> dict[str, list[str]]:
-    return dict(ss.runs(folder).set_index("name").loc[name, "links"])
+    return dict(ss.history.runs(folder).set_index("name").loc[name, "links"])
 
 
 def test_from_a_walk_to_a_verified_model(page: Page, panel: Panel) -> None:

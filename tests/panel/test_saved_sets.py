@@ -13,7 +13,7 @@ from playwright.sync_api import Page, expect
 import stickslip as ss
 from stickslip.panel import create_app
 from stickslip.parameters.writing import parameter_text, write_parameters
-from stickslip.piezo import BoucWen, Piezo
+from stickslip.physics.piezo import BoucWen, Piezo
 
 from .conftest import PATIENCE, Panel, noticed
 from .serving import client_of

@@ -15,7 +15,7 @@ from playwright.sync_api import Page, expect
 import stickslip as ss
 import study_functions
 from stickslip.panel.server import create_app
-from stickslip.readers import process
+from stickslip.recording.readers import process
 from stickslip.study import Grid, Own, Study, study_state
 from stickslip.study.sealing import sealed
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import yaml
 
 from rotary.turning import BENCH, TURNS
-from stickslip.input_file import load_yaml
 from stickslip.panel.document import DEFAULT
 from stickslip.parameters.writing import parameter_text, write_parameters
+from stickslip.quantities.input_file import load_yaml
 
 SET, EXPERIMENT = "parameters/rotary.toml", "turning.yaml"
 

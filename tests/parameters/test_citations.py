@@ -9,7 +9,6 @@ import pytest
 import xarray as xr
 
 import stickslip.parameters
-from stickslip.actuator import load_actuator
 from stickslip.friction import LAWS, Dahl, LuGre
 from stickslip.parameters import (
     ParameterSetError,
@@ -20,6 +19,7 @@ from stickslip.parameters import (
     print_citations,
     references,
 )
+from stickslip.physics.actuator import load_actuator
 
 PACKAGE = Path(stickslip.parameters.__file__).parents[1]
 NEEDED = {

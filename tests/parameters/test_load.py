@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
 from stickslip.friction import Coulomb, MaxwellSlip
 from stickslip.parameters import ParameterSetError, load_friction, load_kind, load_set
-from stickslip.units import QuantityError
+from stickslip.physics.actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
+from stickslip.quantities.units import QuantityError
 
 GOOD = """
 title = "Mine"

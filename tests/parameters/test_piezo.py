@@ -10,7 +10,7 @@ import pytest
 import stickslip as ss
 from stickslip.parameters import ParameterSetError
 from stickslip.parameters.writing import parameter_text
-from stickslip.piezo import Creep, Piezo, PrandtlIshlinskii
+from stickslip.physics.piezo import Creep, Piezo, PrandtlIshlinskii
 
 SET = "kang2007-hysteresis"
 

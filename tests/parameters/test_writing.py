@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import stickslip as ss
-from stickslip.comparison.laws import example_laws
+from stickslip.identify.comparison.laws import example_laws
 from stickslip.parameters.load import load_set
 from stickslip.parameters.writing import parameter_text, write_parameters
 

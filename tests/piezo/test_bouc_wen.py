@@ -7,10 +7,10 @@ import pytest
 
 import reference
 import stickslip as ss
-from stickslip.piezo import BoucWen, Piezo
-from stickslip.plant.at_piezo import at_piezo
-from stickslip.plant.duhem_drive import duhem_drive
-from stickslip.units import QuantityError
+from stickslip.physics.piezo import BoucWen, Piezo
+from stickslip.quantities.units import QuantityError
+from stickslip.simulation.plant.at_piezo import at_piezo
+from stickslip.simulation.plant.duhem_drive import duhem_drive
 from stickslip.waveform.drive import evaluate
 
 

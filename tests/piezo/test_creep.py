@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from stickslip.piezo import Creep, Piezo, PrandtlIshlinskii
-from stickslip.piezo.creep import Lags, before_creep, lag_change, relaxed, spread
-from stickslip.units import QuantityError
+from stickslip.physics.piezo import Creep, Piezo, PrandtlIshlinskii
+from stickslip.physics.piezo.creep import Lags, before_creep, lag_change, relaxed, spread
+from stickslip.quantities.units import QuantityError
 
 
 def test_lags_obey_their_equation() -> None:

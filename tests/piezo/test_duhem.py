@@ -13,11 +13,11 @@ from scipy.integrate import solve_ivp
 import stickslip as ss
 from stickslip.engine import compiled_law, law_of, numba_laws
 from stickslip.engine.translator import REAL, Translation, TranslationError
-from stickslip.piezo import BoucWen, Piezo, bouc_wen, duhem_output, register_piezo
-from stickslip.piezo.duhem import DUHEM, is_duhem, rested
-from stickslip.plant.at_piezo import at_piezo
-from stickslip.records import Quantity, record
-from stickslip.units import QuantityError
+from stickslip.physics.piezo import BoucWen, Piezo, bouc_wen, duhem_output, register_piezo
+from stickslip.physics.piezo.duhem import DUHEM, is_duhem, rested
+from stickslip.quantities.records import Quantity, record
+from stickslip.quantities.units import QuantityError
+from stickslip.simulation.plant.at_piezo import at_piezo
 from stickslip.waveform.drive import evaluate
 
 

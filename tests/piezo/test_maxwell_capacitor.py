@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import reference
-from stickslip.piezo import Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
-from stickslip.units import QuantityError
+from stickslip.physics.piezo import Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
+from stickslip.quantities.units import QuantityError
 
 PLAYS = PrandtlIshlinskii((0.0, 3.0, 8.0, 15.0), (0.8, 0.08, 0.08, 0.04))
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 import reference
 import stickslip as ss
-from stickslip.piezo import BoucWen, Piezo, PrandtlIshlinskii, operators
-from stickslip.plant.splitting import through
-from stickslip.units import QuantityError
+from stickslip.physics.piezo import BoucWen, Piezo, PrandtlIshlinskii, operators
+from stickslip.quantities.units import QuantityError
+from stickslip.simulation.plant.splitting import through
 from stickslip.waveform import Ramp
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from stickslip.friction import (
     NormalForce,
     Stribeck,
 )
-from stickslip.plant.system import Element, Mode, Plant
+from stickslip.simulation.plant.system import Element, Mode, Plant
 
 LUGRE = LuGre(1.4e6, 35.0, 0.7, 0.54, 0.7, 1e-3)
 DAHL = Dahl(0.9e6, 0.4)

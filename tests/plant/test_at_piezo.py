@@ -9,10 +9,10 @@ import pytest
 
 import reference
 import stickslip as ss
-from stickslip.piezo import Creep, Piezo, PrandtlIshlinskii
-from stickslip.piezo.creep import Lags, relaxed
-from stickslip.plant.at_piezo import at_piezo, cycle_of
-from stickslip.units import QuantityError
+from stickslip.physics.piezo import Creep, Piezo, PrandtlIshlinskii
+from stickslip.physics.piezo.creep import Lags, relaxed
+from stickslip.quantities.units import QuantityError
+from stickslip.simulation.plant.at_piezo import at_piezo, cycle_of
 from stickslip.waveform import Chirp, Multisine, Ramp, Sequence
 from stickslip.waveform.drive import Drive, evaluate
 

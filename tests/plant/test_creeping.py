@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import quad
 
 import stickslip as ss
-from stickslip.piezo import Creep
-from stickslip.plant.creeping import creeping, weights
+from stickslip.physics.piezo import Creep
+from stickslip.simulation.plant.creeping import creeping, weights
 
 
 @pytest.mark.parametrize("z", [1e-9, 1e-3, 0.3, 1.0, -0.7, 1.001, 4.0, 60.0, -5.0])

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import plants
 from engine.library import integrate
 from stickslip.friction import Dahl, Elastoplastic, LuGre, MaxwellSlip, register
-from stickslip.plant.system import Element, Mode, Plant, state_size
+from stickslip.simulation.plant.system import Element, Mode, Plant, state_size
 from stickslip.waveform.drive import Drive, constant
 from stickslip.waveform.periodic import Sawtooth, Sine
 

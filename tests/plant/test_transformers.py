@@ -16,11 +16,11 @@ from scipy.optimize import brentq
 
 import reference
 import stickslip as ss
-from stickslip.electronics import Amplifier, driven
-from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii, register_piezo
-from stickslip.plant.at_piezo import at_piezo
-from stickslip.plant.creeping import creeping, weights
-from stickslip.records import Quantity, record
+from stickslip.physics.electronics import Amplifier, driven
+from stickslip.physics.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii, register_piezo
+from stickslip.quantities.records import Quantity, record
+from stickslip.simulation.plant.at_piezo import at_piezo
+from stickslip.simulation.plant.creeping import creeping, weights
 from stickslip.waveform import Multisine
 from stickslip.waveform.drive import Drive, evaluate
 

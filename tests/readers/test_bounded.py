@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 import scipy.io
 
-from stickslip.readers import read_recording
 from stickslip.recording import RecordingError, make_recording, save_recording
+from stickslip.recording.readers import read_recording
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
 MEASURE = """
 import resource, sys, time
-from stickslip.readers import read_recording
+from stickslip.recording.readers import read_recording
 from stickslip.recording import RecordingError
 read_recording(sys.argv[1])
 before, begun = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stickslip.readers import read_recording
 from stickslip.recording import RecordingError
+from stickslip.recording.readers import read_recording
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
 

@@ -10,8 +10,8 @@ import pytest
 import scipy.io
 
 from readers.mat73 import write_mat73
-from stickslip.readers import read_recording
 from stickslip.recording import RecordingError
+from stickslip.recording.readers import read_recording
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
 RNG = np.random.default_rng(0)

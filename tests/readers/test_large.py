@@ -25,7 +25,7 @@ def _write(path: Path, rows: int) -> Path:
 
 PEAK = """
 import resource, sys
-from stickslip.readers import read_recording
+from stickslip.recording.readers import read_recording
 
 def peak():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024  # bytes; Linux counts in KiB
@@ -50,7 +50,7 @@ def test_memory_is_bounded_by_the_result(tmp_path: Path) -> None:
 
 SHOW = """
 import io, os, sys
-from stickslip.readers import csv, progress, read_recording
+from stickslip.recording.readers import csv, progress, read_recording
 
 csv.CHUNK = 1 << 16
 print(read_recording(sys.argv[1], sample_rate=1e3)["x"].values.sum())  # not large: no bar

@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 
 from stickslip import inspect_file, read_recording
-from stickslip.readers.matlab_objects import Opaque, holds_objects
 from stickslip.recording import RecordingError
+from stickslip.recording.readers.matlab_objects import Opaque, holds_objects
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # on options of pandas
@@ -73,7 +73,7 @@ def test_objects_are_read_by_mat_io(file: Path) -> None:
 
 def test_units_of_a_table_are_read(tmp_path: Path) -> None:
     """mat-io does not write them: they are in its attributes, as it reads them."""
-    from stickslip.readers.matlab_objects import Table, _table
+    from stickslip.recording.readers.matlab_objects import Table, _table
 
     frame = _frame(_spans(), x=MICRONS)
     frame.attrs["varUnits"] = ["um"]

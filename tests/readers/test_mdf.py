@@ -9,9 +9,9 @@ import pytest
 from asammdf import MDF, Signal
 
 from stickslip import read_recording
-from stickslip.readers.preview import look
-from stickslip.readers.process import Reader
 from stickslip.recording import RecordingError
+from stickslip.recording.readers.preview import look
+from stickslip.recording.readers.process import Reader
 
 TIME = np.arange(200) * 1e-3
 VOLTS = np.linspace(0.0, 60.0, 200)

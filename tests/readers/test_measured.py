@@ -7,8 +7,8 @@ import pytest
 import scipy.io
 
 from datasets import DATASETS
-from stickslip.readers import read_recording
 from stickslip.recording import sampling
+from stickslip.recording.readers import read_recording
 
 
 def test_friction_of_a_tribometer() -> None:

@@ -14,8 +14,8 @@ import gate.acts as acts
 import stickslip as ss
 from stickslip.gate import process as fence
 from stickslip.history import Index
-from stickslip.readers import process
-from stickslip.readers.process import Reader, ReaderBusy
+from stickslip.recording.readers import process
+from stickslip.recording.readers.process import Reader, ReaderBusy
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from stickslip.readers import inspect_file, read_recording
 from stickslip.recording import RecordingError, make_recording, open_recording, save_recording
+from stickslip.recording.readers import inspect_file, read_recording
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
 GOOD = "t [s],x [um]\n" + "".join(f"{i},{i}.5\n" for i in range(30))

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.readers.file_units import is_unit, to_si_scale, to_si_unit
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import RecordingError
-from stickslip.units import QuantityError
+from stickslip.recording.readers.file_units import is_unit, to_si_scale, to_si_unit
 
 TIME = 1e-3 * np.arange(200)
 SWING = 39.37 * np.sin(40.0 * TIME)

@@ -24,8 +24,8 @@ import pytest
 import scipy.io
 
 from stickslip import inspect_file, read_recording
-from stickslip.readers.signatures import BINARY, TEXTS, is_text
 from stickslip.recording import RecordingError
+from stickslip.recording.readers.signatures import BINARY, TEXTS, is_text
 
 TABLE = "t,x\n" + "".join(f"{0.001 * i:.3f},{i}\n" for i in range(200))
 FRAME = pd.DataFrame({"t": np.arange(50.0), "x": np.arange(50.0)})

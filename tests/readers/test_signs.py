@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.readers.layout import _channel
 from stickslip.recording import RecordingError
+from stickslip.recording.readers.layout import _channel
 
 
 def written(folder: Path, lines: list[str], name: str = "file.csv") -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stickslip.readers import read_recording
+from stickslip.recording.readers import read_recording
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
 MICRO = [1e-6, 2e-6, 3.5e-6]
@@ -215,7 +215,7 @@ def test_gaps_and_uneven_sampling_are_kept(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("chunk", [1, 50, 1 << 23])
 def test_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, chunk: int) -> None:
-    monkeypatch.setattr("stickslip.readers.csv.CHUNK", chunk)
+    monkeypatch.setattr("stickslip.recording.readers.csv.CHUNK", chunk)
     times = np.arange(100) / 8
     lines = [f"{t},{3 * t}" for t in times]
     (tmp_path / "a.csv").write_text("\n".join(["t,x", *lines]) + "\n")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.readers.headers import named_unit
-from stickslip.readers.source import FileChannel
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import RecordingError, RecordingWarning
 from stickslip.recording.conversion import to_si_scale
-from stickslip.units import QuantityError
+from stickslip.recording.readers.headers import named_unit
+from stickslip.recording.readers.source import FileChannel
 
 N = 300
 TIME = 4e-6 * np.arange(N)

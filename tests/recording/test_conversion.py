@@ -6,8 +6,8 @@ import math
 
 import pytest
 
+from stickslip.quantities.units import QuantityError
 from stickslip.recording.conversion import SI_UNITS, is_unit, to_si_unit
-from stickslip.units import QuantityError
 
 FACTORS = (
     # A newton metre is to most parsers a nautical mile, and a joule of the dimension of a torque.

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
+from stickslip.physics.actuator import load_actuator
 from stickslip.recording import make_recording, open_recording, save_recording
 from stickslip.recording.drive import drive_text, named_drive
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure

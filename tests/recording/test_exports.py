@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from stickslip.readers import read_recording
-from stickslip.readers.csv import OVERLOADS
 from stickslip.recording import RecordingError, make_recording, save_csv, save_matlab
+from stickslip.recording.readers import read_recording
+from stickslip.recording.readers.csv import OVERLOADS
 
 TIME = np.arange(5) * 5e-5
 DRIVE = np.array([0.0, 60.01, 1 / 3, -1e-300, 1e10])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from stickslip.figures.style import drawn, panels, svg
 from stickslip.report import Column, Document, Listing, Number, Picture, Section, Table
+from stickslip.report.figures.style import drawn, panels, svg
 
 
 @drawn

@@ -3,9 +3,9 @@ from dataclasses import replace
 
 import pytest
 
-from stickslip.figures.scale import scale_for
 from stickslip.report import Column, Document, Number, Section, Table
 from stickslip.report.circumstances import circumstances
+from stickslip.report.figures.scale import scale_for
 from stickslip.report.html import number_text, report_html, significant, table_body, table_heads
 
 from .page import Page

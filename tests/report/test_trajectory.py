@@ -2,7 +2,7 @@
 
 import pytest
 
-from stickslip.actuator import load_actuator
+from stickslip.physics.actuator import load_actuator
 from stickslip.report import Document, Number
 from stickslip.report.trajectory import trajectory_document
 from stickslip.simulation import SimulationWarning, simulate

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from stickslip.actuator import load_actuator
-from stickslip.calibration import load_calibration
-from stickslip.electronics import Filter, Interferometer, PositionSensor
+from stickslip.physics.actuator import load_actuator
+from stickslip.physics.electronics import Filter, Interferometer, PositionSensor
+from stickslip.recording.calibration import load_calibration
 from stickslip.rig import Bench, Channel, load_bench
 
 BENCH = load_bench("kang2007-bench")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 
-from stickslip import registry
-from stickslip.units import QuantityError
+from stickslip.quantities import registry
+from stickslip.quantities.units import QuantityError
 
 PATIENCE = 300.0  # s
 ANSWER = threading.Event()  # until a controller that stalls may answer

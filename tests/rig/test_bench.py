@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stickslip.electronics import amplifier_output, dac_output, small_signal_bandwidth
-from stickslip.electronics.parts import load_amplifier, load_stack
 from stickslip.parameters import ParameterSetError
+from stickslip.physics.electronics import amplifier_output, dac_output, small_signal_bandwidth
+from stickslip.physics.electronics.parts import load_amplifier, load_stack
 from stickslip.rig import available_benches, load_bench
 from stickslip.rig import bench as room
 

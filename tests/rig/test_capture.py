@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import Capture, CaptureError, Channel, LimitError, Limits, Trigger, VirtualRig, measure
 from stickslip.rig.capture import find_trigger, picks, stride
-from stickslip.units import QuantityError
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.periodic import Sawtooth, Sine
 from stickslip.waveform.shapes import Chirp, Constant, Ramp, Step

@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 
 from stickslip.control import Pid, Regulator
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import open_recording
 from stickslip.rig import Channel, LimitError, Limits, RigError, VirtualRig, regulate
 from stickslip.rig.samples import recover
-from stickslip.units import QuantityError
 from stickslip.waveform import Sine
 from stickslip.waveform.drive import Drive
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stickslip import registry
+from stickslip.quantities import registry
 from stickslip.recording import open_recording
 from stickslip.rig import (
     Capture,
@@ -162,7 +162,7 @@ def test_what_a_rig_gives_must_be_samples(block: Any) -> None:
 
 OWN = """
 import numpy as np
-from stickslip import registry
+from stickslip.quantities import registry
 from stickslip.rig import Capabilities, RigError
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import open_recording
 from stickslip.rig import (
     ControllerSpec,
@@ -32,7 +33,6 @@ from stickslip.rig.home import Home
 from stickslip.rig.samples import recover
 from stickslip.rig.supervisor import Order, StopRequested, Supervisor
 from stickslip.rig.turns import ASKED, AT, WANTED
-from stickslip.units import QuantityError
 from stickslip.waveform import Sine
 
 from rig.laboratory import ACTUATOR, BENCH, CHANNELS, IDEAL  # isort: skip

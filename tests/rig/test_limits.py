@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import Capture, CaptureError, LimitError, Limits, RigError, VirtualRig, measure
 from stickslip.rig.gate import Gate
 from stickslip.rig.limits import check_drive
-from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sampled import Sampled
 from stickslip.waveform.shapes import Constant, Ramp, Step

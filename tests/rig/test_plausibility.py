@@ -11,9 +11,9 @@ import pytest
 from benchmarks.plausibility import Outcome, case_of, false_stop, run
 
 from stickslip.control import Pid, Regulator, plausibility
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import Channel, LimitError, Limits, Plausibility, VirtualRig, regulate
 from stickslip.rig.plausibility import Plausible
-from stickslip.units import QuantityError
 
 from rig.laboratory import ACTUATOR, BENCH  # isort: skip
 

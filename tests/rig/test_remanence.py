@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.piezo import Creep, Piezo, PrandtlIshlinskii
-from stickslip.plant.at_piezo import at_piezo
+from stickslip.physics.piezo import Creep, Piezo, PrandtlIshlinskii
 from stickslip.rig import Capture, Limits, VirtualRig, load_bench, measure
 from stickslip.rig.remanence import annealed, from_state, left_by, simplified
+from stickslip.simulation.plant.at_piezo import at_piezo
 from stickslip.waveform.drive import evaluate
 
 from rig.laboratory import IDEAL  # isort: skip

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
-from stickslip.electronics import Interferometer, PositionSensor
+from stickslip.physics.actuator import load_actuator
+from stickslip.physics.electronics import Interferometer, PositionSensor
 from stickslip.rig import RigError, VirtualRig, load_bench
 from stickslip.rig.bench import Mounted
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import Capabilities, RigError
 from stickslip.rig.oscilloscopes import INFINIIVISION, RIGOL, TEKTRONIX, Preamble
 from stickslip.rig.table import (
@@ -18,7 +19,6 @@ from stickslip.rig.table import (
     with_ramp,
     within,
 )
-from stickslip.units import QuantityError
 
 CAN = Capabilities("it", 1e3, 1e3, -10.0, 10.0, 0.1, 100, {"drive": "V"})
 

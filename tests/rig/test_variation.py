@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stickslip.comparison.laws import example_laws
 from stickslip.friction import LAWS
-from stickslip.input_file import load_yaml
+from stickslip.identify.comparison.laws import example_laws
 from stickslip.panel.document import DEFAULT as EXPERIMENT
+from stickslip.quantities.input_file import load_yaml
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import (
     Capture,
     HostedRig,
@@ -26,7 +27,6 @@ from stickslip.rig import (
     measure,
 )
 from stickslip.rig.devices import virtual_device
-from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
 
 from datasets import DATASETS  # isort: skip

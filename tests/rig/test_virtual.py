@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from stickslip.calibration.storage import from_text
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import open_recording, save_recording
+from stickslip.recording.calibration.storage import from_text
 from stickslip.rig import Capture, Channel, Limits, RigError, Trigger, VirtualRig, measure
 from stickslip.rig.home import Home
 from stickslip.rig.supervisor import Order, StopRequested, Supervisor
 from stickslip.simulation import simulate
-from stickslip.units import QuantityError
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence
 from stickslip.waveform.shapes import Constant, Rest, Step

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stickslip import Step, load_actuator
-from stickslip.calibration import load_calibration
-from stickslip.electronics import Filter
+from stickslip.physics.electronics import Filter
+from stickslip.recording.calibration import load_calibration
 from stickslip.rig import Capture, Channel, Limits, RigError, VirtualRig, WatchedRig, load_bench, measure
 
 CHANNELS = {

@@ -26,8 +26,8 @@ from stickslip.design import (
     voltage_for,
 )
 from stickslip.parameters.writing import parameter_text, write_parameters
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import open_recording
-from stickslip.units import QuantityError
 
 
 @pytest.fixture
@@ -157,7 +157,7 @@ def test_a_move_goes_to_an_angle(folder) -> None:
 
 
 def test_hysteresis_of_what_turns(folder) -> None:
-    bent = ss.piezo.Piezo(ss.piezo.PrandtlIshlinskii((0.0, 10.0, 30.0), (0.7, 0.15, 0.15)))
+    bent = ss.physics.piezo.Piezo(ss.physics.piezo.PrandtlIshlinskii((0.0, 10.0, 30.0), (0.7, 0.15, 0.15)))
     clamped = TURNS.replace(clamped=True, piezo=bent)
     for name, drive in (
         ("fit", ss.Sine(30.0, 2.0, offset=30.0)),

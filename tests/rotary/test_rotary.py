@@ -13,22 +13,22 @@ from typer.testing import CliRunner
 import stickslip as ss
 from export.building import walk
 from rotary.turning import DRIVE, RADIUS, SLIDES, TURNS, units
-from stickslip.analysis.design import design_analysis
-from stickslip.analysis.model import with_changes
-from stickslip.analysis.results import model_and_chain
-from stickslip.analysis.study import study_of_file
 from stickslip.cli import app
-from stickslip.electronics import Encoder
 from stickslip.export import export_c, export_fmu
 from stickslip.identify.results import model_numbers, model_of
-from stickslip.input_file import InputFileError
+from stickslip.jobs.analysis.design import design_analysis
+from stickslip.jobs.analysis.model import with_changes
+from stickslip.jobs.analysis.results import model_and_chain
+from stickslip.jobs.analysis.study import study_of_file
 from stickslip.panel.folder import Folder
 from stickslip.panel.sets import Sets
 from stickslip.parameters import ParameterSetError
 from stickslip.parameters.writing import parameter_text, write_parameters
+from stickslip.physics.electronics import Encoder
+from stickslip.quantities.input_file import InputFileError
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
 from stickslip.rig.bench import Mounted
-from stickslip.units import QuantityError
 
 
 def test_the_motion_is_that_of_what_slides_on_a_radius() -> None:
@@ -62,7 +62,7 @@ def test_ensembles_maps_and_derivatives_are_labelled() -> None:
     assert RADIUS * steps["net_step"].values[1] == pytest.approx(expected, abs=1e-9)
     found = ss.step_map(TURNS, drive, load=[0.0, "1 mN m"])
     assert (units(found)["net_step"], units(found)["speed"], units(found)["load"]) == ("rad", "rad/s", "N m")
-    by = ss.sensitivities(TURNS, DRIVE, parameters=["sigma_0", "initial_stage_velocity"])
+    by = ss.simulation.sensitivities(TURNS, DRIVE, parameters=["sigma_0", "initial_stage_velocity"])
     assert by["unit"].values.tolist() == ["N m/rad", "rad/s"]
     assert units(by)["derivative"] == "rad per unit of the parameter"
 

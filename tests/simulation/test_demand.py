@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.electronics import Stack, electrical
-from stickslip.units import QuantityError
+from stickslip.physics.electronics import Stack, electrical
+from stickslip.quantities.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 STACK = Stack("1.8 uF", 0.02, 8.0, "150 V", 20.0, 5.0)

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.design import step_map
 from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator
-from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
+from stickslip.physics.actuator import Actuator, load_actuator
+from stickslip.physics.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import simulate, simulate_ensemble, steady_step, steady_steps
 from stickslip.simulation.varied import with_values
-from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
 
 LUGRE = LuGre(1.399e6, 34.9, 0.0, 0.5401, 0.65)

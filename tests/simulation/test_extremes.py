@@ -69,7 +69,7 @@ def simulated(of: Drawn, tolerance: float) -> tuple[Any, bool]:
                 tolerance=tolerance,
                 max_steps=MOST,
             )
-        except (ss.simulation.SimulationError, ss.units.QuantityError):
+        except (ss.simulation.SimulationError, ss.QuantityError):
             return None, True
     return made, bool(said)
 

@@ -11,7 +11,7 @@ import pytest
 import stickslip as ss
 from stickslip.control import simulate_control
 from stickslip.design import plan_experiment
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 SAW = ss.Sawtooth(65.0, 5.0)
@@ -34,7 +34,7 @@ def _ensemble(duration: Any = 0.01, sample_rate: Any = 1e3) -> Any:
 
 
 def _sensitivities(duration: Any = 0.01, sample_rate: Any = 1e3) -> Any:
-    return ss.sensitivities(KANG, SAW, duration, sample_rate=sample_rate, parameters=["sigma_0"])
+    return ss.simulation.sensitivities(KANG, SAW, duration, sample_rate=sample_rate, parameters=["sigma_0"])
 
 
 def _plan(duration: Any = 0.01, sample_rate: Any = 1e3) -> Any:

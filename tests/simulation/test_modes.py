@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import stickslip as ss
-from stickslip.actuator import StageModes
 from stickslip.parameters.writing import parameter_text
-from stickslip.units import QuantityError
+from stickslip.physics.actuator import StageModes
+from stickslip.quantities.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 DRIVE = ss.Sawtooth(65.0, 50.0)

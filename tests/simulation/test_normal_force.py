@@ -12,13 +12,13 @@ from scipy.integrate import solve_ivp
 
 import plants
 import stickslip as ss
-from stickslip.contact import Mindlin
 from stickslip.friction import NormalForce
 from stickslip.identify.results import model_numbers, model_of
 from stickslip.parameters.writing import parameter_text
+from stickslip.physics.contact import Mindlin
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import SimulationWarning
 from stickslip.simulation.varied import with_values
-from stickslip.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 LAW = KANG.friction
@@ -94,7 +94,9 @@ def test_coulomb_friction_that_grows_along_the_way() -> None:
     """A mass let go by a spring: half a swing of the stiffness k + F_C s, then rest; the spring's energy is
     what friction has taken."""
     mass, stiffness, force, slope, pull = 0.1, 1e3, 0.5, 200.0, 1.2e-3
-    slider = ss.PulledSlider(mass, stiffness, 0.0, ss.Coulomb(force), normal_force=NormalForce(slope=slope))
+    slider = ss.physics.PulledSlider(
+        mass, stiffness, 0.0, ss.Coulomb(force), normal_force=NormalForce(slope=slope)
+    )
     drive = ss.Step(pull, unit="m")
     found = ss.simulate(slider, drive, times=[0.0, 0.01, 0.2], tolerance=1e-10)
     x = found["end_effector_position"].values

@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 
 import reference
 import stickslip as ss
-from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
-from stickslip.units import QuantityError
+from stickslip.physics.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
+from stickslip.quantities.units import QuantityError
 from stickslip.waveform.drive import evaluate
 
 PLAIN = ss.load_actuator("kang2007")
@@ -85,7 +85,7 @@ def test_members_are_single_runs() -> None:
 
 def test_derivatives_are_differences() -> None:
     drive, names = ss.Sawtooth(65.0, 20.0), ["gain", "end_effector_mass", "amplitude"]
-    found = ss.sensitivities(BENT, drive, 0.2, parameters=names, tolerance=1e-11)
+    found = ss.simulation.sensitivities(BENT, drive, 0.2, parameters=names, tolerance=1e-11)
 
     def end(actuator: ss.Actuator, waveform: ss.Sawtooth) -> float:
         return float(ss.simulate(actuator, waveform, 0.2, tolerance=1e-12).end_effector_position[-1])

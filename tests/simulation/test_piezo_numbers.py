@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
+from stickslip.physics.piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import NotPeriodicError, steady_step_derivatives
 from stickslip.simulation.varied import (
     model_names,
@@ -19,7 +20,6 @@ from stickslip.simulation.varied import (
     value_of,
     with_values,
 )
-from stickslip.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 PLAYS = PrandtlIshlinskii((0.0, 3.0, 9.0), (0.7, 0.15, 0.1), (20.0,), (0.1,), (0.02,))
@@ -88,7 +88,7 @@ def test_of_a_trajectory(piezo: str) -> None:
     names = [name for name in names if "breakaway" not in name]
     if "Bouc" in piezo:
         names = [name for name in names if name != "piezo_time_constant_2"]
-    found = ss.sensitivities(model, SAW, times=times, parameters=names, tolerance=1e-11).derivative
+    found = ss.simulation.sensitivities(model, SAW, times=times, parameters=names, tolerance=1e-11).derivative
     for name in names:
         ends, h = apart(model, SAW, name, 1e-3)
         low, high = (ss.simulate(*one, times=times, tolerance=1e-12).end_effector_position for one in ends)
@@ -161,13 +161,13 @@ def test_a_member_whose_piezo_is_none_is_refused_alone() -> None:
 def test_units_and_names() -> None:
     model = KANG.replace(piezo=Piezo(PLAYS, CREEP))
     names = ["piezo_threshold_2", "piezo_time_constant_1", "piezo_share_2"]
-    found = ss.sensitivities(model, SAW, 0.02, parameters=names)
+    found = ss.simulation.sensitivities(model, SAW, 0.02, parameters=names)
     assert found.unit.values.tolist() == ["V", "s", ""]
     port = KANG.replace(piezo=Piezo(PORT))
     assert piezo_names(port)[:2] == ["piezo_capacitance", "piezo_stiffness_1"]
     assert piezo_names(KANG) == []
     with pytest.raises(QuantityError, match="did you mean 'piezo_weight_2'"):
-        ss.sensitivities(model, SAW, 0.02, parameters=["piezo_weights_2"])
+        ss.simulation.sensitivities(model, SAW, 0.02, parameters=["piezo_weights_2"])
     with pytest.raises(QuantityError, match="did you mean 'piezo_share_1'"):
         ss.simulate_ensemble(model, SAW, 0.02, parameters={"piezo_shar_1": [0.1]})
 
@@ -175,4 +175,4 @@ def test_units_and_names() -> None:
 def test_no_derivative_where_a_play_appears() -> None:
     model = KANG.replace(piezo=Piezo(PLAYS))
     with pytest.raises(QuantityError, match="piezo_threshold_1' at 0: after the piezo's hysteresis"):
-        ss.sensitivities(model, SAW, 0.02, parameters=["piezo_threshold_1"])
+        ss.simulation.sensitivities(model, SAW, 0.02, parameters=["piezo_threshold_1"])

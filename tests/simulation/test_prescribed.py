@@ -7,7 +7,6 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from stickslip.actuator import Actuator
 from stickslip.friction import (
     Coulomb,
     CoulombViscous,
@@ -22,8 +21,9 @@ from stickslip.friction import (
     element,
     rate,
 )
+from stickslip.physics.actuator import Actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import friction_response, simulate, steady_step
-from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth, Sine
 from stickslip.waveform.shapes import Constant
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from stickslip import simulation
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator
 from stickslip.identify.walk.displacement import has_slopes
-from stickslip.piezo import Creep, Piezo
+from stickslip.physics.actuator import Actuator, load_actuator
+from stickslip.physics.piezo import Creep, Piezo
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import (
     SimulationWarning,
     sensitivities,
@@ -22,7 +23,6 @@ from stickslip.simulation import (
 from stickslip.simulation.models import SLIDER
 from stickslip.simulation.trajectory import follow_model
 from stickslip.simulation.varied import with_values
-from stickslip.units import QuantityError
 from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sampled import Sampled

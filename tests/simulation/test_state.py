@@ -38,7 +38,7 @@ CASES: dict[str, tuple[Any, Any, float, dict[str, Any]]] = {
     ),
     "a sequence": (KANG, ss.Sawtooth(65.0, 40.0, 0.95, periods=3), 0.2, {}),
     "a pulled slider": (
-        ss.PulledSlider(0.3, 2e3, 1.0, ss.LuGre(1e5, 100.0, 0.4, 1.0, 1.4, 1e-3)),
+        ss.physics.PulledSlider(0.3, 2e3, 1.0, ss.LuGre(1e5, 100.0, 0.4, 1.0, 1.4, 1e-3)),
         ss.waveform.Ramp(1e-3, 0.0, 2.0, unit="m"),
         0.6,
         {},
@@ -93,7 +93,7 @@ def test_survives_a_file(tmp_path: Any) -> None:
     first = ss.simulate(KANG, ss.Sawtooth(65.0, 5.0), 0.3)
     ss.save_recording(first, tmp_path / "first.nc")
     again = ss.read_recording(tmp_path / "first.nc")
-    assert ss.final_state(again) == ss.final_state(first)
+    assert ss.simulation.final_state(again) == ss.simulation.final_state(first)
     second = [ss.simulate(KANG, ss.Sawtooth(65.0, 5.0), 0.3, initial_state=d) for d in (first, again)]
     np.testing.assert_array_equal(second[0].end_effector_position, second[1].end_effector_position)
     assert float(second[0].time[0]) == pytest.approx(0.3)
@@ -119,7 +119,7 @@ def test_a_drive_that_was_another_before_goes_on_from_the_state_itself() -> None
     bent = values.copy()
     bent[1900:2100] += 20.0 * np.hanning(200)
     first = ss.simulate(KANG, ss.Sampled(t, values), 0.1)
-    state, drive = ss.final_state(first), ss.Sampled(t, bent)
+    state, drive = ss.simulation.final_state(first), ss.Sampled(t, bent)
     found = ss.simulate(KANG, drive, 0.05, initial_state=first)
     expected = ss.simulate(KANG, drive, 0.05, initial_state=state._replace(resume=()))
     np.testing.assert_array_equal(found.end_effector_position, expected.end_effector_position)
@@ -173,7 +173,7 @@ def test_the_energy_account_costs_a_continuation_nothing(cut: float) -> None:
     ],
 )
 def test_refused(state: ss.simulation.State, said: str) -> None:
-    with pytest.raises(ss.units.QuantityError, match=said):
+    with pytest.raises(ss.QuantityError, match=said):
         ss.simulate(KANG, ss.Sawtooth(65.0, 5.0), 0.1, initial_state=state)
 
 
@@ -192,7 +192,7 @@ def test_no_bristle_begins_far_beyond_its_bound(law: Any, most: tuple[float, ...
         z = at_bound.copy()
         z[i] *= 2.1
         said = rf"deflections\[{i}\] = \S+ m is beyond .* {type(law).__name__}: at most {bound:g} m"
-        with pytest.raises(ss.units.QuantityError, match=said):
+        with pytest.raises(ss.QuantityError, match=said):
             begun(model, z)
     # What friction that was greater by a fifth has left is put onto the bound; rounding is left alone.
     np.testing.assert_array_equal(begun(model, 1.2 * at_bound), at_bound)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation.ticks import Motion
-from stickslip.units import QuantityError
 
 STATIC = ss.Actuator(
     gain=1.5e-8,

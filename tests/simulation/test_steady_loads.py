@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import steady_orbit, steady_step_derivatives
 from stickslip.simulation.load import refuse_other_period
-from stickslip.units import QuantityError
 from stickslip.waveform import Sequence
 
 KANG = ss.load_actuator("kang2007")

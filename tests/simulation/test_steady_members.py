@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator
+from stickslip.physics.actuator import Actuator, load_actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import (
     NotPeriodicError,
     SimulationError,
@@ -16,7 +17,6 @@ from stickslip.simulation import (
     steady_steps,
 )
 from stickslip.simulation.varied import with_values
-from stickslip.units import QuantityError
 from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.periodic import Cycloid, Sawtooth, Sine

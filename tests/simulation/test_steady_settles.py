@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.friction import Dahl, LuGre, MaxwellSlip, ResetIntegrator, Stribeck
-from stickslip.piezo import MaxwellCapacitor, Piezo, PrandtlIshlinskii
+from stickslip.physics.actuator import Actuator, load_actuator
+from stickslip.physics.piezo import MaxwellCapacitor, Piezo, PrandtlIshlinskii
 from stickslip.simulation import simulate, steady_orbit, steady_step, steady_steps
 from stickslip.waveform import Sawtooth
 from stickslip.waveform.knots import PeriodicKnots

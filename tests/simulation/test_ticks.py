@@ -7,10 +7,10 @@ import itertools
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
-from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
+from stickslip.physics.actuator import load_actuator
+from stickslip.physics.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import Motion, simulate
-from stickslip.units import QuantityError
 from stickslip.waveform import Sampled, Step
 
 KANG = load_actuator("kang2007").replace(stage_reaction=False)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from tests.reference import walk_lugre
 
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.friction import (
     Coulomb,
     Dahl,
@@ -20,8 +19,9 @@ from stickslip.friction import (
     StictionCoulombViscous,
     Stribeck,
 )
+from stickslip.physics.actuator import Actuator, load_actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import SimulationWarning, simulate, simulate_ensemble, steady_orbit, steady_step
-from stickslip.units import QuantityError
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.sampled import Sampled
 from stickslip.waveform.shapes import Constant, Ramp

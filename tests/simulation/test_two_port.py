@@ -9,8 +9,8 @@ from scipy.signal import step
 import reference
 import stickslip as ss
 from stickslip.parameters.writing import parameter_text
-from stickslip.piezo import MaxwellCapacitor, Piezo, PrandtlIshlinskii
-from stickslip.units import QuantityError
+from stickslip.physics.piezo import MaxwellCapacitor, Piezo, PrandtlIshlinskii
+from stickslip.quantities.units import QuantityError
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=True)
 PLAYS = PrandtlIshlinskii((0.0, 3.0, 8.0, 15.0), (0.8, 0.08, 0.08, 0.04))
@@ -144,10 +144,10 @@ def test_the_linear_stage_of_a_commanded_charge_rings_as_the_simulation(capacita
 
 def test_the_account_of_a_stack_is_not_that_of_its_charge() -> None:
     run = ss.simulate(charged(1e-6), ss.Sine(30.0, 20.0, offset=40.0), 0.1)
-    stack = ss.electronics.Stack(1.3e-6, 0.02, 8.0, 150.0, 30.0, 0.5)
+    stack = ss.physics.electronics.Stack(1.3e-6, 0.02, 8.0, 150.0, 30.0, 0.5)
     with pytest.raises(QuantityError, match="charge and current of its own piezo"):
-        ss.electronics.electrical(run, stack)
-    assert ss.electronics.electrical(run[["drive_voltage"]], stack).peak_current > 0.0
+        ss.physics.electronics.electrical(run, stack)
+    assert ss.physics.electronics.electrical(run[["drive_voltage"]], stack).peak_current > 0.0
 
 
 def test_what_cannot_be_is_refused() -> None:

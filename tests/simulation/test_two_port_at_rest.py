@@ -8,10 +8,10 @@ import pytest
 import plants
 import reference
 import stickslip as ss
-from stickslip.piezo import MaxwellCapacitor, Piezo
-from stickslip.plant.system import state_size
+from stickslip.physics.piezo import MaxwellCapacitor, Piezo
 from stickslip.simulation import two_port
 from stickslip.simulation.models import Contact
+from stickslip.simulation.plant.system import state_size
 from stickslip.waveform.drive import constant
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=True)

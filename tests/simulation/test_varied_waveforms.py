@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from stickslip.actuator import Actuator
 from stickslip.friction import Coulomb, Dahl, LuGre, MaxwellSlip
+from stickslip.physics.actuator import Actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import simulate, simulate_ensemble
 from stickslip.simulation.varied import with_values
-from stickslip.units import QuantityError
 from stickslip.waveform.drive import evaluate
 from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.members import member_of, stacked

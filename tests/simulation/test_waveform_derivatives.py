@@ -56,14 +56,16 @@ def differences(model: Any, waveform: Any, name: str, times: np.ndarray, load: A
 def test_of_a_trajectory(name: str) -> None:
     model, waveform, fields = CASES[name]
     times = np.linspace(0.0, 7.3 / waveform.frequency, 40)
-    found = ss.sensitivities(
+    found = ss.simulation.sensitivities(
         model, waveform, times=times, parameters=[*fields, "coulomb_force"], tolerance=1e-12
     )
     for field in fields:
         expected = differences(model, waveform, field, times)
         near = np.abs(found.derivative.sel(parameter=field) - expected)
         assert float(near.max()) < 3e-3 * float(np.abs(expected).max()), field
-    alone = ss.sensitivities(model, waveform, times=times, parameters=["coulomb_force"], tolerance=1e-12)
+    alone = ss.simulation.sensitivities(
+        model, waveform, times=times, parameters=["coulomb_force"], tolerance=1e-12
+    )
     # The same but for rounding: a drive that varies takes other code. 1e-12 m for 1 N is the tolerance.
     np.testing.assert_allclose(
         found.derivative.sel(parameter="coulomb_force"), alone.derivative[0], rtol=1e-6, atol=1e-12
@@ -76,7 +78,9 @@ def test_of_a_trajectory_whose_normal_force_jumps() -> None:
     waveform, times = ss.Sawtooth(65.0, 20.0, 0.9, 2.0), np.linspace(0.0, 0.23, 40)
     load = ss.Sampled([0.0, 0.031, 0.0965, 0.15], [1.0, 0.6, 1.4, 0.9], "hold")
     fields = ["amplitude", "frequency", "rise_fraction"]
-    found = ss.sensitivities(KANG, waveform, times=times, parameters=fields, tolerance=1e-12, load=load)
+    found = ss.simulation.sensitivities(
+        KANG, waveform, times=times, parameters=fields, tolerance=1e-12, load=load
+    )
     for field in fields:
         expected = differences(KANG, waveform, field, times, load)
         near = np.abs(found.derivative.sel(parameter=field) - expected)
@@ -110,15 +114,17 @@ def test_by_every_knot() -> None:
 
 
 def test_units_are_those_of_the_waveform() -> None:
-    found = ss.sensitivities(KANG, ss.Sawtooth(65.0, 20.0, 0.9), 0.1, parameters=["amplitude", "frequency"])
+    found = ss.simulation.sensitivities(
+        KANG, ss.Sawtooth(65.0, 20.0, 0.9), 0.1, parameters=["amplitude", "frequency"]
+    )
     assert found.unit.values.tolist() == ["V", "Hz"]
 
 
 def test_no_derivative_where_a_break_appears() -> None:
-    with pytest.raises(ss.units.QuantityError, match="rise_fraction"):
-        ss.sensitivities(KANG, ss.Sawtooth(65.0, 20.0), 0.1, parameters=["rise_fraction"])
+    with pytest.raises(ss.QuantityError, match="rise_fraction"):
+        ss.simulation.sensitivities(KANG, ss.Sawtooth(65.0, 20.0), 0.1, parameters=["rise_fraction"])
 
 
 def test_unknown_names_say_what_there_is() -> None:
-    with pytest.raises(ss.units.QuantityError, match="amplitude"):
-        ss.sensitivities(KANG, ss.Sawtooth(65.0, 20.0), 0.1, parameters=["amplitud"])
+    with pytest.raises(ss.QuantityError, match="amplitude"):
+        ss.simulation.sensitivities(KANG, ss.Sawtooth(65.0, 20.0), 0.1, parameters=["amplitud"])

@@ -14,12 +14,12 @@ import yaml
 from typer.testing import CliRunner
 
 import stickslip as ss
-from stickslip.analysis.model import NamedModel
-from stickslip.campaign.file import read_campaign
 from stickslip.cli import app
-from stickslip.skeletons import KINDS, new_file
-from stickslip.skeletons.writing import _FILLED
-from stickslip.units import to_si
+from stickslip.jobs.analysis.model import NamedModel
+from stickslip.jobs.campaign.file import read_campaign
+from stickslip.jobs.skeletons import KINDS, new_file
+from stickslip.jobs.skeletons.writing import _FILLED
+from stickslip.quantities.units import to_si
 
 # What is assumed of a recording is a warning, which the command says in one line.
 pytestmark = pytest.mark.filterwarnings("default")
@@ -121,7 +121,7 @@ def test_an_experiment_and_an_actuator_as_recorded(recorded: Path, tmp_path: Pat
     content = yaml.safe_load((tmp_path / "again.yaml").read_text())
     assert content["limits"]["max_voltage"] == "80 V"
     assert content["runs"][0]["capture"]["interval"] == "250 us"
-    ss.experiment.run_experiment(tmp_path / "again.yaml", tmp_path / "out")
+    ss.rig.run_experiment(tmp_path / "again.yaml", tmp_path / "out")
     now, before = (
         ss.open_recording(file)["drive_voltage"].values
         for file in (tmp_path / "out" / "run_1.nc", recorded / "walk_75V.nc")

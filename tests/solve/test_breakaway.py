@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from stickslip.actuator import Actuator, PulledSlider, load_actuator
 from stickslip.friction import Stribeck
+from stickslip.physics.actuator import Actuator, PulledSlider, load_actuator
 from stickslip.simulation import simulate, simulate_ensemble, steady_step
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.shapes import Ramp

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from friction import samples
-from stickslip.actuator import STANDARD_GRAVITY, Actuator, PulledSlider, load_actuator
 from stickslip.friction import Coulomb, LuGre
+from stickslip.physics.actuator import STANDARD_GRAVITY, Actuator, PulledSlider, load_actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import simulate
-from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Cycloid, ReverseSawtooth, Sawtooth
 from stickslip.waveform.shapes import Step
 

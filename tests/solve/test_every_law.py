@@ -7,8 +7,8 @@ import pytest
 
 import event_driven
 from friction import samples
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.friction import LAWS, Dahl
+from stickslip.physics.actuator import Actuator, load_actuator
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.shapes import Constant

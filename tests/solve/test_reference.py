@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stickslip.actuator import Actuator
 from stickslip.friction import LuGre
+from stickslip.physics.actuator import Actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.simulation import SimulationWarning, simulate, steady_orbit, steady_step
-from stickslip.units import QuantityError
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.shapes import Step
 

@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from stickslip.actuator import STANDARD_GRAVITY, Actuator, PulledSlider
 from stickslip.friction import Coulomb, CoulombViscous, StictionCoulombViscous, Stribeck
+from stickslip.physics.actuator import STANDARD_GRAVITY, Actuator, PulledSlider
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Cycloid
 from stickslip.waveform.shapes import Constant, Ramp, Step

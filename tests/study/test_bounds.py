@@ -17,7 +17,8 @@ import pytest
 
 import stickslip as ss
 import study_functions
-from stickslip.analysis.study import study_of_file
+from stickslip.jobs.analysis.study import study_of_file
+from stickslip.quantities.units import QuantityError
 from stickslip.study import StudyError, export_study, open_study, study_state
 from stickslip.study.chunks import ChunkError, chunk_bytes, comment_of, texts_of, with_comment
 from stickslip.study.creating import create
@@ -25,7 +26,6 @@ from stickslip.study.layout import MOST_CHUNK_BYTES, TEXT
 from stickslip.study.picture import study_picture
 from stickslip.study.sealing import checks_of, sealed, task_seal
 from stickslip.study.store import Store
-from stickslip.units import QuantityError
 
 STUDY = """\
 kind: study

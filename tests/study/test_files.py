@@ -18,9 +18,9 @@ from typer.testing import CliRunner
 
 import stickslip as ss
 import study_functions
-from stickslip.analysis.study import study_of_file
 from stickslip.cli import app
-from stickslip.input_file import InputFileError
+from stickslip.jobs.analysis.study import study_of_file
+from stickslip.quantities.input_file import InputFileError
 from stickslip.study import (
     Draws,
     Grid,

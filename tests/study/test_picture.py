@@ -12,11 +12,11 @@ import xarray as xr
 
 import stickslip as ss
 import study_functions
+from stickslip.quantities.units import QuantityError
 from stickslip.study import Grid, Own, Random, Range, Study, StudyError, study_state
 from stickslip.study import picture as of
 from stickslip.study.picture import pictured, study_picture
 from stickslip.study.store import Store
-from stickslip.units import QuantityError
 
 FILE = study_functions.__file__
 

@@ -10,10 +10,10 @@ from scipy.stats import qmc
 
 import stickslip as ss
 import study_functions
+from stickslip.quantities.units import QuantityError
 from stickslip.study import Draws, Grid, Own, Random, Range, SteadySteps, Study
 from stickslip.study.description import described, differences, identity
 from stickslip.study.layout import Layout, Variable, cut, usual
-from stickslip.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 SAW = ss.Sawtooth(65.0, 5.0)

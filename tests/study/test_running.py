@@ -20,8 +20,8 @@ import xarray as xr
 
 import stickslip as ss
 import study_functions
-from stickslip.analysis.study import study_of_file
 from stickslip.engine.library import library
+from stickslip.jobs.analysis.study import study_of_file
 from stickslip.study import (
     Grid,
     Own,

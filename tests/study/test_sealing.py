@@ -15,8 +15,9 @@ from typer.testing import CliRunner
 
 import stickslip as ss
 import study_functions
-from stickslip.analysis.study import study_of_file
 from stickslip.cli import app
+from stickslip.jobs.analysis.study import study_of_file
+from stickslip.quantities.units import QuantityError
 from stickslip.study import (
     Grid,
     Own,
@@ -32,7 +33,6 @@ from stickslip.study import (
 from stickslip.study.picture import study_picture
 from stickslip.study.sealing import sealed
 from stickslip.study.store import STOP
-from stickslip.units import QuantityError
 
 FILE = study_functions.__file__
 STUDY = """\

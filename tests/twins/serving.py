@@ -11,8 +11,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from stickslip.actuator import load_actuator
-from stickslip.twins import TwinServer, make_twin
+from stickslip.physics.actuator import load_actuator
+from stickslip.rig.twins import TwinServer, make_twin
 
 ROOT = Path(__file__).parents[2]
 DRIVERS = Path(__file__).parent / "drivers"

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from stickslip.rig.protocols import Array
-from stickslip.twins.axis import Axis, WallClock, ramp, steps
-from stickslip.twins.scpi import ScpiDevice, ScpiError, number, switch
-from stickslip.twins.stage import Piece, Stage
-from stickslip.twins.wiring import Wiring
+from stickslip.rig.twins.axis import Axis, WallClock, ramp, steps
+from stickslip.rig.twins.scpi import ScpiDevice, ScpiError, number, switch
+from stickslip.rig.twins.stage import Piece, Stage
+from stickslip.rig.twins.wiring import Wiring
 
 _CHUNK = 200  # values of a table that are played as one piece
 

@@ -10,8 +10,8 @@ import pytest
 import stickslip as ss
 from stickslip.rig import Nv200Rig
 from stickslip.rig.measurement import SETTLING
+from stickslip.rig.twins import Nv200, Stage
 from stickslip.rig.variation import EXACT
-from stickslip.twins import Nv200, Stage
 
 from .serving import served
 

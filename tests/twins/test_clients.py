@@ -13,13 +13,13 @@ import pytest
 from typer.testing import CliRunner
 
 import stickslip as ss
-from stickslip import registry
-from stickslip.attached import probe
 from stickslip.cli import app
-from stickslip.positioners import Anc300Client, Kim101Client, Mcs2Client, wait
+from stickslip.quantities import registry
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import RigError
+from stickslip.rig.attached import probe
 from stickslip.rig.nv200 import Nv200Rig, loop_of
-from stickslip.units import QuantityError
+from stickslip.rig.positioners import Anc300Client, Kim101Client, Mcs2Client, wait
 
 from .serving import ACTUATOR, TestClock, served, twin_of
 

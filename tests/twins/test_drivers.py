@@ -7,8 +7,8 @@ import threading
 import numpy as np
 import pytest
 
-from stickslip.twins import TwinTerminal
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
+from stickslip.rig.twins import TwinTerminal
 
 from .serving import drive, served, twin_of
 

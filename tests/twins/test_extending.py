@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 import stickslip as ss
-from stickslip import registry
-from stickslip.attached import known_devices
+from stickslip.quantities import registry
+from stickslip.rig.attached import known_devices
 
 from .serving import ROOT
 from .wired import CAPTURE, DRIVE, LIMITS

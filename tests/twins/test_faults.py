@@ -11,9 +11,9 @@ import yaml
 
 import stickslip as ss
 from panel.serving import Link
-from stickslip.experiment import run_experiment
-from stickslip.positioners import wait
 from stickslip.rig import RigError
+from stickslip.rig.experiment import run_experiment
+from stickslip.rig.positioners import wait
 
 from .serving import served, twin_of
 from .test_clients import client_of, stage_of

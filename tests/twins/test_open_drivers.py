@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from stickslip.twins import Stage
-from stickslip.twins.generator import GeneratorTwin
-from stickslip.twins.oscilloscope import OscilloscopeTwin
+from stickslip.rig.twins import Stage
+from stickslip.rig.twins.generator import GeneratorTwin
+from stickslip.rig.twins.oscilloscope import OscilloscopeTwin
 
 from .serving import ACTUATOR, drive, served
 from .simulated import Board, PiezoController, StepController

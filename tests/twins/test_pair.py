@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.attached import probe
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import LimitError, RigError
+from stickslip.rig.attached import probe
 from stickslip.rig.pair import PairRig
-from stickslip.twins.generator import GeneratorTwin
-from stickslip.twins.oscilloscope import OscilloscopeTwin
-from stickslip.twins.scpi import shortened
-from stickslip.twins.wiring import Wiring
-from stickslip.units import QuantityError
+from stickslip.rig.twins.generator import GeneratorTwin
+from stickslip.rig.twins.oscilloscope import OscilloscopeTwin
+from stickslip.rig.twins.scpi import shortened
+from stickslip.rig.twins.wiring import Wiring
 
 from .serving import served
 from .wired import CAPTURE, CHANNELS, DRIVE, LIMITS, deviation, wiring

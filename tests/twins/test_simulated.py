@@ -12,18 +12,18 @@ import pytest
 import yaml
 
 import stickslip as ss
-from stickslip.experiment import run_experiment
-from stickslip.positioners import wait
-from stickslip.positioners.e871 import E871Client
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import LimitError, RigError
+from stickslip.rig.experiment import run_experiment
 from stickslip.rig.hosted import stop_all
 from stickslip.rig.pi import PiRig
+from stickslip.rig.positioners import wait
+from stickslip.rig.positioners.e871 import E871Client
 from stickslip.rig.redpitaya import RedPitayaRig
+from stickslip.rig.twins import Nv200, Stage
+from stickslip.rig.twins.generator import GeneratorTwin
+from stickslip.rig.twins.oscilloscope import OscilloscopeTwin
 from stickslip.rig.variation import EXACT
-from stickslip.twins import Nv200, Stage
-from stickslip.twins.generator import GeneratorTwin
-from stickslip.twins.oscilloscope import OscilloscopeTwin
-from stickslip.units import QuantityError
 
 from .serving import ACTUATOR, served
 from .simulated import Board, PiezoController, StepController

@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stickslip.positioners.e871 import E871Client
+from stickslip.quantities.units import QuantityError
 from stickslip.rig import Gate, Limits, RigError
 from stickslip.rig.pair import PairRig
 from stickslip.rig.pi import PiRig
+from stickslip.rig.positioners.e871 import E871Client
 from stickslip.rig.redpitaya import RedPitayaRig
+from stickslip.rig.twins import Stage
+from stickslip.rig.twins.generator import GeneratorTwin
+from stickslip.rig.twins.oscilloscope import OscilloscopeTwin
+from stickslip.rig.twins.server import HangUp
+from stickslip.rig.twins.wiring import Wiring
 from stickslip.rig.variation import EXACT
-from stickslip.twins import Stage
-from stickslip.twins.generator import GeneratorTwin
-from stickslip.twins.oscilloscope import OscilloscopeTwin
-from stickslip.twins.server import HangUp
-from stickslip.twins.wiring import Wiring
-from stickslip.units import QuantityError
 
 from .serving import TestClock
 from .simulated import Board, PiezoController, StepController

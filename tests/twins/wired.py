@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 import stickslip as ss
-from stickslip.calibration import fit_calibration, save_calibration
+from stickslip.recording.calibration import fit_calibration, save_calibration
+from stickslip.rig.twins import Stage
+from stickslip.rig.twins.wiring import Wiring
 from stickslip.rig.variation import EXACT
-from stickslip.twins import Stage
-from stickslip.twins.wiring import Wiring
 
 PLANT = ss.load_actuator("kang2007").replace(stage_reaction=False)
 PER_VOLT = 2e-5  # m/V of the sensor

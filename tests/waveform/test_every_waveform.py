@@ -10,7 +10,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 from stickslip.waveform.drive import evaluate, segment_at, value_slope_curvature
 from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.multisine import Multisine

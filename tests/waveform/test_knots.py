@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.periodic import Sawtooth, Triangle
 

@@ -9,7 +9,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sampled import Sampled
 

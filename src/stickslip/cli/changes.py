@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ..actuator import Actuator, PulledSlider
+    from ..physics.actuator import Actuator, PulledSlider
     from ..waveform.signal import Waveform
 
 # Fields of waveforms that have an option of their own; the others are given with --set.
@@ -41,8 +41,8 @@ def parts_of(changes: list[str]) -> dict[str, dict[str, str]]:
 
 def model_of(name: str) -> Actuator | PulledSlider:
     """That of a parameter set, by its name or file."""
-    from ..actuator import load_actuator, load_pulled_slider
     from ..parameters import load_set
+    from ..physics.actuator import load_actuator, load_pulled_slider
 
     return load_pulled_slider(name) if load_set(name).kind == "pulled_slider" else load_actuator(name)
 
@@ -51,7 +51,7 @@ def changed_model(
     parameters: str, changes: dict[str, str], friction: dict[str, str], law_name: str = ""
 ) -> Actuator | PulledSlider:
     """The model with the changes; another law keeps the values that both have."""
-    from .. import registry
+    from ..quantities import registry
 
     model = model_of(parameters)
     given = {field: _read(text, model.friction, field) for field, text in friction.items()}
@@ -76,7 +76,7 @@ def _read(text: str, record: Any, field: str) -> Any:
 
 def shape_of(name: str) -> Any:
     """The waveform of a name as it is written on command lines, "reverse-sawtooth", or of a user's file."""
-    from ..registry import own_path
+    from ..quantities.registry import own_path
     from ..waveform.signal import shape
 
     if name.islower() and not own_path(name)[0]:
@@ -86,8 +86,8 @@ def shape_of(name: str) -> Any:
 
 def drive_of(name: str, model: Actuator | PulledSlider, fields: dict[str, str]) -> Waveform:
     """The waveform with its fields; says the option of one that is missing."""
-    from ..actuator import Actuator
-    from ..records import quantities, sequences
+    from ..physics.actuator import Actuator
+    from ..quantities.records import quantities, sequences
 
     made = shape_of(name)
     unit = "V" if isinstance(model, Actuator) else "m"
@@ -103,8 +103,8 @@ def drive_of(name: str, model: Actuator | PulledSlider, fields: dict[str, str]) 
 
 def names_to_set(parameters: str, law_name: str, waveform: str) -> list[str]:
     """What --set takes of such a model, law and drive."""
-    from .. import registry
-    from ..records import quantities
+    from ..quantities import registry
+    from ..quantities.records import quantities
 
     model = model_of(parameters)
     law = registry.laws.find(law_name) if law_name else type(model.friction)
@@ -117,6 +117,6 @@ def names_to_set(parameters: str, law_name: str, waveform: str) -> list[str]:
 
 
 def _is_settable(model: Any, name: str, value: Any) -> bool:
-    from ..records import quantities
+    from ..quantities.records import quantities
 
     return name in quantities(type(model)) or isinstance(value, bool)

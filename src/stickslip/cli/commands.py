@@ -28,7 +28,7 @@ from .frame import (
 )
 
 if TYPE_CHECKING:
-    from ..actuator import Actuator, PulledSlider
+    from ..physics.actuator import Actuator, PulledSlider
     from ..report import Document, Number
     from ..waveform.signal import Waveform
 
@@ -91,12 +91,12 @@ def simulate(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
-        from ..electronics import load_stack
+        from ..physics.electronics import load_stack
+        from ..quantities.units import to_si
         from ..recording import save_recording
         from ..report.trajectory import trajectory_document
         from ..simulation import SimulationWarning
         from ..simulation import simulate as simulated
-        from ..units import to_si
 
         parts = parts_of(changes)
         model = changed_model(parameters, parts["model"], parts["friction"], law)
@@ -134,10 +134,10 @@ def _check_samples(seconds: float, rate: float) -> None:
 
 
 def _steady_step(model: Actuator | PulledSlider, drive: Waveform) -> Number | None:
-    from ..actuator import Actuator
+    from ..physics.actuator import Actuator
+    from ..quantities.units import unit_for
     from ..report import Number
     from ..simulation import NotPeriodicError, steady_step
-    from ..units import unit_for
 
     if not isinstance(model, Actuator) or getattr(drive, "period", None) is None:
         return None
@@ -163,7 +163,7 @@ def run(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)
-        from ..job import run_job
+        from ..jobs import run_job
         from ..rig.hosted import stop_all
         from .interruption import Interruption
 
@@ -189,7 +189,7 @@ def identify(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
-        from ..analysis import run_file
+        from ..jobs.analysis import run_file
 
         with progress_bar() as progress:
             document = run_file(file, progress)
@@ -212,7 +212,7 @@ def campaign(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, CONTINUES):
         check_output(out)
-        from ..campaign import run_campaign
+        from ..jobs.campaign import run_campaign
         from ..report import find_browser
 
         browser = find_browser() if pdf else ""  # before the work, not after it
@@ -254,8 +254,8 @@ def verify(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
-        from ..analysis.running import run_analysis
-        from ..analysis.verification import verification_analysis
+        from ..jobs.analysis.running import run_analysis
+        from ..jobs.analysis.verification import verification_analysis
 
         analysis, folder = verification_analysis(fit, recordings or [], require, column, unit)
         if recordings and analysis.notes:  # what had to be guessed
@@ -278,9 +278,9 @@ def design(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)
-        from ..analysis.design import design_analysis
-        from ..analysis.running import run_analysis
-        from ..units import QuantityError
+        from ..jobs.analysis.design import design_analysis
+        from ..jobs.analysis.running import run_analysis
+        from ..quantities.units import QuantityError
 
         analysis, folder = design_analysis(file)
         try:
@@ -297,7 +297,7 @@ def demo(out: Out = Path("out/demo"), show_traceback: Traceback = False) -> None
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, _OF_THE_DEMO):
         check_output(out)
-        from ..demo import run
+        from ..jobs.demo import run
 
         with progress_bar() as progress:
             document = run(out, progress)
@@ -322,10 +322,10 @@ def cite(
 
 
 def _citation(name: str) -> str:
-    from .. import registry
-    from ..actuator import load_actuator, load_pulled_slider
     from ..parameters import available_sets, bibtex, load_set
     from ..parameters import cite as cited
+    from ..physics.actuator import load_actuator, load_pulled_slider
+    from ..quantities import registry
 
     if name in available_sets() or name.endswith(".toml"):  # a set says more than its key
         found = load_set(name)

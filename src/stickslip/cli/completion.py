@@ -25,14 +25,14 @@ def _sets() -> Iterable[str]:
 
 
 def _laws() -> Iterable[str]:
-    from ..registry import laws
+    from ..quantities.registry import laws
 
     return laws.names()
 
 
 def _waveforms() -> Iterable[str]:
     """Those that have fields, as they are written on command lines: "reverse-sawtooth"."""
-    from ..registry import waveforms
+    from ..quantities.registry import waveforms
 
     return (
         re.sub(r"(?<=[a-z])(?=[A-Z])", "-", name).lower()
@@ -42,7 +42,7 @@ def _waveforms() -> Iterable[str]:
 
 
 def _stacks() -> Iterable[str]:
-    from ..electronics.parts import available_parts
+    from ..physics.electronics.parts import available_parts
 
     return available_parts("stack")
 
@@ -54,7 +54,7 @@ def _benches() -> Iterable[str]:
 
 
 def _calibrations() -> Iterable[str]:
-    from ..calibration.storage import available_calibrations
+    from ..recording.calibration.storage import available_calibrations
 
     return available_calibrations()
 
@@ -66,13 +66,13 @@ def _cited() -> Iterable[str]:
 
 
 def _kinds() -> Iterable[str]:
-    from ..known import KINDS
+    from ..jobs.known import KINDS
 
     return KINDS
 
 
 def _skeletons() -> Iterable[str]:
-    from ..skeletons import KINDS
+    from ..jobs.skeletons import KINDS
 
     return KINDS
 

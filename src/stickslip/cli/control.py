@@ -31,7 +31,7 @@ def _closed_loop(file: Path, out: Path, show_traceback: bool, only_hold: bool) -
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)
-        from ..analysis.moving import read_move, run_move
+        from ..jobs.analysis.moving import read_move, run_move
         from ..rig.hosted import stop_all
         from .interruption import Interruption
 

@@ -25,7 +25,7 @@ except ModuleNotFoundError as missing:  # this module is the command's entry: no
     raise SystemExit(f"Error: the command line needs {missing.name}; {_INSTALL}") from None
 
 if TYPE_CHECKING:
-    from ..progress import Progress
+    from ..quantities.progress import Progress
     from ..report import Document, Number
 
 app = typer.Typer(
@@ -90,7 +90,7 @@ def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> I
 def only_reading(show_traceback: bool) -> Iterator[None]:
     """Say errors in one line; of the user's own files, run only those of --use: for commands that read."""
     with errors_in_one_line(show_traceback):
-        from ..registry import nothing_run
+        from ..quantities.registry import nothing_run
 
         with nothing_run():
             yield
@@ -228,7 +228,7 @@ def write(document: Document, out: Path, begun: float, browser: str = "") -> Non
 
 
 def _shown(number: Number) -> str:
-    from ..units import near_one, with_prefix
+    from ..quantities.units import near_one, with_prefix
 
     if number.value != number.value:
         return number.note
@@ -266,7 +266,7 @@ def main(
     """Only the options that come before a command."""
     if use:
         with errors_in_one_line(False):
-            from ..registry import use_file
+            from ..quantities.registry import use_file
 
             for file in use:
                 use_file(file)

@@ -24,7 +24,7 @@ def inspect(
 ) -> None:
     """Say what a file holds: columns, units, sampling, gaps, noise; draw it, and print the YAML to paste."""
     with only_reading(show_traceback):
-        from ..readers.inspection import inspect_file
+        from ..recording.readers.inspection import inspect_file
         from ..recording.replacing import replaced_whole
 
         target = picture or Path(f"{file.stem}-inspect.svg")
@@ -33,8 +33,8 @@ def inspect(
         typer.echo(str(found))
         if found.recording is None:
             raise ValueError(f"{file}: {found.problem}")
-        from ..figures.recordings import recordings_together
-        from ..figures.style import svg
+        from ..report.figures.recordings import recordings_together
+        from ..report.figures.style import svg
 
         drawn = svg(recordings_together({file.name: found.recording}))
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -78,7 +78,7 @@ def new(
 ) -> None:
     """Write a file with comments that runs as it is, to be changed: of your recordings, or of an example."""
     with only_reading(show_traceback):
-        from ..skeletons import new_file
+        from ..jobs.skeletons import new_file
 
         made = new_file(kind, recordings or (), out)
         for file in made.files:
@@ -102,7 +102,7 @@ def list_known(
 ) -> None:
     """List what is known by name, each with a line of what it is."""
     with only_reading(show_traceback):
-        from ..known import catalogue
+        from ..jobs.known import catalogue
 
         found = catalogue(*(kinds or ()))
         width = max(len(name) for of in found.values() for name in of)

@@ -16,7 +16,7 @@ from typing import Any
 
 import typer
 
-from ..progress import Progress
+from ..quantities.progress import Progress
 from ..rig.driving import is_driving
 
 

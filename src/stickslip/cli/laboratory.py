@@ -17,7 +17,7 @@ from . import completion
 from .frame import CONTINUES, Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
 
 if TYPE_CHECKING:
-    from ..actuator import Actuator
+    from ..physics.actuator import Actuator
 
 
 class Kind(StrEnum):
@@ -43,9 +43,9 @@ def record(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, CONTINUES):
         check_output(out)
-        from ..experiment import run_experiment
-        from ..experiment.running import read_experiment
         from ..report.recordings import recordings_document
+        from ..rig.experiment import run_experiment
+        from ..rig.experiment.running import read_experiment
         from ..rig.hosted import stop_all
         from .interruption import Interruption
 
@@ -65,7 +65,7 @@ def rigs(
 ) -> None:
     """List the back ends, what they do and what they were tried on; and what is connected."""
     with errors_in_one_line(show_traceback):
-        from ..attached import attached_devices, known_devices, probe
+        from ..rig.attached import attached_devices, known_devices, probe
 
         addresses = [_address(where) for where in at]
         for one in known_devices():
@@ -142,8 +142,8 @@ def twin(
 ) -> None:
     """Serve a twin of a controller, with stages behind it that move by the model, until Ctrl-C."""
     with errors_in_one_line(show_traceback):
-        from ..actuator import load_actuator
-        from ..twins import TwinServer, TwinTerminal, make_twin
+        from ..physics.actuator import load_actuator
+        from ..rig.twins import TwinServer, TwinTerminal, make_twin
 
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         actuator = load_actuator(parameters).replace(external_force=load)
@@ -159,8 +159,8 @@ def twin(
 
 def serve_pair(actuator: Actuator, travel: str, seed: int, host: str, port: int) -> None:
     """Serve a generator and an oscilloscope, until Ctrl-C."""
-    from ..twins import TwinServer
-    from ..twins.pair import make_pair
+    from ..rig.twins import TwinServer
+    from ..rig.twins.pair import make_pair
 
     generator, oscilloscope = make_pair(actuator, travel=travel, seed=seed)
     with TwinServer(generator, host, port) as one, TwinServer(oscilloscope, host, port and port + 1) as other:
@@ -174,15 +174,15 @@ def serve_pair(actuator: Actuator, travel: str, seed: int, host: str, port: int)
 def schema(kind: Annotated[Kind, typer.Argument(help="Kind of file.")] = Kind.JOB) -> None:
     """Print the JSON Schema of files, for editors: of jobs, or of one of the kinds that a step may be."""
     if kind is Kind.JOB:
-        from ..job.file import json_schema
+        from ..jobs.file import json_schema
     elif kind is Kind.EXPERIMENT:
-        from ..experiment.file import json_schema
+        from ..rig.experiment.file import json_schema
     elif kind is Kind.CAMPAIGN:
-        from ..campaign.file import json_schema
+        from ..jobs.campaign.file import json_schema
     elif kind is Kind.DESIGN:
-        from ..analysis.design import json_schema
+        from ..jobs.analysis.design import json_schema
     else:
-        from ..analysis.running import json_schema
+        from ..jobs.analysis.running import json_schema
     typer.echo(json.dumps(json_schema(), indent=1))
 
 
@@ -208,8 +208,8 @@ def calibrate(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
-        from ..calibration import cross_validation, fit_calibration, read_table, save_calibration
-        from ..calibration.applying import calibration_chain
+        from ..recording.calibration import cross_validation, fit_calibration, read_table, save_calibration
+        from ..recording.calibration.applying import calibration_chain
         from ..report.calibration import calibration_document
 
         table = read_table(file)

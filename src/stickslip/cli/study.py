@@ -54,7 +54,7 @@ def run(
 ) -> None:
     """Run a study, or go on with it where it ended: the same command, whatever ended it."""
     with errors_in_one_line(show_traceback, CONTINUES):
-        from ..analysis.study import study_of_file
+        from ..jobs.analysis.study import study_of_file
         from ..study import estimate_study, run_study
 
         part = _shard(shard)

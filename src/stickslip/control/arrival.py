@@ -19,7 +19,7 @@ import math
 from typing import Any
 
 from ..engine.library import library
-from ..units import with_prefix
+from ..quantities.units import with_prefix
 
 
 class Arrival:

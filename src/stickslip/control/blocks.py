@@ -17,8 +17,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..records import Quantity, of_kind, record
-from ..units import QuantityError, array_si, to_si, with_prefix
+from ..quantities.records import Quantity, of_kind, record
+from ..quantities.units import QuantityError, array_si, to_si, with_prefix
 from .inverse import RATE as RATE
 from .inverse import PiezoInverse
 

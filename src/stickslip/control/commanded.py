@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from .. import registry
+from ..quantities import registry
+from ..quantities.units import QuantityError, to_si, with_prefix
 from ..rig.protocols import ControllerSpec
-from ..units import QuantityError, to_si, with_prefix
 from .blocks import LowPass, Notch, Pid, Regulator
 from .moving import Mover, Stepping
 from .quantised import NoiseShaped

@@ -22,13 +22,13 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
-from ..electronics.output import OutputStage, output_of
 from ..friction import breakaway, element, elements, rate
-from ..records import Quantity, of_kind, record
+from ..physics.actuator import Actuator
+from ..physics.electronics.output import OutputStage, output_of
+from ..quantities.records import Quantity, of_kind, record
+from ..quantities.units import QuantityError, to_si, unit_for
 from ..simulation.steady import steady_step
 from ..simulation.strain import strained
-from ..units import QuantityError, to_si, unit_for
 from ..waveform import ReverseSawtooth, Sawtooth
 from ..waveform.signal import Waveform
 from .blocks import whole_number

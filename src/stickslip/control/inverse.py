@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..actuator import Actuator
-from ..piezo import Creep, PrandtlIshlinskii
-from ..piezo.creep import Lags, before_creep, relaxed
-from ..piezo.operators import inverse, response
-from ..records import Quantity
-from ..units import QuantityError
+from ..physics.actuator import Actuator
+from ..physics.piezo import Creep, PrandtlIshlinskii
+from ..physics.piezo.creep import Lags, before_creep, relaxed
+from ..physics.piezo.operators import inverse, response
+from ..quantities.records import Quantity
+from ..quantities.units import QuantityError
 
 # Of whatever goes by ticks.
 RATE = Quantity("Hz", "f_s", "the rate of the ticks", above=0)

@@ -26,8 +26,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from ..records import Quantity, of_kind
-from ..units import QuantityError, array_si
+from ..quantities.records import Quantity, of_kind
+from ..quantities.units import QuantityError, array_si
 from .blocks import Regulator, whole_number
 from .loops import Loop
 

@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigvals, expm
 
-from ..actuator import Actuator
-from ..electronics.output import OutputStage, output_of
+from ..physics.actuator import Actuator
+from ..physics.electronics.output import OutputStage, output_of
+from ..quantities.units import array_si
 from ..simulation.sticking import Sticking, sticking
-from ..units import array_si
 from .blocks import RATE, Regulator, whole_number
 
 Array = NDArray[np.float64]

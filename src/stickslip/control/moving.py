@@ -25,9 +25,9 @@ from typing import Annotated, Any, NamedTuple
 
 from ..engine._abi import ffi
 from ..engine.library import library
-from ..records import Quantity, of_kind, record
+from ..quantities.records import Quantity, of_kind, record
+from ..quantities.units import QuantityError, to_si, with_prefix
 from ..rig.plausibility import Plausibility
-from ..units import QuantityError, to_si, with_prefix
 from .arrival import Arrival
 from .blocks import ControlWarning, Regulator
 from .plausible import of_steps

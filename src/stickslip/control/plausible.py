@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..actuator import Actuator
-from ..electronics.output import OutputStage
+from ..physics.actuator import Actuator
+from ..physics.electronics.output import OutputStage
+from ..quantities.units import optional_si, to_si, unit_for
 from ..rig.plausibility import Plausibility
-from ..units import optional_si, to_si, unit_for
 from .steps import StepSizes
 
 _SPEED = 3.0  # over that of the stage which rings after a jump through the whole range

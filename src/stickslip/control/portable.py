@@ -17,7 +17,7 @@ from typing import Any
 from .._version import __version__
 from ..engine._abi import ffi
 from ..engine.library import SOURCES
-from ..units import QuantityError
+from ..quantities.units import QuantityError
 from .blocks import Regulator
 from .moving import Mover
 

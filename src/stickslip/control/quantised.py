@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..records import Quantity
+from ..quantities.records import Quantity
 from ..rig.protocols import Controller
 from .blocks import Regulator
 

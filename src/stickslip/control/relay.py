@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..records import Quantity
-from ..units import QuantityError, to_si
+from ..quantities.records import Quantity
+from ..quantities.units import QuantityError, to_si
 from .blocks import RATE, Pid, whole_number
 
 _FORGOTTEN = 4  # periods until the oscillation is steady

@@ -13,8 +13,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..records import Quantity
-from ..units import QuantityError, to_si
+from ..quantities.records import Quantity
+from ..quantities.units import QuantityError, to_si
 
 WINDOWS = (1e-6, 100e-9, 30e-9, 10e-9, 3e-9)  # m (rad)
 _TIME = Quantity("s", "", "it", minimum=0)

@@ -14,9 +14,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..records import Quantity, record
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError, array_si, own_unit, to_si
 from ..rig.protocols import Controller
-from ..units import QuantityError, array_si, own_unit, to_si
 from .blocks import RATE, below_half
 
 Array = NDArray[np.float64]

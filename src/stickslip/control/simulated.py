@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..actuator import Actuator
-from ..progress import Progress, unheard
+from ..physics.actuator import Actuator
+from ..quantities.progress import Progress, unheard
+from ..quantities.records import DURATION, SAMPLE_RATE, refuse_too_many
+from ..quantities.units import QuantityError, labelled_for, to_si, unit_for
 from ..recording import make_recording
-from ..records import DURATION, SAMPLE_RATE, refuse_too_many
 from ..rig.closed_loop import targets
 from ..rig.protocols import Controller, check_rate
 from ..simulation.ticks import Motion
-from ..units import QuantityError, labelled_for, to_si, unit_for
 from ..waveform.signal import Waveform
 from .blocks import whole_number
 

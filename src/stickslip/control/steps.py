@@ -15,13 +15,13 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
-from ..electronics.output import OutputStage, output_of
 from ..engine._abi import ffi
 from ..engine.library import library
-from ..records import Quantity, record
+from ..physics.actuator import Actuator
+from ..physics.electronics.output import OutputStage, output_of
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError, to_si, with_prefix
 from ..simulation import SimulationError, steady_step, steady_steps
-from ..units import QuantityError, to_si, with_prefix
 from ..waveform.knots import PeriodicKnots
 from ..waveform.sampled import Sampled
 from .shaping import Slip

@@ -21,13 +21,13 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from ..actuator import Actuator
-from ..electronics.output import OutputStage, output_of
 from ..estimate.posterior import Posterior
-from ..records import Quantity, of_kind, record
+from ..physics.actuator import Actuator
+from ..physics.electronics.output import OutputStage, output_of
+from ..quantities.records import Quantity, of_kind, record
+from ..quantities.units import unit_for, with_prefix
 from ..rig.protocols import check_rate
 from ..simulation.sticking import sticking
-from ..units import unit_for, with_prefix
 from .blocks import RATE, ControlWarning, LowPass, Notch, Pid, Regulator
 from .loops import NEAR_NYQUIST, Loop, OpenLoop, crossings, sampled_loop
 

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..actuator import Actuator
-from ..electronics import OutputStage
-from ..progress import Progress, unheard, within
+from ..physics.actuator import Actuator
+from ..physics.electronics import OutputStage
+from ..quantities.progress import Progress, unheard, within
+from ..quantities.units import QuantityError, optional_si, unit_for, with_prefix
 from ..simulation.varied import free_names
-from ..units import QuantityError, optional_si, unit_for, with_prefix
 from .built import Built, OptimisedActuator
 from .goals import extras_of, goal_of, swings_of
 from .limits import Allowed, allowed, frequencies

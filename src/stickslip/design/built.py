@@ -10,9 +10,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
 from ..estimate.shown import preformatted
-from ..units import unit_for, with_prefix
+from ..physics.actuator import Actuator
+from ..quantities.units import unit_for, with_prefix
 from ..waveform.periodic import Sawtooth
 from .scenarios import Conditions
 from .space import Space, built

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..identify.recorded.drives import refuse_sampling
 from ..identify.walk.experiments import PlannedWalk
+from ..quantities.units import QuantityError, with_prefix
 from ..recording import RecordingError
 from ..rig import Limits
-from ..units import QuantityError, with_prefix
 from ..waveform import ReverseSawtooth, Sawtooth
 from ..waveform import Sequence as Parts
 from ..waveform.signal import Waveform, value_at

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
+from ..physics.actuator import Actuator
+from ..quantities.units import QuantityError
 from ..simulation.varied import record_names
-from ..units import QuantityError
 from ..waveform.knots import PeriodicKnots
 from ..waveform.periodic import Sawtooth, Sine
 from ..waveform.signal import Waveform

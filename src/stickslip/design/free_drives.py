@@ -14,12 +14,12 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..electronics import OutputStage
 from ..identify.walk.experiments import PlannedWalk
-from ..progress import Progress
-from ..records import Quantity, record
+from ..physics.electronics import OutputStage
+from ..quantities.progress import Progress
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError
 from ..rig import Limits
-from ..units import QuantityError
 from ..waveform import PeriodicKnots, Sawtooth
 from ..waveform import Sequence as Parts
 from . import limits as of_search

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..progress import Progress, unheard
-from ..units import unit_for
+from ..quantities.progress import Progress, unheard
+from ..quantities.units import unit_for
 from ..waveform.knots import PeriodicKnots
 from .goals import extras_of, swings_of
 from .moving import exactly, moved

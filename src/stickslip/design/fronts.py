@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..actuator import Actuator
-from ..electronics import OutputStage
-from ..progress import Progress, unheard
-from ..units import QuantityError, optional_si
+from ..physics.actuator import Actuator
+from ..physics.electronics import OutputStage
+from ..quantities.progress import Progress, unheard
+from ..quantities.units import QuantityError, optional_si
 from .front import Front, front_of
 from .goals import goal_of
 from .limits import allowed, frequencies

@@ -13,10 +13,10 @@ from typing import Annotated, Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..electronics import Stack
-from ..electronics.cycles import half_cycles
-from ..records import Quantity, did_you_mean, record
-from ..units import QuantityError
+from ..physics.electronics import Stack
+from ..physics.electronics.cycles import half_cycles
+from ..quantities.records import Quantity, did_you_mean, record
+from ..quantities.units import QuantityError
 from .moving import Moved
 from .polygons import Polygons
 

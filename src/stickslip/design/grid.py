@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..actuator import Actuator
-from ..records import Quantity
+from ..physics.actuator import Actuator
+from ..quantities.records import Quantity
+from ..quantities.units import QuantityError, array_si
 from ..simulation.members import SCALES, by_name, checked_columns, labelled
 from ..simulation.varied import record_names
-from ..units import QuantityError, array_si
 from ..waveform.signal import Waveform
 from .drives import default_drive, drive_columns
 

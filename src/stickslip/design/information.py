@@ -15,14 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
-from ..chain import Chain
 from ..estimate.coloured import Coloured, scores
 from ..estimate.parameter import Parameter
 from ..estimate.tied import Ties
 from ..identify.free import value_of
 from ..identify.walk.experiments import PlannedWalk
 from ..identify.walk.position_channel import CHANNEL
+from ..physics.actuator import Actuator
+from ..recording.chain import Chain
 
 # s at rest before the drive begins, by which a position is set to zero.
 BEFORE = 0.1

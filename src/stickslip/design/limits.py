@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..actuator import Actuator
-from ..electronics import OutputStage
-from ..electronics.output import FEWEST, codes_within
-from ..units import QuantityError, to_si, with_prefix
+from ..physics.actuator import Actuator
+from ..physics.electronics import OutputStage
+from ..physics.electronics.output import FEWEST, codes_within
+from ..quantities.units import QuantityError, to_si, with_prefix
 
 # Frequencies that are searched unless bounds are given, over those of stage and contact.
 SLOWEST, FASTEST = 0.1, 3.0

@@ -12,19 +12,19 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ..actuator import Actuator
-from ..electronics import OutputStage
-from ..electronics.stack import Stack
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
-from ..progress import Progress, unheard
-from ..records import of_kind, whole
+from ..physics.actuator import Actuator
+from ..physics.electronics import OutputStage
+from ..physics.electronics.stack import Stack
+from ..quantities.progress import Progress, unheard
+from ..quantities.records import of_kind, whole
+from ..quantities.units import QuantityError, labelled_for
 from ..simulation.demand import UNITS, electrical_demand
 from ..simulation.errors import SimulationWarning
 from ..simulation.steady_members import CONVERGED
 from ..simulation.trajectory import checked_tolerance
 from ..study.drawn import drawn_parameters
-from ..units import QuantityError, labelled_for
 from ..waveform.signal import Waveform
 from .grid import AXES, Grid, grid_of
 from .solving import NOT_COMPUTED, STATUS, Solved, ends, intervals, solved

@@ -26,11 +26,11 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
 from ..engine.binding import DriveTable
 from ..engine.members import ComposedMembers, MemberDrives, integrate_members
 from ..engine.orbits import Orbits
 from ..engine.outcome import DONE
+from ..physics.actuator import Actuator
 from ..simulation.members import Columns, Members
 from ..waveform.drive import evaluate
 from ..waveform.members import member_of

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
 from ..friction import elements
-from ..progress import unheard
+from ..physics.actuator import Actuator
+from ..quantities.progress import unheard
 from ..waveform.signal import Waveform
 from .polygons import Polygons
 from .solving import solved

@@ -11,10 +11,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
 from ..estimate.shown import preformatted
+from ..physics.actuator import Actuator
+from ..quantities.units import labelled_for, unit_for, with_prefix
 from ..simulation import simulate
-from ..units import labelled_for, unit_for, with_prefix
 from ..waveform.knots import PeriodicKnots
 from ..waveform.periodic import Sawtooth
 from ..waveform.sampled import Sampled

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..actuator import Actuator
 from ..estimate.parameter import Parameter
 from ..estimate.shown import preformatted
 from ..identify.walk.experiments import PlannedWalk
+from ..physics.actuator import Actuator
+from ..quantities.units import to_si, with_prefix
 from ..rig import Limits
-from ..units import to_si, with_prefix
 from ..waveform import Rest
 from ..waveform import Sequence as Parts
 from ..waveform.signal import Waveform

@@ -10,16 +10,16 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..actuator import Actuator, load_actuator
-from ..experiment.running import check_experiment
 from ..identify.walk.experiments import PlannedWalk
-from ..input_file import load_yaml, yaml_text
 from ..parameters import available_sets
 from ..parameters.writing import parameter_text, write_parameters
+from ..physics.actuator import Actuator, load_actuator
+from ..quantities.input_file import load_yaml, yaml_text
+from ..quantities.units import QuantityError, to_si
 from ..recording.drive import drive_text
 from ..recording.replacing import replaced_whole
 from ..rig import Limits
-from ..units import QuantityError, to_si
+from ..rig.experiment.running import check_experiment
 from ..waveform import Sequence as Parts
 from ..waveform.signal import Waveform
 from .information import BEFORE

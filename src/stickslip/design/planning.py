@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..actuator import Actuator
-from ..chain import Chain
 from ..estimate import Fit
 from ..estimate.posterior import Posterior
 from ..identify.walk.experiments import PlannedWalk
-from ..progress import Progress, unheard
-from ..records import DURATION, SAMPLE_RATE, did_you_mean, whole
+from ..physics.actuator import Actuator
+from ..quantities.progress import Progress, unheard
+from ..quantities.records import DURATION, SAMPLE_RATE, did_you_mean, whole
+from ..quantities.units import QuantityError, unit_for, with_prefix
+from ..recording.chain import Chain
 from ..rig import Limits
 from ..simulation.steady import steady_step
 from ..simulation.steady_derivatives import steady_step_derivatives
-from ..units import QuantityError, unit_for, with_prefix
 from ..waveform import Sawtooth
 from ..waveform.signal import Waveform
 from .candidates import beyond, refused, sawtooths, walks_of

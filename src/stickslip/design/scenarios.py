@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
-from ..records import Quantity, did_you_mean, quantities_within
+from ..physics.actuator import Actuator
+from ..quantities.records import Quantity, did_you_mean, quantities_within
+from ..quantities.units import QuantityError, to_si
 from ..simulation.members import SCALES
 from ..simulation.varied import element_of, free_names, law_of, with_values
 from ..study.drawn import NOT_OF_ACTUATOR, draws_in_si
-from ..units import QuantityError, to_si
 
 Array = NDArray[np.float64]
 # What says how uncertain an actuator is: draws, a fit's covariance, or arrays by name, row by row.

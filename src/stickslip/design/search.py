@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
-from ..progress import Progress
-from ..units import QuantityError
+from ..quantities.progress import Progress
+from ..quantities.units import QuantityError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..actuator import Actuator
-from ..progress import Progress, within
-from ..units import QuantityError, unit_for, with_prefix
+from ..physics.actuator import Actuator
+from ..quantities.progress import Progress, within
+from ..quantities.units import QuantityError, unit_for, with_prefix
 from ..waveform.signal import Waveform
 from .goals import direction_of, extras_of, swings_of
 from .limits import Allowed

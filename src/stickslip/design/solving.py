@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
-from ..electronics import OutputStage
 from ..engine.orbits import Orbits
-from ..progress import Progress
+from ..physics.actuator import Actuator
+from ..physics.electronics import OutputStage
+from ..quantities.progress import Progress
 from ..simulation.members import Columns, Members, checked_columns
 from ..simulation.steady_members import CONVERGED, orbit_blocks
 from ..simulation.steady_members import STATUS as OF_ORBITS

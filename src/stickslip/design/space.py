@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
-from ..records import Quantity, did_you_mean, quantities_within
+from ..physics.actuator import Actuator
+from ..quantities.records import Quantity, did_you_mean, quantities_within
+from ..quantities.units import QuantityError
 from ..simulation.members import SCALES
 from ..simulation.varied import element_of, free_names, with_values
-from ..units import QuantityError
 from .scenarios import Conditions, own
 
 Array = NDArray[np.float64]

@@ -12,8 +12,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
-from ..chain import Chain
 from ..estimate import Fit
 from ..estimate.coloured import Coloured, noise_of
 from ..estimate.parameter import Parameter, Values
@@ -24,10 +22,12 @@ from ..identify.recorded.at_rest import SAME_RATE, noise_at_rest
 from ..identify.walk.displacement import has_slopes
 from ..identify.walk.position_channel import CHANNEL, OBSERVED
 from ..identify.walk.walks import own_values
-from ..records import did_you_mean
+from ..physics.actuator import Actuator
+from ..quantities.records import did_you_mean
+from ..quantities.units import QuantityError, optional_si, unit_for
+from ..recording.chain import Chain
 from ..simulation.varied import free_names, with_values
 from ..study.drawn import draws_in_si
-from ..units import QuantityError, optional_si, unit_for
 from .information import Space
 
 SAMPLE_RATE = 2e3  # Hz, where nothing says another

@@ -16,14 +16,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ..actuator import Actuator
-from ..electronics import OutputStage
 from ..friction import breakaway, elements, rate
 from ..friction import element as element_of
-from ..progress import Progress, unheard
+from ..physics.actuator import Actuator
+from ..physics.electronics import OutputStage
+from ..quantities.progress import Progress, unheard
+from ..quantities.units import QuantityError, optional_si, to_si, unit_for, with_prefix
 from ..simulation.errors import SimulationError, SimulationWarning
 from ..simulation.strain import strained
-from ..units import QuantityError, optional_si, to_si, unit_for, with_prefix
 from ..waveform.periodic import Sawtooth
 from ..waveform.signal import Waveform
 from .maps import step_map

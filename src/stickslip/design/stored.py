@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..progress import Progress
+from ..quantities.progress import Progress
 from ..study import Draws, SteadySteps, Study, open_study, run_study
 from .solving import NOT_COMPUTED, Common, Solved
 

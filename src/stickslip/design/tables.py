@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ..units import QuantityError, array_si, to_si
+from ..quantities.units import QuantityError, array_si, to_si
 
 Array = NDArray[np.float64]
 _COLUMNS = ("net_step", "net_step_low", "net_step_high")

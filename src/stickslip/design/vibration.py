@@ -24,8 +24,8 @@ from typing import Annotated, Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Quantity, record
-from ..units import QuantityError
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError
 from .moving import Moved
 from .polygons import Polygons
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..actuator import Actuator
-from ..electronics import OutputStage
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
-from ..progress import Progress, unheard
-from ..records import Quantity
-from ..units import QuantityError, optional_si, to_si, unit_for
+from ..physics.actuator import Actuator
+from ..physics.electronics import OutputStage
+from ..quantities.progress import Progress, unheard
+from ..quantities.records import Quantity
+from ..quantities.units import QuantityError, optional_si, to_si, unit_for
 from .goals import goal_of
 from .limits import allowed, frequencies
 from .optimised import OptimisedWaveform

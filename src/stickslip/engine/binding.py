@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..friction.law import element, elements
-from ..units import QuantityError
+from ..quantities.units import QuantityError
 from ._abi import ffi
 from .called_back import running
 from .law_of import EngineLaw, law_of

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..friction.law import element
-from ..records import numbers_in, with_numbers
+from ..quantities.records import numbers_in, with_numbers
 from ._abi import ffi
 from .binding import Array, ComposedPlant, DriveTable, called, doubles, sized
 from .laws import parameters, row

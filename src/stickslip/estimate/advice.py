@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from ..units import with_prefix
+from ..quantities.units import with_prefix
 
 
 class Advice(NamedTuple):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..units import with_prefix
+from ..quantities.units import with_prefix
 from .hum import Line, lines
 from .jitter import scatter
 from .jumps import events

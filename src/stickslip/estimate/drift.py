@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.fft import dst
 from scipy.linalg import block_diag
 
-from ..units import with_prefix
+from ..quantities.units import with_prefix
 
 # The random walk's step, over the deviation of the rest: looked for in this range.
 LEAST_WALK, MOST_WALK = 1e-4, 1.0

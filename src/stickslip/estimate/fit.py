@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..progress import Progress, unheard
+from ..quantities.progress import Progress, unheard
 from .blas import single_threaded
 from .covariance import LOSSES, Noise, uncertainty
 from .goodness import goodness

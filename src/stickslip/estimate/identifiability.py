@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from ..units import with_prefix
+from ..quantities.units import with_prefix
 
 if TYPE_CHECKING:
     from .parameter import Parameter

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import record
-from ..units import QuantityError
+from ..quantities.records import record
+from ..quantities.units import QuantityError
 
 Values = dict[str, float]
 

@@ -18,7 +18,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from ..progress import Progress, unheard
+from ..quantities.progress import Progress, unheard
 from .bent import Mixture
 from .blas import single_threaded
 from .parameter import Parameter

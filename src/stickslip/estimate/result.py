@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from ..records import same
-from ..units import QuantityError
+from ..quantities.records import same
+from ..quantities.units import QuantityError
 from .advice import Advice
 from .covariance import Uncertainty
 from .goodness import Goodness, pooled_r_squared, pooled_rmse
@@ -349,22 +349,6 @@ class Fit:
         return f"<Fit, {self.summary}>"
 
     _repr_html_ = preformatted
-
-    def plot(self, axes: Any = None) -> Any:
-        """Each recording over time, measured and by the model, and the residuals below with their noise.
-
-        Args:
-            axes: Matplotlib's to draw on, shape (recordings, 2); left out, those of a new figure.
-
-        Returns:
-            The axes, shape (recordings, 2); ``axes[0, 0].figure`` is the figure.
-
-        Raises:
-            FitError: the fit is not of recordings over time.
-        """
-        from ..figures.fits import draw_fit  # matplotlib only for who draws
-
-        return draw_fit(self, axes)
 
     def to_dict(self, level: float = 0.95) -> dict[str, Any]:
         """Every number with its unit, ready for JSON; None where a number does not exist."""

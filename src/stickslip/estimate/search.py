@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from scipy.optimize import least_squares
 
-from ..progress import Progress
+from ..quantities.progress import Progress
 from .convergence import relative_offset
 from .covariance import LOSSES
 from .parameter import Values

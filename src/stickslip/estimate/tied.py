@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import did_you_mean
-from ..units import QuantityError, same_dimension, with_unit
+from ..quantities.records import did_you_mean
+from ..quantities.units import QuantityError, same_dimension, with_unit
 from .covariance import Uncertainty
 from .parameter import Parameter
 

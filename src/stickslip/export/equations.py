@@ -5,9 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from ..actuator import Actuator, PulledSlider, StageModes
-from ..chain import Chain
-from ..electronics import Amplifier, StrainGauge
 from ..engine.interface import numbers, row_of
 from ..engine.laws import LAW, functions
 from ..engine.sizes import sizes
@@ -24,10 +21,13 @@ from ..engine.translator import (
 )
 from ..friction import element, elements
 from ..friction.law import _implementation
-from ..piezo import Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
-from ..records import Quantity, quantities
+from ..physics.actuator import Actuator, PulledSlider, StageModes
+from ..physics.electronics import Amplifier, StrainGauge
+from ..physics.piezo import Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
+from ..quantities.records import Quantity, quantities
+from ..quantities.units import QuantityError
+from ..recording.chain import Chain
 from ..simulation.models import mechanism, system
-from ..units import QuantityError
 from .modes import modes_c
 from .piezo import piezo_c, two_port_c, two_port_checks
 from .signal_chain import (

@@ -12,11 +12,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, get_args
 
-from ..actuator import Actuator
-from ..chain import Chain
-from ..electronics import Amplifier, StrainGauge
+from ..physics.actuator import Actuator
+from ..physics.electronics import Amplifier, StrainGauge
+from ..quantities.units import optional_si
+from ..recording.chain import Chain
 from ..simulation.jumps import STATIC_JUMPS, cannot_jump
-from ..units import optional_si
 from .description import build_description, model_description, sources
 from .portable import (
     C,

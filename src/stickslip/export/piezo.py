@@ -1,4 +1,4 @@
-"""Hysteresis and creep in C: loops over the functions of `stickslip.piezo`, which are translated.
+"""Hysteresis and creep in C: loops over the functions of `stickslip.physics.piezo`, which are translated.
 
 Within a step the voltage goes along a line, and so does what comes out of the hysteresis, but for corners
 within the step; creep is exact for that. The stops of a two-port are an element of the engine's plant.
@@ -13,10 +13,10 @@ from ..engine.laws import LAW
 from ..engine.translator import REAL, Translation, record_type
 from ..friction import element
 from ..friction.maxwell_slip import MaxwellElement
-from ..piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
-from ..piezo.bouc_wen import bent
-from ..piezo.creep import lag_change
-from ..piezo.operators import beyond, play
+from ..physics.piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
+from ..physics.piezo.bouc_wen import bent
+from ..physics.piezo.creep import lag_change
+from ..physics.piezo.operators import beyond, play
 from ..simulation.two_port import PER_VOLT
 
 
@@ -102,7 +102,7 @@ def two_port_c(made: Translation, model: Any) -> list[str]:
         f"    return {name}(model->gain, model->stage_mass, model->natural_frequency,",
         "        model->piezo.hysteresis.capacitance);",
         "}\n",
-        "/* The numbers of the stops as elements of a law: stickslip.piezo.MaxwellCapacitor.stops */",
+        "/* The numbers of the stops as elements of a law: stickslip.physics.piezo.MaxwellCapacitor.stops */",
         "static inline void stickslip_stops(const ss_MaxwellCapacitor *of,",
         "    real_t row[STICKSLIP_TWO_PORT][STICKSLIP_STOP_NUMBERS])",
         "{",

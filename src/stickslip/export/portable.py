@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._version import __version__
-from ..actuator import Actuator
-from ..chain import Chain
-from ..electronics import Amplifier, StrainGauge
 from ..engine.library import SOURCES
-from ..records import of_kind
+from ..physics.actuator import Actuator
+from ..physics.electronics import Amplifier, StrainGauge
+from ..quantities.records import of_kind
+from ..quantities.units import QuantityError, optional_si, to_si, unit_for
+from ..recording.chain import Chain
 from ..simulation.drives import checked_drive
 from ..simulation.jumps import cannot_jump, refuse_jumps
 from ..simulation.two_port import driven_by_voltage
-from ..units import QuantityError, optional_si, to_si, unit_for
 from ..waveform.periodic import Sawtooth, Sine
 from ..waveform.signal import Waveform
 from .equations import SignalChain, equations, layout

@@ -1,6 +1,6 @@
 """Amplifier and sensor over one step, in the subset that is translated to C.
 
-`stickslip.electronics` has them as functions on whole signals; over one step with the input held both have
+`physics.electronics` has them as functions on whole signals; over one step with the input held both have
 the closed forms below.
 """
 

@@ -8,14 +8,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
-from ..chain import Chain
 from ..estimate.result import Fit
 from ..gate.errors import GateError, damaged
 from ..gate.results import results_numbers
 from ..identify.results import chain_of, model_of
 from ..parameters import ParameterSetError, load_set
-from ..records import quantities_of
+from ..physics.actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
+from ..quantities.records import quantities_of
+from ..recording.chain import Chain
 from .piezo import refused
 
 

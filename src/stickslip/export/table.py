@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from ..engine.translator import real
-from ..units import QuantityError
+from ..quantities.units import QuantityError
 from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
 

@@ -7,7 +7,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ..engine.translator import KEYWORDS, real
-from ..records import quantities
+from ..quantities.records import quantities
 from .equations import SignalChain
 from .source import Exported, exported_values, meaning
 

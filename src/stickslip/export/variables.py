@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal, NamedTuple
 
-from ..actuator import Actuator
 from ..engine.translator import KEYWORDS
-from ..units import unit_for
+from ..physics.actuator import Actuator
+from ..quantities.units import unit_for
 from .equations import SignalChain
 from .source import Exported, exported_values, meaning
 from .values import plain

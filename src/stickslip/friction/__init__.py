@@ -1,6 +1,6 @@
 """Friction laws: a record and one function each, in a file each. See `law` for what that means."""
 
-from .. import registry
+from ..quantities import registry
 from .law import Branches as Branches
 from .law import breakaway as breakaway
 from .law import element as element

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from ..records import Quantity, record
+from ..quantities.records import Quantity, record
 from .law import register
 
 

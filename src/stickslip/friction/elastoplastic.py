@@ -17,8 +17,8 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from ..records import Quantity, record
-from ..units import QuantityError
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError
 from .law import register
 from .stribeck import check_stiction, stribeck_curve
 

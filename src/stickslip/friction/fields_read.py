@@ -7,7 +7,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
-from ..records import did_you_mean
+from ..quantities.records import did_you_mean
 
 
 def refuse_unknown_fields(law_type: Any, function: Callable[..., Any]) -> None:

@@ -24,7 +24,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from .. import registry
+from ..quantities import registry
 from .fields_read import refuse_unknown_fields
 
 

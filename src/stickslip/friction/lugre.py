@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from ..records import Quantity, record
+from ..quantities.records import Quantity, record
 from .law import register
 from .stribeck import check_stiction, stribeck_curve
 

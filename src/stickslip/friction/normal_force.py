@@ -36,8 +36,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..records import Quantity, record
-from ..units import QuantityError, array_si
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError, array_si
 
 
 @record

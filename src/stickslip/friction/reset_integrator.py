@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from ..records import Quantity, record
+from ..quantities.records import Quantity, record
 from .law import Branches, register
 
 # A bristle on its limit slides, though rounding may put it just below.

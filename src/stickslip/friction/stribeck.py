@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, NamedTuple
 
-from ..records import Quantity, record
-from ..units import QuantityError
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError
 from .law import register
 
 

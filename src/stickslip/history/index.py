@@ -11,7 +11,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from ..readers.process import Reader, ReaderBusy
+from ..recording.readers.process import Reader, ReaderBusy
 from ..recording.replacing import BIN, to_bin
 from .acts import present_names, read_acts
 from .describing import described, described_fit, described_set

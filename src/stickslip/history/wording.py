@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..friction import LuGre
+from ..quantities.records import quantities
+from ..quantities.units import turned
 from ..recording import STANDARD_NAMES
-from ..records import quantities
 from ..rig.capture import Capture
 from ..rig.limits import Limits
-from ..units import turned
 from .comparing import flat_rows
 
 _UNITS = {"seconds": "s"} | {

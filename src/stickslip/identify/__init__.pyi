@@ -1,3 +1,5 @@
+from . import comparison as comparison
+from . import verification as verification
 from .candidates import Candidate as Candidate
 from .candidates import Comparison as Comparison
 from .events.pulled import PulledRig as PulledRig
@@ -28,6 +30,7 @@ from .step.fit import identify_step as identify_step
 from .step.fit import step_formula_errors as step_formula_errors
 from .step.formulas import Timing as Timing
 from .step.formulas import step_features as step_features
+from .verification import verify as verify
 from .walk.bayes import posterior as posterior
 from .walk.compare import compare_walks as compare_walks
 from .walk.compare import walk_candidates as walk_candidates

@@ -12,7 +12,7 @@ import xarray as xr
 from ..estimate.goodness import Goodness, goodness
 from ..estimate.result import Fit
 from ..estimate.shown import preformatted
-from ..progress import Progress
+from ..quantities.progress import Progress
 from .free import Bounds
 from .recorded.channels import channel, names_of, recordings_of
 

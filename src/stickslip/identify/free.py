@@ -11,10 +11,10 @@ import numpy as np
 from ..estimate.parameter import REACH, Parameter
 from ..estimate.tied import names_in
 from ..friction import MaxwellSlip
-from ..records import Quantity, did_you_mean, quantities
+from ..quantities.records import Quantity, did_you_mean, quantities
+from ..quantities.units import QuantityError, to_si, turned, with_unit
 from ..simulation import varied
 from ..simulation.varied import NORMAL_FIELDS, element_of, free_names, law_of, ratios_of
-from ..units import QuantityError, to_si, turned, with_unit
 
 # m/s, of a sliding contact: with the law's force it gives the size of a damping that starts at zero.
 TYPICAL_SPEED = 1e-3

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from ..estimate.coloured import with_inherited
 from ..estimate.result import Fit
+from ..quantities.units import with_prefix
 from ..recording.noise import noise_level
-from ..units import with_prefix
 from .recorded.known_noise import LEAST_STEP, SIMULATED
 from .recorded.levels import converter_step
 

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from .. import registry
-from ..actuator import Actuator, StageModes
-from ..chain import Chain
 from ..friction import NormalForce
 from ..parameters.load import Entry, build
-from ..piezo import Piezo
-from ..records import Quantity, quantities, quantities_of
-from ..units import QuantityError
+from ..physics.actuator import Actuator, StageModes
+from ..physics.piezo import Piezo
+from ..quantities import registry
+from ..quantities.records import Quantity, quantities, quantities_of
+from ..quantities.units import QuantityError
+from ..recording.chain import Chain
 
 
 def model_numbers(model: Actuator) -> dict[str, Any]:

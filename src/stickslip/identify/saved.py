@@ -8,11 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import registry
 from .._version import __version__
-from ..actuator import Actuator
-from ..chain import Chain
-from ..electronics import Filter
 from ..estimate.advice import Advice
 from ..estimate.covariance import Uncertainty
 from ..estimate.disturbances import Disturbance
@@ -27,7 +23,11 @@ from ..estimate.systematic import Systematic
 from ..friction import is_law
 from ..gate.errors import damaged
 from ..gate.text import MOST_RESULT_BYTES, read_json
-from ..piezo import Piezo
+from ..physics.actuator import Actuator
+from ..physics.electronics import Filter
+from ..physics.piezo import Piezo
+from ..quantities import registry
+from ..recording.chain import Chain
 from ..recording.replacing import replaced_whole
 from .frequency.amplitude import AmplitudeModel
 from .frequency.modal import ModalModel

@@ -8,8 +8,8 @@ from typing import Any
 
 from fastapi import APIRouter, Request, Response
 
-from ..input_file import Strict
-from ..units import QuantityError
+from ..quantities.input_file import Strict
+from ..quantities.units import QuantityError
 from .control import Control
 from .document import BenchDocument
 from .folder import Folder

@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 
-from ..progress import Progress
+from ..quantities.progress import Progress
+from ..quantities.units import QuantityError, to_si, with_prefix
 from ..simulation import SimulationError
-from ..units import QuantityError, to_si, with_prefix
 from . import designing as of
 from .control import Control
 from .document import BenchDocument

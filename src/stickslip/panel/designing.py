@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from .. import design
-from ..actuator import Actuator
 from ..design.optimised import motion_by
-from ..electronics import OutputStage
-from ..input_file import Strict
-from ..progress import Progress
-from ..records import Quantity
-from ..units import QuantityError, unit_for
+from ..physics.actuator import Actuator
+from ..physics.electronics import OutputStage
+from ..quantities.input_file import Strict
+from ..quantities.progress import Progress
+from ..quantities.records import Quantity
+from ..quantities.units import QuantityError, unit_for
 from ..waveform import PeriodicKnots
 from ..waveform.signal import Waveform, shape
 from .exploration import Model, Value

@@ -11,24 +11,24 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .. import registry
-from ..actuator import Actuator
-from ..calibration.storage import available_calibrations
-from ..experiment.cells import Cell, cells, limits_of
-from ..experiment.file import ExperimentFile, VirtualRigSpec
-from ..experiment.laboratory import PlanningLaboratory
-from ..experiment.running import check_experiment
-from ..input_file import load_yaml, yaml_text
 from ..parameters import available_sets
-from ..readers.process import Reader
+from ..physics.actuator import Actuator
+from ..quantities import registry
+from ..quantities.input_file import load_yaml, yaml_text
+from ..quantities.records import quantities, quantities_of
+from ..quantities.registry import nothing_run
+from ..quantities.units import QuantityError, to_si, turned, unit_for
 from ..recording import STANDARD_NAMES
+from ..recording.calibration.storage import available_calibrations
+from ..recording.readers.process import Reader
 from ..recording.replacing import replaced_whole
-from ..records import quantities, quantities_of
-from ..registry import nothing_run
 from ..rig import Capabilities, Limits
 from ..rig.bench import available_benches
+from ..rig.experiment.cells import Cell, cells, limits_of
+from ..rig.experiment.file import ExperimentFile, VirtualRigSpec
+from ..rig.experiment.laboratory import PlanningLaboratory
+from ..rig.experiment.running import check_experiment
 from ..rig.measurement import channel_units
-from ..units import QuantityError, to_si, turned, unit_for
 from .folder import Folder
 from .rigs import asked_rig, facts, fitted
 

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from .. import registry
-from ..actuator import Actuator
-from ..input_file import Strict
-from ..records import Quantity, quantities
+from ..physics.actuator import Actuator
+from ..quantities import registry
+from ..quantities.input_file import Strict
+from ..quantities.records import Quantity, quantities
+from ..quantities.units import QuantityError, unit_for
 from ..simulation import SimulationError, steady_step
 from ..simulation.trajectory import COMPLETE, follow_model
-from ..units import QuantityError, unit_for
 from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
 from . import piezo_sliders
@@ -269,7 +269,7 @@ def python(state: State, sets: Sets = PACKAGE) -> str:
     bent = None if actuator.piezo is None else actuator.piezo.hysteresis
     lines = [
         "import stickslip as ss",
-        *(["from stickslip.piezo import *"] if "piezo" in changed else []),
+        *(["from stickslip.physics.piezo import *"] if "piezo" in changed else []),
         *(["from stickslip.friction import NormalForce"] if changed.get("normal_force") else []),
         "",
         *dict.fromkeys(filter(None, (_own(type(one)) for one in (actuator.friction, waveform, bent) if one))),

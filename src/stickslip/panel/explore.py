@@ -10,10 +10,10 @@ from fastapi import APIRouter, Response
 from fastapi.responses import JSONResponse
 from numpy.typing import ArrayLike
 
-from .. import registry
+from ..quantities import registry
+from ..quantities.units import QuantityError
 from ..simulation import SimulationError
 from ..simulation.varied import PIEZO
-from ..units import QuantityError
 from .exploration import State, mean_speed, motion, python, step_curves
 from .sets import Sets
 from .sliders import choices, law_types, shapes

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..registry import use_file
+from ..quantities.registry import use_file
 from ..simulation import SimulationError
 from .fit_request import FitRequest
 from .folder import Folder

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..gate.text import MOST_BYTES, read_file, read_json
 from ..history.storable import storable
-from ..registry import used_files
+from ..quantities.registry import used_files
 from .fit_process import Begin, work
 from .fit_request import FitRequest
 from .folder import Folder

@@ -17,26 +17,26 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
-from ..analysis.walk import UsedWalk, walk_document
-from ..campaign.hysteresis import Hysteresis, hysteresis_in
-from ..campaign.hysteresis_section import hysteresis_section
-from ..chain import Chain
 from ..estimate.result import Fit
 from ..estimate.search import SearchState
 from ..identify.results import chain_numbers
 from ..identify.step.fit import STAGE_PARAMETERS, identify_step, step_level
 from ..identify.step.recorded_step import step_tests
+from ..identify.verification import verify
 from ..identify.walk.displacement import Displacement, has_slopes
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.joint import jointly
 from ..identify.walk.position_channel import CHANNEL, OBSERVED
 from ..identify.walk.walks import Varied, observed
-from ..readers import read_recording
+from ..jobs.analysis.walk import UsedWalk, walk_document
+from ..jobs.campaign.hysteresis import Hysteresis, hysteresis_in
+from ..jobs.campaign.hysteresis_section import hysteresis_section
+from ..physics.actuator import Actuator
+from ..quantities.units import QuantityError, to_si
 from ..recording import RecordingError
+from ..recording.chain import Chain
+from ..recording.readers import read_recording
 from ..report import write_report
-from ..units import QuantityError, to_si
-from ..verification import verify
 from .fit_request import FitRequest
 from .folder import Folder
 from .sets import Sets

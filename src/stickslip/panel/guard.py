@@ -13,7 +13,7 @@ from urllib.parse import parse_qs
 
 from starlette.exceptions import HTTPException
 
-from ..registry import nothing_run
+from ..quantities.registry import nothing_run
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]

@@ -16,8 +16,8 @@ from ..history.comparing import Zero, common_zeros, comparable, on_one_clock
 from ..history.describing import annotate
 from ..history.index import READING
 from ..history.wording import worded
-from ..input_file import Strict
-from ..readers.process import Reader
+from ..quantities.input_file import Strict
+from ..recording.readers.process import Reader
 from .control import Control
 from .decimation import window
 from .folder import Folder, FolderError

@@ -17,8 +17,8 @@ from ..history.storable import storable
 from ..identify.recorded.channels import edges
 from ..identify.walk.position_channel import OBSERVED
 from ..parameters import ParameterSetError, available_sets
-from ..readers.process import Reader, ReaderBusy
 from ..recording import RecordingError
+from ..recording.readers.process import Reader, ReaderBusy
 from ..rig import available_benches, load_bench
 from .fit_request import FitRequest
 from .fits import RUNNING, Fitting

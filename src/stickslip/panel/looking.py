@@ -8,11 +8,11 @@ import re
 from pathlib import Path
 from typing import Any
 
-from ..readers.formats import find_format
-from ..readers.opening import source_of
-from ..readers.preview import LOOKED_AT, look
-from ..readers.source import FileContent, Rows
 from ..recording import RecordingError
+from ..recording.readers.formats import find_format
+from ..recording.readers.opening import source_of
+from ..recording.readers.preview import LOOKED_AT, look
+from ..recording.readers.source import FileContent, Rows
 
 # What the readers advise to who calls them, and what helps on the page.
 _ADVICE = (

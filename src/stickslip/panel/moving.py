@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ..actuator import Actuator
 from ..control import (
     LowPass,
     Pid,
@@ -29,18 +28,19 @@ from ..control import (
 )
 from ..control.loops import Loop, sampled_loop, step_response
 from ..control.tuning import margins, models_of
-from ..electronics import OutputStage
-from ..experiment.cells import Cell, cells
-from ..experiment.file import ExperimentFile
-from ..experiment.laboratory import PlanningLaboratory
-from ..experiment.running import check_experiment
-from ..input_file import Strict, fields_of
-from ..progress import Progress
-from ..readers.process import Reader
-from ..records import quantities
+from ..physics.actuator import Actuator
+from ..physics.electronics import OutputStage
+from ..quantities.input_file import Strict, fields_of
+from ..quantities.progress import Progress
+from ..quantities.records import quantities
+from ..quantities.units import QuantityError, unit_for, with_prefix
+from ..recording.readers.process import Reader
 from ..rig import Capabilities, Channel, HostedRig, Plausibility, RigError, regulate
+from ..rig.experiment.cells import Cell, cells
+from ..rig.experiment.file import ExperimentFile
+from ..rig.experiment.laboratory import PlanningLaboratory
+from ..rig.experiment.running import check_experiment
 from ..rig.measurement import DRIVE, POSITION
-from ..units import QuantityError, unit_for, with_prefix
 from .control import Control
 from .document import BenchDocument
 from .folder import Folder

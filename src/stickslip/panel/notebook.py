@@ -11,8 +11,8 @@ import anywidget
 import traitlets
 import xarray as xr
 
+from ..quantities.records import did_you_mean
 from ..recording import RecordingError, validate_recording
-from ..records import did_you_mean
 from .packing import packed
 
 _STATIC = Path(__file__).parent / "static"

@@ -17,19 +17,19 @@ from typing import Any
 from fastapi import APIRouter, Request
 from pydantic import Field
 
-from ..actuator import Actuator
-from ..analysis.fit_parameters import fit_parameters, results_summary
 from ..gate.elsewhere import applied
 from ..history import Index, note_act
 from ..history.index import READING
 from ..history.walking import SETS
-from ..input_file import Strict
+from ..jobs.analysis.fit_parameters import fit_parameters, results_summary
 from ..parameters.writing import write_parameters
-from ..readers.process import Reader
+from ..physics.actuator import Actuator
+from ..quantities.input_file import Strict
+from ..quantities.registry import used_files
+from ..quantities.units import QuantityError, unit_for, with_prefix
 from ..recording import make_recording, save_recording
-from ..registry import used_files
+from ..recording.readers.process import Reader
 from ..simulation import simulate, steady_step
-from ..units import QuantityError, unit_for, with_prefix
 from ..waveform.signal import shape
 from .control import Control
 from .document import BenchDocument

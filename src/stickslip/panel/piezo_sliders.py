@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..piezo import Creep, Piezo, PrandtlIshlinskii
-from ..records import Quantity, quantities, sequences
+from ..physics.piezo import Creep, Piezo, PrandtlIshlinskii
+from ..quantities.records import Quantity, quantities, sequences
 from ..simulation.varied import PIEZO
 
 FIELDS = {

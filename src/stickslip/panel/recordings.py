@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from starlette.background import BackgroundTask
 
 from ..history import note_act
-from ..input_file import Strict
-from ..readers.process import Reader
+from ..quantities.input_file import Strict
 from ..recording import save_csv, save_matlab, save_recording
+from ..recording.readers.process import Reader
 from .control import Control
 from .decimation import window
 from .folder import Folder, FolderError

@@ -8,14 +8,14 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from .. import registry
-from ..attached import attached_devices, known_devices
-from ..input_file import InputFileError, yaml_mapping
 from ..parameters import ParameterSetError
-from ..registry import RegistryError, nothing_run
+from ..quantities import registry
+from ..quantities.input_file import InputFileError, yaml_mapping
+from ..quantities.registry import RegistryError, nothing_run
+from ..quantities.units import QuantityError
 from ..rig import About, Capabilities, Limits, RigError, available_benches, load_bench
+from ..rig.attached import attached_devices, known_devices
 from ..rig.measurement import DRIVE, POSITION
-from ..units import QuantityError
 from .folder import Folder
 
 Content = dict[str, Any]

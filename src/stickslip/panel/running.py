@@ -14,14 +14,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..experiment.cells import Cell
-from ..experiment.file import ExperimentFile
-from ..experiment.laboratory import Laboratory, open_laboratory, rigs_of
-from ..experiment.running import record_experiment
-from ..progress import Progress
-from ..readers.process import Reader
+from ..quantities.progress import Progress
+from ..recording.readers.process import Reader
 from ..rig import HostedRig, Link, Rig, RigError, WatchedRig
 from ..rig.capture import Capture, find_trigger
+from ..rig.experiment.cells import Cell
+from ..rig.experiment.file import ExperimentFile
+from ..rig.experiment.laboratory import Laboratory, open_laboratory, rigs_of
+from ..rig.experiment.running import record_experiment
 from ..rig.gate import PositionInput
 from ..rig.measurement import POSITION
 from ..rig.memory import collect

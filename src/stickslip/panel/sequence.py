@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 from fastapi import APIRouter, Request
 from pydantic import Field
 
-from ..input_file import Strict
+from ..quantities.input_file import Strict
+from ..quantities.units import QuantityError, to_si
 from ..rig import RigError
-from ..units import QuantityError, to_si
 from .control import Control
 from .document import BenchDocument
 from .running import Runner

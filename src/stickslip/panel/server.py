@@ -19,14 +19,14 @@ from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 
 from ..gate.elsewhere import interpret_in
-from ..input_file import Strict, reason
-from ..readers.process import Reader
+from ..quantities.input_file import Strict, reason
+from ..quantities.units import to_si
+from ..recording.readers.process import Reader
 from ..rig import RigError
 from ..rig.memory import collect, collected_on_request
 from ..rig.samples import recover
 from ..simulation import SimulationError
 from ..study import StudyError
-from ..units import to_si
 from .bench import bench_routes
 from .control import Control, shown
 from .design import Searches, design_routes
@@ -54,11 +54,11 @@ from .studies import Studies, study_routes
 STATIC = Path(__file__).parent / "static"
 # Modules of the functions that pages have applied to files. To import them takes 1.5 s of computing.
 READ_BY = (
-    "stickslip.readers.reading",
+    "stickslip.recording.readers.reading",
     "stickslip.history.describing",
     "stickslip.parameters.load",
     "stickslip.study.picture",
-    "stickslip.analysis.fit_parameters",
+    "stickslip.jobs.analysis.fit_parameters",
 )
 _IDLE = 600  # s between looks for unused memory while nobody runs anything
 

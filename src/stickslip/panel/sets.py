@@ -6,11 +6,11 @@ import os
 from functools import cache, lru_cache
 from pathlib import Path
 
-from ..actuator import Actuator, load_actuator
 from ..history.walking import SETS
 from ..parameters import ParameterSetError, available_sets, load_set
-from ..registry import nothing_run
-from ..units import QuantityError
+from ..physics.actuator import Actuator, load_actuator
+from ..quantities.registry import nothing_run
+from ..quantities.units import QuantityError
 from .folder import Folder, FolderError
 
 MOST = 50  # saved ones that are offered, the newest

@@ -11,12 +11,12 @@ import math
 from contextlib import suppress
 from typing import Any, Literal, NamedTuple
 
-from .. import registry
-from ..actuator import Actuator
-from ..comparison.laws import example_laws
 from ..friction import LuGre
-from ..records import Quantity, quantities, sequences
-from ..units import QuantityError, turned, unit_for
+from ..identify.comparison.laws import example_laws
+from ..physics.actuator import Actuator
+from ..quantities import registry
+from ..quantities.records import Quantity, quantities, sequences
+from ..quantities.units import QuantityError, turned, unit_for
 from . import piezo_sliders
 from .sets import PACKAGE, Sets
 

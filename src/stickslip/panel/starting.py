@@ -18,16 +18,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..experiment.running import check_experiment
 from ..history import note_act
 from ..history.describing import annotate
-from ..input_file import yaml_text
-from ..readers.process import Reader
+from ..quantities.input_file import yaml_text
+from ..quantities.units import QuantityError, to_si, with_prefix
 from ..recording import RecordingError
+from ..recording.readers.process import Reader
 from ..recording.replacing import replaced_whole
 from ..rig import RigError
+from ..rig.experiment.running import check_experiment
 from ..rig.measurement import DRIVE, POSITION
-from ..units import QuantityError, to_si, with_prefix
 from .document import BenchDocument
 from .folder import Folder
 from .journal import Journal

@@ -18,10 +18,10 @@ from pydantic import Field
 
 from ..gate.text import MOST_BYTES, read_json
 from ..history.storable import storable
-from ..input_file import Strict
+from ..quantities.input_file import Strict
+from ..quantities.units import QuantityError, to_si, with_prefix
 from ..recording.replacing import replaced_whole
 from ..rig.measurement import DRIVE, POSITION
-from ..units import QuantityError, to_si, with_prefix
 from .control import Control
 from .journal import Journal
 from .stream import Client, Hub

@@ -23,9 +23,9 @@ from pydantic import Field
 
 from ..gate.errors import GateError
 from ..gate.files import opened
-from ..input_file import Strict
-from ..readers.process import Reader
+from ..quantities.input_file import Strict
 from ..recording import RecordingError
+from ..recording.readers.process import Reader
 from ..study.layout import Variable
 from ..study.local import processors
 from ..study.picture import Picture, Statistic, pictured, study_picture

@@ -14,10 +14,10 @@ from fastapi import APIRouter, Request
 from pydantic import Field
 
 from ..history import note_act
-from ..input_file import Strict
-from ..readers import read_recording
-from ..readers.process import Reader
+from ..quantities.input_file import Strict
 from ..recording import RecordingError, save_recording
+from ..recording.readers import read_recording
+from ..recording.readers.process import Reader
 from ..recording.taken_drive import taken_drive
 from .folder import Folder, FolderError
 from .looking import for_the_page, preview

@@ -16,7 +16,7 @@ from .load import load_friction as load_friction
 from .load import load_kind as load_kind
 from .load import load_set as load_set
 from .load import named_file as named_file
-from .load import piezo_of as piezo_of
+from .load import piezo_parts as piezo_parts
 from .load import read_entries as read_entries
 from .load import read_toml as read_toml
 from .provenance import assumptions as assumptions

@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ..records import did_you_mean
+from ..quantities.records import did_you_mean
 from .load import ParameterSetError, available_sets, load_set
 
 _FILE = Path(__file__).parent / "references.bib"

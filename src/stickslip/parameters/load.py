@@ -20,18 +20,19 @@ import os
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from .. import registry
 from ..gate.errors import GateError, damaged
 from ..gate.text import load_toml, parsed
-from ..piezo.model import Piezo
-from ..records import did_you_mean, quantities
-from ..units import QuantityError, to_si
+from ..quantities import registry
+from ..quantities.records import did_you_mean, quantities
+from ..quantities.units import QuantityError, to_si
 
 T = TypeVar("T")
 
 MOST_SET_BYTES = 100_000  # bytes of a parameter set, a bench, a part: the largest of the package has 7,000
 
 _SETS = Path(__file__).parent / "sets"
+# The fields of `physics.piezo.Piezo`, a table of a set each.
+PIEZO_PARTS = ("hysteresis", "creep")
 _KINDS = ("actuator", "pulled_slider", "friction")
 _TOP = {"title": str, "citations": list, "kind": str}
 
@@ -212,8 +213,8 @@ def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, Part]:
     """``[piezo.hysteresis]`` and ``[piezo.creep]``, each with the name of its model."""
     parts = {}
     for name, content in table.items():
-        if name not in Piezo._fields or not isinstance(content, dict):
-            hint, known = did_you_mean(name, Piezo._fields), ", ".join(Piezo._fields)
+        if name not in PIEZO_PARTS or not isinstance(content, dict):
+            hint, known = did_you_mean(name, PIEZO_PARTS), ", ".join(PIEZO_PARTS)
             raise ParameterSetError(
                 f"{file}: [piezo.{name}] is unknown{hint}; known are the tables {known}, each with its model"
             )
@@ -336,9 +337,9 @@ def friction_of(parameters: ParameterSet) -> Any:
     return build(law, parameters.friction, f"{parameters.file}, [friction]", parameters.rotary)
 
 
-def piezo_of(parameters: ParameterSet) -> Piezo | None:
-    """The piezo of a set, None where it has none; raises ParameterSetError as `build` does."""
-    made = {
+def piezo_parts(parameters: ParameterSet) -> dict[str, Any]:
+    """The piezo models of a set, by the field of `Piezo`; raises ParameterSetError as `build` does."""
+    return {
         name: build(
             _run(registry.piezos, part.model, parameters.file, f"[piezo.{name}] model"),
             part.values,
@@ -346,7 +347,6 @@ def piezo_of(parameters: ParameterSet) -> Piezo | None:
         )
         for name, part in parameters.piezo.items()
     }
-    return Piezo(**made) if made else None
 
 
 def load_friction(name: str | os.PathLike[str]) -> Any:

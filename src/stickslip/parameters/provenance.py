@@ -6,8 +6,8 @@ import math
 from operator import attrgetter
 from typing import Any
 
-from ..records import quantities_of
-from ..units import with_prefix
+from ..quantities.records import quantities_of
+from ..quantities.units import with_prefix
 from .load import ParameterSet
 
 

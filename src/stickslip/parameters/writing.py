@@ -9,12 +9,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from .. import registry
-from ..piezo.model import Piezo
-from ..records import quantities_of
-from .load import load_set
-
-_NONE = Piezo()
+from ..quantities import registry
+from ..quantities.records import quantities_of
+from .load import PIEZO_PARTS, load_set
 
 
 def parameter_text(
@@ -34,7 +31,9 @@ def parameter_text(
     lines += _tables(record, "", source, errors or {})
     lines += ["[friction]", f"law = {_text(law)}", ""]
     lines += _tables(record.friction, "friction.", source, errors or {}, record)
-    for name, part in (getattr(record, "piezo", None) or _NONE)._asdict().items():
+    piezo = getattr(record, "piezo", None)
+    for name in PIEZO_PARTS:
+        part = getattr(piezo, name, None)
         if part is not None:
             lines += [f"[piezo.{name}]", f"model = {_text(registry.piezos.name_of(type(part)))}", ""]
             lines += _tables(part, f"piezo.{name}.", source, {}, record)

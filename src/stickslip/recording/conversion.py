@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
-from ..units import LONGEST_UNIT, QuantityError, to_si
+from ..quantities.units import LONGEST_UNIT, QuantityError, to_si
 
 # Units that turn, with any prefix.
 _ANGLE = re.compile(r"\w*?(rad(ian)?s?|deg(ree)?s?|arcsec(ond)?s?|arcmin(ute)?s?|turns?|revolutions?)")

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .. import registry
 from ..gate.errors import damaged
 from ..gate.results import json_attribute
-from ..units import QuantityError
+from ..quantities import registry
+from ..quantities.units import QuantityError
 from ..waveform.sequence import Sequence
 from ..waveform.signal import Waveform
 

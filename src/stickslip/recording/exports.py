@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..units import QuantityError
+from ..quantities.units import QuantityError
 from .conversion import to_si_unit
 from .replacing import replaced_whole
 from .schema import RecordingError, validate_recording

@@ -19,7 +19,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from .._version import __version__
-from ..units import QuantityError, turned
+from ..quantities.units import QuantityError, turned
 from .conversion import to_si_unit
 
 SCHEMA_VERSION = 1

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..units import with_prefix
+from ..quantities.units import with_prefix
 from ..waveform.drive import evaluate
 from ..waveform.sequence import Sequence
 from ..waveform.shapes import Rest

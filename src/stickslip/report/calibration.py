@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..calibration import Calibration, CalibrationTable
-from ..figures.calibration import calibration_curve
-from ..figures.style import svg
 from ..parameters import bibtex, keys_in
-from ..units import with_prefix
+from ..quantities.units import with_prefix
+from ..recording.calibration import Calibration, CalibrationTable
 from .document import Column, Document, Number, Picture, Section, Table
+from .figures.calibration import calibration_curve
+from .figures.style import svg
 
 
 def calibration_document(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 from numbers import Real
 from typing import Any
 
-from ..units import turned
+from ..quantities.units import turned
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
 

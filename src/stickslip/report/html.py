@@ -13,10 +13,10 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from ..figures.scale import Scale, scale_for
-from ..units import near_one
+from ..quantities.units import near_one
 from .circumstances import Circumstances
 from .document import Cell, Column, Document, Number, Picture, Table
+from .figures.scale import Scale, scale_for
 
 _EMPTY = "–"
 

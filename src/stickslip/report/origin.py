@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import xarray as xr
 
-from ..actuator import Actuator, load_actuator
 from ..parameters import available_sets, bibtex, citation_keys, load_set, unchanged
-from ..records import quantities
+from ..physics.actuator import Actuator, load_actuator
+from ..quantities.records import quantities
 
 # Of the model's limits, not of its motion.
 _LIMITS = ("min_voltage", "max_voltage")

@@ -9,12 +9,12 @@ import numpy as np
 import xarray as xr
 
 from ..estimate.result import Fit
-from ..figures.identification import fit_with_residuals
-from ..figures.piezo import hysteresis_loops
-from ..figures.style import svg
 from ..identify.recorded.channels import edges, names_of
 from ..identify.results import piezo_numbers
 from .document import Number, Picture
+from .figures.identification import fit_with_residuals
+from .figures.piezo import hysteresis_loops
+from .figures.style import svg
 from .fits import fit_numbers
 
 # Samples from an edge of the drive on that loops leave out.

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from ..actuator import load_actuator
-from ..experiment import Recorded
-from ..figures.recordings import recording_detail, recordings_together
-from ..figures.style import svg
 from ..gate.results import json_attribute
+from ..physics.actuator import load_actuator
+from ..quantities.units import with_prefix
 from ..recording import open_recording
 from ..rig import load_bench
-from ..units import with_prefix
+from ..rig.experiment import Recorded
 from .document import Column, Document, Listing, Number, Picture, Section, Table
+from .figures.recordings import recording_detail, recordings_together
+from .figures.style import svg
 
 _MOST_LINES = 7  # of one figure
 _BEFORE, _AFTER = 3e-3, 7e-3  # s around the trigger

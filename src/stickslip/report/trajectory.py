@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
-from ..figures.style import svg
-from ..figures.trajectory import trajectory as drawn_trajectory
 from ..friction import is_law
 from ..parameters import changes, load_set
-from ..records import quantities_of
-from ..units import with_prefix
+from ..physics.actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
+from ..quantities.records import quantities_of
+from ..quantities.units import with_prefix
 from ..waveform.signal import Waveform
 from .document import Column, Document, Number, Picture, Section, Table
+from .figures.style import svg
+from .figures.trajectory import trajectory as drawn_trajectory
 
 _HIGHLIGHTS = ("net_displacement", "steady_step", "mean_velocity")
 

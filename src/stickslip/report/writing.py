@@ -6,8 +6,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from ..quantities.units import optional_si
 from ..recording.replacing import part_of, replaced_whole
-from ..units import optional_si
 from .circumstances import circumstances
 from .document import Document
 from .html import report_html

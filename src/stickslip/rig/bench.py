@@ -18,9 +18,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
-from .. import registry
-from ..chain import Chain
-from ..electronics import (
+from ..gate.errors import GateError, damaged
+from ..gate.paths import inside
+from ..parameters import Entry, ParameterSetError, build, named_file, read_entries, read_toml
+from ..physics.electronics import (
     Adc,
     Amplifier,
     Dac,
@@ -32,12 +33,11 @@ from ..electronics import (
     PositionSensor,
     StrainGauge,
 )
-from ..electronics.parts import Part, load_amplifier, load_part, load_stack
-from ..gate.errors import GateError, damaged
-from ..gate.paths import inside
-from ..parameters import Entry, ParameterSetError, build, named_file, read_entries, read_toml
-from ..records import did_you_mean
-from ..units import to_si
+from ..physics.electronics.parts import Part, load_amplifier, load_part, load_stack
+from ..quantities import registry
+from ..quantities.records import did_you_mean
+from ..quantities.units import to_si
+from ..recording.chain import Chain
 
 T = TypeVar("T")
 

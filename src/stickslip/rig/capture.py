@@ -7,8 +7,8 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Quantity, record
-from ..units import QuantityError, with_prefix
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError, with_prefix
 from .protocols import Array, RigError
 
 

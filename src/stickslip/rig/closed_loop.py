@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..calibration.applying import calibration_attribute
-from ..calibration.storage import to_text
-from ..progress import Progress, unheard
-from ..units import QuantityError, optional_si, to_si, with_prefix
+from ..quantities.progress import Progress, unheard
+from ..quantities.units import QuantityError, optional_si, to_si, with_prefix
+from ..recording.calibration.applying import calibration_attribute
+from ..recording.calibration.storage import to_text
 from ..waveform.signal import Waveform, value_at
 from .capture import Capture, stride
 from .gate import PositionInput

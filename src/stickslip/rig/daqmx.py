@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from .. import registry
-from ..units import QuantityError, to_si
+from ..quantities import registry
+from ..quantities.units import QuantityError, to_si
 from .limits import LONGEST_STOP
 from .protocols import About, Array, Capabilities, RigError
 

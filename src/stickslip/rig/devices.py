@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from .. import registry
-from ..actuator import Actuator
 from ..friction import NormalForce
+from ..physics.actuator import Actuator
+from ..quantities import registry
 from .bench import load_bench
 from .protocols import Rig, RigError
 from .variation import EXACT, Repeats

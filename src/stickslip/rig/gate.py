@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..calibration import Calibration
-from ..units import with_prefix
+from ..quantities.units import with_prefix
+from ..recording.calibration import Calibration
 from .home import Home
 from .limits import LimitError, Limits, beyond, check_drive
 from .protocols import Array, Capabilities, Rig, RigError

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..calibration import Calibration
+from ..recording.calibration import Calibration
 from ..recording.replacing import read_small, replaced_whole
 from .limits import LimitError
 from .protocols import Array, RigError

@@ -23,7 +23,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from ..calibration.storage import from_text
+from ..recording.calibration.storage import from_text
 from .devices import open_device
 from .gate import PositionInput
 from .home import Home

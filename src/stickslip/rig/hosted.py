@@ -16,9 +16,9 @@ from weakref import WeakSet
 
 import numpy as np
 
-from ..calibration.storage import to_text
+from ..quantities.units import QuantityError
+from ..recording.calibration.storage import to_text
 from ..recording.replacing import read_small
-from ..units import QuantityError
 from .devices import told_of
 from .gate import PositionInput
 from .limits import LimitError, Limits

@@ -7,8 +7,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..records import Quantity, record
-from ..units import QuantityError, with_prefix
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError, with_prefix
 from .protocols import Array, Capabilities, RigError
 
 _INF = math.inf

@@ -12,14 +12,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import xarray as xr
 
-from ..calibration import CalibrationError
-from ..calibration.applying import calibration_chain
-from ..progress import Progress, unheard, within
+from ..quantities.progress import Progress, unheard, within
+from ..quantities.records import did_you_mean
+from ..quantities.units import QuantityError, with_prefix
 from ..recording import STANDARD_NAMES, RecordingError
+from ..recording.calibration import CalibrationError
+from ..recording.calibration.applying import calibration_chain
 from ..recording.drive import drive_text
 from ..recording.schema import fits_name
-from ..records import did_you_mean
-from ..units import QuantityError, with_prefix
 from ..waveform.signal import Waveform, value_at
 from .capture import Capture, CaptureError, find_trigger, stride
 from .gate import Gate, PositionInput

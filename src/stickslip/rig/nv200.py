@@ -13,8 +13,8 @@ import time
 
 import numpy as np
 
-from .. import registry
-from ..units import QuantityError, to_si
+from ..quantities import registry
+from ..quantities.units import QuantityError, to_si
 from .line import Line, finite
 from .protocols import About, Array, Capabilities, RigError
 from .table import check_positive

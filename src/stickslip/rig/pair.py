@@ -13,8 +13,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .. import registry
-from ..units import QuantityError, to_si
+from ..quantities import registry
+from ..quantities.units import QuantityError, to_si
 from .generators import Generator
 from .oscilloscopes import Oscilloscope
 from .protocols import About, Array, Capabilities, RigError

@@ -11,8 +11,8 @@ import time
 
 import numpy as np
 
-from .. import registry
-from ..units import QuantityError, to_si
+from ..quantities import registry
+from ..quantities.units import QuantityError, to_si
 from .gcs import PORT, GcsLine
 from .protocols import About, Array, Capabilities, RigError
 from .table import check_inputs, check_positive, check_ready, lower, with_ramp, within

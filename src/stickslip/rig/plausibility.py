@@ -14,8 +14,8 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from ..records import Quantity, record
-from ..units import with_prefix
+from ..quantities.records import Quantity, record
+from ..quantities.units import with_prefix
 from .limits import LimitError, Limits
 from .protocols import Capabilities
 

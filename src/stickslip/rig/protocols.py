@@ -13,8 +13,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import registry
-from ..units import QuantityError
+from ..quantities import registry
+from ..quantities.units import QuantityError
 
 Array = NDArray[np.float64]
 

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..calibration import Calibration
-from ..calibration.applying import calibration_attribute, scale_attribute
-from ..calibration.storage import from_text, to_text
-from ..electronics import Filter, filtered
 from ..gate.text import load_json
+from ..physics.electronics import Filter, filtered
+from ..quantities.units import with_prefix
 from ..recording import make_recording
-from ..units import with_prefix
+from ..recording.calibration import Calibration
+from ..recording.calibration.applying import calibration_attribute, scale_attribute
+from ..recording.calibration.storage import from_text, to_text
 from .capture import Capture, CaptureError, Trigger, find_trigger, picks, stride
 from .home import calibrated
 from .limits import Limits

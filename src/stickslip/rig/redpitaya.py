@@ -11,8 +11,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .. import registry
-from ..units import QuantityError, to_si
+from ..quantities import registry
+from ..quantities.units import QuantityError, to_si
 from .protocols import About, Array, Capabilities, RigError
 from .scpi import ScpiInstrument
 from .table import check_inputs, check_positive, check_ready, fade_out, held, with_ramp, within

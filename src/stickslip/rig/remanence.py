@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..piezo import Creep, Piezo, PrandtlIshlinskii
-from ..piezo.operators import response
-from ..plant.creeping import creeping
-from ..plant.splitting import through
+from ..physics.piezo import Creep, Piezo, PrandtlIshlinskii
+from ..physics.piezo.operators import response
+from ..simulation.plant.creeping import creeping
+from ..simulation.plant.splitting import through
 from ..waveform.drive import Drive
 from ..waveform.signal import breaks_within, slope_at, value_at
 from .protocols import Array

@@ -11,9 +11,16 @@ import numpy as np
 import scipy
 from scipy.interpolate import CubicSpline
 
-from ..chain import Chain
-from ..electronics import Encoder, Filter, InductiveSensor, Interferometer, PositionSensor, StrainGauge
-from ..electronics.filters import sections
+from ..physics.electronics import (
+    Encoder,
+    Filter,
+    InductiveSensor,
+    Interferometer,
+    PositionSensor,
+    StrainGauge,
+)
+from ..physics.electronics.filters import sections
+from ..recording.chain import Chain
 from .bench import Mounted
 from .protocols import RigError
 

@@ -11,9 +11,9 @@ import zlib
 
 import numpy as np
 
-from ..actuator import Actuator
-from ..electronics.amplifier import limits
-from ..electronics.charging import charged, rest
+from ..physics.actuator import Actuator
+from ..physics.electronics.amplifier import limits
+from ..physics.electronics.charging import charged, rest
 from ..simulation.ticks import Motion
 from .bench import Bench
 from .protocols import RigError

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from ..units import with_prefix
+from ..quantities.units import with_prefix
 from .gate import Gate, PositionInput
 from .home import Home
 from .limits import LimitError, Limits

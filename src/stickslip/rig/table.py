@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..units import QuantityError
+from ..quantities.units import QuantityError
 from .limits import LONGEST_STOP
 from .protocols import Array, Capabilities, RigError
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..units import with_prefix
+from ..quantities.units import with_prefix
 from .gate import FROZEN_DRIVE, PositionInput
 from .home import Home, calibrated
 from .limits import LimitError, Limits, beyond

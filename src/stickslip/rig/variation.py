@@ -19,8 +19,8 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from ..actuator import Actuator
-from ..records import Quantity, quantities, record
+from ..physics.actuator import Actuator
+from ..quantities.records import Quantity, quantities, record
 
 _OWN, _SLOW = 1, 2  # streams of random numbers of a series
 

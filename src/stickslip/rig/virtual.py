@@ -9,15 +9,15 @@ import zlib
 
 import numpy as np
 
-from .. import registry
-from ..actuator import Actuator
-from ..electronics import adc_output, amplifier_output, dac_output, filtered
-from ..records import of_kind
+from ..physics.actuator import Actuator
+from ..physics.electronics import adc_output, amplifier_output, dac_output, filtered
+from ..quantities import registry
+from ..quantities.records import of_kind
+from ..quantities.units import QuantityError
 from ..simulation.drives import table_precision
 from ..simulation.errors import SimulationError
 from ..simulation.models import SLIDER, STAGE
 from ..simulation.trajectory import COMPLETE, checked_tolerance, follow_model
-from ..units import QuantityError
 from ..waveform.sampled import Sampled
 from ..waveform.signal import Waveform
 from .bench import Bench, Mounted

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from ..electronics.filters import sections
+from ..physics.electronics.filters import sections
 from .gate import PositionInput
 from .hosted import HostedRig
 from .limits import Limits

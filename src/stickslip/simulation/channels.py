@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator, PulledSlider
-from ..electronics.account import electrical
-from ..electronics.stack import Stack
 from ..friction import elements
+from ..physics.actuator import Actuator, PulledSlider
+from ..physics.electronics.account import electrical
+from ..physics.electronics.stack import Stack
 from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
 from . import two_port

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
-from ..electronics.cycles import half_cycles
-from ..electronics.lines import jumps, lines_of
-from ..electronics.output import OutputStage
-from ..electronics.stack import Stack
-from ..units import QuantityError, with_prefix
+from ..physics.actuator import Actuator
+from ..physics.electronics.cycles import half_cycles
+from ..physics.electronics.lines import jumps, lines_of
+from ..physics.electronics.output import OutputStage
+from ..physics.electronics.stack import Stack
+from ..quantities.units import QuantityError, with_prefix
 from ..waveform.signal import Waveform
 from .drives import endless
 from .varied import put_in, record_names
@@ -47,7 +47,7 @@ def refuse_stack(model: Any, stack: Any) -> None:
     """Raise QuantityError for what is no stack, or where the drive charges none."""
     if not isinstance(stack, Stack):
         raise QuantityError(
-            f"stack = {stack!r} must be a Stack: stickslip.electronics.load_stack takes one by its name"
+            f"stack = {stack!r} must be a Stack: ss.physics.electronics.load_stack takes one by its name"
         )
     if not isinstance(model, Actuator):
         raise QuantityError("stack: a PulledSlider has none")

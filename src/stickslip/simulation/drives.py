@@ -10,17 +10,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator, PulledSlider
-from ..electronics.output import OutputStage
-from ..piezo.model import Piezo
-from ..plant.at_piezo import at_piezo, tabulated
-from ..units import QuantityError
+from ..physics.actuator import Actuator, PulledSlider
+from ..physics.electronics.output import OutputStage
+from ..physics.piezo.model import Piezo
+from ..quantities.units import QuantityError
 from ..waveform.drive import Drive
 from ..waveform.pieces import by_periods
 from ..waveform.signal import Waveform
 from . import two_port
 from .jumps import cannot_jump, refuse_jumps
 from .models import refuse_places
+from .plant.at_piezo import at_piezo, tabulated
 
 # Largest error of a table after the piezo times the gain, as a share of the tolerance of a run: a resonance
 # or a slip makes more of it. Study: docs/benchmarks/random-actuators.md.

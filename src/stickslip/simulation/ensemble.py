@@ -10,16 +10,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ..actuator import Actuator
-from ..electronics.stack import Stack
 from ..engine.binding import DriveTable
 from ..engine.law_of import law_of
 from ..engine.members import ComposedMembers, MemberDrives, integrate_members
 from ..engine.outcome import DONE, NO_NUMBER, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..friction import element
-from ..plant.at_piezo import tabulated
-from ..progress import Progress, unheard
-from ..units import labelled_for, optional_si
+from ..physics.actuator import Actuator
+from ..physics.electronics.stack import Stack
+from ..quantities.progress import Progress, unheard
+from ..quantities.units import labelled_for, optional_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .demand import labelled_demand
@@ -37,6 +36,7 @@ from .members import (
     prepared,
 )
 from .models import contact_load
+from .plant.at_piezo import tabulated
 from .refinement import FINER, LOOSE, MOST_STEPS, PER_DIFFERENCE, PER_NUMBER, ROUNDS
 from .trajectory import checked_tolerance, run_time, sample_times
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ..actuator import Actuator
 from ..friction import elements
-from ..units import QuantityError
+from ..physics.actuator import Actuator
+from ..quantities.units import QuantityError
 from ..waveform.drive import Drive, value_slope_curvature
 from .two_port import driven_by_voltage
 
@@ -26,7 +26,7 @@ def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
         raise QuantityError(
             "a piezo with a MaxwellCapacitor would take an infinite current at a jump of the voltage: give "
             "the waveform a finite fall (rise_fraction < 1), or the amplifier's output "
-            "(stickslip.electronics.driven)"
+            "(stickslip.physics.electronics.driven)"
         )
     if cannot_jump(model) and _jumps(table, period):
         raise QuantityError(f"{STATIC_JUMPS}: {INSTEAD}")

@@ -8,7 +8,7 @@ from numbers import Real
 import numpy as np
 from numpy.typing import NDArray
 
-from ..units import QuantityError, with_prefix
+from ..quantities.units import QuantityError, with_prefix
 from ..waveform.signal import Waveform
 
 # How far a number of periods may be from a whole one, relative: rounding of 1/frequency, and no more.

@@ -12,13 +12,11 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..actuator import Actuator
-from ..electronics.output import OutputStage
-from ..piezo.model import Piezo
-from ..plant.system import Plant, values_of
-from ..plant.system import with_values as plant_with
-from ..records import did_you_mean, quantities, quantities_within, whole
-from ..units import QuantityError, array_si
+from ..physics.actuator import Actuator
+from ..physics.electronics.output import OutputStage
+from ..physics.piezo.model import Piezo
+from ..quantities.records import did_you_mean, quantities, quantities_within, whole
+from ..quantities.units import QuantityError, array_si
 from ..waveform.drive import Drive
 from ..waveform.members import Drives, stacked
 from ..waveform.members import common as common_drive
@@ -27,6 +25,8 @@ from .drives import Driven, Scaled, behind, refuse_voltages, table_precision
 from .jumps import cannot_jump, refuse_jumps
 from .load import refuse_other_periods
 from .models import System, contact_load
+from .plant.system import Plant, values_of
+from .plant.system import with_values as plant_with
 from .two_port import driven_by_voltage
 from .varied import (
     changed_fields,

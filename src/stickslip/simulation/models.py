@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator, PulledSlider
 from ..friction import breakaway, elements, rate
 from ..friction import element as element_of
 from ..friction.normal_force import leaning
-from ..plant.system import Element, Mode, Plant
-from ..units import QuantityError
+from ..physics.actuator import Actuator, PulledSlider
+from ..quantities.units import QuantityError
 from ..waveform.drive import Drive, constant, evaluate, segment_at, value_slope_curvature
 from ..waveform.pieces import by_periods
 from ..waveform.signal import Waveform
 from . import two_port
 from .load import load_range
+from .plant.system import Element, Mode, Plant
 from .strain import strained
 
 # A stage without dynamics has no frequency of its own to compare velocities with positions by.

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
-from ..units import QuantityError
+from ..physics.actuator import Actuator
+from ..quantities.units import QuantityError
 from ..waveform.drive import Drive, evaluate
 from .drives import Driven
 from .varied import changed_piezo, drive_names, put_in, value_of

@@ -23,9 +23,9 @@ from ..engine.members import ComposedMembers, MemberDrives
 from ..engine.orbits import Orbits, find_orbits
 from ..engine.outcome import DONE, NOT_FOUND
 from ..friction.law import elements, has_jumps
-from ..plant.system import Plant, values_of
 from ..waveform.drive import Drive
 from ..waveform.members import common
+from .plant.system import Plant, values_of
 
 # Periods integrated for one orbit, at most.
 MAX_PERIODS = 2000

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..engine.motion import follow_position
 from ..friction import NormalForce, elements, is_law
 from ..friction.normal_force import leaning
+from ..quantities.units import QuantityError, array_si, to_si, with_prefix
 from ..recording import make_recording
-from ..units import QuantityError, array_si, to_si, with_prefix
 from .errors import SimulationError, SimulationWarning
 from .refinement import LOOSE, refined
 from .strain import strained

@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ..actuator import Actuator
 from ..engine.binding import ComposedPlant, DriveTable
 from ..engine.members import ComposedMembers, MemberDrives
 from ..engine.near import Neighbours, integrate_near
@@ -19,9 +18,9 @@ from ..engine.outcome import DONE
 from ..friction import element as part_of
 from ..friction import elements
 from ..friction.law import has_jumps, project
-from ..plant.system import values_of
-from ..records import did_you_mean
-from ..units import QuantityError, labelled_for, optional_si, to_si, turned, unit_for
+from ..physics.actuator import Actuator
+from ..quantities.records import did_you_mean
+from ..quantities.units import QuantityError, labelled_for, optional_si, to_si, turned, unit_for
 from ..waveform.drive import Drive, constant
 from ..waveform.members import Drives, stacked
 from ..waveform.pieces import with_breaks
@@ -30,6 +29,7 @@ from .drives import Driven, checked_drive, table_precision
 from .errors import SimulationError, SimulationWarning
 from .models import Contact, System, contact_load
 from .neighbour_drives import DIFFERENCE, beside, breaks_apart, longer
+from .plant.system import values_of
 from .state import row_of
 from .trajectory import checked_tolerance, sample_times
 from .varied import (

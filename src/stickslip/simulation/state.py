@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ..friction import element, project
 from ..gate.errors import damaged
 from ..gate.text import load_json
-from ..records import of_kind
-from ..units import QuantityError
+from ..quantities.records import of_kind
+from ..quantities.units import QuantityError
 from ..waveform.drive import Drive, evaluate
 from ..waveform.pieces import SLIVER
 from .errors import SimulationWarning

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
-from ..units import QuantityError, with_prefix
+from ..physics.actuator import Actuator
+from ..quantities.units import QuantityError, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .drives import endless, tables

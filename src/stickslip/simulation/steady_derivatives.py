@@ -7,16 +7,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
 from ..friction.law import project
-from ..plant.system import speeds
-from ..units import QuantityError
+from ..physics.actuator import Actuator
+from ..quantities.units import QuantityError
 from ..waveform.drive import Drive, value_slope_curvature
 from ..waveform.signal import Waveform
 from .drives import endless, tables
 from .errors import NotPeriodicError
 from .models import System, contact_load
 from .periodic import has_neighbours
+from .plant.system import speeds
 from .sensitivity import (
     BY_ROW,
     INITIAL,

@@ -10,16 +10,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ..actuator import Actuator
-from ..electronics.output import OutputStage
-from ..electronics.stack import Stack
 from ..engine.members import MemberDrives
 from ..engine.orbits import Orbits
 from ..engine.outcome import DONE, NOT_FOUND
-from ..plant.at_piezo import tabulated
-from ..progress import Progress, unheard
-from ..records import of_kind
-from ..units import labelled_for
+from ..physics.actuator import Actuator
+from ..physics.electronics.output import OutputStage
+from ..physics.electronics.stack import Stack
+from ..quantities.progress import Progress, unheard
+from ..quantities.records import of_kind
+from ..quantities.units import labelled_for
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .demand import labelled_demand
@@ -39,6 +38,7 @@ from .members import (
 )
 from .models import contact_load, refuse_places
 from .periodic import orbits_of
+from .plant.at_piezo import tabulated
 from .refinement import FINER
 from .steady import NOT_FOLLOWED, not_found, period_of, stable, unstable
 from .trajectory import checked_tolerance

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
 from ..friction import element, elements, rate
-from ..units import QuantityError
+from ..physics.actuator import Actuator
+from ..quantities.units import QuantityError
 from .models import system
 
 Array = NDArray[np.float64]

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
 from ..engine.binding import ComposedPlant, DriveTable, integrate
 from ..engine.outcome import DONE
-from ..piezo import Creep, Piezo, PrandtlIshlinskii
-from ..piezo.creep import Lags, relaxed
-from ..piezo.operators import response
-from ..records import of_kind
-from ..units import QuantityError, to_si
+from ..physics.actuator import Actuator
+from ..physics.piezo import Creep, Piezo, PrandtlIshlinskii
+from ..physics.piezo.creep import Lags, relaxed
+from ..physics.piezo.operators import response
+from ..quantities.records import of_kind
+from ..quantities.units import QuantityError, to_si
 from ..waveform.drive import Drive
 from .errors import SimulationError
 from .jumps import INSTEAD, STATIC_JUMPS, cannot_jump

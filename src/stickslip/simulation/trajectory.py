@@ -11,14 +11,22 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ..actuator import Actuator, PulledSlider
-from ..electronics.stack import Stack
 from ..engine.binding import TERMS, ComposedPlant, DriveTable, integrate
 from ..engine.outcome import DONE, NO_NUMBER, STEP_TOO_SMALL
+from ..physics.actuator import Actuator, PulledSlider
+from ..physics.electronics.stack import Stack
+from ..quantities.records import DURATION, SAMPLE_RATE, Quantity, refuse_too_many
+from ..quantities.units import (
+    QuantityError,
+    array_si,
+    labelled_for,
+    optional_si,
+    to_si,
+    unit_for,
+    with_prefix,
+)
 from ..recording import make_recording
 from ..recording.drive import drive_text
-from ..records import DURATION, SAMPLE_RATE, Quantity, refuse_too_many
-from ..units import QuantityError, array_si, labelled_for, optional_si, to_si, unit_for, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .channels import energy_account, of_stack, variables_of

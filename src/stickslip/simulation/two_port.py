@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator, PulledSlider
 from ..friction import MaxwellSlip
-from ..plant.splitting import through
-from ..plant.system import Element, Plant
+from ..physics.actuator import Actuator, PulledSlider
 from ..waveform.drive import Drive, evaluate
+from .plant.splitting import through
+from .plant.system import Element, Plant
 
 Array = NDArray[np.float64]
 

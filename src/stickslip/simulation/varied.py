@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from ..friction import NormalForce, is_law
-from ..records import Quantity, quantities, quantities_of
+from ..quantities.records import Quantity, quantities, quantities_of
 from ..waveform.pieces import MOST_PERIODS
 
 

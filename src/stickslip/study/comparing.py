@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..progress import Progress, unheard
+from ..quantities.progress import Progress, unheard
 from .chunks import part_beside
 from .description import differences
 from .errors import StudyDiffers, StudyError

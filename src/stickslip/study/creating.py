@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from .._version import __version__
-from ..units import QuantityError
+from ..quantities.units import QuantityError
 from .chunks import MOST_METADATA_BYTES, part_beside
 from .description import identity
 from .errors import StudyError

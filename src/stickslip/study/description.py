@@ -12,8 +12,8 @@ import numpy as np
 
 from .._version import __version__
 from ..engine.library import library
-from ..registry import origin
-from ..units import own_unit
+from ..quantities.registry import origin
+from ..quantities.units import own_unit
 from .own import OwnFunction, content_hash
 from .points import Grid, Part, Random
 

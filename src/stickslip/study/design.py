@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..units import QuantityError
+from ..quantities.units import QuantityError
 from .errors import StudyError
 from .layout import TEXT, Layout, Variable, cut, usual
 from .measures import Columns, Measure, as_dataset, one_by_one

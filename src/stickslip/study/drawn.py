@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..actuator import Actuator
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
-from ..records import did_you_mean
+from ..physics.actuator import Actuator
+from ..quantities.records import did_you_mean
+from ..quantities.units import QuantityError, array_si, unit_for
 from ..simulation.varied import RATIOS, changed_fields, free_names, quantity_of
-from ..units import QuantityError, array_si, unit_for
 
 Array = NDArray[np.float64]
 

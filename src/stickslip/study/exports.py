@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from ..progress import Progress, unheard
+from ..quantities.progress import Progress, unheard
+from ..quantities.units import QuantityError
 from ..recording.replacing import replaced_whole
-from ..units import QuantityError
 from .reading import blocks, open_study
 from .store import Store
 

@@ -11,13 +11,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ..actuator import Actuator
-from ..electronics.output import OutputStage
+from ..physics.actuator import Actuator
+from ..physics.electronics.output import OutputStage
+from ..quantities.units import QuantityError, array_si, optional_si, to_si, unit_for
 from ..simulation.ensemble import simulate_ensemble
 from ..simulation.errors import SimulationWarning
 from ..simulation.members import checked_columns, labelled
 from ..simulation.steady_members import steady_steps
-from ..units import QuantityError, array_si, optional_si, to_si, unit_for
 from ..waveform.signal import Waveform
 from .own import OwnFunction, own_function
 

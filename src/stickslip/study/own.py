@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .. import registry
-from ..registry import RegistryError, allowed_file, origin, own_path, use_file
+from ..quantities import registry
+from ..quantities.registry import RegistryError, allowed_file, origin, own_path, use_file
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..gate.errors import damaged
-from ..units import QuantityError
+from ..quantities.units import QuantityError
 from .chunks import ChunkError
 from .errors import StudyError
 from .layout import Variable

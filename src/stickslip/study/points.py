@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from ..units import QuantityError
+from ..quantities.units import QuantityError
 
 Array = NDArray[np.float64]
 # From a name and values (numbers, or strings with units) to SI, and what `units` and `long_name` are.

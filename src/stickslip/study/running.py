@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..progress import Progress, unheard
+from ..quantities.progress import Progress, unheard
+from ..quantities.units import QuantityError
 from ..simulation.errors import SimulationWarning
-from ..units import QuantityError
 from .creating import create
 from .description import described
 from .design import Study

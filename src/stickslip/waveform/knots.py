@@ -8,8 +8,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Quantity
-from ..units import QuantityError
+from ..quantities.records import Quantity
+from ..quantities.units import QuantityError
 from .drive import Drive
 from .members import Drives, columns_of, repeat_curves
 from .periodic import Periods, check_periods

@@ -9,8 +9,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Quantity
-from ..units import QuantityError
+from ..quantities.records import Quantity
+from ..quantities.units import QuantityError
 from .drive import Drive
 from .pieces import Piece, assemble
 from .signal import Unit, breaks_within, signal_record, slope_at, value_at

@@ -12,8 +12,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Quantity
-from ..units import QuantityError
+from ..quantities.records import Quantity
+from ..quantities.units import QuantityError
 from .drive import Drive
 from .members import Drives, repeat_members
 from .pieces import Piece, assemble, repeat

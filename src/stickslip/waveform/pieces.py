@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..units import QuantityError
+from ..quantities.units import QuantityError
 from .drive import Drive, segment_at
 
 # A start that comes closer to the end than this (relative) is the end itself, but for rounding: 8 periods of

@@ -10,9 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import registry
-from ..records import Quantity
-from ..units import QuantityError, array_si
+from ..quantities import registry
+from ..quantities.records import Quantity
+from ..quantities.units import QuantityError, array_si
 from .drive import Drive
 from .pieces import cut, polynomials, repeat_table, wrapped
 from .signal import Unit, breaks_within, check_unit, slope_at, value_at

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any
 
-from .. import registry
-from ..records import Quantity
-from ..units import QuantityError
+from ..quantities import registry
+from ..quantities.records import Quantity
+from ..quantities.units import QuantityError
 from .drive import Drive, constant
 from .pieces import cut, join
 from .signal import Waveform, breaks_within, slope_at, value_at

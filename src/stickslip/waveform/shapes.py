@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from ..records import Quantity
+from ..quantities.records import Quantity
 from .drive import Drive, constant
 from .pieces import Piece, assemble
 from .signal import Unit, breaks_within, signal_record, slope_at, value_at

@@ -10,9 +10,9 @@ from typing import Any, Literal, Protocol, TypeVar, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import registry
-from ..records import DURATION, quantities, record
-from ..units import QuantityError, array_si, to_si, with_prefix
+from ..quantities import registry
+from ..quantities.records import DURATION, quantities, record
+from ..quantities.units import QuantityError, array_si, to_si, with_prefix
 from .drive import Drive, evaluate
 
 T = TypeVar("T")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..units import QuantityError
+from ..quantities.units import QuantityError
 from .drive import Drive
 from .signal import Waveform, breaks_within, slope_at, value_at
 

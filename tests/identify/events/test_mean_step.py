@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from tests.identify.events.drawn import drawn_walk
 
-from stickslip.campaign.features import feature_numbers, features_section
 from stickslip.estimate.quantiles import reach
 from stickslip.identify.events.mean_step import mean_step
 from stickslip.identify.events.sawtooth import sawtooth_features
+from stickslip.jobs.campaign.features import feature_numbers, features_section
 
 
 def test_limits_are_the_mean_and_the_line() -> None:

@@ -17,8 +17,8 @@ from stickslip.identify.events.pulled import (
     slider,
     slip_events,
 )
-from stickslip.readers import read_recording
 from stickslip.recording import make_recording
+from stickslip.recording.readers import read_recording
 from stickslip.simulation import simulate
 from stickslip.waveform.shapes import Ramp
 

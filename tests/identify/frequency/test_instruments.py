@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from stickslip.electronics import Amplifier, Filter
 from stickslip.identify.frequency.instruments import applied_voltage, without_filter
 from stickslip.identify.frequency.response import frequency_response
+from stickslip.physics.electronics import Amplifier, Filter
 
 RATE = 20e3
 AMPLIFIER = Amplifier(

@@ -9,7 +9,7 @@ import xarray as xr
 import stickslip as ss
 from stickslip.identify import ModalModel, identify_frequency, with_modes
 from stickslip.identify.frequency.modal import modal_response
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 OMEGA, ZETA, GAIN = np.array([9e3, 3e3, 2e4]), np.array([0.03, 0.2, 0.1]), np.array([-2e-8, 1e-7, 5e-9])

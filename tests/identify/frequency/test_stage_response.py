@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.actuator import load_actuator
-from stickslip.electronics import Filter, filtered
 from stickslip.estimate.result import Fit
 from stickslip.identify.frequency.instruments import applied_voltage, without_filter
 from stickslip.identify.frequency.modal import identify_frequency
 from stickslip.identify.frequency.response import frequency_response, welch_frequency_response
+from stickslip.physics.actuator import load_actuator
+from stickslip.physics.electronics import Filter, filtered
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.sampled import Sampled

@@ -11,11 +11,11 @@ from scipy.interpolate import CubicSpline
 
 from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator
 from stickslip.identify.loops.fit import identify_loops
+from stickslip.identify.verification import verify
 from stickslip.parameters import load_friction
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import RecordingError, make_recording
 from stickslip.simulation import friction_response
-from stickslip.units import QuantityError
-from stickslip.verification import verify
 
 from ..stops import made_loops, stops, tribometer
 

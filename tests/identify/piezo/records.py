@@ -11,8 +11,8 @@ from scipy import signal
 from tests import reference
 
 import stickslip as ss
-from stickslip.piezo import Piezo, PrandtlIshlinskii
-from stickslip.piezo.creep import spread
+from stickslip.physics.piezo import Piezo, PrandtlIshlinskii
+from stickslip.physics.piezo.creep import spread
 
 RATE, LENGTH, HIGH, PLAYS = 500.0, 12.0, 100.0, 4
 

@@ -14,9 +14,9 @@ import stickslip as ss
 from datasets import DATASETS
 from stickslip.estimate.problem import FitError
 from stickslip.estimate.result import Fit
-from stickslip.piezo import Piezo, PrandtlIshlinskii
+from stickslip.physics.piezo import Piezo, PrandtlIshlinskii
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import RecordingError
-from stickslip.units import QuantityError
 
 from . import records
 from .records import HIGH, RATE, Truth, drive, recording, truth

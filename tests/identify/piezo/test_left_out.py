@@ -7,7 +7,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.identify.piezo.left_out import spread, without_parts
-from stickslip.piezo import PrandtlIshlinskii
+from stickslip.physics.piezo import PrandtlIshlinskii
 from stickslip.recording import make_recording
 
 TIME = np.arange(0.0, 8.0, 4e-3)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import stickslip as ss
 from stickslip.identify.piezo.timing import _spread
-from stickslip.piezo import Creep
+from stickslip.physics.piezo import Creep
 
 from . import records
 from .loops import RATE, STROKE, bouc_wen, preisach, record, sine

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stickslip.identify.recorded.drives import begin_of
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import RecordingError, make_recording
-from stickslip.units import QuantityError
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.periodic import Cycloid, ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence

@@ -7,11 +7,11 @@ import warnings
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
 from stickslip.identify.recorded.recorded_drive import RecordedDrive, recorded_drive
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
 from stickslip.simulation.drives import checked_drive
-from stickslip.units import QuantityError
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.periodic import Cycloid, ReverseSawtooth, Sawtooth, Sine, Triangle
 from stickslip.waveform.sequence import Sequence

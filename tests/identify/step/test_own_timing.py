@@ -14,11 +14,11 @@ import xarray as xr
 
 import stickslip as ss
 from identify.step_system import TRUTH, step_recording
-from stickslip.electronics import Filter
 from stickslip.identify.step.first_look import first_look
 from stickslip.identify.step.formulas import own_timing, step_features
 from stickslip.identify.step.linear import filter_zeros_poles, second_order_poles, step_response
 from stickslip.identify.step.recorded_step import StepTest, step_tests
+from stickslip.physics.electronics import Filter
 from stickslip.recording import RecordingError
 
 GAIN, VOLTS = 1e-7, 50.0

@@ -10,8 +10,6 @@ import pytest
 from scipy import signal
 
 from identify.step_system import START, TRUTH, step_recording
-from stickslip.actuator import load_actuator
-from stickslip.electronics import Filter
 from stickslip.estimate.coloured import Coloured, autoregression, coloured, scores, with_inherited
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
@@ -21,6 +19,8 @@ from stickslip.identify.step.fit import identify_step, step_formula_errors
 from stickslip.identify.step.formulas import Timing, classical, step_features
 from stickslip.identify.step.linear import filter_zeros_poles, second_order_poles, step_response
 from stickslip.identify.step.recorded_step import StepTest, step_tests
+from stickslip.physics.actuator import load_actuator
+from stickslip.physics.electronics import Filter
 from stickslip.recording import RecordingError, make_recording
 
 VOLTS = (60.0, 70.0, 80.0)

@@ -8,8 +8,8 @@ import pytest
 import stickslip as ss
 from stickslip.identify.step.at_piezo import ramps, response
 from stickslip.identify.step.linear import one_of_pairs, residues, second_order_poles, step_response
-from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
-from stickslip.units import QuantityError
+from stickslip.physics.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
+from stickslip.quantities.units import QuantityError
 from stickslip.waveform.slewed import Slewed
 
 STAGE = ss.load_actuator("kang2007-hysteresis").replace(clamped=True, min_voltage=-200.0)

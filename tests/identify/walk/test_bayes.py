@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from stickslip.actuator import load_actuator
 from stickslip.estimate.bent import straight
 from stickslip.estimate.coloured import coloured, with_coloured_noise
 from stickslip.estimate.fit import fit_least_squares
@@ -23,6 +22,7 @@ from stickslip.identify.walk.displacement import Displacement
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.identify.walk.likelihood import Members, Sums, eliminated
 from stickslip.identify.walk.walks import Varied, observed
+from stickslip.physics.actuator import load_actuator
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import with_values
 from stickslip.waveform.periodic import Sawtooth

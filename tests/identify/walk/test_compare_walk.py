@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
 from stickslip.friction import CoulombViscous, MaxwellSlip
 from stickslip.identify.walk.compare import CHANG_LI, POHL, compare_walks, walk_candidates
 from stickslip.identify.walk.friction import identify_friction
+from stickslip.physics.actuator import load_actuator
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import with_values
 from stickslip.waveform.periodic import Sawtooth

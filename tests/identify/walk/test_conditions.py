@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import stickslip as ss
-from stickslip.units import QuantityError
+from stickslip.quantities.units import QuantityError
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
 DRIVE = ss.Sawtooth(65.0, 50.0, periods=4)

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.actuator import Actuator, load_actuator
 from stickslip.estimate.parameter import Parameter
 from stickslip.friction import Coulomb, Elastoplastic, LuGre
 from stickslip.identify.free import parameter
 from stickslip.identify.recorded.recorded_drive import recorded_drive
+from stickslip.identify.verification import verify
 from stickslip.identify.walk.friction import DITHERED, identify_friction
+from stickslip.physics.actuator import Actuator, load_actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import free_names, with_values
-from stickslip.units import QuantityError
-from stickslip.verification import verify
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence
 from stickslip.waveform.shapes import Ramp, Rest

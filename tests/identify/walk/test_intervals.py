@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from stickslip.actuator import load_actuator
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import FitError, Residuals
@@ -17,6 +16,7 @@ from stickslip.friction import Coulomb, LuGre
 from stickslip.identify.walk.experiments import PlannedWalk, expected_errors
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.identify.walk.intervals import bootstrap, prediction_band, profile_interval
+from stickslip.physics.actuator import load_actuator
 from stickslip.recording import make_recording
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth

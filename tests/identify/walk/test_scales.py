@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.actuator import load_actuator
-from stickslip.analysis.file import RecordingFile
-from stickslip.calibration import load_calibration
 from stickslip.cli.frame import _shown
-from stickslip.electronics import Filter
 from stickslip.estimate.systematic import intervals_with_systematics
 from stickslip.identify.saved import load_fit, save_fit
 from stickslip.identify.step.fit import identify_step
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.identify.walk.joint import jointly
+from stickslip.jobs.analysis.file import RecordingFile
+from stickslip.physics.actuator import load_actuator
+from stickslip.physics.electronics import Filter
 from stickslip.recording import RecordingError, save_recording
+from stickslip.recording.calibration import load_calibration
 from stickslip.report.fits import estimates, parameter_table
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
 from stickslip.simulation import simulate

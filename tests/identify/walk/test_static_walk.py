@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
 from stickslip.identify.walk.static import identify_static_walk, slow_part
+from stickslip.physics.actuator import load_actuator
 from stickslip.recording import make_recording
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence

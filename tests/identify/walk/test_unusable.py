@@ -15,14 +15,14 @@ import yaml
 from typer.testing import CliRunner
 
 from identify.step_system import step_recording
-from stickslip.actuator import load_actuator
 from stickslip.cli import app
 from stickslip.identify.events.sawtooth import sawtooth_features
 from stickslip.identify.recorded.channels import refuse_clipped
 from stickslip.identify.step.fit import identify_step
 from stickslip.identify.walk.friction import identify_friction
+from stickslip.physics.actuator import load_actuator
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import RecordingError, make_recording
-from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sequence import Sequence
 from stickslip.waveform.shapes import Rest

@@ -16,12 +16,12 @@ from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.errors import DaqError
 
 import stickslip as ss
-from stickslip.calibration import fit_calibration
+from stickslip.recording.calibration import fit_calibration
 from stickslip.rig import RigError
 from stickslip.rig.daqmx import DaqmxRig
+from stickslip.rig.twins import Stage
+from stickslip.rig.twins.stage import Piece
 from stickslip.rig.variation import EXACT
-from stickslip.twins import Stage
-from stickslip.twins.stage import Piece
 
 GAIN, PER_VOLT = 15.0, 1e-5  # V/V of the amplifier, m/V of the sensor
 UNPLUGGED = -88705

@@ -8,7 +8,7 @@ import sys
 
 from pylablib.devices.Attocube import ANC300
 
-from stickslip.positioners import Anc300Client, Kim101Client, wait
+from stickslip.rig.positioners import Anc300Client, Kim101Client, wait
 
 kim101, anc300 = sys.argv[1:]
 said = {}

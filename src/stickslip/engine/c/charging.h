@@ -1,4 +1,4 @@
-/* The voltage at a capacitance behind a lag with a limited current (see `stickslip/electronics/charging.py`). */
+/* The voltage at a capacitance behind a lag with a limited current (see `stickslip/physics/electronics/charging.py`). */
 #ifndef STICKSLIP_CHARGING_H
 #define STICKSLIP_CHARGING_H
 

@@ -1,7 +1,7 @@
 /* Creep: first-order lags on samples, and of the segments of a drive.
  *
  * Each lag of each segment's polynomial is followed in closed form, x += z sum_j c_j L^j I_j(z) - ..., and drawn by cubics
- * (see `stickslip/plant/creeping.py`). The equations are in `piezo_laws.h`. */
+ * (see `stickslip/simulation/plant/creeping.py`). The equations are in `piezo_laws.h`. */
 #include "cubics.h"
 #include "piezo_laws.h"
 #include "ways.h"

@@ -1,4 +1,4 @@
-/* Hysteresis dh/du = slope(u, h, up) (see `stickslip/piezo/duhem.py`): on each way of a drive in closed form, or
+/* Hysteresis dh/du = slope(u, h, up) (see `stickslip/physics/piezo/duhem.py`): on each way of a drive in closed form, or
  * integrated; of the segments of a drive, -h is drawn by cubics between values on its ways. */
 #include "cubics.h"
 #include "duhem_laws.h"

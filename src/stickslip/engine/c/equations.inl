@@ -1,4 +1,4 @@
-/* The equations of motion, see `stickslip/plant/system.py`. Included once per size, after `elements.inl`. */
+/* The equations of motion, see `stickslip/simulation/plant/system.py`. Included once per size, after `elements.inl`. */
 
 /* A held contact moves the last of its bodies exactly as the others, to the last bit: true rest. `kept`: the rate of its
  * input that the bodies' velocities make; x: those of the modes, `stride` apart. */

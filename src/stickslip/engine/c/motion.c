@@ -24,7 +24,7 @@ struct deflection {
 };
 
 /* Rate of the deflection at the normal force n over its reference: what is newly loaded carries no tangential force (see
- * `stickslip/plant/system.py`). */
+ * `stickslip/simulation/plant/system.py`). */
 static real_t renewed(const struct deflection *of, real_t z, real_t n)
 {
     real_t force, dz;

@@ -7,7 +7,7 @@
 
 #include "engine.h"
 
-/* H[u] of `stickslip/piezo/operators.py`: plays of half-width `threshold` [V] and share `weight`, and dead zones that end
+/* H[u] of `stickslip/physics/piezo/operators.py`: plays of half-width `threshold` [V] and share `weight`, and dead zones that end
  * at `zone` [V], ascending, with the share `slope` beyond, and what plays see more there, `skew`. */
 struct plays {
     int64_t plays, zones;
@@ -22,7 +22,7 @@ struct lags {
     const real_t *share;            /* [count] */
 };
 
-/* A kind of hysteresis dh/du = slope(p, u, h, up), H = u - h [V], of `stickslip/piezo/duhem.py`. `p` points to the
+/* A kind of hysteresis dh/du = slope(p, u, h, up), H = u - h [V], of `stickslip/physics/piezo/duhem.py`. `p` points to the
  * numbers of its record in Python. */
 typedef real_t duhem_slope_fn(const real_t *p, real_t u, real_t h, real_t up);
 

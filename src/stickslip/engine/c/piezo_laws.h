@@ -14,26 +14,26 @@ typedef struct {
     real_t i3;
 } ss_weights_result;
 
-/* stickslip.piezo.operators.play: The state of a play of half-width r for what it sees, v, from the state z. */
+/* stickslip.physics.piezo.operators.play: The state of a play of half-width r for what it sees, v, from the state z. */
 static inline real_t ss_play(real_t v, real_t r, real_t z)
 {
     return r_max(v - r, r_min(v + r, z));
 }
 
-/* stickslip.piezo.operators.beyond: How far the drive value u is beyond the end s of a dead zone. */
+/* stickslip.physics.piezo.operators.beyond: How far the drive value u is beyond the end s of a dead zone. */
 static inline real_t ss_beyond(real_t u, real_t s)
 {
     return r_max(u - s, R(0.0));
 }
 
-/* stickslip.piezo.creep.lag_change: The change of a first-order lag x over a step, in which its input goes along a line; exact. */
+/* stickslip.physics.piezo.creep.lag_change: The change of a first-order lag x over a step, in which its input goes along a line; exact. */
 static inline real_t ss_lag_change(real_t tau, real_t step, real_t x, real_t before, real_t after)
 {
     real_t part = -r_expm1(-step / tau);
     return part * (before - x) + (after - before) * (R(1.0) - part * (tau / step));
 }
 
-/* stickslip.plant.creeping.weights: Return I_0, I_1, I_2 and I_3 for a step of z time constants. */
+/* stickslip.simulation.plant.creeping.weights: Return I_0, I_1, I_2 and I_3 for a step of z time constants. */
 static inline ss_weights_result ss_weights(real_t z)
 {
     real_t first = R(NAN);

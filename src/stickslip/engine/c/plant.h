@@ -1,5 +1,5 @@
 /* A plant: linear modes of bodies, and elements that act on or between them. The equations are in
- * `stickslip/plant/system.py`; the names here are those of its records.
+ * `stickslip/simulation/plant/system.py`; the names here are those of its records.
  *
  * The state is a row of numbers: position and velocity of each mode, then the internal states of each element. */
 #ifndef STICKSLIP_PLANT_H

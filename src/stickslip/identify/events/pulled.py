@@ -22,17 +22,17 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.ndimage import median_filter
 
-from ...actuator import STANDARD_GRAVITY, PulledSlider
 from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter
 from ...estimate.problem import FitError, Residuals
 from ...estimate.quantiles import reach
 from ...estimate.result import Fit
 from ...friction import StictionCoulombViscous
+from ...physics.actuator import STANDARD_GRAVITY, PulledSlider
+from ...quantities.records import Quantity, record
+from ...quantities.units import with_prefix
 from ...recording.noise import noise_level
-from ...records import Quantity, record
 from ...simulation import simulate
-from ...units import with_prefix
 from ...waveform.shapes import Ramp
 from ..free import with_ties
 from ..recorded.screen import refuse_loading

@@ -25,8 +25,8 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ...estimate.problem import FitError
+from ...quantities.units import optional_si, to_si
 from ...recording import RecordingWarning
-from ...units import optional_si, to_si
 from ..recorded.channels import channel, names_of
 from .in_time import held_response
 from .modal import ModalModel, steady_response

@@ -23,8 +23,8 @@ from ...estimate.parameter import Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...estimate.separable import Design, Linear, separable
-from ...progress import Progress, unheard
-from ...units import to_si
+from ...quantities.progress import Progress, unheard
+from ...quantities.units import to_si
 from ..free import with_ties
 from .above_noise import FALSE_ALARM, chances, said_of_noise
 from .modal import UNPREDICTED, ModalModel, pole_parameters

@@ -13,9 +13,9 @@ import scipy
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ...electronics import Amplifier, Filter, amplifier_output
-from ...electronics.filters import sections
-from ...units import to_si
+from ...physics.electronics import Amplifier, Filter, amplifier_output
+from ...physics.electronics.filters import sections
+from ...quantities.units import to_si
 
 # The output is computed at so many times the sample rate, within so many volts, and passed through a low-pass
 # that leaves everything up to 0.8 of half the sample rate as it is.

@@ -16,8 +16,8 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...estimate.separable import Design, Linear, separable
-from ...progress import Progress, unheard, within
-from ...units import to_si
+from ...quantities.progress import Progress, unheard, within
+from ...quantities.units import to_si
 from .amplitude import ALIKE, AmplitudeModel, law, law_by_exponent
 from .modal import (
     ANY,

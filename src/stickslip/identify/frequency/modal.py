@@ -27,9 +27,9 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...estimate.separable import Design, Linear, separable
-from ...progress import Progress, unheard
-from ...state_space import StateSpace
-from ...units import to_si
+from ...physics.state_space import StateSpace
+from ...quantities.progress import Progress, unheard
+from ...quantities.units import to_si
 from ..free import with_ties
 from .above_noise import FALSE_ALARM, Left, chances, left_by_delay, said_of_noise
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter1d
 
 from ...estimate.blas import single_threaded
-from ...units import to_si
+from ...quantities.units import to_si
 
 # A line is excited if its drive is above this share of the strongest one.
 EXCITED = 0.01

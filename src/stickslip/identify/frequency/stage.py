@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...actuator import Actuator, StageModes
-from ...units import QuantityError
+from ...physics.actuator import Actuator, StageModes
+from ...quantities.units import QuantityError
 from .modal import ModalModel
 
 # Of the stroke at rest: what a stage of real modes may leave out.

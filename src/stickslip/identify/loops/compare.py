@@ -25,7 +25,7 @@ from ...friction import (
     StictionCoulombViscous,
     Stribeck,
 )
-from ...progress import Progress, unheard
+from ...quantities.progress import Progress, unheard
 from ..candidates import Candidate, Comparison, compared
 from ..free import Bounds
 from ..recorded.channels import channel, names_of, recordings_of

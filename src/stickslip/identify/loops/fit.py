@@ -32,10 +32,10 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...estimate.several import ENOUGH, followed, from_several, lowest
-from ...progress import Progress, unheard
+from ...quantities.progress import Progress, unheard
+from ...quantities.units import optional_si, to_si, turned
 from ...recording import RecordingError
 from ...simulation.varied import free_names, with_values
-from ...units import optional_si, to_si, turned
 from ..free import (
     Bounds,
     beside,

@@ -31,8 +31,8 @@ from ...estimate.lack import FALSE_ALARM
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError, Residuals
 from ...estimate.result import Fit
+from ...quantities.units import to_si, turned
 from ...recording.noise import noise_level
-from ...units import to_si, turned
 from ..free import with_ties
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
 from ..recorded.known_noise import NOTHING, more_than_white, white_noise

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ...estimate.result import Fit
 from ...estimate.score import ASKED, gain, step
-from ...units import turned, with_prefix
+from ...quantities.units import turned, with_prefix
 from ..recorded.known_noise import more_than_white, white_noise
 
 # Of the range of the force: what the simplest law with presliding leaves of measured loops; more is a doubt.

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from ...piezo.creep import spread
-from ...units import QuantityError
+from ...physics.piezo.creep import spread
+from ...quantities.units import QuantityError
 from ..recorded.known_noise import white_noise
 from .columns import CREEP_BEGINS, Columns, Grid, Observed, columns
 from .linear import held_out, residuals, solved, typical

@@ -16,9 +16,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...piezo.creep import Lags, distance, relaxed, spread
-from ...piezo.operators import Operators, skewed, states
-from ...piezo.prandtl_ishlinskii import rested
+from ...physics.piezo.creep import Lags, distance, relaxed, spread
+from ...physics.piezo.operators import Operators, skewed, states
+from ...physics.piezo.prandtl_ishlinskii import rested
 from ...recording import RecordingError
 from ..recorded.channels import channel
 

@@ -10,16 +10,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
 from ...estimate.fit import fit_least_squares
 from ...estimate.lack import KnownNoise
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
-from ...piezo import Creep, Piezo, PrandtlIshlinskii
-from ...piezo.creep import distance
+from ...physics.actuator import Actuator
+from ...physics.piezo import Creep, Piezo, PrandtlIshlinskii
+from ...physics.piezo.creep import distance
+from ...quantities.units import QuantityError, optional_si, to_si
 from ...recording import RecordingError
-from ...units import QuantityError, optional_si, to_si
 from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import first_change, more_than_white, resolution, white_noise
 from ..recorded.levels import converter_step

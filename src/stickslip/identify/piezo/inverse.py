@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
-from ...piezo.creep import Lags, before_creep
-from ...units import QuantityError, array_si, optional_si
+from ...physics.piezo.creep import Lags, before_creep
+from ...quantities.units import QuantityError, array_si, optional_si
 from ...waveform import Sampled
 from .columns import Observed, Timing, at_piezo
 from .prediction import PiezoPrediction, warn_beyond

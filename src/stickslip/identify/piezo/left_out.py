@@ -20,7 +20,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.result import Fit
-from ...piezo import Piezo
+from ...physics.piezo import Piezo
 from ..recorded.channels import names_of, recordings_of
 from .columns import Grid, Timing, columns, observe
 from .fit import named, prediction_of

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...piezo import Piezo
+from ...physics.piezo import Piezo
 from ...recording import RecordingWarning
 from ..recorded.channels import channel, names_of
 from .columns import Observed, Timing, at_piezo, lagged, observe

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from ...estimate.coloured import Coloured, coloured
-from ...units import QuantityError
+from ...quantities.units import QuantityError
 
 FEWEST = 100
 # A share of one interval by which recordings may be sampled at another rate and still be of the same.

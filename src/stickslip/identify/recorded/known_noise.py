@@ -10,8 +10,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.lack import KnownNoise, Lack
+from ...quantities.units import with_prefix
 from ...recording.noise import noise_level
-from ...units import with_prefix
 from ...waveform.signal import Waveform, value_at
 from .drives import periodic_part
 from .levels import converter_step

@@ -14,9 +14,9 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from ...quantities.units import unit_for, with_prefix
 from ...recording import STANDARD_NAMES, RecordingError
 from ...recording.noise import noise_level
-from ...units import unit_for, with_prefix
 from ...waveform.signal import Waveform, value_at
 from .channels import EDGE, channel
 from .levels import converter_step

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...piezo import Creep, Piezo, PrandtlIshlinskii
-from ...units import QuantityError
+from ...physics.piezo import Creep, Piezo, PrandtlIshlinskii
+from ...quantities.units import QuantityError
 from .linear import one_of_pairs, residues
 
 Array = NDArray[np.float64]

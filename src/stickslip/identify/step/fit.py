@@ -11,8 +11,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
-from ...electronics import Filter
 from ...estimate.blas import single_threaded
 from ...estimate.coloured import with_own_noise
 from ...estimate.disturbed import with_disturbances
@@ -23,9 +21,11 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...estimate.several import lowest
-from ...piezo import Piezo
+from ...physics.actuator import Actuator
+from ...physics.electronics import Filter
+from ...physics.piezo import Piezo
+from ...quantities.units import optional_si, to_si
 from ...recording import RecordingError
-from ...units import optional_si, to_si
 from ..free import check_motion, with_ties
 from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, unit_of

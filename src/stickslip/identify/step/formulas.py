@@ -10,9 +10,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ...quantities.records import Quantity, record
+from ...quantities.units import optional_si
 from ...recording import RecordingError
-from ...records import Quantity, record
-from ...units import optional_si
 from ..recorded.channels import recordings_of, unit_of
 from .first_look import Look, first_look
 from .recorded_step import POSITION, StepTest, step_tests

@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from ...electronics import Filter
+from ...physics.electronics import Filter
 
 # Poles nearer than this, relative, are taken apart by it: a double pole has no such sum.
 APART = 1e-5

@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ...quantities.units import optional_si, to_si
 from ...recording import RecordingError
-from ...units import optional_si, to_si
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, same_number
 
 POSITION = "end_effector_position"

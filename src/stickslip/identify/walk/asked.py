@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ...actuator import Actuator
+from ...physics.actuator import Actuator
+from ...quantities.units import QuantityError, unit_for
 from ...simulation.varied import free_names
-from ...units import QuantityError, unit_for
 from ..free import Bounds, beside, check_names, check_priors, known_of, parameter
 from .position_channel import CHANNEL
 

@@ -18,7 +18,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
 from ...estimate.bent import Mixture, straight
 from ...estimate.coloured import noise_of, scores
 from ...estimate.moves import over_noise, tangent
@@ -26,8 +25,9 @@ from ...estimate.parameter import Parameter
 from ...estimate.posterior import Posterior, sample
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
-from ...progress import Progress, unheard
-from ...units import optional_si, to_si
+from ...physics.actuator import Actuator
+from ...quantities.progress import Progress, unheard
+from ...quantities.units import optional_si, to_si
 from ...waveform.signal import Waveform
 from ..recorded.channels import channel, drives_of, names_of, recordings_of
 from .displacement import Displacement

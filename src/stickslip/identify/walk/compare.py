@@ -11,7 +11,6 @@ from typing import Any
 
 import xarray as xr
 
-from ...actuator import Actuator
 from ...estimate.result import Fit
 from ...friction import (
     Coulomb,
@@ -24,8 +23,9 @@ from ...friction import (
     StictionCoulombViscous,
     Stribeck,
 )
-from ...progress import Progress, unheard
-from ...units import to_si, unit_for
+from ...physics.actuator import Actuator
+from ...quantities.progress import Progress, unheard
+from ...quantities.units import to_si, unit_for
 from ..candidates import Candidate, Comparison, compared
 from ..free import Bounds
 from ..recorded.channels import drives_of, recordings_of

@@ -21,14 +21,14 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from ...actuator import Actuator
 from ...estimate.lack import independent_samples
 from ...estimate.result import Fit
 from ...estimate.shown import preformatted
 from ...gate.results import json_attribute
+from ...physics.actuator import Actuator
+from ...quantities.records import did_you_mean
+from ...quantities.units import to_si, with_prefix
 from ...recording import RecordingError
-from ...records import did_you_mean
-from ...units import to_si, with_prefix
 from ...waveform.signal import Waveform
 from ..recorded.channels import drives_of, names_of, recordings_of
 from .friction import identify_friction

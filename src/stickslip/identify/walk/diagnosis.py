@@ -27,8 +27,8 @@ from ...estimate.result import Fit
 from ...estimate.score import ASKED, Together, together
 from ...estimate.tied import Ties
 from ...estimate.whiteness import white
+from ...quantities.units import QuantityError
 from ...simulation.varied import NORMAL_FIELDS, with_normal_force, with_values
-from ...units import QuantityError
 from ..free import parameter
 from .displacement import has_slopes
 from .position_channel import CHANNEL

@@ -13,15 +13,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
 from ...engine.binding import ComposedPlant, DriveTable, integrate
 from ...engine.outcome import DONE
 from ...friction import elements
 from ...friction.law import has_jumps
-from ...plant.system import values_of
+from ...physics.actuator import Actuator
 from ...simulation import SimulationError
 from ...simulation.drives import checked_drive
 from ...simulation.models import Contact, classic
+from ...simulation.plant.system import values_of
 from ...simulation.sensitivity import Moved, follow_moved, moved
 from ...waveform.drive import evaluate
 from ...waveform.signal import Waveform

@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
+from ...physics.actuator import Actuator
+from ...quantities.records import Quantity, record, refuse_too_many
 from ...recording import make_recording
-from ...records import Quantity, record, refuse_too_many
 from ...waveform.signal import Waveform
 from ..free import parameter
 from .displacement import Displacement

@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ...actuator import Actuator
 from ...estimate.disturbed import lack_beside_faults, left_beside_faults
 from ...estimate.lack import LEAST_RATIO, Lack, left_over
 from ...estimate.marginal import values_at
 from ...estimate.minima import Minimum, still_fits
 from ...estimate.parameter import Values
 from ...estimate.result import Fit
+from ...physics.actuator import Actuator
 from ...simulation.varied import with_values
 from ...waveform.signal import Waveform
 from ..piezo.left_out import spread

@@ -24,10 +24,10 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from ...actuator import Actuator
 from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import REACH, Parameter, Values
 from ...estimate.problem import FitError, Residuals
+from ...physics.actuator import Actuator
 from ...waveform.signal import Waveform
 from ..recorded.drives import periodic_part
 from .position_channel import CHANNEL

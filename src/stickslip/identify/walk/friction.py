@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from ...actuator import Actuator
 from ...estimate.blas import single_threaded
 from ...estimate.disturbed import with_disturbances
 from ...estimate.identifiability import loosest
@@ -21,9 +20,10 @@ from ...estimate.search import SearchState
 from ...estimate.several import followed, lowest
 from ...estimate.tied import Ties
 from ...estimate.whiteness import white
-from ...progress import Progress, unheard
+from ...physics.actuator import Actuator
+from ...quantities.progress import Progress, unheard
+from ...quantities.units import optional_si
 from ...simulation.varied import free_names, with_values
-from ...units import optional_si
 from ...waveform.signal import Waveform
 from ..free import (
     Bounds,

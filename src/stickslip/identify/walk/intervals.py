@@ -10,12 +10,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
 from ...estimate import quantiles
 from ...estimate.coloured import inflation
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
+from ...physics.actuator import Actuator
 from ..recorded.channels import recordings_of
 from .friction import identify_friction
 from .joint import SAID

@@ -32,7 +32,6 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, solve_banded
 
-from ...actuator import Actuator
 from ...estimate.coloured import coloured, white_and_walk, with_coloured_noise
 from ...estimate.disturbed import with_disturbances
 from ...estimate.fit import fit_least_squares
@@ -45,6 +44,7 @@ from ...estimate.problem import FitError, Problem, Residuals
 from ...estimate.result import Fit
 from ...estimate.several import lowest
 from ...estimate.tied import Ties
+from ...physics.actuator import Actuator
 from ...simulation.varied import with_values
 from ...waveform.signal import Waveform
 from ..free import value_of

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.special import logsumexp
 
-from ...actuator import Actuator
 from ...estimate.parameter import Parameter
 from ...estimate.problem import FitError
 from ...estimate.tied import Ties, names_in
+from ...physics.actuator import Actuator
 from ...simulation.ensemble import simulate_ensemble
 from ...waveform.drive import Drive
 from .displacement import MAX_STEPS, Displacement

@@ -8,11 +8,11 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
 from ...estimate.lack import KnownNoise
 from ...estimate.parameter import Values
 from ...estimate.result import Fit
 from ...estimate.score import ASKED, gain, rise
+from ...physics.actuator import Actuator
 from ...simulation.varied import ratios_of
 from ..free import value_of
 from .position_channel import CHANNEL

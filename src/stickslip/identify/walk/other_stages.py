@@ -8,8 +8,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
 from ...estimate.result import Fit
+from ...physics.actuator import Actuator
 from ...waveform.signal import Waveform
 from ..recorded.channels import names_of
 from ..step.fit import STAGE_PARAMETERS

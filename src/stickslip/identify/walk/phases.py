@@ -17,10 +17,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...actuator import Actuator
 from ...estimate.result import Fit
 from ...estimate.several import lowest
-from ...units import turned
+from ...physics.actuator import Actuator
+from ...quantities.units import turned
 from ...waveform.drive import evaluate
 from ..free import value_of
 from ..recorded.channels import edges

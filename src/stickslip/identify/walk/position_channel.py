@@ -10,10 +10,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
 from ...estimate.parameter import Parameter
+from ...physics.actuator import Actuator
+from ...quantities.units import with_prefix
 from ...recording import RecordingWarning
-from ...units import with_prefix
 from ...waveform.signal import Waveform
 from ..free import Bounds, linear
 from ..recorded.channels import channel, refuse_clipped, unit_of

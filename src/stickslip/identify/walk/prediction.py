@@ -8,11 +8,11 @@ from typing import Annotated, Any, NamedTuple
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
-from ...chain import Chain
 from ...estimate.parameter import Values
+from ...physics.actuator import Actuator
+from ...quantities.records import Quantity, record
 from ...recording import RecordingError
-from ...records import Quantity, record
+from ...recording.chain import Chain
 from ..recorded.channels import names_of
 from ..recorded.known_noise import SIMULATED
 from .displacement import Displacement

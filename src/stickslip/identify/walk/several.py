@@ -11,7 +11,7 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...estimate.several import ENOUGH, followed, from_several
-from ...units import turned
+from ...quantities.units import turned
 from .first_guess import beside
 from .position_channel import CHANNEL
 from .walks import Walks

@@ -14,12 +14,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
 from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Values
 from ...estimate.problem import Residuals
 from ...estimate.result import Fit
-from ...units import unit_for
+from ...physics.actuator import Actuator
+from ...quantities.units import unit_for
 from ...waveform.drive import Drive, evaluate, segment_at
 from ...waveform.drive import value_slope_curvature as value_at
 from ..free import Bounds, linear

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
 from ...estimate.parameter import Values
 from ...estimate.result import Fit
 from ...friction import elements
+from ...physics.actuator import Actuator
 from ...simulation.varied import NORMAL, ratios_of, value_of
 from ..step.fit import STAGE_PARAMETERS
 from .walks import Walks

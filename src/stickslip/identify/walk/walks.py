@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...actuator import Actuator
 from ...estimate.budget import Budget
 from ...estimate.coloured import with_inherited, with_own_noise
 from ...estimate.fit import fit_least_squares
@@ -20,7 +19,8 @@ from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...estimate.search import SearchState
 from ...estimate.tied import Ties
-from ...progress import Progress
+from ...physics.actuator import Actuator
+from ...quantities.progress import Progress
 from ...simulation.varied import with_values
 from ..free import exchangeable, value_of
 from ..recorded.known_noise import white_noise

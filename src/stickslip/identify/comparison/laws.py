@@ -1,0 +1,232 @@
+"""Friction laws side by side, by what they do: section 3.2 of [kang2007], measured instead of argued.
+
+Each entry is the outcome of a small simulated experiment on the law as a black box, so a user's own law can
+stand in the table too:
+
+* tribometer, slow: presliding stiffness; the widest push that gives all its work back (elastic); the distance
+  after which 99 % of the sliding force is reached;
+* tribometer, constant speeds: the Stribeck effect (how far the force falls with speed) and the viscous part;
+* tribometer, smooth strokes: a jump of the force is a difference of neighbouring samples that stays when they
+  get closer;
+* a mass pulled slowly through a spring: stiction, the force at breakaway over that of sliding;
+* the same mass under a load that swings below breakaway: drift per cycle;
+* the actuator: net step per period, and what eight periods cost the solver.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...friction import (
+    Coulomb,
+    CoulombViscous,
+    Dahl,
+    Elastoplastic,
+    LuGre,
+    MaxwellSlip,
+    ResetIntegrator,
+    StictionCoulombViscous,
+    Stribeck,
+    elements,
+)
+from ...physics.actuator import Actuator, PulledSlider
+from ...quantities.units import optional_si, to_si
+from ...simulation import friction_response, simulate, steady_step
+from ...simulation.models import SLIDER
+from ...simulation.trajectory import follow_model
+from ...waveform.periodic import Sine
+from ...waveform.sequence import Sequence
+from ...waveform.shapes import Ramp
+from ...waveform.signal import Waveform
+
+# Speeds, m/s: without damping forces; below and above the Stribeck range.
+CREEPING, SLOW, FAST = 1e-8, 1e-5, 1e-2
+_LOW, _HIGH = 0.1, 0.4  # of the swinging load, over the sliding force
+_LOAD_SPRING, _LOAD_FREQUENCY = 50.0, 5.0  # N/m, Hz: soft against every contact, slow against its resonance
+_PULL_SPRING, _PULL_SPEED = 1e3, 1e-3  # N/m, m/s
+_PERIODS = 8  # of the drive, as recorded in the thesis
+
+
+@dataclass(frozen=True)
+class LawCharacter:
+    """What the experiments found of one law; see the module.
+
+    Fields: `states`, internal states; `stiffness`, N/m, infinite for a rigid contact; `elastic_range` and
+    `presliding_range`, m; `stiction` and `stribeck_fall`, over the sliding force (0 for none); `viscous`,
+    N s/m; `drift`, m per cycle; `force_jump`, N (0 for a continuous force); `net_step`, m per period;
+    `solver_steps`, accepted and rejected.
+    """
+
+    name: str
+    states: int
+    stiffness: float
+    elastic_range: float
+    presliding_range: float
+    stiction: float
+    stribeck_fall: float
+    viscous: float
+    drift: float
+    force_jump: float
+    net_step: float
+    solver_steps: int
+
+
+def characterise_laws(laws: Mapping[str, Any], actuator: Actuator, waveform: Waveform) -> list[LawCharacter]:
+    """The experiments of the module on each law, by name; `actuator` and its periodic drive for the last."""
+    return [_character(name, law, actuator, waveform) for name, law in laws.items()]
+
+
+def example_laws(
+    contact: LuGre,
+    stiction_force: float | str | None = None,
+    stribeck_velocity: float | str = 1e-3,
+    sigma_2: float | str = 5.0,
+) -> dict[str, Any]:
+    """One law of each kind for one contact: its σ₀, σ₁ and F_C, and effects that the contact itself may lack.
+
+    Args:
+        contact: a LuGre contact, such as that of [kang2007].
+        stiction_force: N, of the laws that have one; 1.3 F_C if left out.
+        stribeck_velocity: m/s.
+        sigma_2: N s/m, of the laws with viscous friction.
+    """
+    sigma_2 = to_si(sigma_2, "N s/m", "sigma_2")
+    stribeck_velocity = to_si(stribeck_velocity, "m/s", "stribeck_velocity")
+    stiction = optional_si(stiction_force, "N", "stiction_force")
+    sigma_0, sigma_1, f_c = contact.sigma_0, contact.sigma_1, contact.coulomb_force
+    f_s = 1.3 * f_c if stiction is None else stiction
+    z_c = f_c / sigma_0
+    stribeck = {"stiction_force": f_s, "stribeck_velocity": stribeck_velocity}
+    shares = np.array(
+        [[0.57, 0.29, 0.14], [0.37, 0.37, 0.26]]
+    )  # of stiffness and strength: soft elements last
+    return {
+        "Coulomb": Coulomb(f_c),
+        "Coulomb + viscous": CoulombViscous(f_c, sigma_2),
+        "Stiction + Coulomb + viscous": StictionCoulombViscous(f_c, f_s, sigma_2),
+        "Stribeck": Stribeck(f_c, f_s, stribeck_velocity, sigma_2),
+        "Dahl": Dahl(sigma_0, f_c),
+        "Reset integrator": ResetIntegrator(sigma_0, z_c, f_s / f_c - 1.0, sigma_1),
+        "LuGre, as in the thesis": contact._replace(stiction_force=f_c, sigma_2=0.0),
+        "LuGre": contact._replace(**stribeck, sigma_2=sigma_2),
+        "Elastoplastic": Elastoplastic(sigma_0, sigma_1, sigma_2, f_c, f_s, 0.7 * z_c, stribeck_velocity),
+        "Maxwell slip": MaxwellSlip(tuple(shares[0] * sigma_0), tuple(shares[1] * f_c), sigma_2),
+    }
+
+
+def _character(name: str, law: Any, actuator: Actuator, waveform: Waveform) -> LawCharacter:
+    sliding = _steady_force(law, FAST)
+    viscous = (_steady_force(law, 2.0 * FAST) - sliding) / FAST
+    sliding -= viscous * FAST
+    stiffness = _stiffness(law)
+    z_c = sliding / stiffness if math.isfinite(stiffness) else 0.0
+    model = actuator.replace(friction=law)
+    walk = simulate(model, waveform, _PERIODS * waveform.period)  # type: ignore[attr-defined]
+    return LawCharacter(
+        name=name,
+        states=elements(law),
+        stiffness=stiffness,
+        elastic_range=_elastic_range(law, z_c),
+        presliding_range=_presliding_range(law, z_c),
+        stiction=_breakaway(law, sliding) / sliding - 1.0,
+        stribeck_fall=(_steady_force(law, SLOW) - viscous * SLOW) / sliding - 1.0,
+        viscous=viscous,
+        drift=_drift(law, sliding),
+        force_jump=_force_jump(law, 5.0 * z_c if z_c else 1e-6),
+        net_step=steady_step(model, waveform),
+        solver_steps=walk.attrs["steps"] + walk.attrs["rejected_steps"],
+    )
+
+
+def _force(law: Any, position: NDArray[np.float64], speed: float) -> NDArray[np.float64]:
+    """Force [N] at positions [m] that are passed one after the other at one speed."""
+    time = np.append(0.0, np.cumsum(np.abs(np.diff(position)) / speed))
+    # In steady sliding the deflection stays within the tolerance of its rest; σ₁ weighs what is left of ż.
+    return friction_response(law, time, position, tolerance=1e-15)["friction_force"].values
+
+
+def _steady_force(law: Any, speed: float) -> float:
+    """After 200 µm, which is far for a contact whose presliding is of the order of a micrometre."""
+    return float(_force(law, np.array([0.0, 2e-4]), speed)[-1])
+
+
+def _stiffness(law: Any) -> float:
+    """Slope of the force at the start; infinite where a tenth of the way gives the same force."""
+    way = np.array([0.0, 1e-11, 1e-10])
+    _, near, far = _force(law, way, CREEPING)
+    return math.inf if near > 0.5 * far else float((far - near) / (way[2] - way[1]))
+
+
+def _elastic_range(law: Any, z_c: float) -> float:
+    """Widest push [m], in steps of z_c/50, whose loop keeps less than 0.1 % of the work put in."""
+    widest = 0.0
+    if z_c == 0.0:
+        return widest
+    for reach in np.arange(0.02, 2.0, 0.02) * z_c:
+        there = np.linspace(0.0, reach, 101)
+        force = _force(law, np.append(there, there[-2::-1]), CREEPING)
+        put_in = np.trapezoid(force[:101], there)
+        given_back = -np.trapezoid(force[100:], there[::-1])
+        if given_back < 0.999 * put_in:
+            break
+        widest = float(reach)
+    return widest
+
+
+def _presliding_range(law: Any, z_c: float) -> float:
+    """Displacement [m] at which the force first is 99 % of that after 30 z_c."""
+    if z_c == 0.0:
+        return 0.0
+    way = np.linspace(0.0, 30.0 * z_c, 3001)
+    force = _force(law, way, CREEPING)
+    return float(way[np.argmax(force >= 0.99 * force[-1])])
+
+
+def _breakaway(law: Any, sliding: float) -> float:
+    """Largest friction force [N] while a spring that is pulled slowly sets the mass in motion."""
+    model = PulledSlider(mass=0.1, spring_stiffness=_PULL_SPRING, damping=0.0, friction=law)
+    until = 2.0 * sliding / (_PULL_SPRING * _PULL_SPEED)
+    # Unchecked, for what comes after the first slip is nobody's concern: jerks that no tolerance holds
+    # together.
+    samples = follow_model(model, Ramp(_PULL_SPEED, unit="m"), np.arange(0.0, until, 5e-5)).samples
+    before = samples[:, SLIDER + 1] < 0.1 * _PULL_SPEED
+    first_slip = int(np.argmin(before)) if not before.all() else before.size
+    return float(-samples[:first_slip, 4].min())
+
+
+def _drift(law: Any, sliding: float, cycles: int = 6) -> float:
+    """Displacement [m] in the last of some cycles of a load between 10 % and 40 % of the sliding force."""
+    stretch, rise = sliding / _LOAD_SPRING, 0.2
+    drive = Sequence(
+        Ramp(_LOW * stretch / rise, rise_time=rise, unit="m"),
+        Sine(  # type: ignore[arg-type]  # its properties are lambdas, which pyright does not see through
+            0.5 * (_HIGH - _LOW) * stretch,
+            _LOAD_FREQUENCY,
+            phase=-0.5 * math.pi,
+            offset=0.5 * (_HIGH + _LOW) * stretch,
+            periods=cycles,
+            unit="m",
+        ),
+    )
+    model = PulledSlider(mass=0.01, spring_stiffness=_LOAD_SPRING, damping=20.0, friction=law)
+    times = np.append(0.0, rise + np.arange(cycles - 1, cycles + 1) / _LOAD_FREQUENCY)
+    found = simulate(model, drive, times=times, tolerance=1e-11)["end_effector_position"].values
+    return float(found[2] - found[1])
+
+
+def _force_jump(law: Any, amplitude: float) -> float:
+    """Largest jump of the force [N] under sinusoidal strokes of 5 Hz; 0 where it shrinks with the samples."""
+    differences = []
+    for samples in (2000, 8000):
+        phase = np.linspace(0.0, 4.0 * math.pi, 2 * samples + 1)
+        position = amplitude * 0.5 * (1.0 - np.cos(phase))  # begins at rest
+        force = friction_response(law, phase / (10.0 * math.pi), position)["friction_force"].values
+        differences.append(float(np.abs(np.diff(force[1:])).max()))
+    coarse, fine = differences
+    return fine if fine > 0.5 * coarse else 0.0

@@ -1,0 +1,381 @@
+"""A fitted model against recordings that the fit has not seen [kang2007, 5.4 and appendix 6]."""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..estimate.goodness import Goodness, goodness, pooled_r_squared, pooled_rmse
+from ..estimate.lack import Lack, lack_of_fit
+from ..estimate.problem import FitError
+from ..estimate.result import Fit
+from ..estimate.shown import preformatted
+from ..quantities.records import did_you_mean, same
+from ..quantities.units import QuantityError, to_si, turned, with_prefix
+from ..recording import RecordingError, make_recording
+from ..recording.conversion import is_number
+from .loops.missing import MEASURED
+from .recorded.channels import channel, drives_of, names_of, recordings_of
+from .recorded.drives import SeenDrive, periodic_part
+from .recorded.known_noise import known_noise, more_than_white, white_noise
+from .walk.prediction import Predictor
+
+
+class Requirement(NamedTuple):
+    """What every recording has to fulfil: a figure of merit of `Verification.table`, and its limit in SI;
+    `unit`: that it was said in, m or rad, None where it was a number."""
+
+    figure: str
+    relation: str
+    limit: float
+    unit: str | None = None
+
+    @classmethod
+    def parse(cls, text: str) -> Requirement:
+        """From words such as "r_squared > 0.99", "rmse <= 100 nm", "net_step_error < 2 %".
+
+        Raises:
+            QuantityError: it has another form, or the unit is not that of the figure, or is missing.
+        """
+        found = re.fullmatch(r"\s*([a-z_]+)\s*(>=|<=|>|<)\s*(.+?)\s*", text)
+        if not found:
+            raise QuantityError(f"{text!r} is no requirement: write one like 'r_squared > 0.99'")
+        figure, relation, limit = found.groups()
+        if figure not in FIGURES:
+            hint = did_you_mean(figure, FIGURES)
+            raise QuantityError(f"{figure!r} cannot be required{hint}: there are {', '.join(FIGURES)}")
+        if figure == "net_step_error" and limit.endswith("%"):
+            return cls(figure, relation, to_si(limit[:-1], "", figure) / 100.0)
+        unit = FIGURES[figure]
+        if unit and is_number(limit):  # 100 would be 100 m, which is always met
+            raise QuantityError(
+                f"{text.strip()!r} has no unit: write one behind the number, as in {figure} {relation} 100 "
+                f"nm (of what turns, {figure} {relation} 5 urad)"
+            )
+        if unit and limit.endswith("rad"):
+            unit = turned(unit)
+        return cls(figure, relation, to_si(limit, unit, figure), unit or None)
+
+    def met(self, value: float) -> bool:
+        """Whether a value fulfils it; NaN does not."""
+        return bool(_RELATIONS[self.relation](value, self.limit))
+
+    def broken(self, value: float, unit: str | None = None) -> str:
+        """What a value is and should be, with units, and with as many digits as tell the two apart."""
+        own = FIGURES[self.figure] if unit is None else unit
+        ends = [[self._shown(x, own, digits) for x in (value, self.limit)] for digits in (5, 7, 9, 12)]
+        apart = next((pair for pair in ends if pair[0] != pair[1]), ends[-1])
+        return f"{self.figure} is {apart[0]}, which is not {self.relation} {self._shown(self.limit, own, 12)}"
+
+    def _shown(self, value: float, unit: str, digits: int) -> str:
+        if self.figure == "net_step_error":
+            return f"{100.0 * value:.{digits - 2}g} %"
+        return with_prefix(value, unit, digits)
+
+
+_RELATIONS: dict[str, Callable[[float, float], bool]] = {
+    ">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le,
+}  # fmt: skip
+# Figures of merit that can be required, with their units.
+FIGURES = {
+    "r_squared": "",
+    "rmse": "m",
+    "residual_over_noise": "",
+    "largest_error": "m",
+    "net_step_error": "",
+}
+# Of the rms error: what is left besides its mean, where that is most of it.
+MOSTLY = 0.5
+_WHY_NOT = {
+    "r_squared": "what was measured is constant",
+    "net_step_error": "the drive is not known as a waveform of two periods or more: name it, as drive of the "
+    "recording in a verification file, or of verify",
+    "residual_over_noise": "nothing is recorded at rest, and nothing repeats, that shows the noise",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """How well a model predicts recordings.
+
+    Attributes:
+        observed: name of the channel.
+        unit: its unit.
+        recordings: the goodness of each.
+        steps: net step per period of each, measured and predicted; NaN where the drive does not repeat.
+        predictions: for each a recording with measured, predicted and residual (predicted minus measured).
+        lacks: what each says of the model, by the noise that it shows besides: see `lack_of_fit`.
+        remarks: sentences on recordings that show no noise besides, and on those that differ by a constant.
+        unexplained: sentences on recordings that show no noise besides, of which more is left than their
+            white noise where the fit has doubts, or more than measured loops leave (`loops.missing`).
+        taken: sentences on what the drive of each walk was taken for, where none was given.
+    """
+
+    observed: str
+    unit: str
+    recordings: tuple[Goodness, ...]
+    predictions: tuple[xr.Dataset, ...]
+    steps: tuple[tuple[float, float], ...]
+    lacks: tuple[Lack, ...] = ()
+    remarks: tuple[str, ...] = ()
+    unexplained: tuple[str, ...] = ()
+    taken: tuple[str, ...] = ()
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other)
+
+    @property
+    def statements(self) -> tuple[str, ...]:
+        """A sentence for each recording that the model, with these values, does not explain."""
+        return (*(one.statement for one in self.lacks if one.seen), *self.unexplained)
+
+    @property
+    def r_squared(self) -> float:
+        """(SST - SSE)/SST over all recordings, each about its own mean [kang2007, appendix 6]."""
+        return pooled_r_squared(self.recordings)
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of all residuals, in the unit of the channel."""
+        return pooled_rmse(self.recordings)
+
+    @property
+    def table(self) -> xr.Dataset:
+        """r_squared, rmse, residual_over_noise, largest_error, net_step, net_step_error and n_data over
+        "recording".
+
+        The error of the net step is a part of it: predicted over measured, less one, without its sign. The
+        residual is NaN over noise that is not known otherwise.
+        """
+        errors = [float(np.max(np.abs(p["residual"].values))) for p in self.predictions]
+        columns = {
+            "r_squared": ([g.r_squared for g in self.recordings], ""),
+            "rmse": ([g.rmse for g in self.recordings], self.unit),
+            "residual_over_noise": ([one.ratio for one in self.lacks] or [math.nan] * len(errors), ""),
+            "largest_error": (errors, self.unit),
+            "net_step": ([measured for measured, _ in self.steps], self.unit),
+            "net_step_error": ([_step_error(*pair) for pair in self.steps], ""),
+            "n_data": ([g.n_data for g in self.recordings], ""),
+        }
+        return xr.Dataset(
+            {name: ("recording", values, {"units": unit}) for name, (values, unit) in columns.items()},
+            coords={"recording": [g.name for g in self.recordings]},
+        )
+
+    def unmet(self, requirements: Sequence[Requirement]) -> list[str]:
+        """A sentence for each recording and requirement that it does not meet.
+
+        A requirement on the net step is none of recordings that have none, unless no recording has one.
+
+        Raises:
+            QuantityError: one is in m, and the positions are in rad, or the other way round.
+        """
+        table = self.table
+        sentences = []
+        for wanted in requirements:
+            values, unit = table[wanted.figure].values, str(table[wanted.figure].attrs["units"])
+            if wanted.unit not in (None, unit):
+                said = f"{wanted.figure} {wanted.relation} {with_prefix(wanted.limit, str(wanted.unit))}"
+                raise QuantityError(f"{said}: what was measured is in {unit}")
+            judged = np.ones(values.size, dtype=bool)
+            if wanted.figure == "net_step_error" and np.any(np.isfinite(values)):
+                judged = np.isfinite(values)
+            for name, value in zip(table["recording"].values[judged], values[judged], strict=True):
+                if not math.isfinite(value):
+                    sentences.append(f"{name}: {wanted.figure} does not exist; {_WHY_NOT[wanted.figure]}")
+                elif not wanted.met(float(value)):
+                    sentences.append(f"{name}: {wanted.broken(float(value), unit)}")
+        return sentences
+
+    def report(self) -> str:
+        """A text table, one line for each recording and one for all."""
+        width = max(len("recording"), *(len(g.name) for g in self.recordings))
+        lines = [
+            f"prediction of {self.observed} [{self.unit}]",
+            f"{'recording':{width}}  {'r^2':9}  {'rmse':10}  {'net step error':14}  data",
+        ]
+        rows = [
+            (g.name, g.r_squared, g.rmse, _percent(_step_error(*pair)), g.n_data)
+            for g, pair in zip(self.recordings, self.steps, strict=True)
+        ]
+        if len(rows) > 1:
+            rows.append(("all", self.r_squared, self.rmse, "", sum(g.n_data for g in self.recordings)))
+        return "\n".join(
+            [
+                *lines,
+                *(f"{n:{width}}  {r:9.6f}  {e:<10.4g}  {s:14}  {k}" for n, r, e, s, k in rows),
+                *self.statements,
+                *self.remarks,
+                *self.taken,
+            ]
+        )
+
+    _repr_html_ = preformatted
+
+    def to_dict(self) -> dict[str, Any]:
+        """Every number with its unit, ready for JSON; None where r^2 does not exist."""
+        return {
+            "observed": self.observed,
+            "unit": self.unit,
+            "r_squared": _finite(self.r_squared),
+            "rmse": self.rmse,
+            "recordings": {
+                g.name: {
+                    "r_squared": _finite(g.r_squared),
+                    "rmse": g.rmse,
+                    "net_step": _finite(pair[0]),
+                    "net_step_error": _finite(_step_error(*pair)),
+                    "n_data": g.n_data,
+                }
+                for g, pair in zip(self.recordings, self.steps, strict=True)
+            },
+            "statements": list(self.statements),
+            "drives": list(self.taken),
+        }
+
+
+def _step_error(measured: float, predicted: float) -> float:
+    return abs(predicted / measured - 1.0) if measured else math.nan
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g} %" if math.isfinite(share) else "-"
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None
+
+
+def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: Any) -> float:
+    """Displacement per period while the drive repeats itself, m; NaN where it does not do so twice.
+
+    The mean position over the last period less that over the second (of two, the first, which begins at rest
+    and is like no other), by the number of periods between: each sample counts, where peaks [kang2007,
+    appendix 9] would take the noise for displacement. Of a sequence, of its first part that has a period.
+    """
+    begin, periodic = periodic_part(drive)
+    if periodic is None:
+        return math.nan
+    period = float(periodic.period)
+    count = math.floor(min(periodic.duration, float(time[-1]) - begin) / period + 1e-6)
+    if count < 2:
+        return math.nan
+
+    def mean(first: float) -> float:
+        inside = (time >= first) & (time < first + period * (1.0 - 1e-9))
+        return float(np.mean(position[inside])) if np.any(inside) else math.nan
+
+    first = 1 if count > 2 else 0
+    return (mean(begin + (count - 1) * period) - mean(begin + first * period)) / (count - 1 - first)
+
+
+# What values of a unit are called.
+_KINDS = {"m": "positions", "rad": "positions", "N": "forces", "N m": "torques"}
+
+
+def _unjudged(
+    lacks: Sequence[Lack],
+    goods: Sequence[Goodness],
+    measured: Sequence[NDArray[np.float64]],
+    doubts: Sequence[str],
+) -> tuple[list[str], list[str]]:
+    """Remarks on recordings that show their noise neither at rest nor between periods, of which more than
+    their white noise is left; and what says besides that the model does not explain them."""
+    remarks, unexplained = [], []
+    for lack, good, x in zip(lacks, goods, measured, strict=True):
+        words = (good.name, good.unit, _KINDS.get(good.unit, "values"), "the model does not explain it")
+        said = "" if lack.against else more_than_white(good.rmse, white_noise(x), x, words)
+        if not said:
+            continue
+        remarks.append(said)
+        if good.unit in ("N", "N m") and good.rmse > MEASURED * float(np.ptp(x)) > 0.0:
+            share = 100.0 * good.rmse / float(np.ptp(x))
+            unexplained.append(f"the model does not explain {good.name}: {share:.2g} % of its range is left")
+        unexplained += [f"the model does not explain {good.name}: {doubt}" for doubt in doubts]
+    return remarks, unexplained
+
+
+def _said_offsets(goods: Sequence[Goodness], left: Sequence[NDArray[np.float64]]) -> list[str]:
+    """A sentence on each recording that differs from the model mostly by a constant."""
+    said = []
+    for good, r in zip(goods, left, strict=True):
+        if float(r.std()) < MOSTLY * good.rmse:
+            constant = with_prefix(-float(r.mean()), good.unit, 3)
+            said.append(
+                f"most of what is left of {good.name} is an offset of {constant}: of the position's zero, or "
+                "of a walk that began before the recording; a fit may free it, a prediction does not"
+            )
+    return said
+
+
+def verify(
+    fit: Fit | Predictor,
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    drive: Any | Sequence[Any] | None = None,
+) -> Verification:
+    """Predict recordings with a fitted model, nothing fitted again.
+
+    Args:
+        fit: of an identification that builds a model, or a `Predictor`.
+        recordings: with the channels that the identification needed.
+        drive: waveform of each recording (one: of all), in its time. Left out, a walk's own is taken: see
+            `taken_drive`.
+
+    Raises:
+        RecordingError: a channel is missing, too short, not finite or in another unit than the fit's; numbers
+            do not match.
+        ValueError: it is no fit.
+        FitError: the fit predicts no recording; the message says why, and what does.
+    """
+    if not hasattr(fit, "predict"):
+        raise ValueError(
+            f"{type(fit).__name__} is no fit: give what an identification returns, or Predictor(actuator)"
+        )
+    if fit.predict is None:
+        raise FitError(f"this fit predicts no recording: {fit.unpredicted or 'it has no model'}")
+    found = recordings_of(recordings)
+    names = names_of(found)
+    drives = drives_of(drive, found)
+    goods, predictions, steps, lacks, taken = [], [], [], [], []
+    fitted = fit.recordings[0].unit if isinstance(fit, Fit) else ""
+    for recording, waveform, name in zip(found, drives, names, strict=True):
+        measured = channel(recording, fit.observed, name)
+        unit = str(recording[fit.observed].attrs.get("units", ""))
+        if unit and fitted and unit != fitted:
+            raise RecordingError(f"{fit.observed} of {name} is in {unit}, but was in {fitted} for the fit")
+        predicted = fit.predict(recording) if waveform is None else fit.predict(recording, waveform)
+        if not np.all(np.isfinite(predicted)):
+            raise RecordingError(f"the model cannot predict {fit.observed} [{unit}] of {name}")
+        variables = {"measured": measured, "predicted": predicted, "residual": predicted - measured}
+        goods.append(goodness(predicted - measured, measured, name, unit))
+        time = recording["time"].values
+        seen = SeenDrive.of(recording, waveform, own=fit.observed == "end_effector_position")
+        known = known_noise(seen.recording, measured, seen.whole)
+        lacks.append(lack_of_fit(predicted - measured, known, name))
+        since = seen.recording["time"].values
+        steps.append((net_step(since, measured, seen.repeats), net_step(since, predicted, seen.repeats)))
+        taken += [f"drive of {name}: {seen.said}"] if seen.said else []
+        predictions.append(make_recording(time, {k: (v, unit) for k, v in variables.items()}, title=name))
+    left, seen = ([p[key].values for p in predictions] for key in ("residual", "measured"))
+    doubts = fit.doubts if isinstance(fit, Fit) else ()
+    remarks, unexplained = _unjudged(lacks, goods, seen, doubts)
+    return Verification(
+        fit.observed,
+        goods[0].unit,
+        tuple(goods),
+        tuple(predictions),
+        tuple(steps),
+        tuple(lacks),
+        (*remarks, *_said_offsets(goods, left)),
+        tuple(unexplained),
+        tuple(taken),
+    )

@@ -1,0 +1,153 @@
+"""Part of a frequency analysis: one modal model for all levels, and its prediction of an unseen level."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...estimate.result import Fit
+from ...identify.frequency.amplitude import AmplitudeModel, predict_response
+from ...identify.frequency.levels import identify_levels
+from ...identify.frequency.modal import ModalModel
+from ...quantities.progress import Progress, within
+from ...report import Column, Number, Section, Table
+from ...report.fits import doubts, estimates, fit_numbers
+from .modes import Starts
+
+# Of parameters: the correlations of more are some megabytes that nobody reads.
+MOST_CORRELATED = 150
+
+Score = tuple[float, float]
+
+
+class LevelData(NamedTuple):
+    """A level's response, and drives and responses that are to be predicted."""
+
+    name: str
+    response: xr.Dataset
+    drive: NDArray[np.float64]
+    steady: NDArray[np.float64]
+
+
+class OneModel(NamedTuple):
+    """What a document says of it."""
+
+    summary: str
+    section: Section
+    numbers: dict[str, Any]
+
+
+def score(predicted: NDArray[np.float64], steady: NDArray[np.float64]) -> Score:
+    """r² and rms error, over all outputs and realisations."""
+    residual = predicted - predicted.mean(axis=0) - steady
+    return 1.0 - float(np.sum(residual**2) / np.sum(steady**2)), float(np.sqrt(np.mean(residual**2)))
+
+
+def numbers_of(fit: Fit) -> dict[str, Any]:
+    """For results.json."""
+    numbers = fit_numbers(fit, "m/V")
+    if len(fit.parameters) > MOST_CORRELATED:
+        del numbers["correlation"]
+    return numbers
+
+
+def one_model_section(
+    levels: Sequence[LevelData],
+    own: Sequence[Score],
+    modes: Starts | ModalModel,
+    sample_rate: float,
+    progress: Progress,
+) -> OneModel:
+    """Fit one model to all levels, and to all but one for each level between others.
+
+    Args:
+        levels: all of them.
+        own: scores of the models of each level alone.
+        modes: starts, at the level in the middle.
+        sample_rate: Hz.
+        progress: see `progress`.
+    """
+    inner = sorted(levels, key=lambda level: float(level.response["drive_rms"]))[1:-1]
+    share = 1.0 / (1 + len(inner))
+    progress("fitting all levels together", 0.0)
+    fit = identify_levels(
+        [level.response for level in levels], modes, progress=partial(within, progress, 0.0, share)
+    )
+    scores = {level.name: _scored(fit.model, level, sample_rate) for level in levels}
+    unseen = {}
+    for i, level in enumerate(inner, 1):
+        others = [other.response for other in levels if other is not level]
+        part = partial(within, progress, i * share, share)
+        unseen[level.name] = _scored(identify_levels(others, modes, progress=part).model, level, sample_rate)
+    numbers = {
+        "exponent": estimates(fit)["exponent"],
+        "levels": {
+            name: {"r_squared_held_out": Number(r, ""), "rms_error_held_out": Number(e, "m")}
+            for name, (r, e) in scores.items()
+        },
+        "levels_not_seen": {
+            name: {"r_squared_held_out": Number(r, ""), "rms_error_held_out": Number(e, "m")}
+            for name, (r, e) in unseen.items()
+        },
+        **numbers_of(fit),
+    }
+    least = min(r for r, _ in scores.values())
+    return OneModel(
+        f"One model for all levels predicts them with {least:.4f} or more.",
+        _section(fit, levels, own, scores, unseen),
+        numbers,
+    )
+
+
+def _scored(model: AmplitudeModel, level: LevelData, sample_rate: float) -> Score:
+    return score(predict_response(model, level.drive, sample_rate), level.steady)
+
+
+def _section(
+    fit: Fit,
+    levels: Sequence[LevelData],
+    own: Sequence[Score],
+    scores: dict[str, Score],
+    unseen: dict[str, Score],
+) -> Section:
+    columns = ("of the level alone", "of all levels", "of the other levels")
+    rows = [
+        (
+            level.name,
+            Number(alone[1], "m"),
+            Number(scores[level.name][1], "m"),
+            Number(unseen[level.name][1], "m") if level.name in unseen else None,
+        )
+        for level, alone in zip(levels, own, strict=True)
+    ]
+    model, numbers = fit.model, estimates(fit)
+    modes = [
+        (f"mode {m}", Number(w / (2 * np.pi), "Hz"), numbers[f"natural_frequency_slope_{m}"], Number(z, ""),
+         numbers[f"damping_ratio_slope_{m}"])
+        for m, (w, z) in enumerate(zip(*model.reference[:2], strict=True), 1)
+    ]  # fmt: skip
+    law = numbers["exponent"]
+    said = " ".join((f"The exponent is {law.value:.3f}.", *(f"{d[0].upper()}{d[1:]}." for d in doubts(fit))))
+    return Section(
+        "One model for all levels",
+        paragraphs=(
+            "Every parameter follows the rms drive by one law with one exponent; each drive is predicted at "
+            "its own amplitude.",
+        ),
+        tables=[
+            Table(
+                "Error of what was held out, by the models.", (Column("level"), *map(Column, columns)), rows
+            ),
+            Table(
+                f"Modes at {model.amplitude:.3g} V rms; a slope is the relative change by that of the drive.",
+                tuple(map(Column, ("mode", "frequency", "its slope", "damping ratio", "its slope"))),
+                modes,
+                notes=said,
+            ),
+        ],
+    )

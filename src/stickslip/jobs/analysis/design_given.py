@@ -1,0 +1,217 @@
+"""Common fields of the parts of a design file: the model with what is uncertain of it, goals, limits, the
+generator, conditions; and what each part comes to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from ...design import Current, Heat, Noise, Scenario, Speed, StepSize, TipLoad
+from ...gate.errors import GateError, damaged
+from ...gate.netcdf import netcdf_columns
+from ...gate.results import results_numbers
+from ...physics.actuator import Actuator
+from ...physics.electronics import OutputStage, Stack
+from ...quantities.input_file import Part, Strict, fields_of
+from ...quantities.progress import Progress
+from ...quantities.units import QuantityError, to_si
+from ...report import Number, Section
+from ...rig import load_bench
+from ...rig.experiment.laboratory import own_file
+from .file import AnalysisError
+
+Quantity = float | str
+Array = NDArray[np.float64]
+# Draws that are made of the intervals of a results.json, of which each part takes its own number.
+DRAWS = 1000
+
+
+class Given(NamedTuple):
+    """What a part starts from: the model; draws of its parameters by name, if there is an uncertainty; the
+    folder of the file."""
+
+    model: Actuator
+    uncertainty: dict[str, Array] | None
+    folder: Path
+    progress: Progress
+
+
+class Made(NamedTuple):
+    """What a part has come to: its section, what to say of it in a sentence, numbers, files, and what is left
+    undone, where it was stopped."""
+
+    section: Section
+    said: str
+    numbers: Mapping[str, Any]
+    highlights: Sequence[tuple[str, Number]] = ()
+    files: Mapping[str, str] = {}
+    stopped: str = ""
+
+
+class GoalSpec(Strict):
+    """A goal that needs a number, exactly one: the direction of the speed (1 or -1), the step that is wanted,
+    the capacitance of which the current is, the stack of which the heat is."""
+
+    speed: Quantity | None = None
+    step: Quantity | None = None
+    current: Quantity | None = None
+    heat: Part[Stack] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> GoalSpec:
+        if len(self.model_fields_set) != 1:
+            raise ValueError(f"a goal is exactly one of {', '.join(GoalSpec.model_fields)}")
+        return self
+
+    def goal(self) -> Any:
+        """Raises QuantityError."""
+        if self.heat is not None:
+            return Heat(self.heat)
+        ((name, value),) = self.model_dump(exclude_unset=True).items()
+        kinds: dict[str, Any] = {"speed": Speed, "step": StepSize, "current": Current}
+        return kinds[name](value)
+
+
+Goal = GoalSpec | str
+
+
+def goal_of(given: Goal | None, model: Actuator) -> Any:
+    """A goal as the searches take it; raises QuantityError."""
+    if isinstance(given, GoalSpec):
+        return given.goal()
+    if given in ("tip_load", "noise"):
+        return (TipLoad if given == "tip_load" else Noise).of_stage(model)
+    return given
+
+
+class LimitsSpec(fields_of(OutputStage, "slew_rate", "current", "capacitance")):
+    """The limits of an `OutputStage`; or the amplifier of a `bench` into its piezo."""
+
+    bench: str | None = None
+
+    def output(self, folder: Path) -> OutputStage:
+        """Return the output stage with these limits; raises QuantityError."""
+        if self.bench is None:
+            return OutputStage(**self.given)
+        if self.given:
+            raise QuantityError(f"limits.{next(iter(self.given))} is that of limits.bench: give one of them")
+        bench = load_bench(own_file(self.bench, folder, ".toml"))
+        return OutputStage.of_amplifier(bench.amplifier, bench.piezo_capacitance)
+
+
+class GeneratorSpec(fields_of(OutputStage, "update_rate", "points", "step", "interpolation")):
+    """The converter of an `OutputStage`; or that of a `bench`, with its `points`."""
+
+    bench: str | None = None
+
+    def onto(self, output: OutputStage, folder: Path) -> OutputStage:
+        """Return an output stage with this converter; raises QuantityError."""
+        given = self.given
+        if self.bench is None:
+            if "update_rate" not in given:
+                raise QuantityError("generator.update_rate [Hz] is missing, or generator.bench")
+            return output.with_converter(OutputStage(**given))
+        points = given.pop("points", None)
+        if given or points is None:
+            raise QuantityError(
+                f"generator.{next(iter(given))} is that of generator.bench: give one of them"
+                if given
+                else "generator.points is missing: how many points of a period the generator takes"
+            )
+        bench = load_bench(own_file(self.bench, folder, ".toml"))
+        return output.with_converter(bench.output(points))
+
+
+def output_stage(limits: LimitsSpec | None, generator: GeneratorSpec | None, folder: Path) -> OutputStage:
+    """Return the output stage of limits and a generator; raises QuantityError."""
+    output = OutputStage() if limits is None else limits.output(folder)
+    return output if generator is None else generator.onto(output, folder)
+
+
+class ScenarioSpec(Strict):
+    """A condition: `change` are values of fields of the actuator or its law, `factors` on those they have."""
+
+    name: str = ""
+    change: dict[str, Quantity] = Field(default_factory=dict)
+    factors: dict[str, Quantity] = Field(default_factory=dict)
+
+    def scenario(self) -> Scenario:
+        """Raises QuantityError."""
+        factors = {name: to_si(one, "", f"factors.{name}") for name, one in self.factors.items()}
+        return Scenario(self.name, factors=factors, **self.change)
+
+
+class SearchSpec(Strict):
+    """What all searches for a drive are told; see `optimise_waveform`."""
+
+    max_voltage: Quantity | None = None
+    min_voltage: Quantity | None = None
+    frequency: list[Quantity] | None = None
+    limits: LimitsSpec | None = None
+    scenarios: list[ScenarioSpec] = Field(default_factory=list)
+    seed: int = 0
+
+    def common(self, given: Given) -> dict[str, Any]:
+        """Arguments of the call; raises QuantityError."""
+        return {
+            "max_voltage": self.max_voltage,
+            "min_voltage": self.min_voltage,
+            "frequency": self.frequency,
+            "output": output_stage(self.limits, None, given.folder),
+            "scenarios": [one.scenario() for one in self.scenarios],
+            "seed": self.seed,
+            "progress": given.progress,
+        }
+
+
+def draws_of_file(path: Path) -> dict[str, Array]:
+    """Draws of an actuator's parameters, by name: the samples of a posterior (NetCDF), or `DRAWS` of what an
+    identification or a campaign knows of them (results.json), normal in the logarithm of what is positive.
+
+    Raises:
+        AnalysisError: the file holds neither.
+    """
+    if path.suffix == ".json":
+        return _drawn(path)
+    try:
+        found = netcdf_columns(path)
+    except GateError as error:
+        said = str(error).removeprefix(f"{path}: ")
+        raise AnalysisError(f"{path}: no samples of a posterior: {said}") from error
+    return {name: values for name, values in found.items() if name != "log_posterior"}
+
+
+def _drawn(path: Path) -> dict[str, Array]:
+    with damaged(AnalysisError, f"{path}: no results of an identification that says how sure it is"):
+        numbers = results_numbers(path)
+        parts = [numbers[part] for part in ("friction", "stage") if part in numbers] or [numbers]
+        random, found = np.random.default_rng(0), dict[str, Array]()
+        for part in parts:
+            names = part["correlation"]["parameters"]
+            known = part.get("parameters_with_all_errors", part["parameters"])
+            value, error = (
+                np.array([known[name][of] for name in names], float) for of in ("value", "standard_error")
+            )
+            known_ones = np.flatnonzero(np.isfinite(error))
+            positive = value[known_ones] > 0.0
+            scale = np.where(positive, value[known_ones], 1.0)
+            relative = error[known_ones] / scale
+            correlation = np.array(part["correlation"]["coefficients"]["value"], float)
+            spread = np.outer(relative, relative) * np.nan_to_num(correlation[np.ix_(known_ones, known_ones)])
+            np.fill_diagonal(spread, relative**2)
+            q = random.multivariate_normal(np.zeros(known_ones.size), spread, DRAWS, method="eigh")
+            drawn = np.where(positive, scale * np.exp(q), value[known_ones] + q)
+            found |= {names[k]: column for k, column in zip(known_ones, drawn.T, strict=True)}
+    if not found:
+        raise AnalysisError(f"{path}: no parameter has a standard error")
+    return found
+
+
+def arrays(values: Mapping[str, tuple[Any, str]]) -> dict[str, Any]:
+    """Arrays with their units, for results.json."""
+    return {name: {"value": np.asarray(one), "unit": unit} for name, (one, unit) in values.items()}

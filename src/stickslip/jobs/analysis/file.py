@@ -1,0 +1,147 @@
+"""Common parts of identification files: sources of data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import xarray as xr
+from pydantic import Field
+
+from ...quantities.input_file import Hertz, InputFileError, Seconds, Strict
+from ...quantities.registry import allowed_file, own_path
+from ...recording import SCALE_UNCERTAINTY, RecordingError
+from ...recording.calibration import apply_calibration
+from ...recording.datasets import dataset_path
+from ...recording.readers import read_recording
+
+AnalysisError = InputFileError
+# Of parameters, by name: bounds, or value and standard deviation of priors; in SI, or texts with units.
+Pairs = Annotated[dict[str, tuple[float | str, float | str]], Field(default_factory=dict)]
+# Parts of one file that agree in these are of one reading.
+_FORMAT = ("columns", "units", "clocks", "sample_rate", "reader", "rows", "missing", "missing_values")
+OF_SOURCE = {"dataset", "file", "calibration", "rename", "scale_uncertainty", *_FORMAT}
+
+
+class SourceFile(Strict):
+    """Where data come from: a `file`, relative to the identification file, or a file of a published
+    `dataset`."""
+
+    file: str
+    dataset: str | None = None
+
+    def path(self, folder: Path) -> Path:
+        """The file, fetched first if it is published and not here.
+
+        Raises:
+            RecordingError: see `stickslip.recording.datasets.dataset_path`.
+        """
+        return dataset_path(self.dataset, self.file) if self.dataset else folder / self.file
+
+
+class RecordingFile(SourceFile):
+    """A recording in a file.
+
+    `columns`, `units`, `clocks`, `rows`, `missing` and `missing_values` are as for `read_recording`;
+    `reader` is its format, where the content does not tell, or one of one's own, "my_reader.py:scope".
+    `calibration` names the calibrations of a variable, in order, and `rename` calls it otherwise then.
+    `start` and `end` cut a part out. `scale_uncertainty` is the relative standard uncertainty of a
+    variable's scale, where its calibrations do not say it.
+    """
+
+    columns: dict[str, str | int | list[str | int]] = Field(default_factory=dict)
+    units: dict[str, str] = Field(default_factory=dict)
+    clocks: dict[str, str | int | list[str | int]] = Field(default_factory=dict)
+    calibration: dict[str, list[str]] = Field(default_factory=dict)
+    rename: dict[str, str] = Field(default_factory=dict)
+    scale_uncertainty: dict[str, Annotated[float, Field(gt=0, lt=1)]] = Field(default_factory=dict)
+    sample_rate: Hertz | None = None
+    reader: str = ""
+    rows: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=1)] | None] = (0, None)
+    missing: Literal["error", "drop"] = "error"
+    missing_values: list[str] = Field(default_factory=list)
+    start: Seconds | None = None
+    end: Seconds | None = None
+    use: Literal["fit", "verify"] = "fit"
+    name: str = ""
+
+    @property
+    def label(self) -> str:
+        """What to call it in tables and figures."""
+        return self.name or Path(self.file).stem
+
+    def read(self, folder: Path) -> xr.Dataset:
+        """All that the file holds, calibrated; raises RecordingError and CalibrationError."""
+        recording = self._calibrated(folder)
+        for name, share in self.scale_uncertainty.items():
+            if name not in recording:
+                known = ", ".join(map(str, recording.data_vars))
+                raise RecordingError(f"scale_uncertainty: there is no variable {name!r}; there are {known}")
+            recording[name].attrs[SCALE_UNCERTAINTY] = share
+        return recording
+
+    def _calibrated(self, folder: Path) -> xr.Dataset:
+        columns, clocks = (
+            {k: tuple(v) if isinstance(v, list) else v for k, v in named.items()}
+            for named in (self.columns, self.clocks)
+        )
+        own, name = own_path(self.reader)
+        recording = read_recording(
+            self.path(folder),
+            columns or None,
+            self.units or None,
+            clocks=clocks or None,
+            sample_rate=self.sample_rate,
+            reader=f"{allowed_file(own, folder)}:{name}" if own else name,
+            rows=self.rows,
+            missing=self.missing,
+            missing_values=self.missing_values,
+        )
+        if not self.calibration:
+            return recording
+        calibrations = {
+            name: [folder / text if text.endswith(".json") else text for text in chain]
+            for name, chain in self.calibration.items()
+        }
+        return apply_calibration(recording, calibrations, self.rename)
+
+    def cut(self, whole: xr.Dataset) -> xr.Dataset:
+        """The part of it, with the label as its title; raises AnalysisError for fewer than two samples."""
+        part = whole.sel(time=slice(self.start, self.end))
+        if part.sizes["time"] < 2:
+            first, last = (float(whole["time"][i]) for i in (0, -1))
+            raise AnalysisError(
+                f"{Path(self.file).name}: from {self.start} s to {self.end} s there are "
+                f"{part.sizes['time']} samples; the recording runs from {first:g} s to {last:g} s"
+            )
+        return part.assign_attrs(title=self.label)
+
+
+def read_parts(recordings: Sequence[RecordingFile], folder: Path) -> dict[str, xr.Dataset]:
+    """The recordings by label, in order; a file of which several are parts is read once.
+
+    Raises:
+        RecordingError: a file cannot be read.
+        AnalysisError: two have one label, or a part holds fewer than two samples.
+    """
+    whole: dict[str, xr.Dataset] = {}
+    parts: dict[str, xr.Dataset] = {}
+    for recording in recordings:
+        if recording.label in parts:
+            raise AnalysisError(
+                f"recordings: two are called {recording.label!r}; give each a 'name', such as its part"
+            )
+        source = recording.model_dump_json(include=OF_SOURCE)
+        if source not in whole:
+            whole[source] = recording.read(folder)
+        parts[recording.label] = recording.cut(whole[source])
+    return parts
+
+
+class Analysis(Strict):
+    """What every identification file begins with."""
+
+    title: str
+    citation: list[str] = Field(default_factory=list)
+    notes: str = ""

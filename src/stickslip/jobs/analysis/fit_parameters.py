@@ -1,0 +1,41 @@
+"""A parameter set, and the summary, of a results.json."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...gate.text import read_json
+from ...parameters.writing import parameter_text
+from ...quantities.registry import use_file
+from ...quantities.units import QuantityError
+from .results import model_and_chain
+
+
+def fit_parameters(path: Path, title: str, source: str, used: Sequence[str] = ()) -> str:
+    """Return the text of a parameter set with the fitted values of a results.json.
+
+    Args:
+        path: of the results.json.
+        title: of the set.
+        source: where its values come from, said of each.
+        used: the user's own files, whose laws the results may name.
+
+    Raises:
+        AnalysisError, QuantityError: the file is no results of a fit with a model.
+    """
+    for file in used:
+        use_file(file)
+    model, _ = model_and_chain(path)
+    try:
+        found = read_json(path)["numbers"].get("parameters", {}).items()
+    except (LookupError, TypeError, AttributeError):
+        raise QuantityError("its results.json holds no mapping of parameters") from None
+    known = {name: one.get("standard_error") for name, one in found if isinstance(one, dict)}
+    errors = {name: float(one) for name, one in known.items() if isinstance(one, int | float)}
+    return parameter_text(model, title, source, errors)
+
+
+def results_summary(path: Path) -> str:
+    """Return the summary of a results.json, a sentence or a few."""
+    return str(read_json(path).get("summary", ""))

@@ -1,0 +1,379 @@
+"""Analysis: modal models of a piezo mechanism from frequency responses, per amplitude and for all amplitudes,
+verified on other drives."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from ...estimate.result import Fit
+from ...gate.archives import read_npy
+from ...gate.errors import GateError
+from ...identify.frequency.in_time import identify_in_time
+from ...identify.frequency.modal import ModalModel, identify_frequency, modal_response, steady_response
+from ...identify.frequency.response import frequency_response
+from ...parameters import cite
+from ...quantities.input_file import Hertz, Strict
+from ...quantities.progress import Progress, within
+from ...report import Column, Document, Number, Picture, Section, Table
+from ...report.figures.frequency import Response
+from ...report.figures.frequency import frequency_response as frequency_response_figure
+from ...report.figures.identification import Estimates, parameter_intervals
+from ...report.figures.style import svg
+from ...report.fits import estimates, parameter_table
+from .all_levels import LevelData, OneModel, numbers_of, one_model_section, score
+from .file import Analysis, AnalysisError, SourceFile
+from .modes import Modes, Outputs, Starts, count, refused, started
+
+_TWO_PI = 2.0 * np.pi
+
+
+class Arrays(Strict):
+    """Files of a drive and its response, arrays (samples of a period, channels, realisations, periods)."""
+
+    drive: SourceFile
+    response: SourceFile
+
+
+class Level(Arrays):
+    """One amplitude of the drive; `test` verifies instead of the realisations held out."""
+
+    name: str
+    amplitude: float
+    test: Arrays | None = None
+
+
+class FrequencyAnalysis(Analysis):
+    """See the module.
+
+    `modes` are the models: for each how many modes, or its starts, as pairs of frequency [Hz] and damping
+    ratio; by their number they are found at the level in the middle, where the others start. The last
+    `held_out` realisations verify (one, if there are no files to `test`); `output` counts from 1 and may be a
+    list; of the excited lines, each `every`-th is fitted, by its deviation or all alike (`equal_weights`);
+    `follow` are the modes, counted from 1 in the last model, whose change with the amplitude is shown;
+    `one_model` fits the last of the models to all levels together, as `identify_levels`; `time_domain` names
+    levels for a fit in time as well; `tied` are poles of the last model that follow from others, as for
+    `identify_frequency`.
+    """
+
+    kind: Literal["frequency_response"]
+    sample_rate: Hertz
+    units: tuple[str, str] = ("V", "m")
+    band: tuple[Hertz, Hertz]
+    output: Outputs = (1,)
+    held_out: Annotated[int, Field(ge=1)] | None = None
+    every: Annotated[int, Field(ge=1)] = 1
+    equal_weights: bool = False
+    modes: Annotated[list[Modes], Field(min_length=1)]
+    follow: list[Annotated[int, Field(ge=1)]] = []  # noqa: RUF012  # pydantic copies it
+    one_model: bool = False
+    tied: dict[str, str] = {}  # noqa: RUF012  # pydantic copies it
+    time_domain: list[str] = []  # noqa: RUF012  # pydantic copies it
+    levels: Annotated[list[Level], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> FrequencyAnalysis:
+        n_modes = [count(modes) for modes in self.modes]
+        if any(m > n_modes[-1] for m in self.follow):
+            raise refused(f"'follow' has {max(self.follow)}, but the last model has {n_modes[-1]} modes")
+        if self.held_out and all(level.test for level in self.levels):
+            raise refused("give either 'held_out' or the files to 'test'")
+        if self.one_model and len(self.levels) < 2:
+            raise refused("'one_model' needs two levels or more")
+        if self.one_model and self.tied:
+            raise refused("'tied' is for models of single levels, not for 'one_model'")
+        return self
+
+    def run(self, folder: Path, progress: Progress) -> Document:
+        """Estimate, fit and verify at every level."""
+        share = 0.6 if self.one_model else 1.0
+        read = [self._read(level, folder) for level in self.levels]
+        progress("finding the modes", 0.0)
+        by_drive = sorted(read, key=lambda data: float(data.measured["drive_rms"]))
+        models = [started(by_drive[len(read) // 2].weighted, modes) for modes in self.modes]
+        results = []
+        for i, data in enumerate(read):
+            progress(f"fitting the response at {data.level.name}", share * (i + 0.5) / len(read))
+            results.append(self._fit(data, models))
+        if not self.one_model:
+            return _document(self, results, None)
+        follow = partial(within, progress, share, 1.0 - share)
+        tested = [LevelData(r.level.name, r.data.weighted, r.data.drive, r.data.steady) for r in results]
+        scores = [r.scores[-1] for r in results]
+        return _document(
+            self, results, one_model_section(tested, scores, models[-1], self.sample_rate, follow)
+        )
+
+    def _read(self, level: Level, folder: Path) -> _Data:
+        """The response from what is seen, and what is left to predict."""
+        drive, response = (_array(source, folder) for source in (level.drive, level.response))
+        channels = [o - 1 for o in self.output]
+        last = None if level.test else -(self.held_out or 1)
+        measured = frequency_response(
+            drive[:, :, :last], response[:, :, :last], self.sample_rate, band=self.band, units=self.units
+        ).isel(frequency=slice(None, None, self.every))
+        if max(self.output) > measured.sizes["output"]:
+            path = level.response.path(folder)
+            raise AnalysisError(f"{path}: output {max(self.output)}: it has {measured.sizes['output']}")
+        measured = measured.isel(output=channels)
+        unseen = (drive[:, :, last:], response[:, :, last:]) if last else ()
+        if level.test:
+            unseen = tuple(_array(source, folder) for source in (level.test.drive, level.test.response))
+            _check_test(level.name, unseen, (drive.shape[1], response.shape[1]))
+        # The mean over the periods, without the offset of the sensor: the steady state that the model has.
+        tested, steady = (array.mean(axis=3) for array in unseen)
+        steady = steady[:, channels] - steady[:, channels].mean(axis=0)
+        weighted = measured
+        if self.equal_weights:
+            alike = xr.full_like(measured["deviation"], float(measured["deviation"].mean()))
+            weighted = measured.assign(deviation=alike)
+        first = drive[:, :, :1].mean(axis=3), response[:, channels, :1].mean(axis=3)
+        return _Data(level, measured, weighted, tested, steady, first)
+
+    def _fit(self, data: _Data, models: list[Starts | ModalModel]) -> _Level:
+        level = data.level
+        fits = [identify_frequency(data.weighted, modes) for modes in models[:-1]]
+        fits.append(identify_frequency(data.weighted, models[-1], tied=self.tied))
+        scores = [
+            score(steady_response(fit.model, data.drive, self.sample_rate), data.steady) for fit in fits
+        ]
+        in_time = None
+        if level.name in self.time_domain:
+            drive, one = data.first
+            in_time = identify_in_time(
+                drive,
+                one - one.mean(axis=0),
+                self.sample_rate,
+                fits[-1].model,
+                periodic=True,
+                tied={name: text for name, text in self.tied.items() if name != "delay"},
+            )
+        return _Level(level, data, fits, scores, in_time)
+
+
+class _Data(NamedTuple):
+    """What was read of a level."""
+
+    level: Level
+    measured: xr.Dataset
+    weighted: xr.Dataset  # as it is fitted
+    drive: NDArray[np.float64]  # to predict: (samples, inputs, realisations)
+    steady: NDArray[np.float64]  # what was measured of that: (samples, outputs, realisations)
+    first: tuple[NDArray[np.float64], NDArray[np.float64]]  # drive and response of the first realisation
+
+
+class _Level(NamedTuple):
+    level: Level
+    data: _Data
+    fits: list[Fit]
+    scores: list[tuple[float, float]]  # r² and rms error on what was held out
+    in_time: Fit | None
+
+
+def _array(source: SourceFile, folder: Path) -> NDArray[np.float64]:
+    path = source.path(folder)
+    try:
+        array = read_npy(path)
+    except GateError as error:
+        raise AnalysisError(f"{error}") from error
+    if array.ndim != 4:
+        raise AnalysisError(
+            f"{path} has the shape {array.shape}, not (samples, channels, realisations, periods)"
+        )
+    return array
+
+
+def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tuple[int, int]) -> None:
+    """Raise AnalysisError unless files to test have the level's channels, drive as long as response."""
+    drive, response = (array.shape for array in test)
+    if (drive[0], *drive[2:]) != (response[0], *response[2:]) or (drive[1], response[1]) != channels:
+        raise AnalysisError(
+            f"test of {name}: drive {drive} and response {response} do not fit each other, or the level's "
+            f"{channels[0]} inputs and {channels[1]} outputs"
+        )
+
+
+def _static_gain(fit: Fit) -> Number:
+    """Response by drive at low frequency, first output and input: all gains and the remainder together."""
+    rest = next(p.name for p in fit.parameters if p.name.startswith("remainder"))
+    names = [f"gain_{m}{rest.removeprefix('remainder')}" for m in range(1, len(fit.model.gain) + 1)] + [rest]
+    value, error = fit.derived(lambda values: sum(values[name] for name in names))
+    return Number(value, "m/V", low=value - 1.96 * error, high=value + 1.96 * error, standard_error=error)
+
+
+def _mode(fit: Fit, m: int) -> tuple[Number, Number]:
+    numbers = estimates(fit)
+    omega = numbers[f"natural_frequency_{m}"]
+    frequency = Number(
+        omega.value / _TWO_PI,
+        "Hz",
+        low=None if omega.low is None else omega.low / _TWO_PI,
+        high=None if omega.high is None else omega.high / _TWO_PI,
+    )
+    return frequency, numbers[f"damping_ratio_{m}"]
+
+
+def _estimates(numbers: list[Number]) -> Estimates:
+    ends = [[np.nan if end is None else end for end in (n.low, n.high)] for n in numbers]
+    low, high = np.transpose(ends)
+    return Estimates([n.value for n in numbers], low, high, numbers[0].unit)
+
+
+def _document(analysis: FrequencyAnalysis, results: list[_Level], one: OneModel | None) -> Document:
+    followed = _followed(analysis, results)
+    best = [r.scores[-1][0] for r in results]
+    gains = followed["static gain"]
+    change = 100.0 * (gains[-1].value / gains[0].value - 1.0)
+    return Document(
+        title=analysis.title,
+        summary=(
+            f"{count(analysis.modes[-1])} modes predict held-out drives with r² of {min(best):.4f} or more "
+            f"at every level. From {results[0].level.name} to {results[-1].level.name} the static gain grows "
+            f"by {change:.1f} %." + (f" {one.summary}" if one else "")
+        ),
+        sections=[
+            _prediction_section(analysis, results),
+            _amplitude_section(analysis, results, followed),
+            *([one.section] if one else []),
+            *(_in_time_section(analysis, r, r.in_time) for r in results if r.in_time is not None),
+            Section(
+                "All parameters",
+                tables=[
+                    parameter_table(f"{r.level.name}: identified parameters.", r.fits[-1]) for r in results
+                ],
+            ),
+        ],
+        highlights=(
+            ("r² of held-out drives, least of all levels", Number(min(best), "")),
+            (f"static gain at {results[0].level.name}", gains[0]),
+        ),
+        numbers={
+            r.level.name: {
+                "static_gain": gain,
+                "r_squared_held_out": {
+                    f"{count(m)}_modes": Number(s[0], "")
+                    for m, s in zip(analysis.modes, r.scores, strict=True)
+                },
+                **numbers_of(r.fits[-1]),
+            }
+            for r, gain in zip(results, gains, strict=True)
+        }
+        | ({"all_levels": one.numbers} if one else {}),
+        citations=cite(*analysis.citation) if analysis.citation else "",
+    )
+
+
+def _followed(analysis: FrequencyAnalysis, results: list[_Level]) -> dict[str, list[Number]]:
+    """What is shown over the amplitude, level by level: static gain, frequencies and damping ratios."""
+    followed: dict[str, list[Number]] = {"static gain": [_static_gain(r.fits[-1]) for r in results]}
+    for m in analysis.follow:
+        pairs = [_mode(r.fits[-1], m) for r in results]
+        about = f"{np.mean([f.value for f, _ in pairs]):.0f} Hz"
+        followed[f"mode near {about}"] = [f for f, _ in pairs]
+        followed[f"damping ratio near {about}"] = [z for _, z in pairs]
+    return followed
+
+
+def _prediction_section(analysis: FrequencyAnalysis, results: list[_Level]) -> Section:
+    """How well each model predicts what was held out, and the responses under the last one."""
+    scores = [
+        (r.level.name, f"{count(modes)}", *score)
+        for r in results
+        for modes, score in zip(analysis.modes, r.scores, strict=True)
+    ]
+    frequency = results[0].data.measured["frequency"].values
+    show = slice(None, None, max(1, frequency.size // 1500))
+    return Section(
+        "Model order and prediction",
+        paragraphs=(analysis.notes,) if analysis.notes else (),
+        tables=[
+            Table(
+                "Prediction of held-out realisations (other drives than in the fit, on all inputs).",
+                (Column("level"), Column("modes"), Column("r²", "", 5), Column("rms error", "m", 3)),
+                scores,
+            )
+        ],
+        figures=(
+            Picture(
+                "frequency_response",
+                f"Response of output {analysis.output[0]} to input 1: measured, and the model of "
+                f"{count(analysis.modes[-1])} modes.",
+                svg(
+                    frequency_response_figure(
+                        {r.level.name: _measured(r, frequency, show) for r in results},
+                        {r.level.name: _modelled(r, frequency, show) for r in results},
+                        unit="m/V",
+                    )
+                ),
+                "Gain and phase over frequency at each level, measured and modelled; residuals below",
+            ),
+        ),
+    )
+
+
+def _amplitude_section(
+    analysis: FrequencyAnalysis, results: list[_Level], followed: dict[str, list[Number]]
+) -> Section:
+    """What changes with the amplitude."""
+    return Section(
+        "Change with the amplitude",
+        tables=[
+            Table(
+                f"What changes with the amplitude ({count(analysis.modes[-1])} modes); 95 % intervals.",
+                (Column("quantity"), *(Column(r.level.name) for r in results)),
+                [(name, *numbers) for name, numbers in followed.items()],
+            )
+        ],
+        figures=(
+            Picture(
+                "amplitude_dependence",
+                "Static gain, frequencies and damping ratios over the amplitude of the drive.",
+                svg(
+                    parameter_intervals(
+                        [r.level.amplitude for r in results],
+                        {name: _estimates(numbers) for name, numbers in followed.items()},
+                        setting_name="rms drive",
+                        setting_unit=analysis.units[0],
+                    )
+                ),
+                "One panel for each quantity, values with confidence intervals over the drive",
+            ),
+        ),
+    )
+
+
+def _in_time_section(analysis: FrequencyAnalysis, r: _Level, in_time: Fit) -> Section:
+    """The modes of a level beside those that were fitted in time."""
+    columns = ("frequency, by response", "damping, by response", "frequency, in time", "damping, in time")
+    return Section(
+        f"The same modes fitted in time, {r.level.name}",
+        paragraphs=(
+            "Free simulation of one period of the steady state. Its residuals are correlated, "
+            f"so its intervals are too narrow; r² of that fit is {in_time.r_squared:.4f}.",
+        ),
+        tables=(
+            Table(
+                "Two ways to the same modes.",
+                (Column("mode"), *(Column(c) for c in columns)),
+                [
+                    (f"mode {m}", *_mode(r.fits[-1], m), *_mode(in_time, m))
+                    for m in range(1, count(analysis.modes[-1]) + 1)
+                ],
+            ),
+        ),
+    )
+
+
+def _measured(r: _Level, frequency: NDArray[np.float64], show: slice) -> Response:
+    one: Any = r.data.measured.isel(output=0, input=0)
+    return Response(frequency[show], one["response"].values[show], one["deviation"].values[show])
+
+
+def _modelled(r: _Level, frequency: NDArray[np.float64], show: slice) -> Response:
+    return Response(frequency[show], modal_response(r.fits[-1].model, frequency[show])[:, 0, 0])

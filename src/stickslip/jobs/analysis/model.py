@@ -1,0 +1,83 @@
+"""The model that a file names: a parameter set or a fit, with fields changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from ...physics.actuator import Actuator, load_actuator
+from ...quantities.input_file import Strict
+from ...quantities.records import quantities_of
+from ...quantities.units import QuantityError, to_si
+from ...recording.chain import Chain
+from .file import AnalysisError
+from .results import model_and_chain
+
+Fields = Mapping[str, float | str | bool]
+
+
+def named_model(folder: Path, name: str) -> Actuator:
+    """The actuator of a parameter set, by name or by a TOML file in the folder."""
+    own = folder / name
+    return load_actuator(own if own.suffix == ".toml" and own.is_file() else name)
+
+
+def with_changes(base: Actuator, change: Fields, friction: Mapping[str, float | str]) -> Actuator:
+    """The actuator with fields of it and of its friction law changed, in the units of what it then is.
+
+    Raises:
+        QuantityError: there is no such field, or its value is not as it must be.
+    """
+    if "law" in friction:
+        raise QuantityError(
+            f"friction.law: only fields of {type(base.friction).__name__} change here; another law has a "
+            "parameter set of its own, model: FILE.toml (stickslip new actuator writes one to be changed)"
+        )
+    known = quantities_of(base.friction, base._replace(rotary=bool(change.get("rotary", base.rotary))))
+    law = {name: to_si(x, known[name].unit, name) if name in known else x for name, x in friction.items()}
+    changes: dict[str, Any] = {**change, "friction": base.friction._replace(**law)}
+    return base.replace(**changes)
+
+
+class Changes(Strict):
+    """`change` and `friction` change fields of a model, and of its friction law."""
+
+    change: dict[str, float | str | bool] = Field(default_factory=dict)
+    friction: dict[str, float | str] = Field(default_factory=dict)
+
+
+class NamedModel(Changes):
+    """`model` is a parameter set, by name or as a file; `change` and `friction` change fields of it."""
+
+    model: str
+
+    def load_model(self, folder: Path) -> Actuator:
+        """The model; raises ParameterSetError, QuantityError."""
+        return with_changes(named_model(folder, self.model), self.change, self.friction)
+
+
+class ModelOrFit(Changes):
+    """The model is that of `fit`, a results.json of an identification or a fit of `save_fit`, or of the
+    parameter set `model`; `change` and `friction` change fields of it."""
+
+    fit: str | None = None
+    model: str | None = None
+
+    def load_model(self, folder: Path) -> Actuator:
+        """The model, which may turn; raises AnalysisError, ParameterSetError, QuantityError."""
+        return self.load_model_and_chain(folder)[0]
+
+    def load_model_and_chain(self, folder: Path) -> tuple[Actuator, Chain]:
+        """The model, and what a position channel shows of it, as far as a results.json says."""
+        if (self.fit is None) == (self.model is None):
+            raise AnalysisError(
+                "there must be either 'model', a parameter set, or 'fit', a results.json or a saved fit"
+            )
+        if self.fit is None:
+            base, chain = named_model(folder, str(self.model)), Chain()
+        else:
+            base, chain = model_and_chain(folder / self.fit)
+        return with_changes(base, self.change, self.friction), chain

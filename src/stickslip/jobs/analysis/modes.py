@@ -1,0 +1,71 @@
+"""Modes and outputs in identification files, checked."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+import xarray as xr
+from pydantic import BeforeValidator
+from pydantic_core import PydanticCustomError
+
+from ...identify.frequency.modal import ModalModel, identify_frequency
+from ...quantities.units import to_si
+
+Starts = list[tuple[float, float]]
+
+MOST_MODES = 60
+
+
+def refused(why: str) -> PydanticCustomError:
+    """The error of a file whose parts do not fit together, in these words."""
+    return PydanticCustomError("analysis", "{why}", {"why": why})
+
+
+def _whole(value: Any, most: float) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= most
+
+
+def _modes(value: Any) -> int | Starts:
+    """How many, or the start of each."""
+    if _whole(value, MOST_MODES):
+        return value
+    pairs = value if isinstance(value, list | tuple) else []
+    if (
+        not pairs
+        or len(pairs) > MOST_MODES
+        or not all(isinstance(p, list | tuple) and len(p) == 2 for p in pairs)
+    ):
+        raise refused(
+            f"{value!r} is neither a number of modes, 1 to {MOST_MODES}, nor a list of starts "
+            "[frequency in Hz, damping ratio]"
+        )
+    found = [(to_si(f, "Hz", "frequency"), to_si(z, "", "damping ratio")) for f, z in pairs]
+    for pair in found:
+        if not all(np.isfinite(pair)) or min(pair) <= 0.0:
+            raise refused(f"the start {list(pair)} needs a frequency and a damping ratio above 0")
+    return found
+
+
+def _outputs(value: Any) -> tuple[int, ...]:
+    """One, or several."""
+    given = value if isinstance(value, list | tuple) else [value]
+    if not given or not all(_whole(o, np.inf) for o in given) or len(set(given)) < len(given):
+        raise refused(f"{value!r} is no output, counted from 1, and no list of different ones")
+    return tuple(given)
+
+
+Modes = Annotated[
+    int | Starts, BeforeValidator(_modes, json_schema_input_type=int | list[tuple[float | str, float]])
+]
+Outputs = Annotated[tuple[int, ...], BeforeValidator(_outputs, json_schema_input_type=int | list[int])]
+
+
+def count(modes: int | Starts) -> int:
+    """How many modes that are."""
+    return modes if isinstance(modes, int) else len(modes)
+
+
+def started(response: xr.Dataset, modes: int | Starts) -> Starts | ModalModel:
+    """Where to start: as given, or the modes found in a response, and the delay."""
+    return identify_frequency(response, modes).model if isinstance(modes, int) else modes

@@ -1,0 +1,109 @@
+"""Aim of a move, its model, and what else that may be: of a fit, a posterior or a stated spread."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...control import PiezoInverse
+from ...gate.errors import damaged
+from ...gate.results import results_numbers
+from ...physics.actuator import Actuator
+from ...physics.piezo import Creep, PrandtlIshlinskii
+from ...quantities.units import QuantityError, with_prefix
+from ...simulation.varied import free_names, quantity_of
+
+MOST_DRAWS = 40  # on which the loop must keep its margins
+
+
+class Aim(NamedTuple):
+    """What a move asks for, in `unit`: m, or rad of what turns."""
+
+    unit: str
+    target: float
+    within: float
+    hold_within: float | None
+
+    def said(self, value: float) -> str:
+        """With its unit."""
+        return with_prefix(value, self.unit)
+
+
+def feedforward_of(model: Actuator, rate: float) -> PiezoInverse | None:
+    """The inverse of its piezo at a rate [Hz]; None where that follows its voltage, or cannot be inverted."""
+    piezo = model.piezo
+    if piezo is None or not isinstance(piezo.hysteresis, PrandtlIshlinskii):
+        return None
+    return PiezoInverse(model, rate) if isinstance(piezo.creep, Creep | None) else None
+
+
+def at_ends(model: Actuator, spread: Mapping[str, float]) -> list[Actuator]:
+    """The model with each field at both ends of its spread, a share of it."""
+    found = []
+    for name, share in spread.items():
+        if not 0.0 < share < 1.0:
+            raise QuantityError(f"spread: {name} = {share:g} must be a share between 0 and 1, such as 5 %")
+        for factor in (1.0 - share, 1.0 + share):
+            of = model.friction if name in model.friction._fields else model
+            if not isinstance(getattr(of, name, None), float):
+                raise QuantityError(f"spread: {name} is no number of the model or its friction law")
+            found.append(changed_in(model, {name: factor * getattr(of, name)}))
+    return found
+
+
+def at_intervals(model: Actuator, results: Path) -> list[Actuator]:
+    """The model with each parameter at both ends of the interval that a results.json gives for it."""
+    with damaged(QuantityError, f"{results}: no results of an identification"):
+        return list(_at_intervals(model, results))
+
+
+def _at_intervals(model: Actuator, results: Path) -> Iterator[Actuator]:
+    known = free_names(model)
+    for name, interval in _intervals(results_numbers(results)):
+        for end in interval if name in known else ():
+            if end is None or not _allowed(model, name, end):
+                raise QuantityError(
+                    f"{results}: the recordings do not determine {name}, whose interval is open: there is no "
+                    "model at its end. Give its spread instead, or identify it from more recordings"
+                )
+            try:
+                found = changed_in(model, {name: float(end)})
+            except QuantityError as error:
+                raise QuantityError(f"{results}: {error}") from error
+            yield found
+
+
+def _allowed(model: Actuator, name: str, value: float) -> bool:
+    """Whether the model, or its law, can have the value."""
+    quantity = quantity_of(model, None, name)
+    return quantity is None or bool(quantity.allows(float(value)))
+
+
+def at_draws(model: Actuator, draws: Mapping[str, ArrayLike]) -> list[Actuator]:
+    """The model with the parameters of draws [n] by name, `MOST_DRAWS` of them at most, evenly taken."""
+    columns = {name: np.asarray(one, dtype=float) for name, one in draws.items()}
+    size = next(iter(columns.values())).size
+    chosen = np.unique(np.linspace(0, size - 1, MOST_DRAWS).astype(int))
+    return [changed_in(model, {name: float(one[k]) for name, one in columns.items()}) for k in chosen]
+
+
+def changed_in(model: Actuator, values: Mapping[str, float]) -> Actuator:
+    """The model with other values of its fields and of those of its law."""
+    law = {name: value for name, value in values.items() if name in model.friction._fields}
+    own = {name: value for name, value in values.items() if name not in law}
+    return model.replace(friction=model.friction._replace(**law), **own)
+
+
+def _intervals(numbers: Any) -> Iterator[tuple[str, Any]]:
+    """Of the parameters in results.json, wherever they stand."""
+    for key, inner in numbers.items() if isinstance(numbers, dict) else ():
+        if key == "parameters" and isinstance(inner, dict):
+            for name, one in inner.items():
+                if isinstance(one, dict) and isinstance(one.get("interval"), list):
+                    yield name, one["interval"]
+        else:
+            yield from _intervals(inner)

@@ -1,0 +1,79 @@
+"""Run an identification file."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from ...parameters import ParameterSetError
+from ...quantities.input_file import explain, load_yaml
+from ...quantities.progress import Progress, unheard
+from ...quantities.units import QuantityError
+from ...recording import RecordingWarning
+from ...report import Document
+from .comparison import ComparisonAnalysis
+from .file import AnalysisError
+from .frequency import FrequencyAnalysis
+from .loops import LoopAnalysis
+from .piezo import PiezoAnalysis
+from .pulled import PulledAnalysis
+from .verification import VerificationAnalysis
+from .walk import WalkAnalysis
+
+_Any = Annotated[
+    LoopAnalysis
+    | FrequencyAnalysis
+    | PiezoAnalysis
+    | PulledAnalysis
+    | VerificationAnalysis
+    | WalkAnalysis
+    | ComparisonAnalysis,
+    Field(discriminator="kind"),
+]
+_FILE: TypeAdapter[Any] = TypeAdapter(_Any)
+
+
+def run_file(path: str | os.PathLike[str], progress: Progress = unheard) -> Document:
+    """Fit and verify as an identification file says; what had to be assumed about a recording is among the
+    document's assumptions.
+
+    Raises:
+        AnalysisError: the file is not as it must be; names the file and the field.
+        RecordingError, FitError: data are missing or wrong, or cannot be fitted.
+
+    Warns:
+        RecordingWarning: a recording does not show something that matters.
+    """
+    content = load_yaml(path)
+    try:
+        analysis = _FILE.validate_python(content)
+    except ValidationError as error:
+        raise explain(path, error, content=content) from error
+    try:
+        return run_analysis(analysis, Path(path).parent, progress)
+    except (QuantityError, ParameterSetError) as error:
+        raise AnalysisError(f"{path}: {error}") from error
+
+
+def run_analysis(analysis: Any, folder: Path, progress: Progress = unheard) -> Document:
+    """As `run_file`, of what an identification file says; other files are relative to the folder."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RecordingWarning)
+        document = analysis.run(folder, progress)
+    unseen = {str(w.message): w for w in caught if issubclass(w.category, RecordingWarning)}
+    for w in (*unseen.values(), *(w for w in caught if not issubclass(w.category, RecordingWarning))):
+        warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)
+    return replace(document, assumptions=(*document.assumptions, *unseen))
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of identification files, for editors."""
+    return _FILE.json_schema()
+
+
+__all__ = ["AnalysisError", "Progress", "json_schema", "run_file"]

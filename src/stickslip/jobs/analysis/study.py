@@ -1,0 +1,215 @@
+"""Study files: many members, as `stickslip study` runs them.
+
+::
+
+    kind: study
+    title: What the actuator can do
+    model: kang2007                     # or fit: results.json of an identification
+    drive: {shape: Sawtooth, fields: {amplitude: 65 V, frequency: 5 Hz}}
+    measure: {kind: steady}
+    grid:
+      amplitude: {start: 10 V, stop: 150 V, points: 100}
+    random:
+      members: 10000
+      ranges: {coulomb_force: {low: 0.3 N, high: 0.8 N}}
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from ...gate.netcdf import netcdf_columns
+from ...identify.saved import load_fit
+from ...physics.actuator import Actuator
+from ...quantities.input_file import (
+    Hertz,
+    InputFileError,
+    Part,
+    Seconds,
+    Strict,
+    explain,
+    load_yaml,
+    quantity,
+)
+from ...quantities.units import QuantityError, to_si, unit_for
+from ...rig.experiment.cells import drive_of
+from ...rig.experiment.file import PartSpec
+from ...study import Draws, Grid, Own, Random, Range, SteadySteps, Study, WalksFromRest, drawn_parameters
+from ...study.own import own_function
+from ...study.points import Method
+from ...study.points import Part as Points
+from ...waveform.signal import Waveform
+from .axis import AxisSpec
+from .model import ModelOrFit
+
+Count = Annotated[int, Field(ge=1)]
+
+
+class GridAxisSpec(AxisSpec):
+    """Of a grid."""
+
+    def values(self, name: str, study: Any) -> list[float]:
+        """In SI, as the measure reads the name; raises QuantityError."""
+        (first, last), _ = study.read(name, [self.start, self.stop])
+        return self.between(first, last, f"grid.{name}")
+
+
+class RandomSpec(Strict):
+    """As `Random`."""
+
+    ranges: dict[str, Part[Range]]
+    members: Count
+    method: Method = "sobol"
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+class DrawsSpec(Strict):
+    """`members` draws of a `fit` (saved by `save_fit`), or all of a table, `file`: CSV with a line of names,
+    or NetCDF (of a posterior's samples)."""
+
+    fit: str | None = None
+    file: str | None = None
+    members: Count = 200
+    seed: Annotated[int, Field(ge=0)] = 0
+
+    def part(self, folder: Path, model: Actuator) -> Draws:
+        """The draws; raises InputFileError, QuantityError, FitError."""
+        if (self.fit is None) == (self.file is None):
+            raise InputFileError("draws has either 'fit' or 'file'")
+        if self.fit is not None:
+            return Draws(drawn_parameters(load_fit(folder / self.fit), model, self.members, self.seed))
+        return Draws(_table(folder / str(self.file)))
+
+
+class SteadySpec(Strict):
+    """As `SteadySteps`."""
+
+    kind: Literal["steady"]
+    tolerance: float | str = 1e-10
+    load: Annotated[float, quantity("")] = 1.0
+
+
+class WalkSpec(Strict):
+    """As `WalksFromRest`."""
+
+    kind: Literal["walk"]
+    duration: Seconds | None = None
+    sample_rate: Hertz | None = None
+    tolerance: float | str = 1e-9
+    load: Annotated[float, quantity("")] = 1.0
+    max_steps: Count = 2_000_000
+
+
+class OwnSpec(Strict):
+    """As `Own`: `function` is FILE.py:NAME, its file relative to the study's."""
+
+    kind: Literal["own"]
+    function: str
+    units: dict[str, str] = Field(default_factory=dict)
+
+
+class StudyFile(ModelOrFit):
+    """See the module. `measure` is `steady`, `walk` or `own`; the points are all combinations of `grid`,
+    `random` and `draws`; `summary` is FILE.py:NAME; `keep` and `task` as for `Study`."""
+
+    kind: Literal["study"]
+    title: str = ""
+    notes: str = ""
+    drive: PartSpec | None = None
+    measure: Annotated[SteadySpec | WalkSpec | OwnSpec, Field(discriminator="kind")]
+    grid: dict[str, GridAxisSpec | list[float | str]] = Field(default_factory=dict)
+    random: RandomSpec | None = None
+    draws: DrawsSpec | None = None
+    summary: str | None = None
+    keep: list[str] = Field(default_factory=list)
+    task: Count | None = None
+
+    def study(self, folder: Path) -> Study:
+        """The study; raises InputFileError, QuantityError, RegistryError, ..."""
+        model = self._model(folder)
+        measure = self._measure(folder, model)
+        points: list[Points] = []
+        if self.grid:
+            axes = {
+                name: one.values(name, measure) if isinstance(one, GridAxisSpec) else one
+                for name, one in self.grid.items()
+            }
+            points.append(Grid(axes))
+        if self.random:
+            points.append(
+                Random(self.random.ranges, self.random.members, self.random.method, self.random.seed)
+            )
+        if self.draws:
+            points.append(self.draws.part(folder, model) if model else Draws(self._table_alone(folder)))
+        summary = own_function(self.summary, folder) if self.summary else None
+        return Study(points, measure, summary, tuple(self.keep), self.task, self.title)
+
+    def _model(self, folder: Path) -> Any:
+        if isinstance(self.measure, OwnSpec):
+            if self.model or self.fit or self.drive or self.change or self.friction:
+                raise InputFileError(
+                    "a function of your own has no 'model', 'fit', 'drive', 'change' or 'friction'"
+                )
+            return None
+        return self.load_model(folder)
+
+    def _measure(self, folder: Path, model: Any) -> SteadySteps | WalksFromRest | Own:
+        given = self.measure
+        if isinstance(given, OwnSpec):
+            return Own(own_function(given.function, folder), given.units)
+        if self.drive is None:
+            raise InputFileError("drive is missing")
+        waveform: Waveform = drive_of([self.drive], {}, folder)
+        tolerance = to_si(given.tolerance, unit_for(model, "m"), "measure.tolerance")
+        own = given.model_copy(update={"tolerance": tolerance}).model_dump(exclude={"kind"})
+        return (SteadySteps if isinstance(given, SteadySpec) else WalksFromRest)(model, waveform, **own)
+
+    def _table_alone(self, folder: Path) -> dict[str, Any]:
+        if self.draws is None or self.draws.file is None:
+            raise InputFileError("draws of a function of your own are a 'file'")
+        return _table(folder / self.draws.file)
+
+
+def study_of_file(path: str | os.PathLike[str]) -> Study:
+    """The study that a file describes.
+
+    Raises:
+        InputFileError: the file is not as it must be; names the file and the field.
+    """
+    content = load_yaml(path)
+    if "kind" in content and content["kind"] != "study":
+        raise InputFileError(f"{path}: kind: a study file has the kind 'study', not {content['kind']!r}")
+    try:
+        study = StudyFile.model_validate(content).study(Path(path).parent)
+        _ = study.axes  # what is wrong with them is told with the file's name
+        return study
+    except ValidationError as error:
+        raise explain(path, error, content=content) from error
+    except InputFileError as error:
+        raise InputFileError(f"{path}: {error}") from error
+    except QuantityError as error:
+        raise InputFileError(f"{path}: {error}") from error
+
+
+def _table(path: Path) -> dict[str, Any]:
+    """Columns by name."""
+    try:
+        if path.suffix == ".nc":
+            found = netcdf_columns(path)
+            return {name: values for name, values in found.items() if name != "log_posterior"}
+        table = np.genfromtxt(path, delimiter=",", names=True, dtype=float, encoding="utf-8", deletechars="")
+    except (OSError, ValueError) as error:
+        raise InputFileError(f"draws: {path}: {' '.join(str(error).split())}") from error
+    names = table.dtype.names or ()
+    columns = {name: np.atleast_1d(table[name]) for name in names}
+    for name, column in columns.items():
+        if not np.all(np.isfinite(column)):
+            raise InputFileError(
+                f"draws: {path}: {name}: line {2 + int(np.argmin(np.isfinite(column)))} is no number"
+            )
+    return columns

@@ -1,0 +1,139 @@
+"""Additional analyses of a campaign, on request: posterior, profiles, comparison of models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import xarray as xr
+
+from ...estimate.disturbances import MOVES
+from ...estimate.posterior import Posterior
+from ...estimate.result import Fit
+from ...identify.candidates import Comparison
+from ...identify.walk.bayes import posterior
+from ...identify.walk.compare import compare_walks
+from ...identify.walk.intervals import profile_interval
+from ...identify.walk.position_channel import CHANNEL
+from ...quantities.progress import Progress, within
+from ..analysis.alignment import Aligned
+from ..analysis.comparison import candidates_of, named
+from .file import CampaignFile
+from .kept import Kept
+
+T = TypeVar("T")
+
+_EVALUATIONS = 250  # of each search for a candidate
+# Over the delay that was found: within it, other laws find theirs.
+_LONGEST_DELAY = 10.0
+
+
+class Additional(NamedTuple):
+    """Each None where the file does not ask for it, or it failed; `profiles` by parameter, 95 % intervals in
+    its unit, of those that did not; `failures` are sentences."""
+
+    posterior: Posterior | None = None
+    profiles: dict[str, tuple[float, float]] | None = None
+    choice: Comparison | None = None
+    failures: tuple[str, ...] = ()
+
+
+class Walked(NamedTuple):
+    """A fit of friction, its recordings with their drives, those that it has not seen, and its stage."""
+
+    friction: Fit
+    fitted: list[Aligned]
+    unseen: list[Aligned]
+    stage: Fit | None
+
+    @property
+    def recordings(self) -> list[xr.Dataset]:
+        """Those of the fit."""
+        return [one.recording for one in self.fitted]
+
+
+def additional(
+    file: CampaignFile,
+    friction: Fit,
+    walks: Sequence[Aligned],
+    stage: Fit | None,
+    lacking: bool,
+    folder: Path,
+    progress: Progress,
+    kept: Kept,
+) -> Additional:
+    """What the file asks for, of a fit of friction; a choice of models too where the law is `lacking`.
+
+    What fails is said in the result: the fit stands without it.
+    """
+    of = Walked(
+        friction,
+        [one for one in walks if one.use == "fit"],
+        [one for one in walks if one.use == "verify"],
+        stage,
+    )
+    known: dict[str, Any] = {"drive": [one.drive for one in of.fitted], "slew_rate": file.known_slew_rate}
+    failures: list[str] = []
+    profiles = choice = samples = None
+    if file.profiles:
+        profiles = {}
+        for name in (p.name for p in friction.parameters if p.name not in CHANNEL):
+            progress(f"following the profile of {name}", 0.72)
+            profile = partial(profile_interval, friction, of.recordings, name, **known)
+            of_name = partial(kept.stage, f"profile-{name}", profile)
+            ends = attempted(f"the profile of {name}", of_name, failures)
+            if ends is not None:
+                profiles[name] = ends
+    # A model that does not explain its recordings asks for another law, whether or not the file does, unless
+    # it is known what it lacks, or a fault of an instrument would decide.
+    known_cause = friction.advice is not None and friction.advice.explains
+    known_cause = known_cause or any(one.moves > MOVES for one in friction.disturbances)
+    if file.model_choice or (of.unseen and lacking and not known_cause):
+        compared = partial(_choice, file, of, folder, known, progress)
+        of_laws = partial(kept.stage, "models", compared, file.model_choice)
+        choice = attempted("the comparison of models", of_laws, failures)
+    if file.posterior:
+        progress(f"sampling the posterior, at most {file.posterior_simulations} simulations", 0.85)
+        sampled = partial(
+            posterior,
+            friction,
+            of.recordings,
+            stage=stage,
+            max_simulations=file.posterior_simulations,
+            progress=partial(within, progress, 0.85, 0.15),
+            **known,
+        )
+        of_all = partial(kept.stage, "posterior", sampled, file.posterior_simulations)
+        samples = attempted("the posterior", of_all, failures)
+    return Additional(samples, profiles, choice, tuple(failures))
+
+
+def attempted(what: str, analysis: Callable[[], T], failures: list[str]) -> T | None:
+    """What an analysis beside the fits finds; None where it fails, which is then among the failures."""
+    try:
+        return analysis()
+    except Exception as error:  # whatever it is, the fits took long and are right without it
+        said = str(error) if isinstance(error, ValueError) else repr(error)
+        failures.append(f"{what} failed: {' '.join(said.split())}")
+        return None
+
+
+def _choice(
+    file: CampaignFile, of: Walked, folder: Path, known: dict[str, Any], progress: Progress
+) -> Comparison:
+    model, delay = of.friction.model, of.friction.values.get("delay", 0.0)
+    return compare_walks(
+        of.recordings,
+        [one.recording for one in of.unseen],
+        model,
+        named(candidates_of(model), file.model_choice, folder=folder),
+        unseen_drive=[one.drive for one in of.unseen],
+        begin={"delay": delay},
+        bounds={"delay": (0.0, _LONGEST_DELAY * delay)} if delay > 0.0 else None,
+        hops=0,
+        max_evaluations=_EVALUATIONS,
+        progress=partial(within, progress, 0.75, 0.1),
+        **known,
+    )

@@ -1,0 +1,120 @@
+"""The sections of the report on what a campaign does on request: see `additional`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...identify.walk.bayes import Posterior
+from ...identify.walk.position_channel import CHANNEL
+from ...report import Column, Number, Picture, Section, Table
+from ...report.figures.posterior import posterior_corner
+from ...report.figures.style import svg
+from ..analysis.comparison import choice_numbers, choice_section
+from .evaluation import Found
+from .stage import unit_of
+
+
+def additional_numbers(found: Found) -> dict[str, Any]:
+    """For results.json: what was asked for."""
+    more, numbers = found.additional, {}
+    if more.profiles is not None:
+        numbers["profiles"] = {
+            name: Number(found.friction.values[name], unit_of(found.friction, name), *ends)
+            for name, ends in more.profiles.items()
+        }
+    if more.posterior is not None:
+        numbers["posterior"] = {
+            **_estimates(more.posterior),
+            "converged": more.posterior.converged,
+            "message": more.posterior.message,
+        }
+    if more.choice is not None:
+        numbers["model_choice"] = choice_numbers(more.choice)
+    return numbers
+
+
+def additional_sections(found: Found, *, figures: bool) -> list[Section]:
+    """Those that were asked for."""
+    more, sections = found.additional, []
+    if more.profiles is not None or more.posterior is not None:
+        sections.append(_without_linearisation(found, figures))
+    if more.choice is not None:
+        sections.append(choice_section(more.choice, found.friction.recordings[0].n_data, figures))
+    return sections
+
+
+def _estimates(posterior: Posterior) -> dict[str, Number]:
+    found = {}
+    for name in map(str, posterior.summary["parameter"].values):
+        row = posterior.summary.sel(parameter=name)
+        ends = float(row["low"]), float(row["high"])
+        unit = posterior.samples[name].attrs["units"]
+        found[name] = Number(float(row["mean"]), unit, *ends, float(row["sd"]))
+    return found
+
+
+def _without_linearisation(found: Found, figures: bool) -> Section:
+    fit, more = found.friction, found.additional
+    names = [p.name for p in fit.shown if not p.fixed and p.name not in CHANNEL]
+    columns, said, tables, pictures = [Column("parameter"), Column("linearised")], [], [], []
+    of: list[dict[str, Number]] = [
+        {n: Number(fit.values[n], unit_of(fit, n), *ends) for n, ends in fit.confidence_intervals().items()}
+    ]
+    if more.profiles is not None:
+        columns.append(Column("profile likelihood"))
+        of.append(
+            {n: Number(fit.values[n], unit_of(fit, n), *ends) for n, ends in more.profiles.items()},
+        )
+        said.append("Profile likelihood: each value is fixed, and all others fitted again.")
+    if more.posterior is not None:
+        columns.append(Column("posterior"))
+        of.append(_estimates(more.posterior))
+        prior = "those of the stage have the estimate and covariance of the steps as prior"
+        said.append(
+            "Posterior: by importance sampling and chains, the prior flat within the bounds of the fit (in "
+            "the logarithm of what is fitted by it); "
+            f"{prior if found.stage else 'the stage is taken as known'}. "
+            f"{more.posterior.message[0].upper()}{more.posterior.message[1:]}."
+        )
+        tables.append(_chain(more.posterior))
+        if figures:
+            pictures.append(
+                Picture(
+                    "campaign-posterior",
+                    "Posterior of the friction parameters: each alone, and by pairs (half and nine tenths of "
+                    "the samples within the lines); dashed, the estimate of the fit.",
+                    svg(
+                        posterior_corner(
+                            {n: more.posterior.samples[n].values.ravel() for n in names},
+                            {n: unit_of(fit, n) for n in names},
+                            {n: fit.values[n] for n in names},
+                        )
+                    ),
+                    "Histograms of each friction parameter and contours of each pair of them",
+                )
+            )
+    rows = [(n, *(by.get(n) for by in of)) for n in names]
+    first = Table(
+        "95 % intervals of the same fit by different means.",
+        columns,
+        rows,
+        notes="The errors of the stage are in the posterior only.",
+    )
+    return Section(
+        "Intervals without linearisation", paragraphs=said, tables=(first, *tables), figures=pictures
+    )
+
+
+def _chain(posterior: Posterior) -> Table:
+    columns = (
+        Column("parameter"),
+        Column("mean [95 %, highest density]"),
+        Column("R-hat", "", 4),
+        Column("effective samples", "", 3),
+        Column("in the tails", "", 3),
+    )
+    rows = []
+    for name, number in _estimates(posterior).items():
+        row = posterior.summary.sel(parameter=name)
+        rows.append((name, number, *(float(row[k]) for k in ("r_hat", "ess", "ess_tail"))))
+    return Table("The posterior of all that was sampled.", columns, rows)

@@ -1,0 +1,158 @@
+"""Uncertainty budget of the friction parameters: the stage's and the sensor's scale are not exact either.
+
+The fit takes the stage's values as they were identified before. What their errors do to it is linearised:
+a change g of what was taken as known moves the estimate by -(JᵀJ + P)⁻¹ Jᵀ G g, with J and G the derivatives
+of the position by what was fitted and by what was taken, and P what priors hold the estimate with. Hysteresis
+and creep have no such derivatives: there G g is what other stages make of the position, each identified
+without a part of the recordings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...estimate.drift import off_by_drifts
+from ...estimate.moves import noise_of_data, of_priors
+from ...estimate.result import Fit
+from ...identify.piezo.left_out import spread
+from ...identify.step.fit import STAGE_PARAMETERS
+from ...identify.walk.displacement import Displacement, has_slopes
+from ...identify.walk.other_stages import moved_by
+from ...identify.walk.position_channel import CHANNEL
+from ...identify.walk.walks import by_coordinates, by_values, columns_of
+from ...physics.actuator import Actuator
+from ..analysis.alignment import POSITION, Aligned
+from .gathering import Scale
+
+LEVEL = 0.95
+_TOLERANCE = 1e-11
+
+Array = NDArray[np.float64]
+
+
+class Budget(NamedTuple):
+    """Standard errors of each parameter, by source, and their sum; in the unit of the parameter."""
+
+    sources: dict[str, dict[str, float]]
+    total: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+
+
+class Inherited(NamedTuple):
+    """What a fit took as known: how its coordinates move with each of the stage's values and with the log of
+    the sensor's scale, and the covariance of the stage's values [`STAGE_PARAMETERS`], None where they are
+    exact; how they move with each of the `others` [coordinates, stages], None without hysteresis; and with a
+    standard error of the drift that was taken off each walk [coordinates, walks], None without any."""
+
+    moved: dict[str, Array]
+    stage: Array | None
+    others: Array | None = None
+    drift: Array | None = None
+
+    def by_stage(self) -> Array:
+        """How the coordinates move with the stage's values, [coordinates, `STAGE_PARAMETERS`]."""
+        return np.column_stack([self.moved[name] for name in STAGE_PARAMETERS])
+
+
+def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
+    """The error budget of a friction fit, with what it took as known and the scale of a sensor."""
+    names = [p.name for p in fit.shown if p.name not in CHANNEL and not p.fixed]
+    by_source = {"noise of the recordings": fit.uncertainty.covariance}
+    if freed(fit):
+        by_source["noise of the recordings"], by_source["stage from the steps"] = _shares(fit)
+    if taken is not None:
+        moved = taken.moved
+        if taken.stage is not None:
+            by = taken.by_stage()
+            by_source["stage from the steps"] = by @ taken.stage @ by.T
+        if taken.others is not None:
+            root = spread(list(taken.others.T))
+            by_source["hysteresis and creep"] = root @ root.T
+        if taken.drift is not None:
+            by_source["drift of the sensor"] = taken.drift @ taken.drift.T
+        if scale is not None and scale.standard_error > 0:
+            # A position read too large by a share makes the gain too large by the same.
+            relative = scale.standard_error / scale.value
+            by_scale = moved["scale"] - (moved["gain"] * fit.model.gain if taken.stage is not None else 0.0)
+            by_source["scale of the sensor"] = relative**2 * np.outer(by_scale, by_scale)
+
+    def with_covariance(covariance: Array) -> Fit:
+        return replace(fit, uncertainty=fit.uncertainty._replace(covariance=covariance))
+
+    whole = with_covariance(np.sum(list(by_source.values()), axis=0))
+    intervals, deviations = whole.confidence_intervals(LEVEL), whole.standard_errors
+    errors = {source: with_covariance(one).standard_errors for source, one in by_source.items()}
+    return Budget(
+        {source: {name: of[name] for name in names} for source, of in errors.items()},
+        {name: deviations[name] for name in names},
+        {name: intervals[name] for name in names},
+    )
+
+
+def freed(fit: Fit) -> list[int]:
+    """Where the values of the stage stand among those that a fit has found itself."""
+    return [i for i, p in enumerate(fit.parameters) if p.name in STAGE_PARAMETERS]
+
+
+def _shares(fit: Fit) -> tuple[Array, Array]:
+    """The covariance of a fit if the stage that it found were exact, and what that is not adds."""
+    whole, at = fit.uncertainty.covariance, freed(fit)
+    deviations = np.sqrt(np.diag(whole)[at])
+    by = whole[:, at] / deviations
+    by_stage = by @ np.linalg.inv(by[at] / deviations[:, None]) @ by.T
+    alone = whole - by_stage
+    alone[at] = alone[:, at] = 0.0
+    return alone, by_stage
+
+
+def inherited(
+    fit: Fit,
+    fitted: list[Aligned],
+    stage: Fit | None,
+    slew_rate: float | None,
+    stages: Sequence[Actuator] = (),
+) -> Inherited | None:
+    """Of a friction fit to `fitted` with the stage of `stage`, and `stages` that might be it as well; None
+    for a law without derivatives."""
+    if fit.model is None or not has_slopes(fit.model):
+        return None
+    columns, names = [], [*(p.name for p in fit.parameters), *STAGE_PARAMETERS]
+    for one in fitted:
+        motion = Displacement(one.recording, one.drive, one.name, fit.model, _TOLERANCE, slew_rate)
+        columns.append({**columns_of(motion, fit, names), "scale": one.recording[POSITION].values})
+    stacked = {name: np.concatenate([c[name] for c in columns]) for name in columns[0]}
+    jacobian = by_coordinates(stacked, fit)
+    held = np.zeros((0, jacobian.shape[1]))
+    if stage is not None and freed(fit):  # what is known of it holds it, as it did in the fit
+        held = np.zeros((len(freed(fit)), jacobian.shape[1]))
+        own = [[p.name for p in stage.parameters].index(fit.parameters[i].name) for i in freed(fit)]
+        known = stage.uncertainty.covariance[np.ix_(own, own)]
+        held[:, freed(fit)] = fit.rmse * np.linalg.cholesky(np.linalg.inv(known)).T
+    held = np.concatenate([held, noise_of_data(fit)[0] * of_priors(fit)])
+    jacobian = np.concatenate([jacobian, held])
+    size = np.linalg.norm(jacobian, axis=0)
+
+    def answer(columns: Array) -> Array:
+        """By how much the coordinates move with each of the columns [samples, k]."""
+        columns = np.concatenate([columns, np.zeros((len(held), columns.shape[1]))])
+        return -np.linalg.lstsq(jacobian / size, columns, rcond=None)[0] / size[:, None]
+
+    taken = np.column_stack([by_values(stacked, fit, STAGE_PARAMETERS), stacked["scale"]])
+    moved = {name: column for name, column in zip((*STAGE_PARAMETERS, "scale"), answer(taken).T, strict=True)}
+    others = drift = None
+    if stages:
+        recordings, drives = [one.recording for one in fitted], [one.drive for one in fitted]
+        others = answer(moved_by(fit, stages, recordings, drives, slew_rate))
+    if any(one.drift is not None for one in fitted):
+        times = [one.recording["time"].values for one in fitted]
+        drift = answer(off_by_drifts(times, [one.drift for one in fitted]))
+    if stage is None or freed(fit):
+        return Inherited(moved, None, others, drift)
+    names = [p.name for p in stage.parameters]
+    at = [names.index(name) for name in STAGE_PARAMETERS]
+    return Inherited(moved, stage.covariance[np.ix_(at, at)], others, drift)

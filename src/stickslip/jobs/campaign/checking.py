@@ -1,0 +1,61 @@
+"""Check of a campaign file as a whole, before anything is recorded or computed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from ...identify.verification import Requirement
+from ...identify.walk.asked import check_asked
+from ...physics.actuator import Actuator
+from ...quantities.input_file import InputFileError
+from ...quantities.records import did_you_mean
+from ..analysis.comparison import candidates_of, checked_laws
+from .file import CampaignFile, CellsSpec
+
+
+def check_campaign(file: CampaignFile, folder: Path, cells: Sequence[str]) -> Actuator:
+    """Check model, parameters, requirements, laws and names; returns the model at which the fit starts.
+
+    Args:
+        file: as read.
+        folder: where its paths begin.
+        cells: names of the recordings of the experiment.
+
+    Raises:
+        QuantityError: a parameter cannot be free, its bounds or its prior are wrong; or a requirement or a
+            law is.
+        InputFileError: no recording fits a pattern, or there is none of a name that `published` has.
+        ParameterSetError: there is no such model.
+    """
+    model = file.load_model(folder)
+    for text in file.require:
+        Requirement.parse(text)
+    checked_laws(candidates_of(model), file.model_choice, model, folder, "model_choice")
+    asked = {"bounds": file.bounds, "priors": file.priors, "tied": file.tied, "noise": file.noise}
+    check_asked(model, [*file.free, "delay", "offset"], **asked)
+    names, left = list[str](), list(cells)
+    for i, spec in enumerate(file.recordings):
+        if not isinstance(spec, CellsSpec):
+            names.append(spec.label)
+            continue
+        fitting = [name for name in left if fnmatchcase(name, spec.cells)]
+        if not fitting:
+            there = ", ".join(left[:10]) or "none"
+            raise InputFileError(
+                f"recordings.{i}: no cell that is left fits {spec.cells!r}; left are {there}"
+            )
+        left = [name for name in left if name not in fitting]
+        names += fitting
+    for name in names:
+        if names.count(name) > 1:
+            raise InputFileError(f"recordings: two are called {name!r}; give each a 'name'")
+    known = ["step", *names]
+    for name in file.published:
+        if name not in known:
+            raise InputFileError(
+                f"published: there is no recording {name!r}{did_you_mean(name, known)}; "
+                f"there are {', '.join(known)}"
+            )
+    return model

@@ -1,0 +1,303 @@
+"""From gathered recordings to what a campaign found: scale, stage, friction, prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import xarray as xr
+
+from ...estimate.blas import single_threaded
+from ...estimate.disturbed import lack_beside_faults
+from ...estimate.influence import PriorInfluence, prior_influence
+from ...estimate.lack import said
+from ...estimate.result import Fit
+from ...identify.recorded.screen import Moved, driven, refuse_inverted, refuse_walk
+from ...identify.scales import scale_uncertainty
+from ...identify.step.fit import identify_step, step_formula_errors
+from ...identify.verification import Requirement, Verification, verify
+from ...identify.walk.diagnosis import correlated, with_advice_of
+from ...identify.walk.displacement import has_slopes
+from ...identify.walk.explained import (
+    Explained,
+    contradicted,
+    diagnosed_together,
+    explained,
+    with_minimum_of_all,
+)
+from ...identify.walk.friction import identify_friction
+from ...identify.walk.joint import jointly
+from ...identify.walk.prediction import Predictor
+from ...physics.actuator import Actuator
+from ...quantities.progress import Progress
+from ...recording.chain import Chain
+from ..analysis.alignment import POSITION, Aligned, on_level, without_drift
+from .additional import Additional, additional, attempted
+from .budget import Budget, Inherited, budget, inherited
+from .features import features_of
+from .file import CampaignFile
+from .gathering import Scale, scale_of, scaled
+from .hysteresis import Hysteresis, hysteresis_of
+from .kept import Kept
+
+WALKS = ("fit", "verify")
+# Of the steps' formulas with other noise.
+_REPETITIONS = 50
+
+
+class Found(NamedTuple):
+    """What a campaign found.
+
+    `gathered` are the recordings in the scale of the reference, walks less their drift; `scale` is None
+    without a reference, `stage` and `formulas` (how far the thesis's formulas are off, see
+    `step_formula_errors`) without steps;
+    `hysteresis` is that of the stage, None without recordings of it; `start` is the actuator that the fit of
+    the friction began with; `inherited` is what that fit takes over from stage and scale, None without both
+    or for a law without derivatives; `walks` are the recordings of `verification`, in its order, and
+    `features` what they show without a model; `chain` is what the prediction takes between the model and the
+    channel; `everything` are the fits to all walks, which say whether one set of values explains them;
+    `additional` is what was done on request; `priors`, what each did to the fit of the friction.
+    """
+
+    gathered: list[Aligned]
+    scale: Scale | None
+    stage: Fit | None
+    formulas: xr.Dataset | None
+    hysteresis: Hysteresis | None
+    start: Actuator
+    friction: Fit
+    inherited: Inherited | None
+    budget: Budget
+    walks: list[Aligned]
+    features: dict[str, xr.Dataset | str]
+    chain: Chain
+    verification: Verification
+    everything: Explained
+    failures: list[str]
+    additional: Additional
+    priors: tuple[PriorInfluence, ...] = ()
+
+    @property
+    def widened_stage(self) -> Fit | None:
+        """The fit of the steps with the errors of hysteresis and creep in its intervals."""
+        if self.stage is None or self.hysteresis is None:
+            return self.stage
+        return self.hysteresis.widened(self.stage)
+
+
+@single_threaded
+def evaluate(
+    file: CampaignFile,
+    model: Actuator,
+    gathered: Sequence[Aligned],
+    progress: Progress,
+    folder: Path = Path(),
+    kept: Kept = Kept(),  # noqa: B008  # never changed
+) -> Found:
+    """Fit and verify; `model` is where the fits start, `folder` where the file is, `kept` the stages of an
+    earlier run.
+
+    Raises:
+        RecordingError: a recording is not what it must be.
+        FitError, QuantityError: a fit has nothing to begin with, or the file names what does not exist.
+    """
+    requirements = [Requirement.parse(text) for text in file.require]
+    recordings = list(gathered)
+    scale, rate = None, file.known_slew_rate
+    if file.reference is not None:
+        steps = [one for one in recordings if one.use == "step"]
+        scale = scale_of(steps, file.reference, file.settling)
+        share = scale_uncertainty([one.recording for one in steps], file.reference)
+        recordings = [scaled(one, scale.value, share) for one in recordings]
+    recordings = [without_drift(one) if one.use in WALKS else one for one in recordings]
+    _refuse_inverted(recordings, model)
+    hysteresis, stage, formulas, model = _stage(file, recordings, model, progress, kept)
+    progress("identifying the friction", 0.2)
+    walks = [on_level(one, model) for one in recordings if one.use in WALKS]
+    for one in walks:
+        refuse_walk(moved(one), model)
+    fitted = [one for one in walks if one.use == "fit"]
+    of_one = partial(_friction, file, fitted, model, stage, diagnose=len(walks) == len(fitted))
+    alone = friction = kept.stage("friction", of_one)
+    widened = stage
+    if hysteresis is not None and stage is not None:
+        widened = hysteresis.widened(stage)
+        if has_slopes(friction.model):
+            progress("identifying friction and stage at once", 0.6)
+            data, drives = [one.recording for one in fitted], [one.drive for one in fitted]
+            at_once = partial(jointly, alone, data, drives, widened, rate, model, file.hops)
+            friction = kept.stage("friction-and-stage", at_once)
+    stages = () if hysteresis is None else hysteresis.stages
+    everything = Explained(friction, friction, friction.lack)
+    if len(walks) > len(fitted):
+        everything = kept.stage("all-walks", partial(_explained, file, alone, walks, stage, stages))
+    if friction is alone:
+        alone = friction = _in_the_minimum_of_all(file, alone, everything, fitted, stage, kept)
+    progress("predicting", 0.7)
+    chain = Chain(friction.values["delay"], 0.0, scale.value if scale else 1.0, file.slew_rate, zeroed=True)
+    predictor = Predictor(friction.model, chain)
+    verification = verify(
+        predictor,
+        [one.recording for one in walks],
+        drive=[one.drive for one in walks],
+    )
+    lacking = dict.fromkeys(said((*friction.lack, *everything.lacks)))
+    if len(walks) > len(fitted) and (lacking or correlated(everything.known)):
+        progress("looking for what the model lacks", 0.71)
+        together = kept.stage("advice", partial(_advised, file, everything, walks))
+        alone, friction = (with_advice_of(one, together) for one in (alone, friction))
+    law_lacks = bool(said((*lack_beside_faults(friction), *everything.lacks_beside_faults)))
+    also = stage or scale or stages or any(one.drift for one in fitted)
+    taken = inherited(friction, fitted, widened, rate, stages) if also else None
+    more = additional(file, alone, walks, stage, law_lacks, folder, progress, kept)
+    failed = [*more.failures]
+    influence = partial(_influence, file, fitted, model, stage, alone)
+    priors = attempted("the fit without priors", partial(kept.stage, "priors", influence), failed)
+    return Found(
+        recordings,
+        scale,
+        stage,
+        formulas,
+        hysteresis,
+        model,
+        friction,
+        taken,
+        budget(friction, taken, scale),
+        walks,
+        features_of(walks),
+        chain,
+        verification,
+        everything,
+        [
+            *verification.unmet(requirements),
+            *dict.fromkeys([*(stage.failures if stage else ()), *friction.failures, *lacking]),
+            *failed,
+        ],
+        more._replace(failures=tuple(failed)),
+        priors or (),
+    )
+
+
+def moved(one: Aligned) -> Moved:
+    """The recording as the screen takes it."""
+    position, name = one.recording[POSITION], one.name
+    unit = str(position.attrs.get("units", "") or "m")
+    drive = driven(one.recording, one.wanted, name)
+    return Moved(name, POSITION, unit, one.recording["time"].values, position.values, drive)
+
+
+def _refuse_inverted(recordings: Sequence[Aligned], model: Actuator) -> None:
+    steps = [moved(one) for one in recordings if one.use == "step"]
+    refuse_inverted(steps, [moved(one) for one in recordings if one.use in WALKS], model)
+
+
+class _Stage(NamedTuple):
+    """See `Found`; `model` is the actuator with what was identified."""
+
+    hysteresis: Hysteresis | None
+    fit: Fit | None
+    formulas: xr.Dataset | None
+    model: Actuator
+
+
+def _stage(
+    file: CampaignFile, recordings: Sequence[Aligned], model: Actuator, progress: Progress, kept: Kept
+) -> _Stage:
+    """Hysteresis and creep, then the mode, as far as there are recordings for them."""
+    hysteresis = None
+    if any(one.use == "piezo" for one in recordings):
+        progress("identifying hysteresis and creep", 0.0)
+        hysteresis = kept.stage("hysteresis", partial(hysteresis_of, file, recordings, model))
+        model = hysteresis.fit.model
+    steps = [one.recording for one in recordings if one.use == "step"]
+    if not steps:
+        return _Stage(hysteresis, None, None, model)
+    progress("identifying the stage", 0.1)
+
+    def of_steps(of: Actuator) -> Fit:
+        return identify_step(steps, of, filter=file.filter, slew_rate=file.known_slew_rate)
+
+    fit = kept.stage("stage", partial(of_steps, model))
+    if hysteresis is not None:
+        hysteresis = kept.stage("hysteresis-of-stages", partial(hysteresis.refitted, of_steps))
+    formulas = kept.stage("formulas", partial(step_formula_errors, fit, steps, n=_REPETITIONS))
+    return _Stage(hysteresis, fit, formulas, fit.model)
+
+
+def _influence(
+    file: CampaignFile, fitted: Sequence[Aligned], model: Actuator, stage: Fit | None, friction: Fit
+) -> tuple[PriorInfluence, ...]:
+    """What the priors did, beside a fit without them."""
+    if not file.priors:
+        return ()
+    alone = _friction(file.model_copy(update={"priors": {}}), fitted, model, stage, diagnose=False)
+    return prior_influence(alone, friction)
+
+
+def _friction(
+    file: CampaignFile,
+    fitted: Sequence[Aligned],
+    model: Actuator,
+    stage: Fit | None,
+    *,
+    diagnose: bool = True,
+) -> Fit:
+    return identify_friction(
+        [one.recording for one in fitted],
+        model,
+        [*file.free, "delay", "offset"],
+        drive=[one.drive for one in fitted],
+        begin=None if stage is None else {"delay": stage.values["delay"]},
+        bounds=file.bounds,
+        tied=file.tied,
+        priors=file.priors,
+        noise=file.noise,
+        hops=file.hops,
+        slew_rate=file.known_slew_rate,
+        diagnose=diagnose,
+    )
+
+
+def _explained(
+    file: CampaignFile, friction: Fit, walks: Sequence[Aligned], stage: Fit | None, stages: Sequence[Actuator]
+) -> Explained:
+    return explained(
+        friction,
+        [one.recording for one in walks],
+        [one.drive for one in walks],
+        file.free,
+        stage=stage,
+        stages=stages,
+        slew_rate=file.known_slew_rate,
+        bounds=file.bounds,
+    )
+
+
+def _in_the_minimum_of_all(
+    file: CampaignFile,
+    alone: Fit,
+    everything: Explained,
+    fitted: Sequence[Aligned],
+    stage: Fit | None,
+    kept: Kept,
+) -> Fit:
+    """The fit to some walks, searched again from the values of all walks where these contradict it."""
+    if not contradicted(alone, everything):
+        return alone
+    near = file.model_copy(update={"hops": 0})
+    begun = partial(_friction, near, fitted, everything.known.model, stage, diagnose=False)
+    return with_minimum_of_all(alone, kept.stage("other-minimum", begun))
+
+
+def _advised(file: CampaignFile, found: Explained, walks: Sequence[Aligned]) -> Fit:
+    """The fit to all walks with advice on what its model lacks."""
+    return diagnosed_together(
+        found,
+        [one.recording for one in walks],
+        [one.drive for one in walks],
+        file.free,
+        slew_rate=file.known_slew_rate,
+        bounds=file.bounds,
+    )

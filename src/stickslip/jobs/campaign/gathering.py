@@ -1,0 +1,142 @@
+"""The recordings of a campaign, ready to be fitted: cut, without bias, in the scale of the reference."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ...identify.recorded.channels import channel
+from ...quantities.input_file import InputFileError
+from ...quantities.progress import Progress
+from ...quantities.units import QuantityError
+from ...recording import SCALE_UNCERTAINTY, RecordingError
+from ...rig.experiment import Recorded
+from ...rig.experiment.cells import drive_of
+from ...rig.experiment.file import ExperimentFile
+from ...rig.experiment.running import record_experiment
+from ...waveform.signal import Waveform
+from ..analysis.alignment import POSITION, Aligned, aligned, aligned_by_itself, with_position
+from .file import CampaignFile, OwnSpec
+
+# s, beside a step: the mean over so much of rest is a level.
+LEVEL = 0.05
+
+
+class Scale(NamedTuple):
+    """The position channel over the reference on clamped steps: mean ratio, its standard error, and each."""
+
+    value: float
+    standard_error: float
+    ratios: tuple[float, ...]
+
+
+def gather(
+    file: CampaignFile,
+    folder: Path,
+    out: Path,
+    progress: Progress,
+    experiment: tuple[ExperimentFile, Path] | None = None,
+) -> tuple[list[Aligned], list[Recorded]]:
+    """All recordings; what is wrong with a user's own is told before those of the experiment are recorded.
+
+    Those go into ``out/recordings`` unless they are there.
+
+    Args:
+        file, folder: of a campaign that `check_campaign` has passed.
+        out: the folder.
+        progress: called with what is recorded.
+        experiment: whose cells are meant, and the folder of its paths.
+
+    Raises:
+        InputFileError: a recording's drive is wrong.
+        RecordingError: a file cannot be read, or is not what it must be.
+    """
+    found = {
+        i: _own(spec, file, folder) for i, spec in enumerate(file.recordings) if isinstance(spec, OwnSpec)
+    }
+    recorded: list[Recorded] = []
+    left: dict[str, tuple[Waveform, xr.Dataset]] = {}
+    if experiment is not None:
+        recorded = record_experiment(
+            *experiment,
+            out / "recordings",
+            progress,
+            lambda cell, recording: left.update({cell.name: (cell.drive, recording)}),
+            label=folder / (file.experiment or "experiment"),
+        )
+    gathered: list[Aligned] = []
+    for i, spec in enumerate(file.recordings):
+        if isinstance(spec, OwnSpec):
+            gathered.append(found[i])
+            continue
+        for name in [name for name in left if fnmatchcase(name, spec.cells)]:
+            drive, whole = left.pop(name)
+            gathered.append(aligned(whole, drive, name, file.slew_rate)._replace(use=spec.use))
+    return gathered, recorded
+
+
+def _own(spec: OwnSpec, file: CampaignFile, folder: Path) -> Aligned:
+    """A recording of the user's own."""
+    whole = spec.cut(spec.read(folder))
+    try:
+        drive = drive_of(spec.waveform, {}, folder) if spec.waveform else None
+    except QuantityError as error:
+        raise InputFileError(f"recordings: {spec.label}: {error}") from error
+    try:
+        if drive is None and spec.use != "piezo":  # of those every sample of the drive counts
+            one = aligned_by_itself(whole, spec.label, file.slew_rate)
+        else:
+            one = aligned(whole, drive, spec.label, file.slew_rate)
+        if file.reference is not None and spec.use in ("piezo", "step"):
+            channel(whole, file.reference, spec.label, varies=True)
+    except RecordingError as error:
+        raise RecordingError(f"{spec.file}: {error}") from None
+    return one._replace(use=spec.use)
+
+
+def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> Scale:
+    """How the position channel stands to a reference: their changes over each clamped step.
+
+    Args:
+        steps: of the clamped end-effector.
+        reference: a channel in the unit of the position.
+        settling: s after the step, left out.
+
+    Raises:
+        RecordingError: there is no step, or no such channel, or a level lasts too short.
+    """
+    if not steps:
+        raise RecordingError(f"the scale of {POSITION} is taken from clamped steps, and there is none")
+    ratios = []
+    for one in steps:
+        values = channel(one.recording, reference, one.name, varies=True)
+        unit, own = (one.recording[name].attrs["units"] for name in (reference, POSITION))
+        if unit != own:
+            raise QuantityError(f"{reference} of {one.name} is in {unit}: a reference must be in {own}")
+        since = one.recording["time"].values - one.begin
+        before = (since < -1e-3) & (since > -1e-3 - LEVEL)
+        after = (since > settling) & (since < settling + LEVEL)
+        if np.count_nonzero(before) < 10 or np.count_nonzero(after) < 10:
+            raise RecordingError(f"{one.name} has less than 10 samples at rest before or after its step")
+        position = one.recording[POSITION].values
+        changes = [float(x[after].mean() - x[before].mean()) for x in (position, values)]
+        ratios.append(changes[0] / changes[1])
+    error = float(np.std(ratios, ddof=1) / math.sqrt(len(ratios))) if len(ratios) > 1 else 0.0
+    return Scale(float(np.mean(ratios)), error, tuple(ratios))
+
+
+def scaled(one: Aligned, scale: float, share: float = 0.0) -> Aligned:
+    """Return the recording with its position divided by the scale.
+
+    What is known of the position's scale is then `share`, that of the reference; 0 where nothing is.
+    """
+    recording = with_position(one.recording, one.recording[POSITION].values / scale)
+    attrs = {k: v for k, v in recording[POSITION].attrs.items() if k != SCALE_UNCERTAINTY}
+    recording[POSITION].attrs = attrs | ({SCALE_UNCERTAINTY: share} if share else {})
+    return one._replace(recording=recording, noise=one.noise / scale)

@@ -1,0 +1,157 @@
+"""Finished stages of a campaign in files, with which the same command continues after an interruption.
+
+A stage is found again by a hash of all that it is computed from: recordings, model, settings and the program
+itself. Whatever changes, the stages that depend on it are computed again. A stage is JSON of records (see
+`estimate.saved`): reading it runs no code.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import inspect
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from ...estimate.influence import PriorInfluence
+from ...estimate.lack import Lack
+from ...estimate.posterior import Posterior
+from ...estimate.saved import packed, unpacked
+from ...gate.errors import GateError, damaged
+from ...gate.text import MOST_RESULT_BYTES, load_json, read_file, unzipped
+from ...identify.candidates import Comparison
+from ...identify.saved import saved_types
+from ...identify.walk.explained import Explained
+from ...physics.actuator import Actuator
+from ...recording.replacing import replaced_whole
+from ..analysis.alignment import Aligned
+from .file import CampaignFile
+from .hysteresis import Hysteresis
+
+FOLDER = "stages"
+# What no fit depends on; recordings count by what is in them.
+_OF_THE_REPORT = {"title", "notes", "experiment", "recordings", "published", "require"}
+# What is computed beside the fits: each has a stage of its own, with its own settings.
+_BESIDE = {"posterior", "posterior_simulations", "profiles", "model_choice"}
+
+_TYPES = (Comparison, Explained, Hysteresis, Lack, Posterior, PriorInfluence)
+
+T = TypeVar("T")
+
+
+class Kept(NamedTuple):
+    """The stages in a folder that were computed from what `key` is the hash of; None: none are kept.
+
+    `types` are those of a user's own laws, by name.
+    """
+
+    folder: Path | None = None
+    key: str = ""
+    types: dict[str, type] = {}  # noqa: RUF012  # never changed
+
+    @classmethod
+    def of(
+        cls,
+        file: CampaignFile,
+        model: Actuator,
+        gathered: Sequence[Aligned],
+        folder: Path,
+        laws: Sequence[type],
+    ) -> Kept:
+        """The stages of a campaign, in a folder that is made with the first of them.
+
+        Args:
+            file: the settings.
+            model: where the fits start.
+            gathered: the recordings.
+            folder: where the stages are.
+            laws: those that are fitted.
+        """
+        found = hashlib.sha256(_program().encode())
+        found.update(file.model_dump_json(exclude=_OF_THE_REPORT | _BESIDE).encode())
+        found.update(json.dumps(packed(model)).encode())
+        for law in laws:
+            found.update(_source(law))
+        for one in gathered:
+            for part in _parts(one):
+                found.update(part)
+        return cls(folder, found.hexdigest(), {law.__name__: law for law in laws})
+
+    def stage(self, name: str, compute: Callable[[], T], settings: object = None) -> T:
+        """Return what a stage found before, else compute and keep it.
+
+        Args:
+            name: of the stage.
+            compute: what finds it.
+            settings: of this stage alone.
+        """
+        if self.folder is None:
+            return compute()
+        whole = hashlib.sha256(f"{self.key} {name} {settings!r}".encode()).hexdigest()
+        path = self.folder / f"{name}-{whole[:16]}.json.gz"
+        found = self._read(path, whole)
+        if found is not None:
+            return found[0]
+        made = compute()
+        try:
+            text = json.dumps({"key": whole, "stage": packed(made)})
+        except TypeError:  # a part of it is no record: what needs it computes it again
+            return made
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with replaced_whole(path) as temporary:
+            temporary.write_bytes(gzip.compress(text.encode(), 1))
+        return made
+
+    def _read(self, path: Path, key: str) -> tuple[Any] | None:
+        """Read a stage; None where there is none, or its file is damaged: then it is computed again."""
+        types = {one.__name__: one for one in _TYPES}
+        try:
+            with damaged(GateError, str(path)):
+                content = load_json(unzipped(read_file(path, MOST_RESULT_BYTES), str(path)), str(path))
+                if content["key"] != key:
+                    return None
+                return (unpacked(content["stage"], saved_types() | types | self.types),)
+        except GateError:
+            return None
+
+
+def own_laws(file: CampaignFile, folder: Path) -> list[type]:
+    """Return the laws of the user's own that a campaign compares."""
+    choice = [] if isinstance(file.model_choice, bool) else file.model_choice
+    return [type(one.candidate(folder).model) for one in choice if not isinstance(one, str)]
+
+
+def _program() -> str:
+    """A hash of the package's source."""
+    found = hashlib.sha256()
+    root = Path(__file__).parents[2]
+    for path in sorted(root.rglob("*.py")):
+        found.update(path.read_bytes())
+    return found.hexdigest()
+
+
+def _source(law: type) -> bytes:
+    """The file that a law is in."""
+    try:
+        return Path(inspect.getfile(law)).read_bytes()
+    except (OSError, TypeError):
+        return law.__qualname__.encode()
+
+
+def _parts(one: Aligned) -> Iterable[bytes]:
+    """All of a recording that a fit depends on."""
+    yield repr((one.name, one.use, one.begin, one.noise, one.forward)).encode()
+    for name in sorted(map(str, one.recording.variables)):
+        values = one.recording[name]
+        yield repr((name, values.attrs.get("units"))).encode()
+        if values.dtype.kind in "fiub":
+            yield np.ascontiguousarray(values.values).tobytes()
+    for drive in (one.wanted, one.drive):
+        if drive is not None:
+            table = drive.drive(float(one.recording["time"][-1]))
+            for part in (np.array(table.before), table.start, table.polynomial, table.first, table.harmonic):
+                yield np.ascontiguousarray(part).tobytes()

@@ -1,0 +1,75 @@
+"""Run a campaign file."""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+from pathlib import Path
+
+from ...parameters import ParameterSetError
+from ...quantities.input_file import InputFileError
+from ...quantities.progress import Progress, unheard, within
+from ...quantities.units import QuantityError
+from ...report import Document
+from ...rig.experiment.cells import cell_names
+from ...rig.experiment.file import ExperimentFile
+from ...rig.experiment.running import read_experiment
+from .checking import check_campaign
+from .document import campaign_document
+from .evaluation import evaluate
+from .file import CampaignFile, read_campaign
+from .gathering import gather
+from .kept import FOLDER, Kept, own_laws
+
+
+def run_campaign(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    progress: Progress = unheard,
+    *,
+    figures: bool = True,
+) -> Document:
+    """Record (where the file says so), identify, verify.
+
+    Args:
+        path: a campaign file.
+        out: the folder whose `recordings` take those of the experiment; those that are there are kept. Its
+            `stages` take what is finished, with which an interrupted campaign continues.
+        progress: called with what is being done and how much of all is done, from 0 to 1.
+        figures: draw them.
+
+    Raises:
+        InputFileError: the file is not as it must be; names the file and the field.
+        RecordingError, FitError: a recording is missing or wrong, or cannot be fitted.
+    """
+    path = Path(path)
+    try:
+        return campaign_of(read_campaign(path), path.parent, Path(out), progress, figures=figures)
+    except (InputFileError, QuantityError, ParameterSetError) as error:
+        raise InputFileError(f"{path}: {error}" if str(path) not in str(error) else str(error)) from error
+
+
+def campaign_of(
+    file: CampaignFile,
+    folder: Path,
+    out: Path,
+    progress: Progress = unheard,
+    experiment: tuple[ExperimentFile, Path] | None = None,
+    *,
+    figures: bool = True,
+) -> Document:
+    """As `run_campaign`, of what a file says; its paths begin at the folder.
+
+    Args:
+        file, folder, out, progress, figures: see `run_campaign`.
+        experiment: whose cells are meant where the file names none, and the folder of its paths.
+    """
+    if file.experiment is not None:
+        path = folder / file.experiment
+        experiment = read_experiment(path), path.parent
+    model = check_campaign(file, folder, [] if experiment is None else cell_names(experiment[0]))
+    gathered, recorded = gather(file, folder, out, partial(within, progress, 0.0, 0.4), experiment)
+    kept = Kept.of(file, model, gathered, out / FOLDER, [type(model.friction), *own_laws(file, folder)])
+    found = evaluate(file, model, gathered, partial(within, progress, 0.4, 0.4), folder, kept)
+    progress("drawing" if figures else "writing", 0.8)
+    return campaign_document(file, found, recorded, figures=figures)

@@ -1,0 +1,89 @@
+"""The origin of a campaign's stage in words: steps, the fit of the friction, or taken as known."""
+
+from __future__ import annotations
+
+from ...identify.step.fit import STAGE_PARAMETERS
+from .budget import freed
+from .evaluation import Found
+from .file import CampaignFile
+
+# What a budget calls the errors of the stage, and what they are of where the friction's fit has found it.
+FROM_STEPS, FITTED_TOO = "stage from the steps", "stage, fitted too"
+
+
+def stage_words(file: CampaignFile, found: Found) -> str:
+    """Which of the stage's values are of the steps, of the fit, or taken as known, and whether their errors
+    are part of the intervals."""
+    own = _asked_for(file)
+    rest = [name for name in STAGE_PARAMETERS if name not in own]
+    said = [f"Of the stage, {_listed(own)} {_is(own)} fitted too."] if own else []
+    what = "What is left of it" if own else "The stage"
+    if not rest:
+        return said[0]
+    if _held_by_steps(file, found):
+        said.append(f"{what} is that of the steps, free as far as they leave it open.")
+    elif found.stage is not None:
+        said.append(f"{what} is that of the steps, {_counted(_errors_of_steps(found))}.")
+    else:
+        said += _without_steps(found, rest, what)
+    return " ".join(said)
+
+
+def _without_steps(found: Found, rest: list[str], what: str) -> list[str]:
+    """Of what neither steps nor the fit have found."""
+    said = []
+    if found.hysteresis is not None and "gain" in rest:
+        rest, what = [name for name in rest if name != "gain"], "What is left of it"
+        of = found.inherited is not None and found.inherited.others is not None
+        said.append(
+            f"The gain of the stage is that of the recordings of hysteresis and creep, {_counted(of)}."
+        )
+    if rest:
+        said.append(
+            f"{what} is taken as known, without recordings of steps: the uncertainty of {_listed(rest)} is "
+            "not part of the intervals."
+        )
+    return said
+
+
+def stage_heading(file: CampaignFile, found: Found, source: str) -> str:
+    """A source of errors as the table calls it."""
+    is_own = source == FROM_STEPS and freed(found.friction) and not _held_by_steps(file, found)
+    return FITTED_TOO if is_own else source
+
+
+def band_words(file: CampaignFile, found: Found, *, drawn: bool) -> str:
+    """Whose errors the bands of a figure are of; `drawn`: there is more to them than the fit's noise."""
+    if not drawn:
+        return "the fit's noise alone; this law has no derivatives, which the errors of parameters need"
+    rest = [name for name in STAGE_PARAMETERS if name not in _asked_for(file)]
+    if _held_by_steps(file, found) or not rest or _errors_of_steps(found):
+        return "the errors of all parameters, those of the stage too, and the fit's noise"
+    return "the errors of what was fitted and the fit's noise, with the rest of the stage as it was taken"
+
+
+def _asked_for(file: CampaignFile) -> list[str]:
+    """The stage's values that the file itself lets the friction's fit find."""
+    return [name for name in STAGE_PARAMETERS if name in (*file.free, *file.tied)]
+
+
+def _held_by_steps(file: CampaignFile, found: Found) -> bool:
+    """Whether the fit has found stage and friction at once, with what the steps know of the stage."""
+    names = {found.friction.parameters[i].name for i in freed(found.friction)}
+    return found.stage is not None and bool(names - {*_asked_for(file)})
+
+
+def _errors_of_steps(found: Found) -> bool:
+    return found.inherited is not None and found.inherited.stage is not None
+
+
+def _counted(included: bool) -> str:
+    return f"whose errors are {'' if included else 'not '}part of the intervals"
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
+
+
+def _is(names: list[str]) -> str:
+    return "is" if len(names) == 1 else "are"

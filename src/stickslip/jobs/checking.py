@@ -1,0 +1,137 @@
+"""Checks of a job beforehand: files that are there or will be made, models, limits with units."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from ..identify.recorded.channels import channel
+from ..identify.verification import Requirement
+from ..parameters import ParameterSetError, load_set
+from ..quantities.input_file import InputFileError
+from ..quantities.records import did_you_mean
+from ..quantities.units import QuantityError
+from ..recording import RecordingError
+from ..recording.calibration import CalibrationError
+from ..rig.experiment.cells import cell_names
+from ..rig.experiment.file import ExperimentFile
+from ..rig.experiment.running import EXPORTS, read_experiment
+from .analysis.alignment import POSITION
+from .analysis.comparison import ComparisonAnalysis
+from .analysis.file import RecordingFile
+from .analysis.verification import VerificationAnalysis
+from .analysis.walk import WalkAnalysis, WalkFile
+from .campaign.checking import check_campaign
+from .campaign.file import CampaignFile
+from .file import Job, Step, checked
+
+# Below these, keys are a user's own words, and a "file" is no recording.
+_FREE = {"options", "variables", "fields", "columns", "units", "rename"}
+
+
+def check_job(job: Job, out: Path) -> None:
+    """That nothing is missing which the steps will need: told before the first of them.
+
+    Args:
+        job: as read.
+        out: where the recordings and results of its steps go.
+
+    Raises:
+        InputFileError: a file is not there, and no step before makes it; there is no such model; a limit has
+            no unit. Names the step and the field.
+    """
+    made: set[str] = set()  # absolute paths
+    cells: list[str] = []  # of the last `record`
+    for number, step in enumerate(job.steps, start=1):
+        spec, own = checked(step), list[str]()
+        if isinstance(spec, ExperimentFile):
+            own = cells = cell_names(spec)
+        elif isinstance(spec, CampaignFile) and spec.experiment is not None:
+            own = cell_names(read_experiment(step.path.parent / spec.experiment))
+        try:
+            _check_files(step, spec, made, out)
+            _check_words(spec, step.path.parent, own or cells)
+        except InputFileError as error:
+            raise InputFileError(f"{step.path}: {step.inside}{error}") from error
+        made |= {_absolute(out / one) for one in _made_by(step.kind, spec, number, own)}
+
+
+def _check_files(step: Step, spec: Any, made: set[str], out: Path) -> None:
+    folder = step.path.parent
+    for place, text in _files(step.content):
+        _check_there(place, text, [folder, out], made, out)
+    if isinstance(getattr(spec, "fit", None), str):
+        _check_there("fit", spec.fit, [folder], made, out)
+
+
+def _check_words(spec: Any, folder: Path, cells: list[str]) -> None:
+    """The model, the limits, and the cells of a campaign."""
+    model = getattr(spec, "model", None)
+    if isinstance(model, str) and model and not model.endswith(".json") and not (folder / model).is_file():
+        _told("model", load_set, model)
+    for i, text in enumerate(getattr(spec, "require", ())):
+        _told(f"require.{i}", Requirement.parse, text)
+    try:
+        if isinstance(spec, CampaignFile):
+            check_campaign(spec, folder, cells)
+        elif isinstance(spec, WalkAnalysis | ComparisonAnalysis):
+            spec.check(folder)
+    except (QuantityError, ParameterSetError) as error:
+        raise InputFileError(str(error)) from error
+    if isinstance(spec, CampaignFile | WalkFile | VerificationAnalysis):
+        _check_recordings(spec.recordings, folder)
+
+
+def _check_recordings(recordings: Iterable[Any], folder: Path) -> None:
+    """Read those that are there, which the steps do again: a wrong column is told before hours of work."""
+    for i, one in enumerate(recordings):
+        if isinstance(one, RecordingFile) and not one.dataset and (folder / one.file).is_file():
+            try:
+                channel(one.cut(one.read(folder)), POSITION, one.label, varies=True)
+            except (RecordingError, CalibrationError) as error:
+                raise InputFileError(f"recordings.{i}: {error}") from error
+
+
+def _files(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
+    """The files that a step's content names, and where it does."""
+    if isinstance(content, list):
+        for i, one in enumerate(content):
+            yield from _files(one, f"{place}.{i}")
+    if isinstance(content, dict):
+        if isinstance(content.get("file"), str) and not content.get("dataset"):
+            yield place.removeprefix("."), content["file"]
+        for key, one in content.items():
+            if key not in _FREE:
+                yield from _files(one, f"{place}.{key}")
+
+
+def _check_there(where: str, text: str, folders: list[Path], made: set[str], out: Path) -> None:
+    paths = [folder / text for folder in folders]
+    if any(path.exists() or _absolute(path) in made for path in paths):
+        return
+    known = [os.path.relpath(one, _absolute(out)) for one in sorted(made)]
+    by_step = ", and no step before makes it" if known else ""
+    raise InputFileError(f"{where}: {text}: there is no such file{by_step}{did_you_mean(text, known)}")
+
+
+def _told(where: str, check: Any, text: str) -> None:
+    try:
+        check(text)
+    except (QuantityError, ParameterSetError) as error:
+        raise InputFileError(f"{where}: {error}") from error
+
+
+def _made_by(kind: str, spec: Any, number: int, cells: list[str]) -> Iterator[str]:
+    """What a later step can name, below the folder of the results."""
+    also = [EXPORTS[one] for one in spec.save_as] if isinstance(spec, ExperimentFile) else []
+    yield from (f"recordings/{name}{end}" for name in cells for end in (".nc", *also))
+    if kind == "identify":
+        yield f"steps/{number}_identify.json"
+    if kind == "move":
+        yield "move/move.nc"
+
+
+def _absolute(path: Path) -> str:
+    return os.path.abspath(path)

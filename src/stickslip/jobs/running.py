@@ -1,0 +1,220 @@
+"""Run a job: its steps one after the other, each with what those before it made."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ..export import export_c, export_fmu
+from ..parameters import ParameterSetError
+from ..quantities.input_file import InputFileError
+from ..quantities.progress import Progress, unheard, within
+from ..quantities.units import QuantityError
+from ..recording import RecordingWarning
+from ..recording.replacing import replaced_whole, to_bin
+from ..report import Document, Section
+from ..report.circumstances import circumstances
+from ..report.recordings import recordings_document
+from ..report.results import results_json
+from ..rig import load_bench
+from ..rig.experiment.running import record_experiment
+from .analysis.moving import run_move
+from .analysis.running import run_analysis
+from .campaign.running import campaign_of
+from .checking import check_job
+from .file import Content, ExportSpec, Job, Step, checked, read_job
+
+
+def run_job(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    progress: Progress = unheard,
+    *,
+    figures: bool = True,
+    kept: Callable[[Document], object] | None = None,
+) -> Document:
+    """Record, identify, verify, compare, export and map, as a file says.
+
+    Args:
+        path: a job file, or an experiment, campaign, identification, verification, design or move file.
+        out: the folder; recordings go into its `recordings`, results of single steps into its `steps`, and
+            what is exported beside them. Recordings that are there are kept; of an earlier run, what has the
+            name of an export or a move goes to `.bin` there, with a RecordingWarning.
+        progress: called with what is being done and how much of all is done, from 0 to 1.
+        figures: draw those of campaigns.
+        kept: called with the report of the steps before it where one fails, or is interrupted; the error then
+            goes on.
+
+    Raises:
+        InputFileError: the file is not as it must be, or names files and models that are not there, before
+            anything is done; names the file and the field.
+        RecordingError, FitError, RigError, ExportError: a step cannot be done; what was done before is kept.
+    """
+    job, out = read_job(Path(path)), Path(out)
+    check_job(job, out)
+    running = _Running(out, figures)
+    documents: list[Document] = []
+    for i, step in enumerate(job.steps):
+        part = partial(within, progress, i / len(job.steps), 1.0 / len(job.steps))
+        try:
+            documents.append(_done(running, i + 1, step, part))
+        except (Exception, KeyboardInterrupt) as error:
+            if documents and kept is not None:
+                kept(_until(job, documents, error))
+                where = f"step {i + 1} of {len(job.steps)}, {step.kind}"
+                error.add_note(f"that was in {where}; the report is of those before it")
+            raise
+        if documents[-1].interrupted:
+            break
+    if len(documents) == 1:
+        return documents[0]
+    return joined(job.title, job.notes, documents)
+
+
+def _done(running: _Running, number: int, step: Step, progress: Progress) -> Document:
+    try:
+        return running.do(number, step, progress)
+    except (QuantityError, ParameterSetError) as error:
+        raise InputFileError(f"{step.path}: {error}") from error
+
+
+def _until(job: Job, documents: Sequence[Document], error: BaseException) -> Document:
+    """The report of the steps before the one that failed, which it names."""
+    at, count = len(documents), len(job.steps)
+    interrupted = isinstance(error, KeyboardInterrupt)
+    said = "was interrupted" if interrupted else f"failed: {' '.join(str(error).split())}"
+    whole = joined(job.title, job.notes, documents)
+    failure = f"step {at + 1} of {count}, {job.steps[at].kind}, {said}"
+    later = [step.kind for step in job.steps[at + 1 :]]
+    left = f" Not begun: {', '.join(later)}." if later else ""
+    return replace(
+        whole,
+        summary=f"{failure[0].upper()}{failure[1:]}.{left} {whole.summary}",
+        failures=(*whole.failures, failure),
+    )
+
+
+class _Running:
+    """What the steps so far have made."""
+
+    def __init__(self, out: Path, figures: bool) -> None:
+        self.out, self.figures = out, figures
+        self.used: set[str] = set()
+        self.experiment: tuple[Any, Path] | None = None
+        self.results: Path | None = None
+
+    def do(self, number: int, step: Step, progress: Progress) -> Document:
+        spec = checked(step._replace(content=_found(step.content, step.path.parent, self.out)))
+        folder = step.path.parent
+        if step.kind == "record":
+            recorded = record_experiment(spec, folder, self.out / "recordings", progress, label=step.path)
+            self.experiment = (spec, folder)
+            return recordings_document(spec.title, recorded, self.out / "recordings" / "experiment.log")
+        if step.kind == "move":
+            return run_move(spec, folder, self._room("move"), progress)
+        if step.kind == "export":
+            return self._exported(spec, folder, progress)
+        if step.kind in ("verify", "design") and spec.fit is None and spec.model is None:
+            spec = spec.model_copy(update={"fit": str(self.results)})
+        if step.kind == "identify" and "kind" not in step.content:
+            document = campaign_of(spec, folder, self.out, progress, self.experiment, figures=self.figures)
+        else:
+            document = run_analysis(spec, folder, progress)
+        if step.kind == "identify":
+            self.results = self.out.absolute() / "steps" / f"{number}_identify.json"
+            self.results.parent.mkdir(parents=True, exist_ok=True)
+            with replaced_whole(self.results) as temporary:
+                temporary.write_text(results_json(document, circumstances()), encoding="utf-8")
+        return document
+
+    def _room(self, name: str) -> Path:
+        """The folder of that name, with a number behind it where a step of this run has it already.
+
+        What an earlier run has left there goes to the bin, or the old code would have the obvious name.
+        """
+        number, found = 2, name
+        while found in self.used:
+            found, number = f"{name}_{number}", number + 1
+        self.used.add(found)
+        if os.path.lexists(self.out / found):
+            moved = to_bin(self.out, found)
+            said = f"{self.out / found}: what an earlier run had put there is in {moved}"
+            warnings.warn(said, RecordingWarning, stacklevel=2)
+        return self.out / found
+
+    def _exported(self, spec: ExportSpec, folder: Path, progress: Progress) -> Document:
+        progress("exporting", 0.0)
+        source: Any = spec.model or self.results
+        if spec.model is not None and (folder / spec.model).is_file():
+            source = folder / spec.model
+        bench = load_bench(spec.bench) if spec.bench else None
+        amplifier: dict[str, Any] = {}
+        if bench is not None:
+            amplifier = {"amplifier": bench.amplifier, "piezo_capacitance": bench.piezo_capacitance}
+        target = self._room(spec.format)
+        if spec.format == "c":
+            made = export_c(source, target, step=spec.step, **amplifier)
+        else:
+            more: dict[str, Any] = {"fmi": spec.fmi, "mode": spec.mode, "compiler": spec.compiler}
+            made = export_fmu(source, target, step=spec.step, **more, **amplifier)
+        said = f"The model as {'C99' if spec.format == 'c' else 'an FMU'}: {made}."
+        return Document(f"Export: {spec.format}", said, [Section("Files", paragraphs=(said,))])
+
+
+def _found(content: Content, folder: Path, out: Path) -> Content:
+    """The content with files that are not beside it, but were made by the job, by their paths there."""
+
+    def resolved(value: Any, key: str = "") -> Any:
+        if isinstance(value, dict):
+            return {k: resolved(v, k) for k, v in value.items()}
+        if isinstance(value, list):
+            return [resolved(one) for one in value]
+        made = key == "file" and isinstance(value, str) and not (folder / value).exists()
+        return str((out / value).absolute()) if made and (out / value).exists() else value
+
+    return resolved(content)
+
+
+def joined(title: str, notes: str, documents: Sequence[Document], *, told: bool = True) -> Document:
+    """Several documents as one; their summaries are in its own where they are `told`."""
+    named = {}
+    for i, one in enumerate(documents, start=1):
+        sections = [_renamed(section, f"step{i}-") for section in one.sections]
+        named[_key(one.title) if _key(one.title) not in named else f"{_key(one.title)}_{i}"] = (one, sections)
+    return Document(
+        title=title,
+        summary=" ".join(filter(None, (notes, *(one.summary for one in documents if told)))),
+        sections=[
+            Section(one.title, paragraphs=(one.summary,), sections=sections)
+            for one, sections in named.values()
+        ],
+        highlights=[highlight for one in documents for highlight in one.highlights[:3]],
+        numbers={key: one.numbers for key, (one, _) in named.items()},
+        assumptions=list(dict.fromkeys(a for one in documents for a in one.assumptions)),
+        citations="\n\n".join(dict.fromkeys(one.citations for one in documents if one.citations)),
+        failures=[failure for one in documents for failure in one.failures],
+        interrupted=any(one.interrupted for one in documents),
+        files={
+            f"step{i}-{name}": text
+            for i, one in enumerate(documents, start=1)
+            for name, text in one.files.items()
+        },
+    )
+
+
+def _renamed(section: Section, prefix: str) -> Section:
+    """With names of pictures that no other step has."""
+    return replace(
+        section,
+        figures=[replace(picture, name=prefix + picture.name) for picture in section.figures],
+        sections=[_renamed(one, prefix) for one in section.sections],
+    )
+
+
+def _key(title: str) -> str:
+    return "_".join("".join(c if c.isalnum() else " " for c in title.lower()).split())

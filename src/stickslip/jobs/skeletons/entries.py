@@ -1,0 +1,87 @@
+"""Entries of recordings in a file that is written, with columns and units."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...quantities.units import with_prefix
+from ...recording import RecordingError
+from ...recording.readers import inspect_file
+from ...recording.readers.inspection import Inspection
+from ...recording.shown_drive import Drive, flow
+from ...recording.taken_drive import TakenDrive, taken_drive
+
+MOVED, DRIVE = "end_effector_position", "drive_voltage"
+
+
+class Inspected(NamedTuple):
+    """A recording, what is in it, and what its drive is taken for."""
+
+    found: Inspection
+    taken: TakenDrive | None
+
+    @property
+    def drive(self) -> Drive | None:
+        """The waveform, where files can name it in one line."""
+        waveform: Any = None if self.taken is None else self.taken.waveform
+        return waveform if isinstance(waveform, Drive) else None
+
+    @property
+    def waveform(self) -> str:
+        """What a campaign's entry says of the drive."""
+        if self.taken is None:
+            return ""
+        if self.drive is None or not self.taken.whole:
+            return f"# drive: {self.taken.said()}"
+        return f"waveform: [{flow(self.drive)}] # {self.taken.how}"
+
+
+def looked_at(file: Path) -> Inspected:
+    found = inspect_file(file)
+    if found.recording is None:
+        raise RecordingError(f"{file}: {found.problem}")
+    return Inspected(found, taken_drive(found.recording))
+
+
+def angles(seen: list[Inspected]) -> bool:
+    """Whether the positions are angles."""
+    recordings: list[Any] = [one.found.recording for one in seen]
+    return any(one[MOVED].attrs.get("units") == "rad" for one in recordings if MOVED in one)
+
+
+def entry_of(
+    one: Inspected, folder: Path, use: str, needed: Sequence[str] = (MOVED, DRIVE)
+) -> tuple[list[str], list[str]]:
+    """What a file says of a recording, and what it does not know."""
+    found = one.found
+    where = Path(os.path.relpath(found.path.resolve(), folder.resolve())).as_posix()
+    lines = [f"file: {json.dumps(where, ensure_ascii=False)}", f"use: {use}"]
+    if found.named:
+        lines.append(f"columns: {_mapping(found.named)}")
+    if found.units:
+        lines.append(f"units: {_mapping(found.units)} # guessed")
+    wanted = [name for name in needed if name not in found.recording]  # type: ignore[operator]
+    missing = []
+    if wanted:
+        there = ", ".join(f"{c['name']!r}" for c in found.columns if c["numeric"]) or "its variables"
+        lines.append(f"# no column was taken for {' and '.join(wanted)}: name it under columns, of {there}")
+        missing.append(f"{found.path}: which column is {' and '.join(wanted)}, of {there}")
+    return lines, missing
+
+
+def listed(lines: list[str]) -> str:
+    return "\n".join(f"  {'- ' if i == 0 else '  '}{line}" for i, line in enumerate(lines))
+
+
+def _mapping(names: dict[str, str]) -> str:
+    return (
+        "{" + ", ".join(f"{key}: {json.dumps(text, ensure_ascii=False)}" for key, text in names.items()) + "}"
+    )
+
+
+def shown_value(value: float, unit: str) -> str:
+    return with_prefix(float(f"{value:.4g}"), unit).replace("µ", "u")

@@ -1,0 +1,61 @@
+r"""Ageing of a contact at rest, and how humidity changes it [dieterich1972; baumberger2006].
+
+.. math:: \frac{F_S(t)}{F_C} = 1 + \beta \ln \left( 1 + \frac{t}{t_0} \right)
+
+with the time at rest t, β of some hundredths (about 0.02 to 0.1 per decade for rock, paper, polymers and
+metals) and t_0 of about a second. It has no limit, so a time beyond those measured is a guess. A push during
+the rest speeds it up or slows it down without a larger area [dillavou2020]. In ultrahigh vacuum, or with
+clean metals, cold welding takes its place.
+
+For silica and other oxides water makes the bonds that age, in single contacts of nanometres: without any
+(far below 1 % relative humidity) there is none, at 10 to 40 % it is strong, and above 40 % it subsides
+[mcclimon2024]. For other materials and sizes nothing of the kind was measured in a way that carries over.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...quantities.records import Quantity, record
+from ...quantities.units import QuantityError, array_si, to_si
+
+# Relative humidity below which oxides do not age, between which they do strongly.
+DRY, DAMP, WET = 0.01, 0.10, 0.40
+
+
+@record
+class Ageing(NamedTuple):
+    """Static friction that grows with the logarithm of the time at rest [dieterich1972]."""
+
+    rate: Annotated[float, Quantity("", "β", "growth per e-fold of time, of the Coulomb friction", minimum=0)]
+    cut_off: Annotated[float, Quantity("s", "t_0", "time below which nothing ages", above=0)] = 1.0
+
+    def stiction_ratio(self, rest: ArrayLike) -> NDArray[np.float64]:
+        """F_S/F_C after a rest [s]."""
+        time = array_si(rest, "s", "rest")
+        if not np.all(time >= 0.0):
+            raise QuantityError("rest [s] is out of range: it must be >= 0 s")
+        return 1.0 + self.rate * np.log1p(time / self.cut_off)
+
+
+def oxide_ageing(relative_humidity: float | str) -> str:
+    """How nanometre contacts of silica age at a relative humidity: "none", "strong", "subsiding", or
+    "between" where it was not measured.
+
+    Args:
+        relative_humidity: 0 to 1, or "35 %".
+
+    Raises:
+        QuantityError: out of range.
+    """
+    share = to_si(relative_humidity, "", "relative_humidity")
+    if not 0.0 <= share <= 1.0:
+        raise QuantityError(
+            f"relative_humidity = {share:g} is out of range: it must be 0 to 1 (or 0 % to 100 %)"
+        )
+    if share < DRY:
+        return "none"
+    return "between" if share < DAMP else "strong" if share <= WET else "subsiding"

@@ -1,0 +1,157 @@
+r"""Greenwood and Williamson: summits of one radius and random height against a flat [greenwood1966].
+
+.. math:: P = \tfrac43 \eta A E^* R^{1/2} \sigma^{3/2} F_{3/2}(h), \quad
+          k_n = 2 \eta A E^* R^{1/2} \sigma^{1/2} F_{1/2}(h), \quad
+          N = \eta A F_0(h), \quad A_r = \pi \eta A R \sigma F_1(h)
+
+with :math:`F_n(h) = \int_h^\infty (s - h)^n \varphi(s)\, ds` over the heights in deviations σ and h the
+separation. For Gaussian heights F_n is a parabolic cylinder function; for exponential ones (the limit
+of light loads) :math:`F_n = \Gamma(n + 1) e^{-h}`, so that k_n = P/σ exactly.
+
+From place to place the summits are others. With N of them (Poisson) and exponential heights, at one load, the
+relative deviations are
+
+.. math:: \frac{\delta k}{k} = \sqrt{\frac{4}{\pi N}}, \qquad
+          \frac{\delta A_r}{A_r} = \sqrt{\left( \frac{32}{3 \pi} - 3 \right) \frac{1}{N}}
+
+(derived here, from the moments of single contacts; the second is that of the friction force where the shear
+strength is constant). Valid where summits neither merge nor feel each other: a real area below some per cent.
+See `persson` for the other limit.
+
+Of a measured roughness the summits follow from its spectral moments m_0, m_2, m_4 along a line [mccool1986]:
+
+.. math:: R = \frac38 \sqrt{\pi/m_4}, \quad \eta = \frac{m_4}{6\pi\sqrt3\, m_2}, \quad
+          \sigma^2 = m_0 \left( 1 - 0.8968\, \frac{m_2^2}{m_0 m_4} \right)
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Annotated, Any, Literal, NamedTuple
+
+from scipy.optimize import brentq
+from scipy.special import gamma, pbdv
+
+from ...quantities.records import Quantity, record
+from ...quantities.units import QuantityError, to_si
+from .hertz import Load, Modulus
+from .roughness import Roughness
+
+Heights = Literal["gaussian", "exponential"]
+# Of the separation, in deviations of the heights: pressed half into each other, and barely touching.
+DEEPEST, HIGHEST = -3.0, 30.0
+
+
+def moment(order: float, separation: float, heights: Heights) -> float:
+    """F_n(h), for the heights of summits; both without a unit."""
+    if heights == "exponential":
+        return float(gamma(order + 1.0)) * math.exp(-separation)
+    cylinder = float(pbdv(-order - 1.0, separation)[0])
+    return float(gamma(order + 1.0)) / math.sqrt(2.0 * math.pi) * math.exp(-0.25 * separation**2) * cylinder
+
+
+@record
+class GreenwoodWilliamson(NamedTuple):
+    """Two rough flats as summits of one radius and random height against a plane [greenwood1966]."""
+
+    normal_force: Load
+    summits: Annotated[float, Quantity("", "ηA", "number of summits over the nominal area", minimum=1)]
+    summit_radius: Annotated[float, Quantity("m", "R", "radius of the summits", above=0)]
+    summit_deviation: Annotated[float, Quantity("m", "σ", "standard deviation of their heights", above=0)]
+    contact_modulus: Modulus
+    heights: Heights = "gaussian"
+
+    def _check(self) -> None:
+        if self.heights not in ("gaussian", "exponential"):
+            raise QuantityError(
+                f"GreenwoodWilliamson.heights = {self.heights!r} must be 'gaussian' or 'exponential'"
+            )
+        least, most = self.load(HIGHEST), self.load(DEEPEST)
+        if not least <= self.normal_force <= most:
+            raise QuantityError(
+                f"GreenwoodWilliamson.normal_force = {self.normal_force:g} N is out of range: these summits "
+                f"carry {least:.3g} to {most:.3g} N one by one"
+            )
+
+    @classmethod
+    def of_roughness(
+        cls,
+        normal_force: float | str,
+        nominal_area: float | str,
+        roughness: Roughness,
+        contact_modulus: float | str,
+    ) -> GreenwoodWilliamson:
+        """The model of a measured roughness; force in N, area in m², modulus in Pa.
+
+        Raises:
+            QuantityError: out of range.
+        """
+        area = to_si(nominal_area, "m^2", "nominal_area")
+        m0, m2, m4 = roughness.height**2, 0.5 * roughness.slope**2, 0.375 * roughness.curvature**2
+        spread = 1.0 - 0.8968 * m2**2 / (m0 * m4)
+        if not spread > 0.0:
+            raise QuantityError(
+                f"roughness: no surface has slopes of {roughness.slope:g} with heights of "
+                f"{roughness.height:g} m and curvatures of {roughness.curvature:g} 1/m: the square of the "
+                "slope is at most their product"
+            )
+        return cls(
+            normal_force,  # type: ignore[arg-type]
+            summits=area * m4 / (6.0 * math.pi * math.sqrt(3.0) * m2),
+            summit_radius=0.375 * math.sqrt(math.pi / m4),
+            summit_deviation=math.sqrt(m0 * spread),
+            contact_modulus=contact_modulus,  # type: ignore[arg-type]
+        )
+
+    def load(self, separation: float) -> float:
+        """P [N] at a separation in deviations."""
+        size = self.contact_modulus * math.sqrt(self.summit_radius) * self.summit_deviation**1.5
+        return 4.0 / 3.0 * self.summits * size * moment(1.5, separation, self.heights)
+
+    @property
+    def separation(self) -> float:
+        """h, of the flat over the mean height of the summits, in deviations."""
+
+        def excess(h: float) -> float:
+            return math.log(self.load(h) / self.normal_force)
+
+        found: Any = brentq(excess, DEEPEST, HIGHEST, xtol=1e-12)
+        return float(found)
+
+    @property
+    def contacts(self) -> float:
+        """N, expected number of summits in contact."""
+        return self.summits * moment(0.0, self.separation, self.heights)
+
+    @property
+    def real_area(self) -> float:
+        """A_r [m²]."""
+        of = partial(moment, separation=self.separation, heights=self.heights)
+        return math.pi * self.summits * self.summit_radius * self.summit_deviation * of(1.0)
+
+    @property
+    def normal_stiffness(self) -> float:
+        """k_n [N/m]."""
+        size = self.contact_modulus * math.sqrt(self.summit_radius * self.summit_deviation)
+        return 2.0 * self.summits * size * moment(0.5, self.separation, self.heights)
+
+    @property
+    def decay_length(self) -> float:
+        """u_0 = P/k_n [m], of `ExponentialContact`."""
+        return self.normal_force / self.normal_stiffness
+
+    @property
+    def plasticity_index(self) -> float:
+        """E* √(σ/R), to be compared with the hardness [Pa]: above 1 of it most contacts are plastic."""
+        return self.contact_modulus * math.sqrt(self.summit_deviation / self.summit_radius)
+
+    @property
+    def stiffness_scatter(self) -> float:
+        """Relative standard deviation of the stiffness from place to place."""
+        return math.sqrt(4.0 / (math.pi * self.contacts))
+
+    @property
+    def area_scatter(self) -> float:
+        """That of the real area, and of a friction force in proportion to it."""
+        return math.sqrt((32.0 / (3.0 * math.pi) - 3.0) / self.contacts)

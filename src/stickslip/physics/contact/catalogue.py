@@ -1,0 +1,136 @@
+"""Materials and friction pairs by name, each number with its source or marked as assumed.
+
+A material's file has ``title``, ``citations``, ``kind = "material"`` and the tables of `Material`; a pair's
+``kind = "friction pair"``, ``first`` and ``second`` (names of materials, or paths beside the file) and the
+tables friction_coefficient and friction_factor (see `stickslip.parameters.load`).
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+from ...gate.errors import damaged
+from ...parameters import Entry, ParameterSetError, build, named_file, read_entries, read_toml
+from ...quantities.records import Quantity, record
+from .material import Bodies, Material
+from .mindlin import Coefficient
+
+_MATERIALS, _PAIRS = Path(__file__).parent / "materials", Path(__file__).parent / "pairs"
+
+
+@record
+class Sliding(NamedTuple):
+    """Friction of a pair, and how well it is known: 68 % lie within the factor either way."""
+
+    friction_coefficient: Coefficient
+    friction_factor: Annotated[float, Quantity("", "×/÷", "within which 68 % lie", above=1)]
+
+
+@dataclass(frozen=True)
+class FrictionPair:
+    """Two materials that slide on each other, and where the numbers are from.
+
+    `assumptions` are the numbers that no source prints, with the reason, by field: "first.hardness".
+    """
+
+    name: str
+    title: str
+    citations: tuple[str, ...]
+    bodies: Bodies
+    friction: Sliding
+    assumptions: dict[str, str]
+
+
+def available_materials() -> tuple[str, ...]:
+    """The names of the materials that come with the package."""
+    return tuple(sorted(file.stem for file in _MATERIALS.glob("*.toml")))
+
+
+def available_pairs() -> tuple[str, ...]:
+    """The names of the friction pairs that come with the package."""
+    return tuple(sorted(file.stem for file in _PAIRS.glob("*.toml")))
+
+
+def title_of(name: str, kind: str) -> str:
+    """Of a "material" or "friction pair" of the package."""
+    folder = _MATERIALS if kind == "material" else _PAIRS
+    return str(read_toml(folder / f"{name}.toml")["title"])
+
+
+def load_material(name: str | os.PathLike[str]) -> Material:
+    """The material of that name, ``load_material("sapphire")``, or of a TOML file.
+
+    Raises:
+        ParameterSetError: there is no such material, or the file is wrong; names file and field.
+    """
+    file = named_file(name, _MATERIALS, "material")
+    with damaged(ParameterSetError, str(file)):
+        return _material(file)[0]
+
+
+def load_pair(name: str | os.PathLike[str]) -> FrictionPair:
+    """The friction pair of that name, ``load_pair("sapphire-steel")``, or of a TOML file.
+
+    Raises:
+        ParameterSetError: there is no such pair, or the file is wrong; names file and field.
+    """
+    file = named_file(name, _PAIRS, "friction pair")
+    with damaged(ParameterSetError, str(file)):
+        return _pair(os.fspath(name), file)
+
+
+def _pair(name: str, file: Path) -> FrictionPair:
+    head, content = _head(file, "friction pair")
+    assumed, bodies, cited = {}, [], list(head["citations"])
+    for side in ("first", "second"):
+        said = content.pop(side, None)
+        if not isinstance(said, str):
+            raise ParameterSetError(f"{file}: {side} = {said!r} must be the name of a material, or a file")
+        own = file.parent / said if said.endswith(".toml") else said
+        try:
+            made, entries, sources = _material(named_file(own, _MATERIALS, "material"))
+        except ParameterSetError as error:
+            raise ParameterSetError(f"{file}: {side}: {error}") from error
+        bodies.append(made)
+        cited += sources
+        assumed |= {f"{side}.{field}": why for field, why in _assumed(entries).items()}
+    entries = read_entries(file, "", content)
+    friction = build(Sliding, entries, str(file))
+    return FrictionPair(
+        name,
+        head["title"],
+        tuple(dict.fromkeys(map(str, cited))),
+        Bodies(*bodies),
+        friction,
+        assumed | _assumed(entries),
+    )
+
+
+def _material(file: Path) -> tuple[Material, dict[str, Entry], list[str]]:
+    head, content = _head(file, "material")
+    entries = read_entries(file, "", content)
+    return build(Material, entries, str(file)), entries, head["citations"]
+
+
+def _head(file: Path, kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Title, citations and kind of a file, and the rest of it."""
+    content = read_toml(file)
+    head = {}
+    for key, wanted in {"title": str, "citations": list, "kind": str}.items():
+        head[key] = content.pop(key, None)
+        if not isinstance(head[key], wanted):
+            raise ParameterSetError(f"{file}: {key} = {head[key]!r} must be a {wanted.__name__}")
+    if head["kind"] != kind:
+        raise ParameterSetError(f"{file} is of kind {head['kind']!r}, not {kind!r}")
+    return head, content
+
+
+def _assumed(entries: dict[str, Entry]) -> dict[str, str]:
+    return {
+        field: f"{entry.value} {entry.unit}".rstrip() + f": {entry.reason}"
+        for field, entry in entries.items()
+        if entry.assumed
+    }

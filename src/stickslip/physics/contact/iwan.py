@@ -1,0 +1,181 @@
+r"""Iwan: from the first loading of a contact to the springs and sliders that have it, exactly [iwan1966].
+
+Elastic-perfectly-plastic elements in parallel, with the stiffness density k(x) over the displacement x at
+which they slide, follow
+
+.. math:: Q(\delta) = \int_0^\infty k(x) \min(\delta, x)\, dx \quad\Longleftrightarrow\quad
+          k(x) = -Q''(x)
+
+so that every concave first loading is one of Maxwell slip, and with Masing's rule every loop of it too: for
+Mindlin's ball :math:`k(x) = \frac{3 \mu P}{4 D^2} (1 - x/D)^{-1/2}` up to D, for a rough contact
+:math:`\frac{\mu P}{D^2} e^{-x/D}`. N elements that slide at x_1 < ... < x_N join the values there by straight
+lines: exact at these, and below the curve between them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import nnls
+
+from ...friction import MaxwellSlip
+from ...quantities.records import whole
+from ...quantities.units import QuantityError, array_si, to_si
+from .mindlin import Mindlin
+from .partial_slip import ExponentialContact
+
+Array = NDArray[np.float64]
+
+# Of the slip force, what the elements of a rough contact leave out, which never slides altogether.
+LEFT_OUT = 1e-2
+# Of all stiffness or strength: an element below is none.
+NOTHING = 1e-9
+FEWEST = 10
+# Of the range of a position: less is no turn.
+TURN = 0.02
+
+
+class LoopElements(NamedTuple):
+    """Maxwell slip of a measured loop.
+
+    Attributes:
+        law: the elements.
+        rmse: N, of the loop's branches about those of the law, which follow Masing's rule.
+        r_squared: of the same, about their mean.
+    """
+
+    law: MaxwellSlip
+    rmse: float
+    r_squared: float
+
+
+def maxwell_slip(contact: Mindlin | ExponentialContact, elements: int = 8) -> MaxwellSlip:
+    """The law of a contact, its elements where they keep the largest error least.
+
+    Args:
+        contact: a ball, or a rough contact, at the normal force at which the law's forces hold.
+        elements: how many; the force is off by at most 0.5/elements² of the slip force, and that of a rough
+            contact by 1 % more, where it would slide for good.
+
+    Raises:
+        QuantityError: no elements, or too many.
+    """
+    elements = whole(elements, "elements", 1, 1000)
+    share = np.arange(1, elements + 1) / elements
+    if isinstance(contact, Mindlin):  # as dense as the root of k(x)
+        nodes = contact.presliding_distance * (1.0 - (1.0 - share) ** (4.0 / 3.0))
+    else:
+        end = 1.0 - np.sqrt(LEFT_OUT)
+        nodes = -2.0 * contact.presliding_distance * np.log1p(-share * end)
+    force = contact.force(nodes)
+    return of_backbone(nodes, force * (contact.slip_force / force[-1]))
+
+
+def of_backbone(displacement: ArrayLike, force: ArrayLike) -> MaxwellSlip:
+    """The law that joins the values of a first loading by straight lines, and slides from the last one on.
+
+    Args:
+        displacement: m, [n], growing, above 0.
+        force: N, [n]; from 0 on it must grow, ever more slowly.
+
+    Raises:
+        QuantityError: it does not; names where.
+    """
+    x, q = array_si(displacement, "m", "displacement"), array_si(force, "N", "force")
+    if x.shape != q.shape or x.ndim != 1 or not x.size or not np.all(np.isfinite(x) & np.isfinite(q)):
+        raise QuantityError("displacement [m] and force [N] must be one finite value each per point")
+    steps = np.diff(x, prepend=0.0)
+    if not np.all(steps > 0.0):
+        raise QuantityError("displacement [m] must grow from 0 on")
+    slopes = np.append(np.diff(q, prepend=0.0) / steps, 0.0)
+    stiffness = -np.diff(slopes)
+    if not np.all(stiffness >= -NOTHING * slopes[0]) or not slopes[0] > 0.0:
+        wrong = x[int(np.argmin(stiffness))]
+        raise QuantityError(
+            f"force is no first loading of Maxwell slip: beyond {wrong:.3g} m it grows faster than before; "
+            "a measured loop goes through of_loop"
+        )
+    kept = stiffness > NOTHING * slopes[0]
+    return MaxwellSlip(tuple(stiffness[kept]), tuple(stiffness[kept] * x[kept]))
+
+
+def in_series(law: MaxwellSlip, stiffness: float | str) -> MaxwellSlip:
+    """The law of a contact and a spring [N/m] in series with it (a holder, a guide).
+
+    Raises:
+        QuantityError: not positive.
+    """
+    spring = to_si(stiffness, "N/m", "stiffness")
+    if not spring > 0.0:
+        raise QuantityError(f"stiffness = {spring:g} N/m is out of range: it must be > 0 N/m")
+    k, strength = np.array(law.stiffness), np.array(law.strength)
+    slides = np.unique(strength / k)
+    force = np.minimum(slides[:, None] * k, strength).sum(axis=1)
+    return of_backbone(slides + force / spring, force)
+
+
+def of_loop(position: ArrayLike, force: ArrayLike, elements: int = 12) -> LoopElements:
+    """The law of measured presliding loops: least squares with weights that are not negative.
+
+    Each branch, from one turn of the position to the next, is a first loading at twice its size (Masing),
+    counted from the turn, as far as the branch before it was long: there a loop within another ends. What no
+    elements have (a force that lags, turns that are not sharp, strength that differs by direction) is in
+    `rmse`.
+
+    Args:
+        position: m, [n], slow, with at least one turn.
+        force: N, [n], positive when the position grows.
+        elements: most; they slide at displacements spread evenly in the logarithm, and those without weight
+            are left out.
+
+    Raises:
+        QuantityError: too few samples, no turn, no force that follows the position, or fewer than two
+            elements.
+    """
+    elements = whole(elements, "elements", 2, 1000)
+    x, q = array_si(position, "m", "position"), array_si(force, "N", "force")
+    if x.shape != q.shape or x.ndim != 1 or not np.all(np.isfinite(x) & np.isfinite(q)):
+        raise QuantityError("position [m] and force [N] must be one finite value each per sample")
+    moved, carried = _branches(x, q)
+    longest = float(moved.max(initial=0.0))
+    if moved.size < FEWEST or not longest > 0.0:
+        raise QuantityError(f"position [m] must turn, with at least {FEWEST} samples after a turn")
+    slides = np.geomspace(longest * 1e-2, longest, elements)
+    weights = nnls(np.minimum(moved[:, None], slides), carried)[0]
+    kept = weights > NOTHING * weights.sum()
+    if not np.any(kept):
+        raise QuantityError("force [N] falls where position grows: turn its sign")
+    left = carried - np.minimum(moved[:, None], slides[kept]) @ weights[kept]
+    law = MaxwellSlip(tuple(weights[kept]), tuple(weights[kept] * slides[kept]))
+    r_squared = 1.0 - float(left @ left) / float(np.sum((carried - carried.mean()) ** 2))
+    return LoopElements(law, float(np.sqrt(np.mean((2.0 * left) ** 2))), r_squared)
+
+
+def _branches(x: Array, q: Array) -> tuple[Array, Array]:
+    """Half the way from the last turn, and half the force since: of the samples after the first turn."""
+    turns = [*_turns(x), x.size - 1]
+    moved, carried = [np.zeros(0)], [np.zeros(0)]
+    for before, begin, end in zip([0, *turns], turns, turns[1:], strict=False):
+        side, room = np.sign(x[end] - x[begin]), abs(x[begin] - x[before])
+        way = side * (x[begin + 1 : end + 1] - x[begin])
+        inside = way <= room
+        moved.append(0.5 * way[inside])
+        carried.append(0.5 * side * (q[begin + 1 : end + 1] - q[begin])[inside])
+    return np.concatenate(moved), np.concatenate(carried)
+
+
+def _turns(x: Array) -> list[int]:
+    """Samples where the position turns, by more than noise and steps of a converter make it."""
+    least = TURN * float(np.ptp(x))
+    found, high, low = [], 0, 0
+    for i, at in enumerate(x.tolist()):
+        high, low = (i if at > x[high] else high), (i if at < x[low] else low)
+        if x[high] - at > least and high > low:
+            found.append(high)
+            low = i
+        elif at - x[low] > least and low > high:
+            found.append(low)
+            high = i
+    return [turn for turn in found if turn > 0]

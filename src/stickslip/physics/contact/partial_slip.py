@@ -1,0 +1,99 @@
+r"""Jäger and Ciavarella: partial slip of any elastic contact, from how it is pressed [jager1998;
+ciavarella1998].
+
+Where the normal force over the approach is P(u), a push δ under a constant P takes
+
+.. math:: Q(\delta) = \mu \left( P(u) - P(u - \tfrac{k_t}{k_n} \tfrac{\delta}{\mu}) \right)
+
+whatever the shape of the bodies: of a ball it is Mindlin's curve, and of rough surfaces, whose load is an
+exponential of the approach, :math:`P \sim e^{u/u_0}`, it is
+
+.. math:: Q = \mu P \left( 1 - e^{-\sigma_0 \delta / \mu P} \right), \qquad
+          \sigma_0 = \frac{k_t}{k_n} \frac{P}{u_0}
+
+which is the first loading of Dahl's law (exponent 1), and of the LuGre law without damping. So a rough
+contact has a bristle stiffness in proportion to its load, and a presliding distance μ u_0 k_n/k_t that does
+not depend on the load. After a turn the contact follows Masing's rule, Dahl's law does not. Valid for bodies
+alike (see `material`), one coefficient of friction everywhere, and constant P.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...quantities.records import Quantity, record
+from ...quantities.units import QuantityError, array_si, to_si
+from .hertz import Load
+from .mindlin import Coefficient
+
+Array = NDArray[np.float64]
+
+
+def backbone(
+    load: Callable[[Array], ArrayLike],
+    approach: float | str,
+    displacement: ArrayLike,
+    *,
+    friction_coefficient: float | str,
+    stiffness_ratio: float | str,
+) -> Array:
+    """The force [N] of a first push, over the displacement [m].
+
+    Args:
+        load: normal force [N] of any approach [m], 0 where there is no contact.
+        approach: m, at which the contact is held.
+        displacement: m, [n], not negative.
+        friction_coefficient: μ.
+        stiffness_ratio: k_t/k_n of the bodies.
+
+    Raises:
+        QuantityError: a value of another dimension, or a coefficient or ratio that is not above 0.
+    """
+    approach = to_si(approach, "m", "approach")
+    coefficient = to_si(friction_coefficient, "", "friction_coefficient")
+    ratio = to_si(stiffness_ratio, "", "stiffness_ratio")
+    for name, value in (("friction_coefficient", coefficient), ("stiffness_ratio", ratio)):
+        if not 0.0 < value < math.inf:
+            raise QuantityError(f"{name} = {value:g} is out of range: it must be > 0")
+    back = approach - ratio * array_si(displacement, "m", "displacement") / coefficient
+    return coefficient * (np.asarray(load(np.array([approach])), float) - np.asarray(load(back), float))
+
+
+@record
+class ExponentialContact(NamedTuple):
+    """A rough contact as it slides first: its load an exponential of the approach, with the scale u_0."""
+
+    normal_force: Load
+    decay_length: Annotated[float, Quantity("m", "u_0", "approach by which the load grows e-fold", above=0)]
+    stiffness_ratio: Annotated[float, Quantity("", "k_t/k_n", "of the bodies", above=0)]
+    friction_coefficient: Coefficient
+
+    @property
+    def normal_stiffness(self) -> float:
+        """k_n = P/u_0 [N/m]."""
+        return self.normal_force / self.decay_length
+
+    @property
+    def tangential_stiffness(self) -> float:
+        """σ₀ [N/m]."""
+        return self.stiffness_ratio * self.normal_stiffness
+
+    @property
+    def slip_force(self) -> float:
+        """μ P [N]."""
+        return self.friction_coefficient * self.normal_force
+
+    @property
+    def presliding_distance(self) -> float:
+        """μP/σ₀ [m], by which the contact is 63 % on its way to sliding; at any load the same."""
+        return self.slip_force / self.tangential_stiffness
+
+    def force(self, displacement: ArrayLike) -> Array:
+        """Q [N] at a displacement [m] that grows from 0."""
+        x = array_si(displacement, "m", "displacement") / self.presliding_distance
+        return -self.slip_force * np.sign(x) * np.expm1(-np.abs(x))

@@ -1,0 +1,90 @@
+r"""The normal force as it is made, and how it changes along the stroke: preload springs and magnets.
+
+A spring of the stiffness k, pressed by the normal force P_0, whose seat rises by z over the stroke:
+:math:`P = P_0 + k z`. A soft spring, long pressed, so holds a force that a stiff one loses over a wedge of a
+micrometre. A magnet of the face A and remanent flux density B over an air gap g, against iron, of length L:
+
+.. math:: P = \frac{B^2 A}{2 \mu_0} \left( 1 + \frac{g}{L} \right)^{-2}
+
+the pull of two poles whose flux falls with the length of its way: good to a factor of two, since fringes and
+saturation are left out (measure it at two gaps).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...friction import NormalForce
+from ...quantities.records import Quantity, record
+from ...quantities.units import QuantityError, array_si, to_si
+from .hertz import Load
+
+MU_0 = 4e-7 * math.pi  # V s/(A m)
+
+Array = NDArray[np.float64]
+
+
+@record
+class PreloadSpring(NamedTuple):
+    """A spring that presses the contact."""
+
+    force: Load
+    stiffness: Annotated[float, Quantity("N/m", "k", "of the spring, across the contact", minimum=0)]
+
+    def normal_force(self, rise: ArrayLike) -> Array:
+        """P [N] where the seat has risen by so much [m] against the spring.
+
+        Raises:
+            QuantityError: there it has lifted off.
+        """
+        return _pressing(self.force + self.stiffness * array_si(rise, "m", "rise"))
+
+    def along(self, rise: float | str, stiffness_exponent: float = 1.0) -> NormalForce:
+        """What an actuator takes: over a stroke along which the seat rises by so much [m] per metre (a wedge,
+        a guide that is not parallel), where friction holds at the force of the spring.
+
+        Raises:
+            QuantityError: out of range.
+        """
+        slope = to_si(rise, "", "rise") * self.stiffness / self.force
+        return NormalForce(slope, stiffness_exponent=stiffness_exponent)
+
+
+@record
+class PreloadMagnet(NamedTuple):
+    """A magnet that pulls the contact together over an air gap."""
+
+    flux_density: Annotated[float, Quantity("T", "B", "remanent flux density", above=0)]
+    area: Annotated[float, Quantity("m^2", "A", "of its face", above=0)]
+    length: Annotated[float, Quantity("m", "L", "of the magnet", above=0)]
+
+    def normal_force(self, gap: ArrayLike) -> Array:
+        """P [N] over an air gap [m]."""
+        gap = array_si(gap, "m", "gap")
+        if not np.all(gap >= 0.0):
+            raise QuantityError("gap [m] is out of range: it must be >= 0 m")
+        return self.flux_density**2 * self.area / (2.0 * MU_0) / (1.0 + gap / self.length) ** 2
+
+    def along(self, gap: float | str, opens: float | str, stiffness_exponent: float = 1.0) -> NormalForce:
+        """What an actuator takes: over a stroke along which the gap, so wide [m] at its begin, opens by so
+        much [m] per metre, where friction holds at the force over that gap.
+
+        Raises:
+            QuantityError: out of range.
+        """
+        gap, opens = to_si(gap, "m", "gap"), to_si(opens, "", "opens")
+        if not gap >= 0.0:
+            raise QuantityError(f"gap = {gap:g} m is out of range: it must be >= 0 m")
+        return NormalForce(opens / (gap + self.length), -2.0, stiffness_exponent=stiffness_exponent)
+
+
+def _pressing(force: Array) -> Array:
+    if not np.all(force > 0.0):
+        raise QuantityError(
+            f"the normal force falls to {float(np.min(force)):g} N: the contact lifts off, carrying nothing"
+        )
+    return force

@@ -1,0 +1,293 @@
+r"""Priors of friction parameters from a contact: values, each with a stated width.
+
+A width is a factor within which 68 % lie either way (a normal distribution of the logarithm). What is
+known apart multiplies in squares: the factor of the friction coefficient (lists of one pair differ by 1.5
+and more), of γ (see `persson`), of the number of contacts, of the roughness (assumed: 1.3), and of theory
+itself. That is assumed to be 2: films, plastic summits, and what is in series make real contacts softer than
+elastic theory.
+
+.. math:: \sigma_0 = k_t, \qquad F_C = \mu P, \qquad \frac{1}{k_t} = \frac{1}{k_{contact}} +
+\frac{1}{k_{holder}}
+
+What no contact says beforehand: the bristle's damping σ_1, viscous friction, the Stribeck velocity,
+lubricated or contaminated surfaces, and how a pair wears.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...estimate import Fit
+from ...estimate.shown import preformatted
+from ...friction import LuGre, MaxwellSlip
+from ...quantities.records import Quantity, did_you_mean, whole
+from ...quantities.units import QuantityError, optional_si, to_si, with_prefix
+from .asperities import GreenwoodWilliamson
+from .catalogue import FrictionPair
+from .iwan import in_series, maxwell_slip
+from .mindlin import Mindlin
+from .partial_slip import ExponentialContact
+from .persson import GAMMA_FACTOR, Persson
+from .roughness import Roughness
+
+# Factors within which 68 % of measured contacts lie.
+THEORY, OF_ROUGHNESS, OF_BALL = 2.0, 1.3, 1.1
+_THEORY = Quantity("", "", "the factor within which stiffness follows theory", minimum=1)
+# Standard deviations within which a prior is said to have held.
+HELD = 1.96
+
+UNITS = {"sigma_0": "N/m", "coulomb_force": "N"}
+
+
+class Known(NamedTuple):
+    """What is known of a parameter: `value` in `unit`, and the `factor` within which 68 % lie either way."""
+
+    value: float
+    factor: float
+    unit: str
+
+    @property
+    def prior(self) -> tuple[float, float]:
+        """Value and standard deviation, as fits take it of a parameter on a logarithmic scale."""
+        return self.value, self.value * math.log(self.factor)
+
+    def interval(self, deviations: float = HELD) -> tuple[float, float]:
+        """Its ends, so many standard deviations off."""
+        return self.value / self.factor**deviations, self.value * self.factor**deviations
+
+
+@dataclass(frozen=True)
+class ContactPrior:
+    """What a contact says of friction parameters; see `rough_prior` and `ball_prior`.
+
+    Attributes:
+        known: by the names of the LuGre law, "sigma_0" and "coulomb_force".
+        contact: the model that it is from; `holder`, N/m, what is in series with it.
+        assumptions: what was taken without a source, by name.
+        doubts: sentences on where the model does not hold.
+    """
+
+    known: Mapping[str, Known]
+    contact: Mindlin | ExponentialContact
+    holder: float | None = None
+    assumptions: Mapping[str, str] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
+
+    _repr_html_ = preformatted
+
+    def priors(self, *names: str) -> dict[str, tuple[float, float]]:
+        """What `identify_friction` and `identify_loops` take as `priors`; of all, if none is named.
+
+        Raises:
+            QuantityError: the contact says nothing of that parameter.
+        """
+        return {name: self._of(name).prior for name in names or self.known}
+
+    def draws(self, count: int, *names: str, seed: int = 0) -> dict[str, NDArray[np.float64]]:
+        """Independent draws [count] by name: the `draws` of `plan_experiment`, the `parameters` of
+        `simulate_ensemble` and `steady_steps`.
+
+        Raises:
+            QuantityError: the contact says nothing of a parameter, or no count of draws.
+        """
+        count, random = whole(count, "count", 1, 1_000_000), np.random.default_rng(seed)
+        return {
+            name: of.value * of.factor ** random.standard_normal(count)
+            for name, of in ((name, self._of(name)) for name in names or self.known)
+        }
+
+    def law(self, sigma_1: float | str = 0.0) -> LuGre:
+        """The LuGre law at the expected values, its damping [N s/m] given: a start for fits."""
+        force = self.known["coulomb_force"].value
+        return LuGre(
+            sigma_0=self.known["sigma_0"].value,
+            sigma_1=to_si(sigma_1, "N s/m", "sigma_1"),
+            sigma_2=0.0,
+            coulomb_force=force,
+            stiction_force=force,
+            stribeck_velocity=1e-3,
+        )
+
+    def maxwell_slip(self, elements: int = 8) -> MaxwellSlip:
+        """The law with all of its presliding loop, at the expected values; see `iwan`."""
+        law = maxwell_slip(self.contact, elements)
+        return law if self.holder is None else in_series(law, self.holder)
+
+    def widened(self, factor: float | str, *names: str) -> ContactPrior:
+        """With so much more room: known factors times another, in squares; of all parameters, if none is
+        named.
+
+        Raises:
+            QuantityError: out of range, or no such parameter.
+        """
+        more = to_si(factor, "", "factor")
+        if not 1.0 <= more < math.inf:
+            raise QuantityError(f"factor = {more:g} is out of range: it must be >= 1")
+        names = names or tuple(self.known)
+        known = {name: self._of(name) for name in names}
+        wider = {name: of._replace(factor=together(of.factor, more)) for name, of in known.items()}
+        return replace(self, known={**self.known, **wider})
+
+    def held(self, values: Fit | Mapping[str, float]) -> dict[str, float]:
+        """How many standard deviations of the prior each value of a fit (or of a dictionary, in SI) lies off;
+        beyond ±1.96 the prior has misled."""
+        found = values.values if isinstance(values, Fit) else values
+        return {
+            name: math.log(found[name] / of.value) / math.log(of.factor)
+            for name, of in self.known.items()
+            if name in found
+        }
+
+    def report(self) -> str:
+        """A text table, and what is assumed and doubtful."""
+        lines = [f"{'parameter':16}{'expected':>14}{'factor':>9}   95 % of what is expected"]
+        for name, of in self.known.items():
+            low, high = (with_prefix(end, of.unit, 3) for end in of.interval())
+            shown = with_prefix(of.value, of.unit, 4)
+            lines.append(f"{name:16}{shown:>14}{of.factor:9.2f}   {low} .. {high}")
+        distance = self.known["coulomb_force"].value / self.known["sigma_0"].value
+        lines.append(f"presliding distance F_C/σ_0 {with_prefix(distance, 'm', 3)}")
+        lines += [f"assumed: {name} = {why}" for name, why in self.assumptions.items()]
+        return "\n".join([*lines, *self.doubts])
+
+    def _of(self, name: str) -> Known:
+        if name not in self.known:
+            raise QuantityError(
+                f"this contact says nothing of {name!r}{did_you_mean(name, self.known)}: only of "
+                f"{' and '.join(self.known)}"
+            )
+        return self.known[name]
+
+
+def rough_prior(
+    pair: FrictionPair,
+    normal_force: float | str,
+    roughness: Roughness,
+    nominal_area: float | str,
+    *,
+    holder_stiffness: float | str | None = None,
+    theory: float | str = THEORY,
+) -> ContactPrior:
+    """Of two rough flats: stiffness in proportion to the load [persson2007].
+
+    Args:
+        pair: what slides on what; see `load_pair`.
+        normal_force: N, of all contacts together.
+        roughness: of both surfaces; a single number such as Ra is none (see `roughness`).
+        nominal_area: m², of all contacts together.
+        holder_stiffness: N/m along the motion of what is in series with the contact; left out, rigid.
+        theory: factor within which stiffness follows theory.
+
+    Raises:
+        QuantityError: out of range.
+    """
+    force = to_si(normal_force, "N", "normal_force")
+    area = to_si(nominal_area, "m^2", "nominal_area")
+    holder = optional_si(holder_stiffness, "N/m", "holder_stiffness")
+    theory = _THEORY.check(theory, "theory")
+    if not isinstance(roughness, Roughness):
+        raise QuantityError(
+            f"roughness = {roughness!r} has no lateral scale (of Ra none follows): give a Roughness, of a "
+            "topography (contact.measured, read_topography) or of a spectrum (contact.self_affine)"
+        )
+    elastic = Persson(force, area, roughness, pair.bodies.contact_modulus)
+    contact = ExponentialContact(
+        force, elastic.decay_length, pair.bodies.stiffness_ratio, pair.friction.friction_coefficient
+    )
+    summits = GreenwoodWilliamson.of_roughness(force, area, roughness, pair.bodies.contact_modulus)
+    if not summits.contacts >= 1.0:
+        raise QuantityError(
+            f"normal_force = {force:g} N is out of range: {summits.contacts:.2g} summits are expected to "
+            "touch, and theory is of many"
+        )
+    scatter = math.exp(summits.stiffness_scatter)
+    doubts = [elastic.holds(), _yields(pair, force, elastic.real_area), _unlike(pair)]
+    factor = together(theory, OF_ROUGHNESS, GAMMA_FACTOR, scatter)
+    return _prior(pair, contact, factor, holder, doubts)
+
+
+def ball_prior(
+    pair: FrictionPair,
+    normal_force: float | str,
+    radius: float | str,
+    contacts: int = 1,
+    *,
+    holder_stiffness: float | str | None = None,
+    theory: float | str = THEORY,
+) -> ContactPrior:
+    """Of smooth balls on a flat, which share the load: stiffness as its cube root [mindlin1949].
+
+    Args:
+        pair, holder_stiffness, theory: as for `rough_prior`.
+        normal_force: N, of all balls together.
+        radius: m, of a ball.
+        contacts: how many balls.
+
+    Raises:
+        QuantityError: out of range.
+    """
+    force = to_si(normal_force, "N", "normal_force")
+    radius = to_si(radius, "m", "radius")
+    holder = optional_si(holder_stiffness, "N/m", "holder_stiffness")
+    theory = _THEORY.check(theory, "theory")
+    contacts = whole(contacts, "contacts", 1, 10_000)
+    # n balls, each with its share, are one of n times the moduli: its radius of contact is that of each.
+    bodies = pair.bodies
+    contact = Mindlin(
+        force,
+        radius,
+        contacts * bodies.contact_modulus,
+        contacts * bodies.tangential_modulus,
+        pair.friction.friction_coefficient,
+    )
+    doubts = [_yields(pair, force / contacts, contact.normal.area), _unlike(pair)]
+    return _prior(pair, contact, together(theory, OF_BALL), holder, doubts)
+
+
+def together(*factors: float) -> float:
+    """What several independent factors are as one: their logarithms in squares."""
+    return math.exp(math.hypot(*(math.log(one) for one in factors)))
+
+
+def _prior(
+    pair: FrictionPair,
+    contact: Mindlin | ExponentialContact,
+    factor: float,
+    holder: float | None,
+    doubts: Sequence[str],
+) -> ContactPrior:
+    stiffness = contact.tangential_stiffness
+    if holder is not None:
+        if not holder > 0.0:
+            raise QuantityError(f"holder_stiffness = {holder:g} N/m is out of range: it must be > 0 N/m")
+        stiffness = 1.0 / (1.0 / stiffness + 1.0 / holder)
+        # What is in series and known takes its share of the doubt away.
+        factor = factor ** (stiffness / contact.tangential_stiffness)
+    known = {
+        "sigma_0": Known(stiffness, factor, UNITS["sigma_0"]),
+        "coulomb_force": Known(contact.slip_force, pair.friction.friction_factor, UNITS["coulomb_force"]),
+    }
+    return ContactPrior(known, contact, holder, dict(pair.assumptions), tuple(filter(None, doubts)))
+
+
+def _yields(pair: FrictionPair, force: float, area: float) -> str:
+    hardness = pair.bodies.hardness
+    if hardness is None or force / area < hardness:
+        return ""
+    return (
+        f"the mean pressure in the real area, {force / area:.2g} Pa, is above the hardness "
+        f"{hardness:.2g} Pa: the contact yields until it is below, and is stiffer than elastic theory after "
+        "the first pressing"
+    )
+
+
+def _unlike(pair: FrictionPair) -> str:
+    if abs(pair.bodies.dundurs) < 0.2:
+        return ""
+    return f"Dundurs' β is {pair.bodies.dundurs:.2f}: normal and tangential forces act on each other"

@@ -1,0 +1,218 @@
+r"""Roughness with its lateral scale: from a spectrum, or from a measured topography.
+
+.. math:: h_{rms}^2 = 2\pi \int q\, C(q)\, dq, \qquad h'^2_{rms} = 2\pi \int q^3 C(q)\, dq, \qquad
+          h''^2_{rms} = 2\pi \int q^5 C(q)\, dq
+
+with the isotropic spectrum C(q) [m⁴] over the wavevector q [rad/m], whose integral over the plane is the
+variance of the heights [jacobs2017]. A self-affine one is constant from q_l to q_r (the plateau) and falls as
+q^(-2-2H) to q_s.
+
+One number such as Ra is no roughness here: 2,088 measurements in a challenge showed that it cannot be used
+without a lateral scale [pradhan2025]; neither slope nor the longest wavelength follow from it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import exprel
+
+from ...quantities.records import Quantity, record
+from ...quantities.units import QuantityError, array_si, optional_si, to_si
+
+Array = NDArray[np.float64]
+
+# Of each line of a topography, by which tilt and bow are taken off.
+FLATTENED = 2
+FEWEST = 8
+# Of the greatest height, what taking tilt and bow off may leave of a plane.
+ROUNDING = 1e-12
+
+
+@record
+class Roughness(NamedTuple):
+    """Heights, slopes and curvatures of both surfaces together, between two wavelengths.
+
+    Slope and curvature are those of the surface in all directions; both, and so the real area, depend on the
+    shortest wavelength. Two rough surfaces add in squares: `with_other`.
+    """
+
+    height: Annotated[float, Quantity("m", "h_rms", "root mean square of the heights", above=0)]
+    slope: Annotated[float, Quantity("", "h'_rms", "root mean square of the slopes", above=0)]
+    curvature: Annotated[float, Quantity("1/m", "h''_rms", "root mean square of the Laplacian", above=0)]
+    longest: Annotated[float, Quantity("m", "λ_l", "longest wavelength in it", above=0)]
+    shortest: Annotated[float, Quantity("m", "λ_s", "shortest wavelength in it", above=0)]
+
+    def _check(self) -> None:
+        if not self.shortest < self.longest:
+            raise QuantityError(
+                f"Roughness.shortest = {self.shortest:g} m must be below longest = {self.longest:g} m"
+            )
+
+    def with_other(self, other: Roughness) -> Roughness:
+        """Of two rough surfaces in contact, independent of each other."""
+        return Roughness(
+            math.hypot(self.height, other.height),
+            math.hypot(self.slope, other.slope),
+            math.hypot(self.curvature, other.curvature),
+            max(self.longest, other.longest),
+            min(self.shortest, other.shortest),
+        )
+
+
+def self_affine(
+    height: float | str,
+    hurst: float | str,
+    *,
+    longest: float | str,
+    shortest: float | str,
+    roll_off: float | str | None = None,
+) -> Roughness:
+    """A self-affine surface, by its spectrum.
+
+    Args:
+        height: m, root mean square.
+        hurst: H, above 0 and at most 1.
+        longest, shortest: m, wavelengths at which the spectrum ends.
+        roll_off: m, wavelength above which the spectrum is constant; left out, there is no plateau.
+
+    Raises:
+        QuantityError: out of range.
+    """
+    height, hurst = to_si(height, "m", "height"), to_si(hurst, "", "hurst")
+    longest, shortest = to_si(longest, "m", "longest"), to_si(shortest, "m", "shortest")
+    bend = optional_si(roll_off, "m", "roll_off") or longest
+    if not 0.0 < hurst <= 1.0:
+        raise QuantityError(f"hurst = {hurst:g} is out of range: it must be > 0 and <= 1")
+    if not 0.0 < shortest < bend <= longest < math.inf:
+        raise QuantityError(
+            f"shortest = {shortest:g} m, roll_off = {bend:g} m and longest = {longest:g} m are out of range: "
+            "they must be positive, and grow in this order"
+        )
+    q_l, q_r, q_s = (2.0 * math.pi / wavelength for wavelength in (longest, bend, shortest))
+
+    roots = []
+    for power in (1, 3, 5):  # of q^power over the spectrum, which is 1 on its plateau
+        flat = (q_r ** (power + 1) - q_l ** (power + 1)) / (power + 1)
+        left, ends = power - 1.0 - 2.0 * hurst, math.log(q_s / q_r)
+        fall = q_r**left * ends * float(exprel(left * ends))  # (q_s^left - q_r^left)/left
+        roots.append(math.sqrt(flat + q_r ** (2.0 + 2.0 * hurst) * fall))
+    slope, curvature = (height * root / roots[0] for root in roots[1:])
+    return Roughness(height, slope, curvature, longest, shortest)
+
+
+def measured(heights: ArrayLike, spacing: float | str | tuple[float | str, ...]) -> Roughness:
+    """Of a measured topography.
+
+    Tilt and bow are taken off (a plane and parabola by least squares). Slopes and curvatures are those of
+    differences between neighbours: of the finest scale that was measured, be it the surface's or the
+    instrument's (of a probe's tip, no slope beyond it is real).
+
+    Args:
+        heights: m, [n] of a line scan, or [n, m] of a map.
+        spacing: m between neighbours; of a map one for both directions, or one for each.
+
+    Raises:
+        QuantityError: there is no lateral scale, heights are missing, too few, or all alike.
+    """
+    steps = _spacing(spacing)
+    if np.ndim(heights) == 0:
+        raise QuantityError(
+            f"heights = {heights!r} is one number, such as Ra, which has no lateral scale: neither slope nor "
+            "wavelength follow from it, so no contact does; give a topography with its spacing, or a "
+            "spectrum (self_affine)"
+        )
+    z = array_si(heights, "m", "heights")
+    if z.ndim > 2 or min(z.shape) < FEWEST or not np.all(np.isfinite(z)):
+        raise QuantityError(
+            f"heights of the shape {z.shape} are not the line or map of finite values [m] that is needed, "
+            f"of at least {FEWEST} each way"
+        )
+    steps = steps * z.ndim if len(steps) == 1 else steps
+    if len(steps) != z.ndim:
+        raise QuantityError(f"spacing has {len(steps)} values for heights of {z.ndim} dimensions")
+    most = float(np.abs(z).max())
+    z = z - _bowed(z)
+    height = float(np.sqrt(np.mean(z**2)))
+    if not height > ROUNDING * most:
+        raise QuantityError("heights are all alike, or a plane: there is no roughness in them")
+    slopes = [np.mean((np.diff(z, axis=i) / steps[i]) ** 2) for i in range(z.ndim)]
+    bends = [np.diff(z, 2, axis=i) / steps[i] ** 2 for i in range(z.ndim)]
+    if z.ndim == 1:  # isotropic: of all directions there is twice, and 8/3, what a line shows
+        slope, curvature = 2.0 * slopes[0], 8.0 / 3.0 * np.mean(bends[0] ** 2)
+    else:
+        slope, curvature = sum(slopes), np.mean((bends[0][:, 1:-1] + bends[1][1:-1, :]) ** 2)
+    size = min((n - 1) * step for n, step in zip(z.shape, steps, strict=True))
+    return Roughness(height, math.sqrt(slope), math.sqrt(curvature), size, 2.0 * max(steps))
+
+
+def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness:
+    """Of the file of an instrument, in any of the formats that the package SurfaceTopography reads.
+
+    Args:
+        path: the file.
+        channel: which of its height channels.
+
+    Raises:
+        QuantityError: the file cannot be read, has no such channel, no unit or no lateral scale.
+        ModuleNotFoundError: SurfaceTopography is missing (extra ``stickslip[topography]``).
+    """
+    try:
+        with warnings.catch_warnings():  # it runs without MPI, and says so
+            warnings.simplefilter("ignore", ImportWarning)
+            from SurfaceTopography.IO import open_topography
+    except ModuleNotFoundError as missing:
+        raise ModuleNotFoundError(
+            f'topographies need {missing.name}, which is not installed: pip install "stickslip[topography]"',
+            name=missing.name,
+        ) from None
+    try:
+        with open_topography(os.fspath(path)) as reader:
+            scan = reader.topography(channel_index=channel)
+    except Exception as error:  # of three dozen formats
+        said = str(error).strip().split("\n")[0]
+        raise QuantityError(
+            f"{path} cannot be read as a topography: {said or type(error).__name__}"
+        ) from None
+    return of_topography(scan, str(path))
+
+
+def of_topography(scan: Any, name: str = "topography") -> Roughness:
+    """Of an object of SurfaceTopography: a line scan or map with its unit.
+
+    Raises:
+        QuantityError: it has no unit, no lateral scale, or points that were not measured.
+    """
+    if not scan.unit:
+        raise QuantityError(f"{name} has no unit of length, so no lateral scale")
+    if scan.has_undefined_data:
+        raise QuantityError(f"{name} has points that were not measured: fill them, or cut them off")
+    if not scan.is_uniform:
+        raise QuantityError(f"{name} is a line of uneven steps: interpolate it first")
+    unit = to_si(f"1 {scan.unit}", "m", f"unit of {name}")
+    steps = np.atleast_1d(scan.pixel_size)
+    return measured(np.asarray(scan.heights()) * unit, tuple(float(step) * unit for step in steps))
+
+
+def _spacing(given: float | str | tuple[float | str, ...]) -> tuple[float, ...]:
+    several = given if isinstance(given, tuple) else (given,)
+    steps = tuple(to_si(step, "m", "spacing") for step in several)
+    if not steps or not all(0.0 < step < math.inf for step in steps):
+        raise QuantityError(f"spacing = {given!r} is out of range: it must be > 0 m")
+    return steps
+
+
+def _bowed(z: Array) -> Array:
+    """Plane and parabola of the heights."""
+    axes = np.meshgrid(*(np.linspace(-1.0, 1.0, n) for n in z.shape), indexing="ij")
+    columns = [np.ones(z.size)]
+    for i, one in enumerate(axes):
+        columns += [one.ravel() ** power for power in range(1, FLATTENED + 1)]
+        columns += [one.ravel() * other.ravel() for other in axes[:i]]
+    basis = np.column_stack(columns)
+    return (basis @ np.linalg.lstsq(basis, z.ravel(), rcond=None)[0]).reshape(z.shape)

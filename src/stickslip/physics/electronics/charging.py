@@ -1,0 +1,145 @@
+"""The voltage at a capacitance behind a lag with a limited, and for a time only larger, current.
+
+Between two breaks the target is a line, and the output is a line (at the limit) or a line and an exponential,
+both in closed form, as are the times at which one becomes the other: no time step, no error that builds up.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...engine._abi import ffi
+from ...engine.binding import contiguous, doubles, sized
+from ...engine.library import library
+
+Array = NDArray[np.float64]
+
+# Shares: of the limit of the mean square, by which it must fall before the peak current is there again, and
+# what is rounding; of the memory, after which it is looked whether the limit was reached in between.
+_BELOW, _SAME, _OFTEN = 1e-9, 1e-12, 1.0 / 32.0
+
+
+class ChargingLimits(NamedTuple):
+    """tau [s], greatest slopes with the peak and with the steady current [V/s], the square of the steady
+    current [A²], the time over which the mean square forgets [s] (infinite: the peak lasts for ever), and the
+    capacitance [F]."""
+
+    tau: float
+    rate: float
+    steady_rate: float
+    steady_square: float
+    memory: float
+    farad: float
+
+
+def rest(volts: float) -> Array:
+    """The state at rest: output [V], mean square of the current [A²], and 1 while the steady one limits."""
+    return np.array([volts, 0.0, 0.0])
+
+
+def _remembered(t, memory, rate):
+    """The mean of exp(-rate t'), by now."""
+    z = t / memory - rate * t
+    left = math.exp(-t / memory)
+    if abs(z) < 1e-3:
+        return left * t / memory * (1.0 + z * (0.5 + z / 6.0))
+    return (math.exp(-rate * t) - left) / (1.0 - rate * memory)
+
+
+def _mean_square(of, t, before, slope, bend):
+    """The mean square of the current t later, of an output with this slope [V/s] and, with tau > 0, an
+    exponential of height `bend` [V] that falls to 0."""
+    steady = of.farad * slope
+    left = math.exp(-t / of.memory)
+    found = before * left + steady * steady * (1.0 - left)
+    if of.tau > 0.0:
+        falling = of.farad * bend / of.tau
+        found += 2.0 * steady * falling * _remembered(t, of.memory, 1.0 / of.tau)
+        found += falling * falling * _remembered(t, of.memory, 2.0 / of.tau)
+    return found
+
+
+def _until_as_fast(tau, rate, s, bend):
+    """How long [s] until an output that begins `bend` [V] from following a slope s [V/s] is as fast as
+    `rate`, below abs(s)."""
+    return -tau * math.log(tau * (rate - abs(s)) / (bend if s > 0.0 else -bend))
+
+
+def _ramped(of, d, over, side, s, rate, square, folded, least):
+    """Of d seconds at the limit: how many it lasts (at least the `least`), the mean square and whether the
+    steady current limits after them, and whether that is the end of the piece."""
+    to_end = True
+    closing = rate - side * s
+    if closing > 0.0 and over < closing * d:
+        d, to_end = max(over / closing, least), False
+    if not math.isinf(of.memory):
+        now = (of.farad * rate) ** 2
+        folds = False
+        if not folded and now > of.steady_square * (1.0 + _SAME):
+            until = of.memory * math.log(max((now - square) / (now - of.steady_square), 1.0))
+            if until < d:
+                d, folds, to_end = max(until, least), True, False
+        square = now + (square - now) * math.exp(-d / of.memory)
+        folded = folded or folds
+        if folded:
+            square = min(square, of.steady_square)
+    return d, square, folded, to_end
+
+
+def _lagged(of, d, gap, s, rate, square, folded, least):
+    """As `_ramped`, of d seconds below the limit."""
+    to_end = True
+    bend = gap - s * of.tau
+    if abs(s) > rate and of.tau > 0.0:  # it falls behind until the limit is reached
+        until = max(_until_as_fast(of.tau, rate, s, bend), least)
+        if until < d:
+            d, to_end = until, False
+    if not math.isinf(of.memory):
+        if not folded:  # the steady current may be reached: look often, but only while there is more of it
+            calm = math.sqrt(of.steady_square) / of.farad
+            above = False  # of a line the mean square goes one way
+            if of.tau > 0.0:
+                above = abs(gap) >= calm * of.tau * (1.0 - _BELOW)
+                if not above and abs(s) > calm:
+                    until = max(_until_as_fast(of.tau, calm, s, bend), least)
+                    if until < d:
+                        d, to_end = until, False
+            if above and d > _OFTEN * of.memory:
+                d, to_end = _OFTEN * of.memory, False
+        after = _mean_square(of, d, square, s, bend)
+        if not folded and after > of.steady_square * (1.0 + _SAME):
+            low, high = 0.0, d
+            for _ in range(60):
+                d = 0.5 * (low + high)
+                if _mean_square(of, d, square, s, bend) > of.steady_square:
+                    high = d
+                else:
+                    low = d
+            d, after, folded, to_end = max(d, least), of.steady_square, True, False
+        square = after
+        folded = folded and square >= of.steady_square * (1.0 - _BELOW)
+    return d, square, folded, to_end
+
+
+def charged(
+    of: ChargingLimits, bounds: Array, values: Array, slopes: Array, state: Array, tolerance: float
+) -> tuple[Array, Array]:
+    """Compute times and voltages to be joined by lines, for targets values[k] + slopes[k] (t - bounds[k])
+    from bounds[k] to bounds[k + 1]. `state` (see `rest`) is the one at the start, and becomes the one at
+    the end."""
+    sized("bounds", bounds, values.size + 1)
+    sized("slopes", slopes, values.size)
+    sized("state", state, 3)
+    given = [contiguous(one) for one in (bounds, values, slopes)]
+    limits, now, room = ffi.new("real_t[]", tuple(of)), doubles(state, "state", True), 2 * bounds.size + 16
+    while True:
+        points = np.empty((2, room))
+        rows = doubles(points[0], "times", True), doubles(points[1], "voltages", True)
+        n = library().stickslip_charge(limits, values.size, *given, now, tolerance, room, *rows)
+        if n >= 0:
+            return points[0, :n].copy(), points[1, :n].copy()
+        room *= 4

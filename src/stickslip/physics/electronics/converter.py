@@ -1,0 +1,84 @@
+"""Converters between numbers and volts: quantised, and saturated at the ends of their range."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...quantities.records import Quantity, record
+from ...quantities.units import QuantityError, array_si
+
+Bits = Annotated[float, Quantity("", "b", "number of bits", minimum=1, maximum=32)]
+Low = Annotated[float, Quantity("V", "u_low", "voltage of the lowest code")]
+High = Annotated[float, Quantity("V", "u_high", "voltage one step above that of the highest code")]
+
+
+# Taken into both classes by name: a NamedTuple cannot have a second base class.
+@property
+def _step(converter: Any) -> float:
+    """One step, V."""
+    return (converter.high - converter.low) / 2.0**converter.bits
+
+
+def _check(converter: Dac | Adc) -> None:
+    owner = type(converter).__name__
+    if converter.bits % 1:
+        raise QuantityError(f"{owner}.bits = {converter.bits:g} is out of range: it must be a whole number")
+    if converter.low >= converter.high:
+        raise QuantityError(
+            f"{owner}.low = {converter.low:g} V is out of range: it must be < high = {converter.high:g} V"
+        )
+
+
+@record
+class Dac(NamedTuple):
+    """A digital-to-analogue converter that holds each value until the next (zero-order hold).
+
+    `gain` is the voltage that the number 1 asks for. One that `truncates` takes the step at or below the
+    wanted voltage, else the nearest.
+    """
+
+    bits: Bits
+    low: Low
+    high: High
+    gain: Annotated[float, Quantity("V", "G", "voltage for the number 1", above=0)]
+    update_rate: Annotated[float, Quantity("Hz", "f_DA", "updates per second", above=0)]
+    truncates: bool = False
+
+    step = _step
+
+    def _check(self) -> None:
+        _check(self)
+
+
+@record
+class Adc(NamedTuple):
+    """An analogue-to-digital converter: the nearest step, at most `max_rate` samples per second."""
+
+    bits: Bits
+    low: Low
+    high: High
+    max_rate: Annotated[float, Quantity("Hz", "f_AD", "greatest sampling rate", above=0)]
+
+    step = _step
+
+    def _check(self) -> None:
+        _check(self)
+
+
+def dac_output(dac: Dac, numbers: ArrayLike) -> NDArray[np.float64]:
+    """The voltages that come out for the numbers that a program writes, V, of the same shape."""
+    steps = (array_si(numbers, "", "numbers") * dac.gain - dac.low) / dac.step
+    # A number computed for a step may fall short of it by rounding.
+    return _at_steps(dac, np.floor(steps + 1e-6) if dac.truncates else np.rint(steps))
+
+
+def adc_output(adc: Adc, volts: ArrayLike) -> NDArray[np.float64]:
+    """The voltages as the converter's codes stand for them, V, of the same shape."""
+    return _at_steps(adc, np.rint((array_si(volts, "V", "volts") - adc.low) / adc.step))
+
+
+def _at_steps(converter: Dac | Adc, steps: NDArray[np.float64]) -> NDArray[np.float64]:
+    return converter.low + np.clip(steps, 0.0, 2.0**converter.bits - 1.0) * converter.step

@@ -1,0 +1,201 @@
+"""From the drive that is asked for to the voltage at the piezo.
+
+The target is drawn by lines, with more points where it bends, and what the amplifier makes of lines is known
+in closed form (see `charging`); half of the tolerance is for either. A lag and a limit of the slope pass no
+error on enlarged, so the tolerance is a bound; where the current folds back (see `amplifier`), the moment at
+which it does moves with the target: there lines are eight times as fine, and the tolerance is an estimate.
+
+Under a periodic drive the first periods differ, later ones repeat: as soon as a period ends so close to the
+state that it began in that all later ones together move on by no more than a small part of the tolerance, it
+is repeated.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...quantities.units import QuantityError, to_si, with_prefix
+from ...waveform import Sampled, Sequence
+from ...waveform.pieces import SLIVER
+from ...waveform.signal import Waveform
+from .amplifier import CAPACITANCE, TOLERANCE, Amplifier, limits
+from .charging import ChargingLimits, charged, rest
+from .lines import Lines, clipped, jumps, lines_of
+
+Array = NDArray[np.float64]
+
+# Of the tolerance, what all later periods may together move on by from the one that is repeated; of the
+# square of the rms current, what the mean square may.
+_SAME_VOLTS, _SAME_SQUARE = 0.02, 1e-4
+_MOST_PERIODS = 100_000
+# By how many times lines are finer where the current folds back (docs/decisions/electronics.md).
+_FINER = 8.0
+
+
+def driven(
+    amplifier: Amplifier,
+    waveform: Waveform,
+    capacitance: float | str,
+    duration: float | str,
+    *,
+    tolerance: float | str = 5e-3,
+) -> Waveform:
+    """The voltage at the piezo when an amplifier is asked for a waveform.
+
+    Args:
+        amplifier: its numbers; gain and offset are not used, for the waveform is in volts at the piezo. What
+            it asks beyond the amplifier's range is cut off.
+        waveform: V; before t = 0 the amplifier rests at its value there.
+        capacitance: F, of the piezo, at the amplitude in question.
+        duration: s, for which it is computed.
+        tolerance: V, greatest error; see the module. The error estimate of a simulation does not contain it:
+            times the gain, it should be below the tolerance of the simulation.
+
+    Returns:
+        A waveform that is right for 0 <= t <= duration: a `Sampled`, joined by lines; of a periodic waveform
+        whose answer repeats before the end, a `Sequence` of the `Sampled` until then and of a period. An
+        amplifier without lag and limits gives the waveform itself.
+
+    Raises:
+        QuantityError: a number is out of range, the waveform is not in V, or it jumps beyond the range of
+            an amplifier that has neither a lag nor a slew limit, and would jump with it.
+    """
+    tolerance = TOLERANCE.check(to_si(tolerance, "V", "tolerance"), "tolerance")
+    farad = CAPACITANCE.check(capacitance, "capacitance")
+    duration = to_si(duration, "s", "duration")
+    if not 0.0 < duration < math.inf:
+        raise QuantityError(f"duration = {duration:g} s is out of range: it must be > 0 s, and finite")
+    of = limits(amplifier, farad)
+    period = _endless(waveform)
+    if _follows(of, amplifier, waveform):
+        return waveform
+    tolerance = _for_lines(of, tolerance)
+    if period is None or duration < 2.0 * period:
+        asked = _asked(of, amplifier, waveform, duration, tolerance)
+        return Sampled(*_answer(of, asked, rest(asked.before), tolerance))
+    asked = _asked(of, amplifier, waveform, period, tolerance)
+    whole = math.floor(duration / period * (1.0 + SLIVER))
+    times, volts, state, repeats = _until_it_repeats(of, asked, tolerance, whole)
+    if repeats:
+        begin = times[-1][-1]
+        volts[-1][-1] = volts[-1][0]  # where the last period is repeated: the same but for rounding
+        again = _period(times[-1], volts[-1], period)
+        return Sequence(Sampled(*_joined(times, volts)), (again, max(duration - begin, SLIVER * begin)))
+    left = duration - whole * period
+    if left > SLIVER * duration:
+        asked = _asked(of, amplifier, waveform, left, tolerance)
+        more, last = _answer(of, asked, state, tolerance)
+        times.append(more + whole * period)
+        volts.append(last)
+    return Sampled(*_joined(times, volts))
+
+
+def driven_period(
+    amplifier: Amplifier, waveform: Waveform, capacitance: float | str, *, tolerance: float | str = 5e-3
+) -> Sampled:
+    """The voltage at the piezo under an endless periodic waveform, once it repeats: one period, for ever.
+
+    Args and errors: as for `driven`; also QuantityError where the waveform has no period, does not last for
+    ever, or where nothing repeats within 100,000 periods.
+    """
+    tolerance = TOLERANCE.check(to_si(tolerance, "V", "tolerance"), "tolerance")
+    farad = CAPACITANCE.check(capacitance, "capacitance")
+    period = _endless(waveform)
+    if period is None:
+        raise QuantityError(f"{type(waveform).__name__} does not repeat for ever: it has no steady period")
+    of = limits(amplifier, farad)
+    tolerance = _for_lines(of, tolerance)
+    asked = _asked(of, amplifier, waveform, period, tolerance)
+    times, volts, _, repeats = _until_it_repeats(of, asked, tolerance, _MOST_PERIODS, keep=False)
+    if not repeats:
+        raise QuantityError(f"the output does not repeat within {_MOST_PERIODS} periods")
+    return _period(times[-1], volts[-1], period)
+
+
+def _for_lines(of: ChargingLimits, tolerance: float) -> float:
+    """What lines may be off by, for an output within the tolerance, V."""
+    return tolerance / _FINER if math.isfinite(of.memory) else tolerance
+
+
+def _endless(waveform: Waveform) -> float | None:
+    """The period of a waveform that repeats for ever, s; raises QuantityError for what is no waveform."""
+    if not hasattr(waveform, "drive"):
+        raise QuantityError(f"waveform = {waveform!r:.60} must be a waveform in V")
+    period = getattr(waveform, "period", None)
+    return period if period is not None and math.isinf(waveform.duration) else None
+
+
+def _follows(of: ChargingLimits, amplifier: Amplifier, waveform: Waveform) -> bool:
+    if of.tau > 0.0 or math.isfinite(of.rate):
+        return False
+    low, high = waveform.range()
+    return waveform.unit == "V" and amplifier.low <= low and high <= amplifier.high
+
+
+def _asked(
+    of: ChargingLimits, amplifier: Amplifier, waveform: Waveform, duration: float, tolerance: float
+) -> Lines:
+    """What the amplifier aims at, as lines within half of the tolerance."""
+    if waveform.unit != "V":
+        raise QuantityError(f"{type(waveform).__name__} is in {waveform.unit}: an amplifier gives volts")
+    lines = lines_of(waveform.drive(duration), duration, 0.5 * tolerance)
+    asked = clipped(lines, amplifier.low, amplifier.high)
+    jumped = np.abs(jumps(asked)[0]).max()
+    if _endless(waveform) is not None:  # at the end of a period too
+        jumped = max(jumped, abs(asked.values[0] - asked.end))
+    if of.tau == 0.0 and math.isinf(of.rate) and jumped > tolerance:
+        raise QuantityError(
+            f"{type(waveform).__name__} jumps beyond {with_prefix(amplifier.low, 'V')} to "
+            f"{with_prefix(amplifier.high, 'V')}, and the amplifier would jump with it: give it a bandwidth, "
+            "an output resistance or a slew rate"
+        )
+    return asked
+
+
+def _answer(of: ChargingLimits, asked: Lines, state: Array, tolerance: float) -> tuple[Array, Array]:
+    """Times and volts of the output, from the state on, which is left as it is at the end."""
+    if of.tau == 0.0 and math.isinf(of.rate):  # it does as it is told
+        state[0] = asked.end
+        return asked.bounds, np.append(asked.values, state[0])
+    return charged(of, *asked[1:], state, 0.5 * tolerance)
+
+
+def _until_it_repeats(
+    of: ChargingLimits, asked: Lines, tolerance: float, most: int, keep: bool = True
+) -> tuple[list[Array], list[Array], Array, bool]:
+    """Period after period, until one ends as it began: times, from the begin of the first one, and volts of
+    each (of the last one only, unless they are to be kept); the state at the end; whether it repeats."""
+    state, times, volts = rest(asked.before), list[Array](), list[Array]()
+    period = asked.bounds[-1]
+    for k in range(most):
+        before = state.copy()
+        t, u = _answer(of, asked, state, tolerance)
+        if not keep:
+            times, volts = [], []
+        times.append(t + k * period)
+        volts.append(u)
+        moved = np.abs(state - before)
+        # A lag and a limit of the slope bring two outputs no further apart, so no later period moves more;
+        # of the mean square a fixed part of what is lacking is forgotten in each.
+        lacks = -moved[1] / math.expm1(-period / of.memory) if math.isfinite(of.memory) else 0.0
+        if moved[0] * (most - k) <= _SAME_VOLTS * tolerance and lacks <= _SAME_SQUARE * of.steady_square:
+            return times, volts, state, True
+    return times, volts, state, False
+
+
+def _joined(times: list[Array], volts: list[Array]) -> tuple[Array, Array]:
+    """One after the other; where one ends and the next begins there is one point."""
+    t = np.concatenate([times[0], *(part[1:] for part in times[1:])])
+    u = np.concatenate([volts[0], *(part[1:] for part in volts[1:])])
+    fresh = np.append(True, np.diff(t) > 0.0)
+    return t[fresh], u[fresh]
+
+
+def _period(times: Array, volts: Array, period: float) -> Sampled:
+    """One period, its end being the begin of the next."""
+    t = times - times[0]
+    within = t < period * (1.0 - SLIVER)
+    return Sampled(t[within], volts[within], period=period)

@@ -1,0 +1,83 @@
+"""Low-pass filters: the IIR filter of a signal processor, the anti-alias filter, a sensor's bandwidth.
+
+All begin settled at the first sample, as one that has been running for long.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, NamedTuple, get_args
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from ...quantities.records import Quantity, record
+from ...quantities.units import QuantityError, to_si, with_prefix
+
+Family = Literal["butterworth", "bessel", "chebyshev", "elliptic"]
+_DESIGN = {"butterworth": "butter", "chebyshev": "cheby1", "elliptic": "ellip"}
+
+
+@record
+class Filter(NamedTuple):
+    """A low-pass filter by its family, order and corner frequency.
+
+    The corner is at -3 dB (Bessel: normalised in magnitude), for the Chebyshev and elliptic families at the
+    end of the ripple. `ripple` is for those two, `attenuation` in the stop band for the elliptic one.
+    """
+
+    order: Annotated[float, Quantity("", "n", "order", minimum=1, maximum=12)]
+    corner: Annotated[float, Quantity("Hz", "f_c", "corner frequency", above=0)]
+    family: Family = "butterworth"
+    ripple: Annotated[float, Quantity("", "", "ripple in dB", above=0, maximum=20)] = 0.5
+    attenuation: Annotated[float, Quantity("", "", "attenuation in dB", above=0, maximum=200)] = 60.0
+
+    def _check(self) -> None:
+        if self.order % 1:
+            raise QuantityError(f"Filter.order = {self.order:g} is out of range: it must be a whole number")
+        if self.family not in get_args(Family):
+            known = ", ".join(get_args(Family))
+            raise QuantityError(f"Filter.family = {self.family!r} is unknown; known are {known}")
+        if self.family == "elliptic" and self.attenuation <= self.ripple:
+            raise QuantityError(
+                f"Filter.attenuation = {self.attenuation:g} dB must be > ripple = {self.ripple:g} dB"
+            )
+
+
+def sections(filter: Filter, sample_rate: float) -> NDArray[np.float64]:
+    """Second-order sections, as SciPy has them, of the filter at a sample rate [Hz].
+
+    Raises:
+        QuantityError: the corner is not below half the sample rate.
+    """
+    if not filter.corner < 0.5 * sample_rate:
+        corner, rate = with_prefix(filter.corner, "Hz"), with_prefix(sample_rate, "Hz")
+        raise QuantityError(f"Filter.corner = {corner} must be below half the sample rate, {rate}")
+    order = int(filter.order)
+    if filter.family == "bessel":  # SciPy's general function knows only the normalisation in phase
+        made = scipy.signal.bessel(order, filter.corner, norm="mag", output="sos", fs=sample_rate)
+    else:
+        made = scipy.signal.iirfilter(
+            order,
+            filter.corner,
+            filter.ripple,
+            filter.attenuation,
+            "lowpass",
+            ftype=_DESIGN[filter.family],
+            output="sos",
+            fs=sample_rate,
+        )
+    return np.asarray(made)
+
+
+def filtered(filter: Filter, signal: NDArray[np.float64], sample_rate: float | str) -> NDArray[np.float64]:
+    """The signal [n] behind the filter; raises QuantityError as `sections`."""
+    made = sections(filter, to_si(sample_rate, "Hz", "sample_rate"))
+    return scipy.signal.sosfilt(made, signal, zi=scipy.signal.sosfilt_zi(made) * signal[0])[0]
+
+
+def first_order(signal: NDArray[np.float64], sample_rate: float, bandwidth: float) -> NDArray[np.float64]:
+    """The signal [n] behind one pole at `bandwidth` [Hz]; unchanged where that is not below half the rate."""
+    if bandwidth >= 0.5 * sample_rate:
+        return signal
+    return filtered(Filter(1, bandwidth), signal, sample_rate)

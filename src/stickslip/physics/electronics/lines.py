@@ -1,0 +1,120 @@
+"""A drive signal as lines within a tolerance: few where it is straight, many where it bends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...quantities.records import refuse_too_many
+from ...waveform.drive import Drive
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_COARSE = 64  # parts of a segment, whose bends are looked at one by one where they need more lines
+
+
+class Lines(NamedTuple):
+    """values[k] + slopes[k] (t - bounds[k]) from bounds[k] to bounds[k + 1]; there may be jumps between.
+
+    `before` is the value for t < 0; bounds [s] have one more than values [V] and slopes [V/s]."""
+
+    before: float
+    bounds: Array
+    values: Array
+    slopes: Array
+
+    @property
+    def ends(self) -> Array:
+        """V, of each line"""
+        return self.values + self.slopes * np.diff(self.bounds)
+
+    @property
+    def end(self) -> float:
+        """V, of the last line"""
+        return float(self.ends[-1])
+
+
+def lines_of(drive: Drive, duration: float, tolerance: float) -> Lines:
+    """A drive for 0 <= t < duration [s] as lines that leave it by at most the tolerance [V]."""
+    used = (drive.start < duration) & (np.diff(drive.start, append=np.inf) > 0.0)
+    start, segment = drive.start[used], np.flatnonzero(used)
+    length = np.append(start[1:], duration) - start
+    count = _wanted(drive, segment, start, length, tolerance)
+    asked = f"duration = {duration:g} s in lines that are off by at most {tolerance:g} V"
+    refuse_too_many(float(np.sum(np.abs(count.astype(float)))), asked, 20)
+    for finest in (_COARSE, 0):  # where all of them are needed, each part by its own bend
+        parts = np.minimum(count, finest) if finest else count
+        which = np.repeat(np.arange(parts.size), parts)
+        place = np.arange(which.size) - np.repeat(np.cumsum(parts) - parts, parts)
+        length = (length / parts)[which]
+        start, segment = start[which] + place * length, segment[which]
+        if not finest:
+            break
+        count = _wanted(drive, segment, start, length, tolerance)
+    end = np.append(start[1:], duration)
+    values, last = _values(drive, segment, start), _values(drive, segment, end)
+    return Lines(drive.before, np.append(start, duration), values, (last - values) / (end - start))
+
+
+def _wanted(drive: Drive, segment: Index, start: Array, length: Array, tolerance: float) -> Index:
+    """In how many equal parts to draw each part of a segment: a line over h leaves h²/8 of the second
+    derivative, of which this takes a bound."""
+    c2, c3 = drive.polynomial[segment, 2], drive.polynomial[segment, 3]
+    near = start - drive.start[segment]
+    far = near + length
+    bend = np.maximum(np.abs(2.0 * c2 + 6.0 * c3 * near), np.abs(2.0 * c2 + 6.0 * c3 * far))
+    for j, has in _harmonics(drive, segment):
+        amplitude, omega, _, chirp = drive.harmonic[j].T
+        rate = np.maximum(np.abs(omega + 2.0 * chirp * near[has]), np.abs(omega + 2.0 * chirp * far[has]))
+        bend[has] += np.abs(amplitude) * (rate**2 + 2.0 * np.abs(chirp))
+    return np.maximum(np.ceil(length * np.sqrt(bend / (8.0 * tolerance))), 1.0).astype(np.int64)
+
+
+def _values(drive: Drive, segment: Index, t: Array) -> Array:
+    """By the formulas of these segments, also at their ends."""
+    tau = t - drive.start[segment]
+    c0, c1, c2, c3 = drive.polynomial[segment].T
+    values = c0 + tau * (c1 + tau * (c2 + tau * c3))
+    for j, has in _harmonics(drive, segment):
+        amplitude, omega, phase, chirp = drive.harmonic[j].T
+        values[has] += amplitude * np.sin(phase + tau[has] * (omega + chirp * tau[has]))
+    return values
+
+
+def _harmonics(drive: Drive, segment: Index) -> Iterator[tuple[Index, Index]]:
+    """Rows of the j-th harmonic of each segment that has so many, and which segments those are."""
+    count = np.diff(drive.first)[segment]
+    for j in range(int(count.max(initial=0))):
+        has = np.flatnonzero(count > j)
+        yield drive.first[segment[has]] + j, has
+
+
+def clipped(lines: Lines, low: float, high: float) -> Lines:
+    """The lines within a range, with breaks where they enter and leave it."""
+    bounds, values, slopes = lines.bounds, lines.values, lines.slopes
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossings = [bounds[:-1] + (limit - values) / slopes for limit in (low, high)]
+    inside = [(t > bounds[:-1]) & (t < bounds[1:]) for t in crossings]
+    which = np.concatenate([np.arange(values.size), *map(np.flatnonzero, inside)])
+    start = np.concatenate([bounds[:-1], *(t[i] for t, i in zip(crossings, inside, strict=True))])
+    order = np.lexsort((start, which))
+    which, start = which[order], start[order]
+    new = np.append(start, bounds[-1])
+    at = values[which] + slopes[which] * (start - bounds[which])
+    middle = at + 0.5 * slopes[which] * np.diff(new)
+    within = (middle > low) & (middle < high)
+    return Lines(
+        float(np.clip(lines.before, low, high)),
+        new,
+        np.clip(at, low, high),
+        np.where(within, slopes[which], 0.0),
+    )
+
+
+def jumps(lines: Lines) -> tuple[Array, Array]:
+    """What is jumped at each bound but the last [V], the first of them from rest; and the times of them."""
+    return lines.values - np.append(lines.before, lines.ends[:-1]), lines.bounds[:-1]

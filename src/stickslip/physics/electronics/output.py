@@ -1,0 +1,148 @@
+"""The output of a drive, from a program's values to the voltage at the piezo.
+
+Step tables, loops and searches for drives know the hardware by this record alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+
+from ...quantities.records import Quantity, record
+from ...quantities.units import QuantityError, to_si, with_prefix
+from ...waveform.sampled import Sampled
+from ...waveform.signal import Waveform
+from .amplifier import Amplifier, limits
+from .driven import driven_period
+
+FEWEST = 4  # updates of a period; fewer make no waveform
+_INF = math.inf
+_RATE = Quantity("Hz", "f_DA", "updates per second", above=0)
+_FAR = 1e9  # V, ends of an amplifier that limits nothing but the slope
+
+
+@record
+class OutputStage(NamedTuple):
+    """A converter that updates, and an amplifier that charges the piezo.
+
+    The values of a drive are multiples of `step` at the piezo (0: any), each held until the next update or
+    joined by lines; `points` are the most of a period. An `update_rate` of infinity follows every waveform.
+    A drive keeps within `slew_rate` and `current` (which needs the capacitance, `Stack.load`); with the
+    `amplifier` itself, a drive is judged by what that makes of it.
+    """
+
+    update_rate: Annotated[float, Quantity("Hz", "f_DA", "updates per second", above=0, maximum=_INF)] = _INF
+    points: Annotated[float, Quantity("", "N", "most points of a period", minimum=FEWEST, maximum=_INF)] = (
+        _INF
+    )
+    step: Annotated[float, Quantity("V", "q", "voltage step", minimum=0)] = 0.0
+    interpolation: Literal["hold", "linear"] = "hold"
+    slew_rate: Annotated[
+        float, Quantity("V/s", "R", "greatest slope of the voltage", above=0, maximum=_INF)
+    ] = _INF
+    current: Annotated[float, Quantity("A", "I", "greatest current", above=0, maximum=_INF)] = _INF
+    capacitance: Annotated[float | None, Quantity("F", "C", "capacitance of the piezo", above=0)] = None
+    amplifier: Amplifier | None = None
+
+    def _check(self) -> None:
+        if math.isfinite(self.points) and self.points % 1:
+            raise QuantityError(f"OutputStage.points = {self.points:g} must be a whole number")
+        if self.interpolation not in ("hold", "linear"):
+            raise QuantityError(
+                f"OutputStage.interpolation = {self.interpolation!r}: it is 'hold' or 'linear'"
+            )
+        if (math.isfinite(self.current) or self.amplifier) and self.capacitance is None:
+            raise QuantityError(
+                "OutputStage.capacitance [F] is missing: a current limits the slope of the voltage by it"
+            )
+
+    @classmethod
+    def of_amplifier(cls, amplifier: Amplifier, capacitance: float | str) -> OutputStage:
+        """Return the limits of an amplifier into a capacitance [F]; its current is the one that it gives for
+        ever."""
+        current = min(amplifier.max_current, amplifier.rms_current)
+        farad = to_si(capacitance, "F", "capacitance")
+        return cls(slew_rate=amplifier.slew_rate, current=current, capacitance=farad, amplifier=amplifier)
+
+    def with_converter(self, other: OutputStage) -> OutputStage:
+        """Return these limits and this amplifier behind the converter of another output stage."""
+        return self._replace(
+            update_rate=other.update_rate,
+            points=other.points,
+            step=other.step,
+            interpolation=other.interpolation,
+        )
+
+    @property
+    def updates(self) -> bool:
+        """Whether the output changes at updates only."""
+        return math.isfinite(self.update_rate)
+
+    @property
+    def slope(self) -> float:
+        """Greatest slope of a drive, V/s."""
+        return min(self.slew_rate, self.current / self.capacitance if self.capacitance else _INF)
+
+    @property
+    def lag(self) -> float:
+        """Time constant of the amplifier into the piezo, s."""
+        if self.amplifier is None or self.capacitance is None:
+            return 0.0
+        return float(limits(self.amplifier, self.capacitance).tau)
+
+    def played_period(self, period: Any) -> Any:
+        """Return periods [s] as the converter plays them, each the nearest whole number of updates."""
+        if not self.updates:
+            return period
+        return np.maximum(np.rint(np.asarray(period) * self.update_rate), 1.0) / self.update_rate
+
+    def played(self, waveform: Waveform, low: float, high: float) -> Sampled:
+        """Return one period as the converter plays it, for ever: the nearest whole number of updates long,
+        with the nearest steps within the voltages."""
+        period = float(waveform.period)  # type: ignore[attr-defined]
+        count = round(self.played_period(period) * self.update_rate)
+        at = np.arange(count) * (period / count)
+        volts = np.clip(waveform.value(at), low, high)  # type: ignore[attr-defined]
+        if self.step:
+            codes = np.rint(volts / self.step)
+            volts = self.step * np.clip(codes, *codes_within(self.step, low, high))
+        return Sampled(
+            np.arange(count) / self.update_rate, volts, self.interpolation, period=count / self.update_rate
+        )
+
+    def at_piezo(self, waveform: Waveform) -> Waveform:
+        """Return the voltage at the piezo under an endless periodic waveform, once it repeats."""
+        if self.amplifier is not None and self.capacitance is not None:
+            return driven_period(self.amplifier, waveform, self.capacitance)
+        if not math.isfinite(self.slope):
+            return waveform
+        farad = self.capacitance or 1.0
+        return driven_period(Amplifier(1.0, 0.0, _INF, self.slope, _INF, -_FAR, _FAR), waveform, farad)
+
+    def behind(self, waveform: Waveform) -> Waveform:
+        """Return the voltage at the piezo when a program plays an endless periodic waveform; raises
+        QuantityError for a period of too few updates, or too many."""
+        if not self.updates:
+            return self.at_piezo(waveform)
+        low, high = waveform.range()
+        half = 0.5 * self.step  # a converter gives the nearest step, not the nearest within the drive
+        played = self.played(waveform, low - half, high + half)
+        count, period = played.times.size, float(waveform.period)  # type: ignore[attr-defined]
+        if not FEWEST <= count <= self.points:
+            raise QuantityError(
+                f"a period of {with_prefix(period, 's')} has {count} updates at {self.update_rate:g} Hz, and "
+                f"the output plays {FEWEST} to {self.points:g}: take another frequency"
+            )
+        return self.at_piezo(played)
+
+
+def output_of(given: OutputStage | float | str) -> OutputStage:
+    """Return an output stage, or one of this update rate [Hz] without further limits; else QuantityError."""
+    return given if isinstance(given, OutputStage) else OutputStage(_RATE.check(given, "output.update_rate"))
+
+
+def codes_within(step: float, low: float, high: float) -> tuple[float, float]:
+    """Return the numbers of the first and the last step within two voltages."""
+    return math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)

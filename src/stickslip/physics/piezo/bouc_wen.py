@@ -1,0 +1,121 @@
+r"""Bouc-Wen hysteresis between voltage and free stroke, of the order n = 1 [wen1976; low1995].
+
+.. math:: H[u] = u - h, \qquad
+          \dot h = \alpha \dot u - \beta |\dot u| h - \gamma \dot u |h|, \qquad y = C H[u]
+
+Rate-independent, smooth after a reversal, three numbers. Its loops are point-symmetric, and minor loops
+drift until they close [ikhouane2007], which those of a piezo do not: a Prandtl-Ishlinskii model predicts
+better where the amplitude changes. On each way of the drive h is an exponential of u on either side of 0, so
+that nothing is integrated.
+
+|h| stays below α/(β + γ). With 2 α β < β + γ the stroke follows the drive on each way, so that H has an
+inverse.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...engine.binding import contiguous, doubles
+from ...engine.library import library
+from ...quantities.records import Quantity, record
+from ...quantities.units import QuantityError
+from .duhem import EngineModel, output, register, rested
+from .operators import REST, samples
+
+Array = NDArray[np.float64]
+
+
+@record
+class BoucWen(NamedTuple):
+    """Hysteresis of three numbers, the Bouc-Wen equation of order 1: see the module."""
+
+    alpha: Annotated[float, Quantity("", "α", "share of a change of the drive that h takes up", minimum=0)]
+    beta: Annotated[float, Quantity("1/V", "β", "decay of h on any way of the drive", above=0)]
+    gamma: Annotated[float, Quantity("1/V", "γ", "how loading differs from unloading")] = 0.0
+
+    def _check(self) -> None:
+        if not abs(self.gamma) < self.beta:
+            raise QuantityError(
+                f"BoucWen.gamma = {self.gamma:g} 1/V is out of range: it must be within -beta and beta "
+                f"({self.beta:g} 1/V), or h grows without a bound"
+            )
+        if self.least_slope <= 0.0:
+            raise QuantityError(
+                f"BoucWen has the slope {self.least_slope:.3g} at its least: alpha must be below 1, and 2"
+                " alpha beta below beta + gamma, or the stroke turns back before the voltage does"
+            )
+
+    @property
+    def least_slope(self) -> float:
+        """dH/du just after a reversal from large strokes."""
+        return 1.0 - self.alpha * max(1.0, 2.0 * self.beta / (self.beta + self.gamma))
+
+    def at_rest(self, drive: float) -> float:
+        """H [V] at a drive value [V] that was reached from 0 V, without turning back."""
+        return float(self.output([drive], drive)[0])
+
+    def output(self, drive: ArrayLike, rest: float | str = 0.0) -> Array:
+        """H[u] [V], shape (n,), of samples of a drive [V] between which it does not turn back.
+
+        Args:
+            drive: shape (n,).
+            rest: V at which it rested before the first sample, reached from 0 V.
+
+        Raises:
+            QuantityError: a sample, or rest, is no finite voltage.
+        """
+        return output(self, drive, rest)
+
+    def inverse(self, wanted: ArrayLike, rest: float | str = 0.0) -> Array:
+        """The drive [V], shape (n,), for which `output` is as wanted [V]. Raises QuantityError as that."""
+        w, at = samples(wanted, "wanted"), REST.check(rest, "rest")
+        found = np.empty(w.size)
+        rows = contiguous(w), at, rested(self, at), self.least_slope, doubles(found, "found", True)
+        EngineModel(self).call(library().stickslip_duhem_inverse, w.size, *rows)
+        return found
+
+
+def decay_of(of, h, up):
+    """r of dh/du = α - r h on a way in the direction `up`, on the side of h; at 0 that which it moves to."""
+    side = up if h == 0.0 else math.copysign(1.0, h)
+    return of.beta * up + of.gamma * side
+
+
+def along_way(alpha, r, h, du):
+    """h after the drive has changed by du, as long as it keeps its sign."""
+    x = r * du
+    return h * math.exp(-x) - (alpha * du * (math.expm1(-x) / x) if x != 0.0 else 0.0)
+
+
+def crossing(model, h, u, goal):
+    """The drive value between u and the goal at which h comes to 0; the goal if it does not."""
+    up = 1.0 if goal > u else -1.0
+    if h * up >= 0.0 or model.alpha == 0.0:
+        return goal
+    r = decay_of(model, h, up)
+    # 0 = α/r + (h - α/r) exp(-r du)
+    du = math.log1p(-r * h / model.alpha) / r
+    return u + du if abs(du) < abs(goal - u) else goal
+
+
+def bent(model, h, u, goal):
+    """h after a way of the drive from u to the goal."""
+    if goal == u:
+        return h
+    up = 1.0 if goal > u else -1.0
+    at = crossing(model, h, u, goal)
+    h = along_way(model.alpha, decay_of(model, h, up), h, at - u) if at == goal else 0.0
+    return h if at == goal else along_way(model.alpha, decay_of(model, 0.0, up), 0.0, goal - at)
+
+
+def bouc_wen_slope(model, u, h, up):
+    """dh/du."""
+    return model.alpha - decay_of(model, h, up) * h
+
+
+register(BoucWen, bouc_wen_slope, way=bent, corner=crossing)

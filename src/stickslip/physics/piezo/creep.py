@@ -1,0 +1,116 @@
+r"""Creep: Kelvin-Voigt terms, each a first-order lag; evenly spread over decades they are the logarithmic
+law.
+
+.. math:: y = C \Bigl( h + \sum_k a_k x_k \Bigr), \qquad \tau_k \dot x_k = h - x_k
+
+h [V] is the hysteresis' output. Of a step at t = 0, terms of equal share a that are d decades apart creep as
+:math:`1 + g \log_{10}(t/t_0)` between the first and the last time constant, with g = a/d: 0.01 to 0.02 for
+PZT stacks [pi2009]. Time constants beyond the length of a recording are not determined by it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...engine._abi import ffi
+from ...engine.binding import contiguous, doubles, sized
+from ...engine.library import library
+from ...quantities import registry
+from ...quantities.records import Quantity, record
+from ...quantities.units import QuantityError, to_si
+
+Array = NDArray[np.float64]
+
+# Terms per decade of the logarithmic law, about: it then deviates from a straight line by 0.02 of g.
+PER_DECADE = 2
+FEWEST = 2  # terms, for it takes two to show how far apart they are
+
+
+@registry.piezos.add
+@record
+class Creep(NamedTuple):
+    """Lags that add to the stroke for seconds to hours, logarithmic or of one's own: see the module."""
+
+    time_constants: Annotated[tuple[float, ...], Quantity("s", "τ_k", "time constant of each term", above=0)]
+    shares: Annotated[tuple[float, ...], Quantity("", "a_k", "share of each term", minimum=0)]
+
+    def _check(self) -> None:
+        if len(self.time_constants) != len(self.shares) or not self.shares:
+            raise QuantityError(
+                f"Creep has {len(self.time_constants)} time_constants [s] and {len(self.shares)} shares: "
+                "each term needs one of both"
+            )
+        if list(self.time_constants) != sorted(set(self.time_constants)):
+            raise QuantityError(f"Creep.time_constants [s] must ascend: {list(self.time_constants)}")
+
+    @classmethod
+    def logarithmic(cls, per_decade: float, begin: float | str = 0.1, end: float | str = 100.0) -> Creep:
+        """Logarithmic creep by `per_decade` (a share) from `begin` to `end`, s."""
+        times = spread(to_si(begin, "s", "begin"), to_si(end, "s", "end"))
+        share = to_si(per_decade, "", "per_decade") * distance(times)
+        return cls(tuple(times.tolist()), (share,) * times.size)
+
+    @property
+    def per_decade(self) -> float:
+        """The mean share over the distance of the terms in decades: what `logarithmic` takes. A single term
+        is taken to stand for half a decade."""
+        return sum(self.shares) / len(self.shares) / distance(self.time_constants)
+
+
+def spread(begin: float, end: float) -> Array:
+    """Time constants [s], evenly over the decades between two times."""
+    if not 0.0 < begin < end < math.inf:
+        raise QuantityError(f"creep from {begin:g} s to {end:g} s is out of range: 0 s < begin < end, finite")
+    count = max(FEWEST, round(PER_DECADE * float(np.log10(end / begin))))
+    return begin * 10 ** ((np.arange(count) + 0.5) * np.log10(end / begin) / count)
+
+
+def distance(times: Sequence[float] | Array) -> float:
+    """How many decades time constants [s] are apart, in the mean: what a term of the logarithmic law stands
+    for. Their number is whole, so that it is 1/`PER_DECADE` of few spans only."""
+    if len(times) < FEWEST:
+        return 1.0 / PER_DECADE
+    return float(np.log10(times[-1] / times[0])) / (len(times) - 1)
+
+
+class Lags(NamedTuple):
+    """Time constants as the engine takes them, s."""
+
+    tau: Array
+
+
+def lag_change(tau, step, x, before, after):
+    """The change of a first-order lag x over a step, in which its input goes along a line; exact."""
+    part = -math.expm1(-step / tau)
+    return part * (before - x) + (after - before) * (1.0 - part * (tau / step))
+
+
+def struct_of(tau: Array, shares: Array) -> Any:
+    """Return the terms as the engine takes them; valid as long as the arrays live."""
+    sized("shares", shares, tau.size)
+    return ffi.new("struct lags *", (tau.size, doubles(tau, "time constants"), doubles(shares, "shares")))
+
+
+def relaxed(lags: Lags, times: Array, values: Array, x: Array, out: Array) -> None:
+    """Compute first-order lags of what is joined by lines, exactly: out[sample, lag], from the states x,
+    which become those at the end."""
+    sized("x", x, lags.tau.size)
+    sized("out", out, times.size * x.size)
+    sized("values", values, times.size)
+    arrays = contiguous(times), contiguous(values), doubles(x, "x", True), doubles(out, "out", True)
+    library().stickslip_lags_relaxed(struct_of(lags.tau, lags.tau), times.size, *arrays)
+
+
+def before_creep(lags: Lags, times: Array, values: Array, shares: Array, x: Array, out: Array) -> None:
+    """Compute what creeps into `values` at the times: h of h + sum of shares x lags of h, joined by lines,
+    from the states x, which become those at the end."""
+    sized("x", x, lags.tau.size)
+    sized("out", out, times.size)
+    sized("values", values, times.size)
+    arrays = contiguous(times), contiguous(values), doubles(x, "x", True), doubles(out, "out", True)
+    library().stickslip_lags_undone(struct_of(lags.tau, shares), times.size, *arrays)

@@ -1,0 +1,171 @@
+r"""Hysteresis of your own on the drive, in the form of Duhem [oh2005]: one function, dh/du.
+
+.. math:: H[u] = u - h, \qquad \frac{dh}{du} = s(u, h, \operatorname{sign} \dot u), \qquad y = C H[u]
+
+h [V] is what the hysteresis takes from the voltage u; it is 0 at 0 V at first. A model is a record and its
+slope s. Rate-independent: how fast the voltage moves does not matter, only where it turns. On each way h is
+integrated by Runge-Kutta's formula of fourth order, in steps that are halved until both halves agree with the
+whole. `BoucWen` is of this form too, and has its ways in closed form.
+
+Valid where s is finite for every voltage that occurs; else h is NaN, and drives are refused. With s below 1
+the stroke follows each way. Models with more memory than one number (plays, Preisach's relays) have not this
+form.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...engine._abi import ffi
+from ...engine.binding import contiguous, doubles, sized
+from ...engine.called_back import running
+from ...engine.interface import Interface, row
+from ...engine.law_of import law_of
+from ...engine.library import library
+from ...quantities import registry
+from .operators import REST, samples
+
+Array = NDArray[np.float64]
+
+EXACT = 1e-9  # V, largest error of h over one step
+# V, at which the compiled functions of a model are compared with its own.
+_VOLTS = (0.0, 1e-6, 0.01, 1.0, 7.0, 100.0)
+
+
+class _Implementation(NamedTuple):
+    slope: Callable[..., Any]
+    way: Callable[..., Any] | None
+    corner: Callable[..., Any] | None
+
+
+_ARGUMENTS = {
+    "slope": ("model", "u", "h", "up"),
+    "way": ("model", "h", "u", "goal"),
+    "corner": ("model", "h", "u", "goal"),
+}
+_IMPLEMENTATIONS: dict[type, _Implementation] = {}
+
+
+def register(
+    model_type: type,
+    slope: Callable[..., Any],
+    *,
+    way: Callable[..., Any] | None = None,
+    corner: Callable[..., Any] | None = None,
+) -> None:
+    """Make a record a piezo model, known by its name from then on.
+
+    Args:
+        model_type: the record, a ``typing.NamedTuple``.
+        slope: ``slope(model, u, h, up) -> dh/du``, up being 1.0 or -1.0, a plain function. It runs
+            compiled where it can be, else as it is (see docs/extending.md).
+        way: ``way(model, h, u, goal) -> h`` after a way of the voltage from u to the goal, in closed form;
+            left out, the slope is integrated.
+        corner: ``corner(model, h, u, goal) -> u`` where h comes to 0 on that way, for a slope that jumps
+            there; the goal where it does not.
+
+    Raises:
+        TypeError: the record is no named tuple, or the arguments of a function have other names than above.
+    """
+    name, made = model_type.__name__, _Implementation(slope, way, corner)
+    if not hasattr(model_type, "_fields"):
+        raise TypeError(f"{name} is no record: a piezo model is a typing.NamedTuple, one field per parameter")
+    for role, function in zip(made._fields, made, strict=True):
+        expected = _ARGUMENTS[role]
+        if function is not None and tuple(inspect.signature(function).parameters) != expected:
+            raise TypeError(f"{name}: {role} must be a function of ({', '.join(expected)}), named so")
+    _IMPLEMENTATIONS[model_type] = made
+    registry.piezos.add(model_type)
+
+
+def is_duhem(candidate: object) -> bool:
+    """Whether the object is a record registered here."""
+    return type(candidate) in _IMPLEMENTATIONS
+
+
+def functions(model_type: type) -> dict[str, Any]:
+    """Return the Python function of each role that a model has."""
+    made = _IMPLEMENTATIONS[model_type]._asdict()
+    return {role: function for role, function in made.items() if function is not None}
+
+
+def _inputs(role: str) -> list[tuple[float, ...]]:
+    volts = [sign * u for u in _VOLTS for sign in (1.0, -1.0)]
+    if role == "slope":
+        return [(u, h, up) for u in volts for h in volts for up in (1.0, -1.0)]
+    return [(h, u, goal) for h in volts for u in volts for goal in volts]
+
+
+# The roles of a model in `struct duhem`, with their declarations there.
+DUHEM = Interface(
+    name="duhem",
+    noun="piezo model",
+    header="piezo.h",
+    room="piezo",
+    arguments={
+        "slope": "real_t u, real_t h, real_t up",
+        "way": "real_t h, real_t u, real_t goal",
+        "corner": "real_t h, real_t u, real_t goal",
+    },
+    whole=frozenset(),
+    functions=functions,
+    numbers=lambda kind: {},
+    inputs=_inputs,
+)
+
+
+class EngineModel:
+    """A model as the engine takes it."""
+
+    def __init__(self, model: Any) -> None:
+        self._law = law_of(model, interface=DUHEM)
+        self._numbers = ffi.new("real_t[]", row(model) or [0.0])
+        self._struct: Any = ffi.new("struct duhem_model *", (self._law.pointer, self._numbers, EXACT))
+
+    def call(self, function: Any, *arguments: Any) -> Any:
+        """Call a function of the engine with this model.
+
+        Raises:
+            BaseException: whatever the model's function in Python has raised.
+        """
+        if self._law.how != "python":
+            return function(self._struct, *arguments)
+        with running() as stop:
+            self._struct.stop = stop
+            return function(self._struct, *arguments)
+
+
+def duhem_response(model: Any, drive: Array, u: float, h: float, out: Array) -> None:
+    """Compute H at each sample, from the drive u and the state h on."""
+    sized("out", out, drive.size)
+    function, of = library().stickslip_duhem_response, EngineModel(model)
+    of.call(function, drive.size, contiguous(drive), u, h, doubles(out, "out", True))
+
+
+def rested(model: Any, drive: float) -> float:
+    """h [V] at a drive value [V] that was reached from 0 V, without turning back."""
+    found = np.empty(1)
+    duhem_response(model, np.array([float(drive)]), 0.0, 0.0, found)
+    return float(drive) - float(found[0])
+
+
+def output(model: Any, drive: ArrayLike, rest: float | str = 0.0) -> Array:
+    """H[u] [V], shape (n,), of samples of a drive [V] between which it does not turn back.
+
+    Args:
+        model: a registered record.
+        drive: shape (n,).
+        rest: V at which it rested before the first sample, reached from 0 V.
+
+    Raises:
+        QuantityError: a sample, or rest, is no finite voltage.
+    """
+    at, u = REST.check(rest, "rest"), samples(drive, "drive")
+    found = np.empty(u.size)
+    duhem_response(model, u, at, rested(model, at), found)
+    return found

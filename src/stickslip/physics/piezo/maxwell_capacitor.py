@@ -1,0 +1,123 @@
+r"""Maxwell slip with charge: the piezo as a two-port of voltage, charge, force and displacement.
+
+.. math:: u = \sum_i k_i E_{q_i}[q] + \frac{q - T y}{C_0}, \qquad
+          F = T\,\frac{q - T y}{C_0}, \qquad q_i = v_i / k_i
+
+u is the voltage, q the charge, y the stroke, F the force of the ceramic and T its force per volt (the
+actuator's `drive_force_per_volt`) [goldfarb1997, eq. 5-9]. E_r is the stop operator of half-width r: an
+element takes voltage in proportion to the charge until v_i, and then slips. Between charge and force nothing
+is hysteretic, so an actuator that is driven by charge has no loop; under a voltage, what moves the stage
+moves charge as well, and the elements feel it.
+
+Driven by voltage the charge is a Prandtl-Ishlinskii operator of u + T y/C_0, with weights that follow from
+the k_i in closed form [krejci2001]:
+
+.. math:: q = C_0 \left( e - \sum_j a_j E_{\rho_j}[e] \right), \qquad e = u + T y / C_0
+
+Rate-independent, without creep; no leakage, so that a charge stays for ever, where a real charge amplifier
+lets it go at low frequencies. Valid for voltages up to those that the elements are from.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...quantities import registry
+from ...quantities.records import Quantity, of_kind, record
+from ...quantities.units import QuantityError, to_si
+from .operators import Operators
+from .prandtl_ishlinskii import PrandtlIshlinskii
+
+Array = NDArray[np.float64]
+
+
+@registry.piezos.add
+@record
+class MaxwellCapacitor(NamedTuple):
+    """Maxwell slip with charge, a two-port that feels the load: see the module.
+
+    `charge_drive`: the drive commands the charge, not the voltage, by the capacitance of
+    the free piezo, so that the stroke at rest is the gain times the command; where that jumps, the current
+    is infinite for an instant, which no sample of it shows."""
+
+    capacitance: Annotated[
+        float, Quantity("F", "C_0", "of the blocked piezo, all elements slipping", above=0)
+    ]
+    stiffnesses: Annotated[tuple[float, ...], Quantity("V/C", "k_i", "voltage per charge of each", above=0)]
+    breakaways: Annotated[tuple[float, ...], Quantity("V", "v_i", "voltage at which each slips", above=0)]
+    charge_drive: bool = False
+
+    def _check(self) -> None:
+        if len(self.stiffnesses) != len(self.breakaways) or not self.stiffnesses:
+            raise QuantityError(
+                f"MaxwellCapacitor has {len(self.stiffnesses)} stiffnesses [V/C] and {len(self.breakaways)} "
+                "breakaways [V]: it must have one of each per element"
+            )
+        reach = np.array(self.breakaways) / np.array(self.stiffnesses)
+        if not np.all(np.diff(reach) > 0.0):
+            raise QuantityError(
+                "MaxwellCapacitor: the charges v_i/k_i at which the elements slip must ascend, these are "
+                f"{', '.join(f'{q:.3g}' for q in reach)} C"
+            )
+
+    def stops(self) -> tuple[Array, Array]:
+        """Widths ρ_j [V] and shares a_j of the stop operators on e = u + T y/C_0, [elements]; where fields
+        are arrays of members, [elements, members]."""
+        every = np.array(np.broadcast_arrays(*self.stiffnesses, *self.breakaways, self.capacitance))
+        n = len(self.stiffnesses)
+        k, v, c_0 = every[:n], every[n:-1], every[-1]
+        charge, slope = v / k, 1.0 / c_0 + np.append(np.cumsum(k[::-1], axis=0)[::-1], 0.0 * k[:1], axis=0)
+        width = np.cumsum(np.diff(charge, axis=0, prepend=0.0 * k[:1]) * slope[:-1], axis=0)
+        return width, np.diff(1.0 / slope, axis=0) / c_0
+
+    @property
+    def operators(self) -> Operators:
+        """Plays of the charge [C]: the voltage across the elements is Σ k_i q less their output."""
+        k, v, none = np.array(self.stiffnesses), np.array(self.breakaways), np.zeros(0)
+        return Operators(v / k, k, none, none, none)
+
+    @classmethod
+    def of_plays(
+        cls,
+        plays: PrandtlIshlinskii,
+        capacitance: float | str,
+        gain: float | str,
+        stiffness: float | str,
+    ) -> MaxwellCapacitor:
+        """The two-port whose unloaded stage follows a slow voltage as the plays say.
+
+        Args:
+            plays: one of threshold 0 among them, without dead zones, with weights that sum to 1 (the gain is
+                then that of large strokes).
+            capacitance: C_0, F.
+            gain: m/V, of the actuator.
+            stiffness: N/m, of piezo and stage together.
+
+        Raises:
+            QuantityError: such plays there are none, or the gain or stiffness is not above 0.
+        """
+        of_kind(plays, PrandtlIshlinskii, "plays")
+        farad, gain = to_si(capacitance, "F", "capacitance"), to_si(gain, "m/V", "gain")
+        stiffness = to_si(stiffness, "N/m", "stiffness")
+        r, w = np.array(plays.thresholds), np.array(plays.weights)
+        if plays.dead_zones or r[0] != 0.0 or abs(w.sum() - 1.0) > 1e-9 or r.size < 2:
+            raise QuantityError(
+                "a MaxwellCapacitor is made of plays [V] with one of threshold 0 and one above it, without "
+                f"dead zones, whose weights sum to 1; these sum to {w.sum():.6g}"
+            )
+        if not (gain > 0.0 and stiffness > 0.0 and farad > 0.0):
+            raise QuantityError(
+                f"capacitance = {farad} F, gain = {gain} m/V and stiffness = {stiffness} N/m must be > 0"
+            )
+        slope = np.cumsum(w)  # of the plays on their first way, between the thresholds
+        wanted = np.cumsum(np.diff(r) * slope[:-1])  # their output where each is taken along
+        charge = farad + gain**2 * stiffness  # per volt of that output
+        lost = -np.diff(1.0 / slope)
+        return cls(
+            farad,
+            tuple((lost / charge)[lost > 0.0].tolist()),
+            tuple((lost * wanted)[lost > 0.0].tolist()),
+        )

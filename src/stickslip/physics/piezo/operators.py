@@ -1,0 +1,108 @@
+r"""Play operators and dead zones on samples: their response, and the drive that gives a wanted one.
+
+.. math:: z_i(t) = \max\bigl(v - r_i, \min(v + r_i, z_i(t^-))\bigr), \qquad
+          H[u] = \sum_i w_i z_i + \sum_j c_j \max(u - s_j, 0)
+
+A play stands still until v has turned back by 2 r_i [krejci2001; kuhnen2003]; v is the drive u, or skewed,
+
+.. math:: v = u + \sum_j d_j \bigl(\max(u - s_j, 0) - \max(-s_j, 0)\bigr),
+
+so that loops differ in width between low and high voltage. Both sums grow with u on each way, so that H has
+an inverse on any history: between the points where a play is taken along, or a dead zone ends, it is a
+straight line.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...engine._abi import ffi
+from ...engine.binding import contiguous, doubles, sized
+from ...engine.library import library
+from ...quantities.records import Quantity
+from ...quantities.units import QuantityError, array_si
+
+Array = NDArray[np.float64]
+
+REST = Quantity("V", "u", "voltage at which it rested")
+
+
+class Operators(NamedTuple):
+    """As the engine takes them: thresholds r [V] and weights w of the plays, ends s [V],
+    ascending, slopes c and skews d of the dead zones."""
+
+    threshold: Array
+    weight: Array
+    zone: Array
+    slope: Array
+    skew: Array
+
+
+def samples(values: ArrayLike, field: str) -> Array:
+    """Samples [n] in V, numbers or what has units.
+
+    Raises:
+        QuantityError: another unit, no list of numbers, or one that is not finite.
+    """
+    volts = np.ascontiguousarray(array_si(values, "V", field))
+    if volts.ndim != 1:
+        raise QuantityError(f"{field} [V] of the shape {volts.shape} must be samples [n]")
+    bad = np.flatnonzero(~np.isfinite(volts))
+    if bad.size:
+        raise QuantityError(f"{field}[{bad[0]}] = {volts[bad[0]]} V is not finite")
+    return volts
+
+
+def play(v, r, z):
+    """The state of a play of half-width r for what it sees, v, from the state z."""
+    return max(v - r, min(v + r, z))
+
+
+def beyond(u, s):
+    """How far the drive value u is beyond the end s of a dead zone."""
+    return max(u - s, 0.0)
+
+
+def struct_of(plays: Operators) -> Any:
+    """Return the operators as the engine takes them; valid as long as their arrays live."""
+    threshold, weight, zone, slope, skew = (doubles(row, "operators") for row in plays)
+    sizes = plays.threshold.size, plays.zone.size
+    return ffi.new("struct plays *", (*sizes, threshold, weight, zone, slope, skew))
+
+
+def skewed(plays: Operators, u: float) -> float:
+    """Return v, what the plays see of the drive value u."""
+    return library().stickslip_plays_skewed(struct_of(plays), u)
+
+
+def unskewed(plays: Operators, v: float) -> float:
+    """Return the drive value u of which plays see v."""
+    return library().stickslip_plays_unskewed(struct_of(plays), v)
+
+
+def response(plays: Operators, drive: Array, z: Array, out: Array) -> None:
+    """Compute H at each sample of a drive, from the states z, which become those at the end."""
+    sized("z", z, plays.threshold.size)
+    sized("out", out, drive.size)
+    arrays = contiguous(drive), doubles(z, "z", True), doubles(out, "out", True)
+    library().stickslip_plays_response(struct_of(plays), drive.size, *arrays)
+
+
+def states(plays: Operators, drive: Array, z: Array, out: Array) -> None:
+    """Compute the state of each play at each sample, out[sample, play]."""
+    sized("z", z, plays.threshold.size)
+    sized("out", out, drive.size * z.size)
+    arrays = contiguous(drive), doubles(z, "z", True), doubles(out, "out", True)
+    library().stickslip_plays_states(struct_of(plays), drive.size, *arrays)
+
+
+def inverse(plays: Operators, wanted: Array, u: float, z: Array, out: Array) -> None:
+    """Compute the drive [V] at which H is as wanted at each sample, from the drive u and the states z on; NaN
+    where none gives it."""
+    sized("z", z, plays.threshold.size)
+    sized("out", out, wanted.size)
+    arrays = doubles(z, "z", True), doubles(out, "out", True)
+    library().stickslip_plays_inverse(struct_of(plays), wanted.size, contiguous(wanted), u, *arrays)

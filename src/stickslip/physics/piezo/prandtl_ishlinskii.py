@@ -1,0 +1,141 @@
+r"""Prandtl-Ishlinskii hysteresis, with dead zones for what differs between low and high voltage.
+
+.. math:: H[u] = \sum_i w_i P_{r_i}[v] + \sum_j c_j \max(u - s_j, 0), \qquad
+          v = u + \sum_j d_j \bigl(\max(u - s_j, 0) - \max(-s_j, 0)\bigr), \qquad y = C H[u]
+
+P_r is the play operator of half-width r (see `operators`); with skews d_j it sees the voltage bent, so that
+loops are wider at one end [kuhnen2003 bends what comes out]. With weights that are not negative, loops and
+minor loops close as those of a piezo do, and H has an inverse in closed form [krejci2001; kuhnen2003].
+Rate-independent; loops are congruent and, without dead zones, point-symmetric. In the literature the dead
+zones follow the plays; here they are beside them, which leaves the weights linear in a fit.
+
+Valid at temperatures and preloads near those of the recordings that it is from, and for voltages within
+theirs: beyond the largest threshold nothing further turns.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...quantities import registry
+from ...quantities.records import Quantity, record
+from ...quantities.units import QuantityError
+from .operators import REST, Operators, inverse, response, samples, skewed, unskewed
+
+Array = NDArray[np.float64]
+
+
+@registry.piezos.add
+@record
+class PrandtlIshlinskii(NamedTuple):
+    """Plays and dead zones in parallel, the inverse in closed form: see the module.
+
+    Weights and slopes are shares of the actuator's gain; that of threshold 0 follows the
+    drive without hysteresis, so it must be there for the inverse to be smooth."""
+
+    thresholds: Annotated[tuple[float, ...], Quantity("V", "r_i", "half-width of each play", minimum=0)]
+    weights: Annotated[tuple[float, ...], Quantity("", "w_i", "share of each play", minimum=0)]
+    dead_zones: Annotated[tuple[float, ...], Quantity("V", "s_j", "voltage where each dead zone ends")] = ()
+    slopes: Annotated[tuple[float, ...], Quantity("", "c_j", "share beyond each dead zone")] = ()
+    skews: Annotated[tuple[float, ...], Quantity("", "d_j", "what plays see more beyond each")] = ()
+
+    def _check(self) -> None:
+        for one, other, unit in (("thresholds", "weights", "V"), ("dead_zones", "slopes", "V")):
+            first, second = getattr(self, one), getattr(self, other)
+            if len(first) != len(second):
+                raise QuantityError(
+                    f"PrandtlIshlinskii has {len(first)} {one} [{unit}] and {len(second)} {other}: "
+                    "each needs one of both"
+                )
+            if list(first) != sorted(set(first)):
+                raise QuantityError(f"PrandtlIshlinskii.{one} [{unit}] must ascend: {list(first)}")
+        if self.skews and len(self.skews) != len(self.dead_zones):
+            raise QuantityError(
+                f"PrandtlIshlinskii has {len(self.dead_zones)} dead_zones [V] and {len(self.skews)} skews: "
+                "each needs one, or none has"
+            )
+        if min(self._shares) <= 0.0:
+            raise QuantityError(
+                f"PrandtlIshlinskii.skews = {list(self.skews)}: their sum to any dead zone must be above -1, "
+                "or the plays turn back before the voltage does"
+            )
+        if not self.thresholds:
+            raise QuantityError(
+                "PrandtlIshlinskii.thresholds [V] is empty: a play of threshold 0 is the least"
+            )
+        least = self.least_slope
+        if least <= 0.0:
+            raise QuantityError(
+                f"PrandtlIshlinskii has the slope {least:.3g} after a reversal, at its least: the weight of "
+                "threshold 0 V and the slopes of the dead zones must leave it above 0, or it has no inverse"
+            )
+
+    @property
+    def least_slope(self) -> float:
+        """dH/du just after a reversal, at the voltage where it is least."""
+        at_once = self.weights[0] if self.thresholds[0] == 0.0 else 0.0
+        return float(np.min(at_once * self._shares + np.cumsum((0.0, *self.slopes))))
+
+    @property
+    def _shares(self) -> Array:
+        """dv/du before the first dead zone, and beyond each."""
+        return np.cumsum((1.0, *(self.skews or (0.0,) * len(self.dead_zones))))
+
+    @property
+    def operators(self) -> Operators:
+        """Thresholds, weights and slopes of the operators as arrays [V, -]."""
+        skews = self.skews or (0.0,) * len(self.dead_zones)
+        rows = (self.thresholds, self.weights, self.dead_zones, self.slopes, skews)
+        return Operators(*(np.array(row, dtype=float) for row in rows))
+
+    def rested(self, drive: float) -> Array:
+        """The states z [V] at a drive value [V] that was reached from 0 V, without turning back."""
+        return rested(np.array(self.thresholds), skewed(self.operators, float(drive)))
+
+    def corners(self, drive: float, up: float) -> Array:
+        """The voltages [V] at which plays are taken along, from that one in the direction `up` (1.0, -1.0),
+        to which it came from 0 V without turning back, and those where dead zones end."""
+        plays = self.operators
+        along = [unskewed(plays, v) for v in self.rested(drive) + up * plays.threshold]
+        return np.append(along, plays.zone)
+
+    def output(self, drive: ArrayLike, rest: float | str = 0.0) -> Array:
+        """H[u] [V], shape (n,), of samples of a drive [V] between which it does not turn back.
+
+        Args:
+            drive: shape (n,).
+            rest: V at which it rested before the first sample, reached from 0 V.
+
+        Raises:
+            QuantityError: a sample, or rest, is no finite voltage.
+        """
+        u, at = samples(drive, "drive"), REST.check(rest, "rest")
+        found = np.empty(u.size)
+        response(self.operators, u, self.rested(at), found)
+        return found
+
+    def at_rest(self, drive: float) -> float:
+        """H [V] at a drive value [V] that was reached from 0 V, without turning back."""
+        return float(self.output([drive], drive)[0])
+
+    def inverse(self, wanted: ArrayLike, rest: float | str = 0.0) -> Array:
+        """The drive [V], shape (n,), for which `output` is as wanted [V].
+
+        Raises:
+            QuantityError: no drive gives it, or as `output`.
+        """
+        w, at = samples(wanted, "wanted"), REST.check(rest, "rest")
+        found = np.empty(w.size)
+        inverse(self.operators, w, at, self.rested(at), found)
+        if not np.all(np.isfinite(found)):
+            k = int(np.argmin(np.isfinite(found)))
+            raise QuantityError(f"no drive voltage gives the sample {k} of what is wanted, {w[k]:g} V")
+        return found
+
+
+def rested(thresholds: Array, drive: float) -> Array:
+    """The states of plays [V] for what they see of a drive [V] that came from 0 V without turning back."""
+    return np.sign(drive) * np.maximum(abs(drive) - thresholds, 0.0)

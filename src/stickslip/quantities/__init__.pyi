@@ -1,0 +1,3 @@
+from . import progress as progress
+from . import units as units
+from .units import QuantityError as QuantityError

@@ -1,0 +1,310 @@
+"""Common rules of input files in YAML: quantities with units, no unknown keys, errors in one line."""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+import re
+from collections.abc import Sequence
+from types import NoneType
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, get_args, get_type_hints
+
+import yaml
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    PlainValidator,
+    ValidationError,
+    ValidationInfo,
+    WithJsonSchema,
+    create_model,
+    model_validator,
+)
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from ..gate.errors import GateError
+from ..gate.text import parsed
+from ..gate.yaml_text import load_yaml as gate_yaml
+from .records import Field as RecordField
+from .records import did_you_mean, fields_with_quantity
+from .units import QuantityError, to_si
+
+T = TypeVar("T")
+_UNKNOWN = "unknown_field"
+_TAG = ("union_tag_invalid", "union_tag_not_found")
+_NAMED = (_UNKNOWN, *_TAG)  # errors that name the key themselves
+
+
+class InputFileError(ValueError):
+    """An input file that cannot be used; the message names the file and the field."""
+
+
+def quantity(unit: str) -> BeforeValidator:
+    """Makes a field a quantity: a number in SI, or a text with a unit such as "30.7 g"."""
+
+    def convert(value: Any, info: ValidationInfo) -> float:
+        return to_si(value, unit, str(info.field_name))
+
+    return BeforeValidator(convert, json_schema_input_type=float | str)
+
+
+Seconds = Annotated[float, quantity("s")]
+Hertz = Annotated[float, quantity("Hz")]
+
+
+class Strict(BaseModel):
+    """A part of a file: unknown keys are errors, and told before anything else, for they explain the rest."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known(cls, content: Any) -> Any:
+        for key in content if isinstance(content, dict) else ():
+            if key not in cls.model_fields:
+                hint = (
+                    did_you_mean(str(key), cls.model_fields) or f"; there are {', '.join(cls.model_fields)}"
+                )
+                raise PydanticCustomError(
+                    _UNKNOWN, "{said}", {"said": f"there is no field {str(key)!r}{hint}"}
+                )
+        return content
+
+
+class RecordFields(Strict):
+    """A part of a file with fields of a record, as `fields_of` makes it; null is the default of a field."""
+
+    of_record: ClassVar[tuple[str, ...]] = ()
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The record's fields that the file gives, by name: arguments of the record."""
+        return {name: getattr(self, name) for name in self.of_record if name in self.model_fields_set}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_null(cls, content: Any) -> Any:
+        if not isinstance(content, dict):
+            return content
+        optional = [name for name, field in cls.model_fields.items() if not field.is_required()]
+        return {key: value for key, value in content.items() if value is not None or key not in optional}
+
+
+@functools.cache
+def fields_of(record: type, *names: str) -> type[RecordFields]:
+    """Return the model of a part of a file that gives some fields of a record.
+
+    Each value is a number, or a text with a unit, in the range that the record declares. A length may be an
+    angle, for the file alone does not say whether its actuator turns: it stays a text until the record is
+    made.
+
+    Args:
+        record: whose fields say their `Quantity`.
+        names: of the fields; all, if left out. A field without a default must be given.
+    """
+    hints, known = get_type_hints(record, include_extras=True), fields_with_quantity(record)
+    of_record = names or tuple(record._fields)  # type: ignore[attr-defined]
+    defaults = record._field_defaults  # type: ignore[attr-defined]
+    fields: dict[str, Any] = {}
+    for name in of_record:
+        kind = _number(name, known[name]) if name in known else _with_parts(hints[name])
+        fields[name] = (kind, _default(defaults[name]) if name in defaults else ...)
+    made = create_model(
+        record.__name__, __base__=RecordFields, __doc__=record.__doc__, __module__=record.__module__, **fields
+    )
+    made.of_record = of_record
+    return made
+
+
+def _default(value: Any) -> Any:
+    """Return a default as pydantic takes it: a schema in JSON can show neither infinity nor a record."""
+    endless = isinstance(value, float) and not math.isfinite(value)
+    return Field(default_factory=lambda: value) if endless or hasattr(value, "_fields") else value
+
+
+def _number(name: str, field: RecordField) -> Any:
+    """Return the type of a field with a quantity in a file."""
+    quantity = field.quantity
+    turned = field._replace(quantity=quantity.turned())
+
+    def read(value: Any) -> Any:
+        try:
+            found = field.check(value, name)
+        except QuantityError as error:
+            try:
+                turned.check(value, name)
+            except QuantityError:
+                raise error from None
+            return value
+        return found if turned == field else value
+
+    bounds = {
+        "minimum": quantity.minimum,
+        "exclusiveMinimum": quantity.above,
+        "maximum": quantity.maximum,
+        "exclusiveMaximum": quantity.below,
+    }
+    shown = {key: bound for key, bound in bounds.items() if bound is not None and math.isfinite(bound)}
+    one: dict[str, Any] = {"anyOf": [{"type": "number", **shown}, {"type": "string"}]}
+    schema = {"type": "array", "items": one} if field.sequence else one
+    return Annotated[
+        Any,
+        PlainValidator(read),
+        WithJsonSchema({**schema, "description": quantity.meaning, "unit": quantity.unit}),
+    ]
+
+
+def _with_parts(kind: Any) -> Any:
+    """Return the type of a field that has no quantity; a record in it is a part."""
+    kinds = [one for one in get_args(kind) or (kind,) if one is not NoneType]
+    if len(kinds) > 1 or not hasattr(kinds[0], "_fields"):
+        return kind
+    part: Any = Annotated[kinds[0], RecordPart()]
+    return part | None if NoneType in get_args(kind) else part
+
+
+class RecordPart:
+    """Marks a field of a file's model as a record: the file gives fields of it, the model has the record.
+
+    Args:
+        without: fields of the record that the file does not give, for they are said elsewhere.
+    """
+
+    def __init__(self, *, without: tuple[str, ...] = ()) -> None:
+        self._without = without
+
+    def __get_pydantic_core_schema__(self, record: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        names = [name for name in record._fields if name not in self._without]
+
+        def make(content: Any, read: Any) -> Any:
+            return content if isinstance(content, record) else record(**read(content).given)
+
+        return core_schema.no_info_wrap_validator_function(
+            make,
+            handler.generate_schema(fields_of(record, *names)),
+            serialization=core_schema.plain_serializer_function_ser_schema(_as_content),
+        )
+
+
+# The type of a field of a file's model that is a record: ``slip: Part[Slip] = Field(default_factory=Slip)``.
+Part = Annotated[T, RecordPart()]
+
+
+def _as_content(value: Any) -> Any:
+    """Return a record as a file says it."""
+    if hasattr(value, "_asdict"):
+        return {name: _as_content(one) for name, one in value._asdict().items()}
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the content of a YAML file.
+
+    Raises:
+        InputFileError: the file cannot be read, is no YAML, or is no mapping.
+    """
+    try:
+        found = parsed(gate_yaml, path)
+    except GateError as error:
+        raise InputFileError(str(error)) from error
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror or error}") from error
+    return _mapping(found, str(path))
+
+
+def yaml_mapping(text: bytes | str, source: str) -> dict[str, Any]:
+    """Return the content of a YAML text; `source` is what errors call it.
+
+    Raises:
+        InputFileError: the text is no YAML, or no mapping.
+    """
+    try:
+        found = gate_yaml(text, source)
+    except GateError as error:
+        raise InputFileError(str(error)) from error
+    return _mapping(found, source)
+
+
+def _mapping(found: Any, source: str) -> dict[str, Any]:
+    if not isinstance(found, dict):
+        raise InputFileError(f"{source}: the file must be a mapping, with 'title' and so on")
+    return found
+
+
+def yaml_text(content: dict[str, Any]) -> str:
+    """The YAML of a file's content, in the order that it has."""
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
+
+
+def explain(
+    path: str | os.PathLike[str], error: ValidationError, inside: str = "", *, content: Any
+) -> InputFileError:
+    """What is wrong in a file, in one line: a mistyped key, else the first thing.
+
+    Args:
+        path: of the file.
+        error: what the schema says.
+        inside: where in the file the content is, "steps.0.".
+        content: what was checked: the place is told by its keys, not by the schema's names of alternatives.
+    """
+    found = error.errors(include_url=False)
+    first = next((one for one in found if one["type"] == _UNKNOWN), found[0])
+    place = _keys(content, first["loc"]) + [
+        str(part) for part in first["loc"][-1:] if first["type"] == "missing"
+    ]
+    # A file that does not say its kind is wrong as a whole: there is no field to name.
+    where = (inside + ".".join(place)).rstrip(".") or ("" if first["type"] in _NAMED else "kind")
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    return InputFileError(": ".join(filter(None, (str(path), where, f"{reason(first)}{more}"))))
+
+
+def reason(error: Any) -> str:
+    """Return what is wrong by one error of a schema, without its place."""
+    cause = error.get("ctx", {}).get("error")
+    if isinstance(cause, QuantityError):
+        return str(cause)
+    return _about_kind(error) or _about_choice(error) or error["msg"]
+
+
+def _about_kind(error: Any) -> str:
+    """What is wrong with the key that says which of several kinds a part is; "" for other errors."""
+    if error["type"] not in _TAG:
+        return ""
+    key = error["ctx"]["discriminator"].strip("'")
+    if error["type"] == "union_tag_invalid":
+        kinds = [one.strip("'") for one in error["ctx"]["expected_tags"].split(", ")]
+        tag = error["ctx"]["tag"]
+        return f"there is no {key} {tag!r}{did_you_mean(tag, kinds)}; there are {', '.join(kinds)}"
+    given = error["input"] if isinstance(error["input"], dict) else {}
+    wrong = next((one for one in map(str, given) if did_you_mean(one, [key])), None)
+    return f"there is no field {wrong!r} (did you mean {key!r}?)" if wrong else f"{key} is missing"
+
+
+def _about_choice(error: Any) -> str:
+    """What is wrong with a value that must be one of a few words; "" for other errors."""
+    if error["type"] != "literal_error":
+        return ""
+    words = re.findall("'([^']*)'", error["ctx"]["expected"])
+    return f"{error['input']!r}{did_you_mean(str(error['input']), words)}: it is {error['ctx']['expected']}"
+
+
+def _keys(content: Any, place: Sequence[int | str]) -> list[str]:
+    """Of a place in a schema those parts that are keys of the content: the others name alternatives."""
+    found = []
+    for part in place:
+        if (
+            part in content
+            if isinstance(content, dict)
+            else isinstance(content, list) and isinstance(part, int)
+        ):
+            content = content[part]  # type: ignore[index]
+            found.append(str(part))
+    return found

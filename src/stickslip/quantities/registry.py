@@ -1,0 +1,357 @@
+"""Registry: laws, waveforms, ... by name; the package's, those of other packages, and the user's own.
+
+A thing is added where it is defined (`register_law`, `waveform.signal.signal_record`, ...). Those of the
+package are found in the files of their room: one file adds one. Those of an installed package are found by an
+entry point, in the group "stickslip.laws", "stickslip.waveforms" and so on. One in a user's own file has the
+name ``path.py:Name``, and its bare name once the file is used (`use_file`).
+
+A user's file is run only where the user names it, on the command line or in Python, or where an input file or
+a parameter set names one in its own folder. Another folder's is run only if the user allowed it (`use_file`),
+and nothing is run within `nothing_run`. Results, fits and recordings hold bare names, and say where a thing
+was from; reading them never runs it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path, PurePath
+from pkgutil import iter_modules
+from types import ModuleType
+from typing import Any, TypeVar
+
+from ..gate.errors import GateError
+from ..gate.paths import inside
+from .records import did_you_mean
+from .units import QuantityError
+
+T = TypeVar("T")
+
+_PACKAGE = __name__.partition(".")[0]
+_USING = threading.RLock()
+_USED: dict[str, tuple[str, ModuleType]] = {}  # file -> hash of its content, what it became
+_RUNS: ContextVar[bool] = ContextVar("runs", default=True)  # whether a new file of a user's is run
+
+
+class RegistryError(QuantityError):
+    """A name that nothing is known by, or a user's file that cannot be used; says which and what there is."""
+
+
+class Kind:
+    """Everything of one kind by name. `noun` and `plural` are what it is called, `room` is the package's
+    folder of such things."""
+
+    def __init__(self, noun: str, plural: str, room: str) -> None:
+        self.noun, self.plural, self._room = noun, plural, f"{_PACKAGE}.{room}"
+        self._things: dict[str, dict[str, Any]] = {}  # by name, then by where they are from
+        self._called: dict[Any, str] = {}  # the names of those that are not called as they call themselves
+
+    def add(self, thing: T, name: str = "", maker: Any = None) -> T:
+        """Make a thing known, and return it (a decorator of classes).
+
+        One of the same name from the same place is replaced.
+
+        Args:
+            thing: what it is.
+            name: what it is called; by default as it calls itself.
+            maker: the function or class that shows where it is from, if not the thing itself.
+        """
+        place = origin(thing if maker is None else maker)
+        if name and isinstance(thing, type):
+            self._called[thing] = name
+        self._things.setdefault(name or thing.__name__, {})[place] = thing  # type: ignore[attr-defined]
+        return thing
+
+    def packaged(self) -> dict[str, Any]:
+        """Those that come with the package, by name."""
+        _import_room(self._room)
+        return {name: of[""] for name, of in self._things.items() if "" in of}
+
+    def names(self) -> tuple[str, ...]:
+        """What `find` takes, but for ``path.py:Name``: the package's, then others'."""
+        return tuple(dict.fromkeys((*self.packaged(), *self._things, *self._installed())))
+
+    def all(self) -> Iterator[tuple[str, Any]]:
+        """Each name with what it is; without those that are two things, or of an installed package that
+        fails."""
+        for name in self.names():
+            try:
+                yield name, self.find(name)
+            except RegistryError:
+                continue
+
+    def find(self, text: str, folder: str | os.PathLike[str] | None = None) -> Any:
+        """Return what is known by a name, or of a user's file, ``path.py:Name``, which is run for it.
+
+        Args:
+            text: the name.
+            folder: that of the file that gives the name; None: the user gives it.
+
+        Raises:
+            RegistryError: there is none, there are two, or the file may not or cannot be used.
+        """
+        path, name = own_path(text)
+        if not path:
+            return self._by_name(text)
+        return self._of_file(Path(path) if folder is None else allowed_file(path, folder), name)
+
+    def _of_file(self, path: Path, name: str) -> Any:
+        use_file(path)
+        place = str(path.resolve())
+        there = {one: of[place] for one, of in self._things.items() if place in of}
+        if name not in there:
+            raise RegistryError(
+                f"{path} has no {self.noun} {name!r}{did_you_mean(name, there)}; "
+                f"it has {', '.join(there) or 'none'}"
+            )
+        return there[name]
+
+    def _by_name(self, name: str) -> Any:
+        _import_room(self._room)
+        if name not in self._things and name in self._installed():
+            self._load(self._installed()[name])
+        of = self._things.get(name, {})
+        if len(of) == 1:
+            return next(iter(of.values()))
+        if of:
+            places = ", ".join(f"{place or _PACKAGE}:{name}" for place in of)
+            raise RegistryError(f"{name!r} is more than one {self.noun}; say which: {places}")
+        raise RegistryError(
+            f"there is no {self.noun} {name!r}{did_you_mean(name, self.names())}; known are "
+            f"{', '.join(self.names())}; one of your own is FILE.py:NAME"
+        )
+
+    def name_of(self, thing_type: type) -> str:
+        """What `find` finds it by in another process too: its name, with the file if it is the user's own."""
+        name, place = thing_type.__name__, origin(thing_type)
+        return f"{place}:{name}" if place.endswith(".py") and name not in self._installed() else name
+
+    def written(self, thing_type: type) -> dict[str, str]:
+        """What results say of a type: its name, and where it is from if it is not of the package."""
+        place = origin(thing_type)
+        said = {self.noun: self._called.get(thing_type, thing_type.__name__)}
+        return {**said, f"{self.noun}_of": place} if place else said
+
+    def of_results(self, said: Any) -> Any:
+        """The thing of what `written` gave; no file is run for it.
+
+        Raises:
+            RegistryError: it is not known, and the user has to name the file that it is from.
+            KeyError: nothing is said of one.
+        """
+        name, place = str(said[self.noun]), said.get(f"{self.noun}_of")
+        if place is None:
+            return self.packaged()[name] if name in self.packaged() else self._by_name(name)
+        own = {where: thing for where, thing in self._things.get(name, {}).items() if where}
+        if place in own:
+            return own[place]
+        if len(own) == 1:
+            return next(iter(own.values()))
+        if name in self._installed():
+            return self._load(self._installed()[name])
+        raise RegistryError(not_run(self.noun, name, str(place)))
+
+    def of_client(self, said: Any) -> Any:
+        """As `of_results`, of what another program of this user asks for, who has it run there too."""
+        place = str(said.get(f"{self.noun}_of", ""))
+        if place.endswith(".py") and not self.installed(str(said[self.noun])):
+            use_file(place)
+        return self.of_results(said)
+
+    def installed(self, name: str) -> bool:
+        """Whether an installed package has one of that name."""
+        return name in self._installed()
+
+    def _installed(self) -> dict[str, EntryPoint]:
+        return _entry_points(f"{_PACKAGE}.{self.plural}", tuple(sys.path))
+
+    def _load(self, entry: EntryPoint) -> Any:
+        where = f"the {self.noun} {entry.name!r} of {entry.dist.name if entry.dist else 'a package'}"
+        try:
+            made = entry.load()
+        except Exception as error:
+            raise RegistryError(f"{where} cannot be loaded: {_told(error)}") from error
+        of = self._things.get(entry.name, {})
+        if not of:
+            raise RegistryError(f"{where} ({entry.value}) has not registered itself by that name")
+        return next((thing for thing in of.values() if thing is made), next(iter(of.values())))
+
+
+def not_run(noun: str, name: str, place: str) -> str:
+    """Why something of a user's own that results name is not known."""
+    return (
+        f"its {noun} {name} is of {place}, which is not run because a result names it: if you trust it, name "
+        f"it yourself, stickslip --use {place} ..., or ss.registry.use_file({place!r}) in Python"
+    )
+
+
+def own_path(text: str) -> tuple[str, str]:
+    """Path and name of ``path.py:Name``; of any other name, "" and that."""
+    path, colon, name = text.rpartition(":")
+    return (path, name) if colon and path.endswith(".py") else ("", text)
+
+
+def origin(thing: Any) -> str:
+    """Where a class or function is from: the file; of a prompt its module; "" for those of the package."""
+    module = str(getattr(thing, "__module__", ""))
+    if module.split(".")[0] == _PACKAGE:
+        return ""
+    file = getattr(sys.modules.get(module), "__file__", None)
+    return str(Path(file).resolve()) if file else module
+
+
+@contextmanager
+def nothing_run() -> Iterator[None]:
+    """Keep user's files that were not used before from being run: for what only reads, lists or cites."""
+    before = _RUNS.set(False)
+    try:
+        yield
+    finally:
+        _RUNS.reset(before)
+
+
+def allowed_file(path: str, folder: str | os.PathLike[str]) -> Path:
+    """Return the path of a user's file that a file in a folder names.
+
+    Raises:
+        RegistryError: it is not in that folder, and the user has neither used nor imported it.
+    """
+    found = Path(folder, path)
+    file = found.resolve()
+    if str(file) in _USED or _imported(str(file)) is not None:
+        return found
+    top = Path(folder).resolve()
+    own = file.relative_to(top) if Path(path).is_absolute() and file.is_relative_to(top) else PurePath(path)
+    try:
+        inside(folder or ".", own.as_posix(), "its folder")
+    except GateError as error:
+        raise RegistryError(
+            f"{error}: a file names Python of its own folder only; if you trust it, name it yourself, "
+            f"stickslip --use {found} ..., or ss.registry.use_file({str(found)!r}) in Python"
+        ) from error
+    return found
+
+
+def use_file(path: str | os.PathLike[str]) -> ModuleType:
+    """Run a user's own file, once: what it registers is known by name from then on.
+
+    A file that was edited since is run again. Other files beside it are found as Python always finds them.
+
+    Args:
+        path: a file of Python.
+
+    Raises:
+        RegistryError: there is no such file, or it fails; says in which line.
+    """
+    file = Path(path).resolve()
+    with _USING:
+        try:
+            content = hashlib.sha256(file.read_bytes()).hexdigest()
+        except OSError as error:
+            raise RegistryError(f"{path} cannot be read: {error.strerror}") from error
+        before = _USED.get(str(file))
+        if before is not None and before[0] == content:
+            return before[1]
+        made = _imported(str(file))
+        if before is None and made is None and not _RUNS.get():
+            raise RegistryError(_not_run_here(str(path)))
+        if before is not None or made is None:
+            made = _run(file, path, content)
+        _USED[str(file)] = content, made
+        return made
+
+
+def used_files() -> tuple[str, ...]:
+    """The user's files that were used, for processes that are to know the same."""
+    return tuple(_USED)
+
+
+def check_used(text: str, folder: str | os.PathLike[str] = "") -> None:
+    """Raise RegistryError for a ``path.py:Name`` whose file was not used yet, and shall not be from here."""
+    path, _ = own_path(text)
+    if path and str(Path(folder, path).resolve()) not in _USED:
+        raise RegistryError(_not_run_here(text, path))
+
+
+def _not_run_here(text: str, path: str = "") -> str:
+    return f"{text} is of a file that is not run from here: stickslip --use {path or text} ... does"
+
+
+def _run(file: Path, path: str | os.PathLike[str], content: str) -> ModuleType:
+    # The same name in every process, wherever the file is: records are pickled between processes by name.
+    name = f"own_{file.stem}_{content[:8]}"
+    if name in sys.modules:  # a copy, beside the original
+        name += f"_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
+    spec = spec_from_file_location(name, file)
+    if spec is None or spec.loader is None:
+        raise RegistryError(f"{path} is no file of Python: it must end in .py")
+    made, before = module_from_spec(spec), sys.modules.get(name)
+    sys.modules[name] = made
+    try:
+        spec.loader.exec_module(made)
+    except (Exception, SystemExit) as error:
+        if before is None:
+            del sys.modules[name]
+        else:
+            sys.modules[name] = before
+        raise RegistryError(f"{path} cannot be used: {_told(error, str(file))}") from error
+    return made
+
+
+def _imported(file: str) -> ModuleType | None:
+    """The module that Python has made of a file, if it has."""
+    return next((module for module in list(sys.modules.values()) if _is_of(module, file)), None)
+
+
+def _is_of(module: Any, file: str) -> bool:
+    found = getattr(module, "__file__", None)
+    return (
+        isinstance(found, str) and getattr(module, "__name__", "") != "__main__" and _resolved(found) == file
+    )
+
+
+@cache
+def _resolved(file: str) -> str:
+    return str(Path(file).resolve())
+
+
+def _told(error: BaseException, file: str = "") -> str:
+    trace, line = error.__traceback__, 0
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == file:
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return f"{type(error).__name__}: {error}" + (f" (line {line})" if line else "")
+
+
+@cache
+def _import_room(room: str) -> None:
+    package = import_module(room)
+    for module in iter_modules(package.__path__):
+        if not module.ispkg:
+            import_module(f"{room}.{module.name}")
+
+
+@cache
+def _entry_points(group: str, path: tuple[str, ...]) -> dict[str, EntryPoint]:
+    del path  # part of the key: a folder that is added may hold some
+    return {one.name: one for one in entry_points(group=group)}
+
+
+laws = Kind("law", "laws", "friction")
+waveforms = Kind("waveform", "waveforms", "waveform")
+sensors = Kind("sensor", "sensors", "physics.electronics")
+readers = Kind("reader", "readers", "recording.readers")
+rigs = Kind("rig", "rigs", "rig")
+positioners = Kind("positioner", "positioners", "rig.positioners")
+piezos = Kind("piezo model", "piezos", "physics.piezo")
+controllers = Kind("controller", "controllers", "control")

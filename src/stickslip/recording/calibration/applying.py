@@ -1,0 +1,136 @@
+"""Apply calibrations to the variables of a recording."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...gate.results import json_attribute
+from .. import (
+    SCALE_UNCERTAINTY,
+    STANDARD_NAMES,
+    RecordingError,
+    RecordingWarning,
+    fits_name,
+    validate_recording,
+)
+from .polynomial import Calibration, CalibrationError
+from .storage import load_calibration, to_text
+
+Part = Calibration | str | os.PathLike[str]
+Chain = Part | Sequence[Part]
+# Of the range of a calibration, by which noise may leave it.
+BEYOND = 0.05
+
+
+def calibration_chain(chain: Chain, unit: str) -> tuple[Calibration, ...]:
+    """The calibrations to be applied one after the other to values in `unit`; names and paths are loaded.
+
+    Raises:
+        CalibrationError: one cannot be loaded, or takes another unit than what comes before gives.
+    """
+    parts = (chain,) if isinstance(chain, Calibration | str | os.PathLike) else tuple(chain)
+    loaded = tuple(part if isinstance(part, Calibration) else load_calibration(part) for part in parts)
+    if not loaded:
+        raise CalibrationError("no calibration is named")
+    given = "the readings are in", unit
+    for calibration in loaded:
+        if calibration.x_unit != given[1]:
+            raise CalibrationError(
+                f"{given[0]} {given[1] or 'no unit'}, but {calibration.name!r} takes {calibration.x_unit}"
+            )
+        given = f"{calibration.name!r} gives", calibration.y_unit
+    return loaded
+
+
+def apply_calibration(
+    recording: xr.Dataset, calibrations: Mapping[str, Chain], rename: Mapping[str, str] | None = None
+) -> xr.Dataset:
+    """The recording with some of its variables calibrated; what was applied is kept in its attributes.
+
+    Args:
+        recording: over "time".
+        calibrations: variable -> calibration, or its name or file, or a sequence of them:
+            ``{"sensor": ["kang2007-inductive-5", "kang2007-recalibration"]}``.
+        rename: variable -> what it is called from then on: a variable of a standard name cannot be in V,
+            ``{"sensor": "end_effector_position"}`` gives it that name when it is in m.
+
+    Raises:
+        CalibrationError: a calibration cannot be loaded, or does not fit the variable's unit or new name.
+        RecordingError: the recording has no such variable.
+
+    Warns:
+        RecordingWarning: a variable leaves the range for which a calibration was made: the polynomial says
+            nothing there.
+    """
+    made, applied = recording.copy(), dict[str, list[str]]()
+    for name, chain in calibrations.items():
+        if name not in recording.data_vars:
+            known = ", ".join(map(str, recording.data_vars))
+            raise RecordingError(f"the recording has no variable {name!r}; it has {known}")
+        try:
+            loaded = calibration_chain(chain, recording[name].attrs["units"])
+        except CalibrationError as error:
+            raise CalibrationError(f"{name}: {error}") from None
+        new = (rename or {}).get(name, name)
+        standard = STANDARD_NAMES.get(new)
+        if standard is not None and not fits_name(new, loaded[-1].y_unit):
+            raise CalibrationError(f"{new} is a quantity in {standard.unit}, not {loaded[-1].y_unit}")
+        values = recording[name].values
+        for calibration in loaded:
+            _warn_beyond(name, calibration, values)
+            values = calibration(values)
+        attrs = {**recording[name].attrs, "units": loaded[-1].y_unit}
+        attrs |= scale_attribute(loaded, attrs.pop(SCALE_UNCERTAINTY, 0.0))
+        if new != name:
+            attrs["long_name"] = standard.long_name if standard else new.replace("_", " ")
+            made = made.drop_vars(name)
+        made[new] = ("time", values, attrs)
+        applied[new] = [to_text(calibration) for calibration in loaded]
+    for name in rename or {}:
+        if name not in calibrations:
+            raise CalibrationError(f"{name!r} is renamed but not calibrated")
+    made.attrs["calibration"] = calibration_attribute(applied, str(recording.attrs.get("calibration", "")))
+    return validate_recording(made)
+
+
+def scale_attribute(chain: Sequence[Calibration], before: float = 0.0) -> dict[str, float]:
+    """Return the attribute of a variable that says how uncertain its scale is after these calibrations.
+
+    It is empty where one of them does not say; `before` is the uncertainty of what they are applied to.
+    """
+    known = [one.scale_uncertainty for one in chain if one.scale_uncertainty is not None]
+    return {SCALE_UNCERTAINTY: math.hypot(before, *known)} if chain and len(known) == len(chain) else {}
+
+
+def _warn_beyond(name: str, calibration: Calibration, values: NDArray[np.float64]) -> None:
+    found = values[np.isfinite(values)]
+    low, high = calibration.low, calibration.high
+    room = BEYOND * (high - low)
+    if found.size and not (found.min() >= low - room and found.max() <= high + room):
+        unit = calibration.x_unit
+        warnings.warn(
+            f"{name} goes from {found.min():.4g} to {found.max():.4g} {unit}, and {calibration.name!r} was "
+            f"made for {low:.4g} to {high:.4g} {unit}: beyond, its polynomial is a guess",
+            RecordingWarning,
+            stacklevel=3,
+        )
+
+
+def calibration_attribute(applied: Mapping[str, Sequence[str]], before: str = "") -> str:
+    """What goes into the attribute "calibration" of a recording: JSON, variable -> list of calibrations."""
+    known = json_attribute({"calibration": before}, "calibration")
+    if before and not known:
+        known["notes"] = before  # free text of a reader
+    for name, texts in applied.items():
+        if not texts:
+            continue
+        known[name] = [*known.get(name, []), *map(json.loads, texts)]
+    return json.dumps(known, ensure_ascii=False) if known else ""

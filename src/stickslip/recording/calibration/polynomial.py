@@ -1,0 +1,242 @@
+"""A polynomial from what a sensor says to what is true: least squares, standard errors, prediction band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...estimate.quantiles import reach
+from ...quantities.units import array_si
+
+Array = NDArray[np.float64]
+
+LARGEST_ORDER = 20
+
+
+class CalibrationError(ValueError):
+    """A calibration cannot be fitted, read, inverted or applied."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """y = c_0 + c_1 x + c_2 x² + ..., x being the sensor's output and y the quantity, both in SI.
+
+    Fields: `coefficients` [order + 1], lowest power first, in y_unit/x_unit^k; `low`, `high`, range of x for
+    which it was made; `max_error`, `rms_error`, in y_unit, against the single readings; `residual_deviation`,
+    in y_unit, of the fitted means, with its `degrees_of_freedom`; `covariance` of the coefficients;
+    `scale_uncertainty`, relative standard uncertainty of dy/dx, root mean square over the range. What a
+    source does not say is None.
+    """
+
+    name: str
+    coefficients: tuple[float, ...]
+    x_unit: str
+    y_unit: str
+    low: float
+    high: float
+    source: str = ""
+    max_error: float | None = None
+    rms_error: float | None = None
+    residual_deviation: float | None = None
+    degrees_of_freedom: int | None = None
+    covariance: tuple[tuple[float, ...], ...] | None = None
+    scale_uncertainty: float | None = None
+
+    @property
+    def order(self) -> int:
+        """The highest power."""
+        return len(self.coefficients) - 1
+
+    @property
+    def standard_errors(self) -> tuple[float, ...] | None:
+        """Of the coefficients, in their units; None where the covariance is not known."""
+        if self.covariance is None:
+            return None
+        return tuple(float(np.sqrt(self.covariance[k][k])) for k in range(self.order + 1))
+
+    def __call__(self, x: ArrayLike) -> Array:
+        """y at x, of the same shape."""
+        return _polynomial(self.coefficients, array_si(x, self.x_unit, "x"))
+
+    def slope(self, x: ArrayLike) -> Array:
+        """dy/dx at x, of the same shape."""
+        derivative = np.polynomial.polynomial.polyder(self.coefficients)
+        return _polynomial(derivative, array_si(x, self.x_unit, "x"))
+
+    def prediction_band(self, x: ArrayLike, level: float = 0.95) -> Array:
+        """Half the width of the band in which a new mean reading lies with the probability `level`.
+
+        Raises:
+            CalibrationError: the covariance is not known, no degrees of freedom are left, or the level is no
+                probability.
+        """
+        if isinstance(level, str) or not 0.0 < level < 1.0:
+            raise CalibrationError(f"level = {level!r} is out of range: a probability must be > 0 and < 1")
+        if self.covariance is None or not self.degrees_of_freedom or self.residual_deviation is None:
+            raise CalibrationError(f"the calibration {self.name!r} says nothing of its uncertainty")
+        x = array_si(x, self.x_unit, "x")
+        # The covariance of powers of x is badly scaled: work in x over its largest value.
+        scale = max(abs(self.low), abs(self.high), 1e-300)
+        units = scale ** np.arange(self.order + 1.0)
+        powers = np.power.outer(x / scale, np.arange(self.order + 1))
+        scaled = np.asarray(self.covariance) * np.outer(units, units)
+        variance = np.einsum("...i,ij,...j->...", powers, scaled, powers)
+        t = reach(level, self.degrees_of_freedom)
+        return t * np.sqrt(np.maximum(variance, 0.0) + self.residual_deviation**2)
+
+    def inverse(self, y: ArrayLike) -> Array:
+        """x at y, of the same shape.
+
+        Raises:
+            CalibrationError: the polynomial is not monotonic over its range, or y is outside of that.
+        """
+        grid = np.linspace(self.low, self.high, 2001)
+        turns = np.polynomial.polynomial.polyroots(np.polynomial.polynomial.polyder(self.coefficients))
+        real = turns[np.abs(turns.imag) < 1e-9 * (self.high - self.low)].real
+        if np.any((real > self.low) & (real < self.high)):
+            raise CalibrationError(f"the calibration {self.name!r} turns around within its range")
+        values, y = self(grid), array_si(y, self.y_unit, "y")
+        if values[-1] < values[0]:
+            grid, values = grid[::-1], values[::-1]
+        margin = 1e-9 * (values[-1] - values[0])
+        if np.any(~((y >= values[0] - margin) & (y <= values[-1] + margin))):
+            raise CalibrationError(
+                f"the calibration {self.name!r} reaches from {values[0]:.6g} to {values[-1]:.6g} "
+                f"{self.y_unit}; {y.min():.6g} to {y.max():.6g} {self.y_unit} is asked for"
+            )
+        x = np.interp(y, values, grid)
+        for _ in range(3):  # Newton from three digits: to the last one
+            x = x - (self(x) - y) / self.slope(x)
+        return x
+
+
+def fit_calibration(
+    x: ArrayLike,
+    y: ArrayLike,
+    order: int,
+    *,
+    name: str = "calibration",
+    x_unit: str = "V",
+    y_unit: str = "m",
+    source: str = "",
+) -> Calibration:
+    """The polynomial of least squares through a table.
+
+    Args:
+        x: what the sensor said, SI: shape (n,), or (n, r) for r readings at each point, whose means are
+            fitted.
+        y: the truth there, SI, shape (n,).
+        order: of the polynomial.
+        name, source: what to call it, and where it comes from.
+        x_unit, y_unit: SI units.
+
+    Raises:
+        QuantityError: values with another unit.
+        CalibrationError: arrays that do not fit, values that are no numbers, too few points for the order.
+    """
+    readings, y = _checked(array_si(x, x_unit, "x"), array_si(y, y_unit, "y"))
+    means = readings.mean(axis=1)
+    _check_order(order, means)
+    scale = np.abs(means).max() or 1.0
+    matrix = np.power.outer(means / scale, np.arange(order + 1))
+    found, *_ = np.linalg.lstsq(matrix, y)
+    freedom = y.size - order - 1
+    deviation = float(np.sqrt(np.sum((matrix @ found - y) ** 2) / freedom)) if freedom else None
+    covariance = None
+    units = scale ** -np.arange(order + 1.0)
+    if deviation is not None:
+        inverse = np.linalg.pinv(matrix)
+        scaled = deviation**2 * (inverse @ inverse.T) * np.outer(units, units)
+        covariance = tuple(tuple(float(c) for c in row) for row in scaled)
+    coefficients = tuple(float(c) for c in found * units)
+    errors = _polynomial(coefficients, readings) - y[:, None]
+    low, high = float(readings.min()), float(readings.max())
+    return Calibration(
+        name=name,
+        coefficients=coefficients,
+        x_unit=x_unit,
+        y_unit=y_unit,
+        low=low,
+        high=high,
+        source=source,
+        max_error=float(np.abs(errors).max()),
+        rms_error=float(np.sqrt(np.mean(errors**2))),
+        residual_deviation=deviation,
+        degrees_of_freedom=freedom,
+        covariance=covariance,
+        scale_uncertainty=None if covariance is None else _of_slope(coefficients, covariance, low, high),
+    )
+
+
+def _of_slope(coefficients: Sequence[float], covariance: ArrayLike, low: float, high: float) -> float:
+    """Return the relative standard uncertainty of the slope, root mean square over a range."""
+    x, powers = np.linspace(low, high, 201), np.arange(1, len(coefficients))
+    # Scaled as in `prediction_band`: powers of x differ by decades.
+    scale = max(abs(low), abs(high), 1e-300)
+    units = scale ** np.arange(len(coefficients))
+    rows = np.zeros((x.size, len(coefficients)))
+    rows[:, 1:] = powers * np.power.outer(x / scale, powers - 1)
+    slopes = rows @ (np.asarray(coefficients) * units)
+    variance = np.einsum("ni,ij,nj->n", rows, np.asarray(covariance) * np.outer(units, units), rows)
+    with np.errstate(divide="ignore"):
+        return float(np.sqrt(np.mean(np.maximum(variance, 0.0) / slopes**2)))
+
+
+def cross_validation(x: ArrayLike, y: ArrayLike, orders: Sequence[int] = range(1, 8)) -> dict[int, float]:
+    """The rms error at points left out one at a time, in the unit of y, for each order that the points allow.
+
+    The order with the least error is the one to take: more of them follow the noise of the points.
+
+    Args:
+        x, y: as for `fit_calibration`.
+        orders: to be compared.
+
+    Raises:
+        CalibrationError: as `fit_calibration`, or no order is possible.
+    """
+    readings, y = _checked(x, y)
+    means = readings.mean(axis=1)
+    scale = np.abs(means).max() or 1.0
+    errors = {}
+    for order in orders:
+        if order + 2 > np.unique(means).size:
+            continue
+        matrix = np.power.outer(means / scale, np.arange(order + 1))
+        inverse = np.linalg.pinv(matrix)
+        leverage = np.einsum("ij,ji->i", matrix, inverse)
+        left_out = (y - matrix @ (inverse @ y)) / (1.0 - leverage)
+        errors[order] = float(np.sqrt(np.mean(left_out**2)))
+    if not errors:
+        raise CalibrationError(f"{means.size} points are too few to choose an order")
+    return errors
+
+
+def _polynomial(coefficients: ArrayLike, x: ArrayLike) -> Array:
+    values = np.polynomial.polynomial.polyval(np.asarray(x, dtype=float), np.asarray(coefficients))
+    return np.asarray(values, dtype=np.float64)
+
+
+def _checked(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    readings, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    if readings.ndim == 1:
+        readings = readings[:, None]
+    if readings.ndim != 2 or y.ndim != 1 or readings.shape[0] != y.size or not readings.size:
+        raise CalibrationError(
+            f"x has the shape {np.shape(x)} and y {y.shape}: x must be (n,) or (n, readings), y (n,)"
+        )
+    if not (np.all(np.isfinite(readings)) and np.all(np.isfinite(y))):
+        raise CalibrationError("the table holds values that are not finite")
+    return readings, y
+
+
+def _check_order(order: int, means: Array) -> None:
+    if not isinstance(order, int | np.integer) or not 1 <= order <= LARGEST_ORDER:
+        raise CalibrationError(
+            f"order = {order!r} is out of range: it must be a whole number, 1 to {LARGEST_ORDER}"
+        )
+    different = np.unique(means).size
+    if different < order + 1:
+        raise CalibrationError(f"{different} different points are too few for the order {order}")

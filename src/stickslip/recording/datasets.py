@@ -1,0 +1,93 @@
+"""Measured data, made and published by others: where they are, and how to get them.
+
+The data are no part of this package. They are taken from a folder if there is one, else from their makers'
+own repositories, at a fixed commit and checked by SHA-256.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from . import RecordingError
+
+ENVIRONMENT = "STICKSLIP_DATASETS"
+_BESIDE_CHECKOUT = Path(__file__).resolve().parents[3].parent / "shared" / "datasets"
+
+
+class Dataset(NamedTuple):
+    """Files of one publication."""
+
+    url: str
+    licence: str
+    credit: str
+    files: Mapping[str, str]  # path below `url` -> SHA-256
+
+
+DATASETS = {
+    name: Dataset(**entry)
+    for name, entry in tomllib.loads((Path(__file__).parent / "datasets.toml").read_text("utf-8")).items()
+}
+
+
+def dataset_path(name: str, file: str) -> Path:
+    """The path of a file of a published data set, fetched if need be.
+
+    Looked for in the folder that the environment variable STICKSLIP_DATASETS names, in ``../shared/datasets``
+    beside a checkout of this project, then in the user's cache, which is filled from the makers' repository
+    (by pooch: the extra "data").
+
+    Args:
+        name: a key of `DATASETS`.
+        file: one of its files.
+
+    Raises:
+        RecordingError: there is no such data set or file, or it is not here and cannot be fetched.
+    """
+    if name not in DATASETS:
+        raise RecordingError(f"there is no data set {name!r}; there are {', '.join(DATASETS)}")
+    dataset = DATASETS[name]
+    paths = {path.rsplit("/", 1)[-1]: path for path in dataset.files}
+    if file not in paths:
+        raise RecordingError(f"the data set {name} has no file {file!r}; it has {', '.join(paths)}")
+    own = os.environ.get(ENVIRONMENT)
+    folders = [Path(own)] if own else []
+    folders += [_BESIDE_CHECKOUT] if _BESIDE_CHECKOUT.is_dir() else []
+    for folder in folders:
+        if (folder / name / file).is_file():
+            return folder / name / file
+    try:
+        return fetch(f"{dataset.url}/{paths[file]}", dataset.files[paths[file]], name)
+    except RecordingError as error:
+        looked = " or ".join(str(folder / name) for folder in folders) or "this installation"
+        raise RecordingError(
+            f"{file} is not in {looked}, and {error}; {ENVIRONMENT} can name a folder"
+        ) from error
+
+
+def fetch(url: str, sha256: str, name: str) -> Path:
+    """The file at `url` from the user's cache, downloaded at the first time.
+
+    Raises:
+        RecordingError: pooch is not installed, the address cannot be reached, or the checksum differs.
+    """
+    try:
+        import pooch  # an extra: the data are fetched for examples, not for work
+    except ImportError as error:
+        raise RecordingError("fetching it needs pooch: pip install 'stickslip[data]'") from error
+    cache, outer = Path(pooch.os_cache("stickslip")) / name, sys.exception()
+    try:
+        return Path(pooch.retrieve(url, f"sha256:{sha256}", fname=url.rsplit("/", 1)[1], path=cache))
+    except (OSError, ValueError) as error:  # requests' errors are OSErrors; a wrong checksum is a ValueError
+        raise RecordingError(f"it cannot be fetched from {url}: {_first(error, outer)}") from error
+
+
+def _first(error: BaseException, outer: BaseException | None) -> str:
+    """What libraries wrap again and again, such as "Name or service not known"; before it came `outer`."""
+    while error.__context__ is not None and error.__context__ is not outer:
+        error = error.__context__
+    return str(error)

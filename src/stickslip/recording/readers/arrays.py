@@ -1,0 +1,100 @@
+"""Channels from named arrays, as NPY, NPZ and MAT files hold them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...gate.errors import GateError
+from ...gate.limits import LIMITS
+from .. import RecordingError
+from .source import FileChannel, FileContent, Rows
+
+
+class Leaf(NamedTuple):
+    """An array in a file, not necessarily loaded yet."""
+
+    shape: tuple[int, ...]
+    load: Callable[[], np.ndarray]
+    unit: str = ""  # as the file says it
+    epoch: float = 0.0  # of dates: what their numbers count from, s since 1970
+
+
+def total_bytes(leaves: Iterable[Leaf]) -> int:
+    """What arrays take as float64, bytes."""
+    return sum(8 * math.prod(leaf.shape) for leaf in leaves)
+
+
+class Part(NamedTuple):
+    """A channel as a part of an array: all samples along `axis`, one index along each other axis."""
+
+    array: str
+    axis: int
+    others: tuple[int, ...]
+    alone: bool  # the array has no other channel
+
+    @property
+    def subscripts(self) -> list[str]:
+        """The index along each axis, from 0; ":" for time."""
+        texts = [str(i) for i in self.others]
+        return [*texts[: self.axis], ":", *texts[self.axis :]]
+
+
+def array_parts(leaves: Mapping[str, Leaf]) -> list[Part]:
+    """Return the channels of arrays by name, array by array. Time runs along the longest axis of an array,
+    the first of them if two are as long.
+
+    Raises:
+        RecordingError: there are more channels than `LIMITS` allows.
+    """
+    found: list[Part] = []
+    for name, leaf in leaves.items():
+        axis = int(np.argmax(leaf.shape))
+        others = leaf.shape[:axis] + leaf.shape[axis + 1 :]
+        if len(found) + math.prod(others) > LIMITS.channels:
+            raise RecordingError(
+                f"with the array {name!r} of the shape {leaf.shape} it has more than {LIMITS.channels:,} "
+                "channels; save only the signals that are needed"
+            )
+        alone = max(others, default=1) == 1
+        found += [Part(name, axis, index, alone) for index in np.ndindex(*others)]
+    return found
+
+
+def subscripted(part: Part) -> str:
+    """The name of a channel as in Python: "table[:, 2]"; the only one of an array is called as the array."""
+    name = part.array
+    return name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
+
+
+def array_source(
+    reader: str, leaves: Mapping[str, Leaf], channels: Sequence[tuple[Part, FileChannel]]
+) -> FileContent:
+    """A source whose channels are parts of arrays. An array is loaded once per reading."""
+
+    def read(indices: Sequence[int], rows: Rows) -> list[np.ndarray]:
+        loaded: dict[str, np.ndarray] = {}
+        result = []
+        for i in indices:
+            part, channel = channels[i]
+            if part.array not in loaded:
+                loaded[part.array] = _load(part.array, leaves[part.array])
+            samples = loaded[part.array][(*part.others[: part.axis], slice(*rows), *part.others[part.axis :])]
+            if samples.dtype.kind not in "iufb":
+                raise RecordingError(f"{channel.name!r} holds {samples.dtype}, not real numbers")
+            result.append(np.array(samples, dtype=np.float64))
+        return result
+
+    return FileContent(reader, tuple(channel for _, channel in channels), read)
+
+
+def _load(name: str, leaf: Leaf) -> np.ndarray:
+    try:
+        return leaf.load()
+    except GateError:
+        raise
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"{name!r} cannot be read (damaged?): {error}") from error

@@ -1,0 +1,99 @@
+"""Captures of dSPACE boards in MAT files, in both layouts.
+
+Flat: ``trace_x`` is the time [s] and each row of ``trace_y`` a signal, without names or units [kang2007, app.
+    8]; our own files say them in ``trace_names`` and ``trace_units``.
+Structure, as ControlDesk writes it: one variable with ``.X(j).Data``, the clocks, and ``.Y(k).Name``,
+``.Y(k).Data``, the signals; with several clocks, ``.Raster`` of a signal is that of its clock.
+
+The clocks are the first channels; with one clock, the index of a signal is therefore its row or k in MATLAB.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...gate.limits import LIMITS
+from .. import RecordingError
+from .arrays import Leaf, Part, array_parts
+from .source import FileChannel
+
+Capture = tuple[dict[str, Leaf], list[tuple[Part, FileChannel]]]
+
+
+def find_capture(tree: dict[str, Any]) -> Capture | None:
+    """The arrays and channels of a capture in the variables of a MAT file; None if there is no capture.
+
+    Raises:
+        RecordingError: a capture whose signals and clocks do not fit together.
+    """
+    if isinstance(tree.get("trace_x"), Leaf) and isinstance(tree.get("trace_y"), Leaf):
+        return _flat(tree["trace_x"], tree["trace_y"], tree)
+    for variable in tree.values():
+        if isinstance(variable, dict) and _has_data(variable.get("X")) and _has_data(variable.get("Y")):
+            return _structure(_elements(variable["X"]), _elements(variable["Y"]))
+    return None
+
+
+def _flat(trace_x: Leaf, trace_y: Leaf, tree: dict[str, Any]) -> Capture:
+    samples = int(np.prod(trace_x.shape))
+    if len(trace_y.shape) != 2 or samples not in trace_y.shape:
+        raise RecordingError(f"trace_y has the shape {trace_y.shape}, trace_x {samples} samples")
+    # A square capture, as many signals as samples, is in rows as all others are.
+    axis = 1 if trace_y.shape[1] == samples else 0
+    channels = [(array_parts({"trace_x": trace_x})[0], FileChannel("trace_x", "s", ("trace_x", 0), 0))]
+    count = trace_y.shape[1 - axis]
+    if count > LIMITS.channels:
+        raise RecordingError(f"trace_y has {count:,} signals; {LIMITS.channels:,} are read")
+    names, units = (_texts(tree.get(key), count) for key in ("trace_names", "trace_units"))
+    for row in range(count):
+        name = f"trace_y({row + 1},:)" if axis == 1 else f"trace_y(:,{row + 1})"
+        channel = FileChannel(names[row] or name, units[row], ("trace_y", row), 0, header=name)
+        channels.append((Part("trace_y", axis, (row,), False), channel))
+    return {"trace_x": trace_x, "trace_y": trace_y}, channels
+
+
+def _texts(node: Any, count: int) -> list[str]:
+    """The texts of a cell array; empty ones where it is none of that length."""
+    known = isinstance(node, list) and len(node) == count
+    return [_text(one) for one in node] if known else [""] * count
+
+
+def _structure(clocks: list[dict[str, Any]], signals: list[dict[str, Any]]) -> Capture:
+    leaves: dict[str, Leaf] = {}
+    channels = []
+    for letter, elements in (("X", clocks), ("Y", signals)):
+        for k, element in enumerate(elements):
+            array = f"{letter}({k + 1})"
+            leaves[array] = element["Data"]
+            name = _text(element.get("Name")) or array
+            clock = k if letter == "X" else _clock_of(element, clocks)
+            unit = _text(element.get("Unit")) or ("s" if letter == "X" else "")
+            part = array_parts({array: element["Data"]})[0]
+            channels.append((part, FileChannel(name, unit, (letter, k), clock)))
+    return leaves, channels
+
+
+def _clock_of(signal: dict[str, Any], clocks: list[dict[str, Any]]) -> int:
+    if len(clocks) == 1:
+        return 0
+    rasters = [_text(clock.get("Raster")) for clock in clocks]
+    raster = _text(signal.get("Raster"))
+    if not raster or rasters.count(raster) != 1:
+        name = _text(signal.get("Name"))
+        raise RecordingError(f"the signal {name!r} has the raster {raster!r}; the clocks have {rasters}")
+    return rasters.index(raster)
+
+
+def _elements(node: Any) -> list[dict[str, Any]]:
+    return node if isinstance(node, list) else [node]
+
+
+def _has_data(node: Any) -> bool:
+    elements = _elements(node)
+    return bool(elements) and all(isinstance(e, dict) and isinstance(e.get("Data"), Leaf) for e in elements)
+
+
+def _text(node: Any) -> str:
+    return node.strip() if isinstance(node, str) else ""

@@ -1,0 +1,122 @@
+"""HDF5 files of other programs, NetCDF 4 among them: every array of real numbers is a signal.
+
+Names are the groups and the array, joined by dots: "run_1.position", and rows of a table are counted from 0:
+"run_1.table[:, 2]". Units are those of an attribute "units" or "unit"; scale, offset and missing values of
+NetCDF are taken into account.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...gate.hdf5 import SIGNATURE, Hdf5Array, Hdf5Group, Hdf5Tree, hdf5_tree, read_hdf5_array
+from ...gate.limits import check_size
+from .. import RecordingError
+from .arrays import Leaf, array_parts, array_source, subscripted, total_bytes
+from .source import FileChannel, FileContent, add_format, is_clock
+
+_UNITS = ("units", "unit", "Units", "Unit", "UNITS")
+_SECONDS_SINCE = " since "  # of times of NetCDF: "seconds since 2020-02-20"
+_PLACES = (0, 512, 1024, 2048)  # where HDF5 may begin, behind a block of another program
+
+
+class _Signal(NamedTuple):
+    """An array of numbers: its group, its unit, and what turns its numbers into values."""
+
+    group: str
+    array: Hdf5Array
+    unit: str
+    scale: float
+    offset: float
+    missing: tuple[float, ...]
+
+
+def read_hdf5(path: Path) -> FileContent:
+    """The signals of an HDF5 file: every array of real numbers.
+
+    Raises:
+        RecordingError: the file is damaged, or holds no arrays of real numbers.
+    """
+    found: dict[str, _Signal] = {}
+    others: list[str] = []
+    with hdf5_tree(path) as tree:
+        _collect(tree, tree.root, "", found, others)
+    if not found:
+        records = f" ({others[0]!r} holds texts or records of several values)" if others else ""
+        raise RecordingError(
+            f"the HDF5 file holds no arrays of real numbers{records}: in Python, read it by h5py, and save "
+            "the columns by numpy.savez"
+        )
+    leaves = {name: Leaf(one.array.shape, _loader(path, one)) for name, one in found.items()}
+    check_size(path, total_bytes(leaves.values()))
+    parts = array_parts(leaves)
+    labels = [subscripted(part) for part in parts]
+    clocks = _clocks(found, [part.array for part in parts])
+    channels = [
+        (part, FileChannel(label, found[part.array].unit, (part.array, *part.others), clocks[part.array]))
+        for part, label in zip(parts, labels, strict=True)
+    ]
+    return array_source("hdf5", leaves, channels)
+
+
+def _collect(
+    tree: Hdf5Tree, group: Hdf5Group, prefix: str, found: dict[str, _Signal], others: list[str]
+) -> None:
+    for label, one in group.members.items():
+        name = f"{prefix}.{label}" if prefix else label
+        if isinstance(one, Hdf5Group):
+            _collect(tree, one, name, found, others)
+        elif not one.kind or one.kind == "r":
+            others.append(name)
+        elif np.prod(one.shape) > 1:  # a single number is a setting, no signal
+            found[name] = _signal(prefix, one)
+
+
+def _signal(group: str, array: Hdf5Array) -> _Signal:
+    unit = next((text for name in _UNITS if isinstance(text := array.attribute(name), str) and text), "")
+    scale, offset = _number(array.attribute("scale_factor"), 1.0), _number(array.attribute("add_offset"), 0.0)
+    said = [array.attribute(name) for name in ("_FillValue", "missing_value")]
+    missing = tuple(_number(one, np.nan) for one in said if one is not None)
+    return _Signal(group, array, unit.partition(_SECONDS_SINCE)[0], scale, offset, missing)
+
+
+def _number(value: Any, default: float) -> float:
+    real = isinstance(value, int | float | np.integer | np.floating)
+    return float(value) if real else default
+
+
+def _loader(path: Path, signal: _Signal) -> Any:
+    def load() -> np.ndarray:
+        values = read_hdf5_array(path, signal.array.name)
+        if (signal.scale, signal.offset) == (1.0, 0.0) and not signal.missing:
+            return values
+        absent = np.isin(values, signal.missing)
+        return np.where(absent, np.nan, values * signal.scale + signal.offset)
+
+    return load
+
+
+def _clocks(found: dict[str, _Signal], order: list[str]) -> dict[str, int | None]:
+    """The channel of the time of each array: the only one in its group that is called so and as long."""
+    clocks: dict[str, int | None] = {}
+    for name, one in found.items():
+        times = [
+            other
+            for other, signal in found.items()
+            if signal.group == one.group
+            and is_clock(FileChannel(other, signal.unit))
+            and signal.array.shape == (max(one.array.shape),)
+        ]
+        clocks[name] = order.index(times[0]) if len(times) == 1 else None
+    return clocks
+
+
+def _is_hdf5(head: bytes, ending: str) -> bool:
+    matlab = ending == ".mat" or head.startswith(b"MATLAB")
+    return not matlab and any(head.startswith(SIGNATURE, place) for place in _PLACES)
+
+
+add_format(read_hdf5, "hdf5", (".h5", ".hdf5", ".he5", ".nc", ".nc4"), _is_hdf5)

@@ -1,0 +1,166 @@
+"""Inspection of a file before anything is done with it: columns, units, sampling, noise, names to give."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ...quantities.units import with_prefix
+from .. import RecordingError
+from ..shown_drive import drive_begins
+from ..taken_drive import taken_drive
+from .formats import find_format
+from .preview import LOOKED_AT, look
+from .reading import read_recording, said
+
+# A pause is a step of the clock longer than this many usual ones.
+PAUSE = 1.5
+WIDEST = 80  # characters of a name in the table of columns
+ROUNDED = 1e-6  # of an interval: what a time may be off by rounding
+
+
+class Inspection(NamedTuple):
+    """What `inspect_file` found.
+
+    `columns`: see `preview.look` (none of a recording of ours), ranges of the first samples only where it is
+    `cut`; `named` and `units`, as `read_recording`
+    takes them, guessed where the file does not say; `recording`, read so, or None with the `problem`.
+    """
+
+    path: Path
+    reader: str
+    cut: bool
+    columns: list[dict[str, Any]]
+    named: dict[str, str]
+    units: dict[str, str]
+    recording: xr.Dataset | None
+    problem: str
+
+    @property
+    def interval(self) -> float:
+        """From sample to sample, median, s."""
+        assert self.recording is not None
+        return float(np.median(np.diff(self.recording["time"].values)))
+
+    @property
+    def pauses(self) -> list[tuple[float, float]]:
+        """Where samples are missing: time [s] and how long [s]."""
+        assert self.recording is not None
+        time = self.recording["time"].values
+        steps = np.diff(time)
+        return [(float(time[i]), float(steps[i])) for i in np.flatnonzero(steps > PAUSE * self.interval)]
+
+    @property
+    def drive_begins(self) -> float | None:
+        """Time of the last sample before the drive changes, s; None without a drive, or where it never
+        does."""
+        return None if self.recording is None else drive_begins(self.recording)
+
+    def noise(self, name: str) -> float:
+        """Standard deviation of a channel before the drive begins, in its unit; NaN for fewer than 20
+        samples."""
+        begins = self.drive_begins
+        if self.recording is None or begins is None:
+            return math.nan
+        before = self.recording[name].values[self.recording["time"].values < begins]
+        return float(np.std(before, ddof=1)) if before.size >= 20 else math.nan
+
+    @property
+    def yaml(self) -> str:
+        """The entry under ``recordings:`` of a job, or an identification file."""
+
+        def flow(mapping: dict[str, str]) -> str:
+            parts = (f"{name}: {json.dumps(text, ensure_ascii=False)}" for name, text in mapping.items())
+            return f"{{{', '.join(parts)}}}"
+
+        lines = [f"- file: {json.dumps(self.path.name, ensure_ascii=False)}"]
+        lines += [f"  columns: {flow(self.named)}"] if self.named else []
+        return "\n".join([*lines, *([f"  units: {flow(self.units)}"] if self.units else [])])
+
+    def __str__(self) -> str:
+        part = f" (ranges are of the first {LOOKED_AT} samples)" if self.cut else ""
+        lines = [f"{self.path.name}: {self.reader}{part}"]
+        if self.columns:
+            lines += _table([["column", "unit", "from", "to", "taken as"], *map(self._row, self.columns)])
+        if self.recording is None:
+            return "\n".join([*lines, f"cannot be read so: {self.problem}"])
+        return "\n".join([*lines, *self._said(), "", "To paste under recordings:", self.yaml])
+
+    def _row(self, column: dict[str, Any]) -> list[str]:
+        name = next((ours for ours, theirs in self.named.items() if theirs == column["name"]), "")
+        unit = column["unit"] or (f"{self.units[name]} (guessed)" if name in self.units else "")
+        low, high = ("" if column[end] is None else f"{column[end]:.6g}" for end in ("low", "high"))
+        return [column["name"], unit, low, high, name or ("" if column["numeric"] else "no numbers")]
+
+    def _said(self) -> list[str]:
+        assert self.recording is not None
+        time, interval = self.recording["time"].values, self.interval
+        steps = np.diff(time) / interval
+        jitter = float(np.max(np.abs(steps[steps <= PAUSE] - 1.0)))  # gaps are said below
+        lines = [
+            f"{time.size} samples, {with_prefix(interval, 's')} apart ({with_prefix(1.0 / interval, 'Hz')}"
+            f"{f', up to {100 * jitter:.2g} % irregular' if jitter > 1e-3 else ''}), from "
+            f"{with_prefix(float(time[0]), 's')} to {with_prefix(float(time[-1]), 's')}"
+        ]
+        pauses = self.pauses
+        if pauses:
+            at, lasts = pauses[0]
+            first = f"the first at {with_prefix(at, 's')}, of {with_prefix(lasts, 's')}"
+            lines.append(f"{len(pauses)} gap{'s' if len(pauses) > 1 else ''} in the samples: {first}")
+        begins = self.drive_begins
+        if begins is not None:
+            begins = 0.0 if abs(begins) < ROUNDED * interval else begins  # -0.05 + 100 * 0.0005 is not 0
+            lines.append(f"the drive begins after {with_prefix(begins, 's')}")
+        taken = taken_drive(self.recording)
+        if taken is not None:
+            lines.append(f"drive: {taken.said()}")
+        if begins is not None:
+            for name, channel in self.recording.data_vars.items():
+                noise = self.noise(str(name))
+                if name != "drive_voltage" and math.isfinite(noise):
+                    lines.append(f"{name} before that: {with_prefix(noise, channel.attrs['units'])} rms")
+        return lines
+
+
+def inspect_file(path: str | Path) -> Inspection:
+    """What a file holds that `read_recording` reads, with guesses where it does not say.
+
+    Args:
+        path: of a format that `stickslip list readers` names, or a recording of ours.
+
+    Raises:
+        RecordingError: it is of no known format, damaged, or has no columns of numbers.
+    """
+    path = Path(path)
+    try:
+        found = None if find_format(path) == "nc" else look(path)
+    except (ValueError, OSError) as error:
+        raise RecordingError(said(path, error)) from error
+    if found is None:
+        return Inspection(path, "recording", False, [], {}, {}, read_recording(path), "")
+    taken = [one for one in found["columns"] if one["guess"]]
+    named = {one["guess"]: one["name"] for one in taken}
+    units = {one["guess"]: one["guessed_unit"] for one in taken if one["guessed_unit"]}
+    try:
+        recording, problem = read_recording(path, named, units), ""
+    except RecordingError as error:
+        recording, problem = None, str(error).removeprefix(f"{path}: ")
+    cut = found["samples"] >= LOOKED_AT
+    return Inspection(path, found["reader"], cut, found["columns"], named, units, recording, problem)
+
+
+def _table(rows: list[list[str]]) -> list[str]:
+    rows = [[_cell(text) for text in row] for row in rows]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
+def _cell(text: str) -> str:
+    """A text of a file in one line that a terminal can show."""
+    shown = "".join(sign if sign.isprintable() else "?" for sign in text)
+    return shown if len(shown) <= WIDEST else f"{shown[: WIDEST - 3]}..."

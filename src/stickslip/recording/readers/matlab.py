@@ -1,0 +1,195 @@
+"""MAT files: versions 4 to 7 through SciPy, version 7.3 (HDF5) through h5py.
+
+Both become one tree: structures are dictionaries, arrays of structures and cells are lists, text is str,
+objects (tables, strings) are what `matlab_objects` makes of them, and every array of real numbers is a
+`Leaf`. The names of channels are written as in MATLAB, rows counted from 1: "t", "trace_y(2,:)",
+"measurement.force". As a tuple, ("trace_y", 1) is that same second row, counted from 0.
+"""
+
+from __future__ import annotations
+
+import codecs
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.io
+from scipy.io.matlab import MatlabFunction, MatlabOpaque
+
+from ...gate.errors import GateError
+from ...gate.files import opened
+from ...gate.hdf5 import SIGNATURE, Hdf5Array, Hdf5Group, Hdf5Tree, hdf5_tree, is_hdf5, read_hdf5_array
+from ...gate.limits import Visits, check_size
+from ...gate.matlab5 import check_matlab5, check_subsystem
+from .. import RecordingError
+from . import dspace
+from .arrays import Leaf, Part, array_parts, array_source, total_bytes
+from .matlab_objects import FUNCTION, Opaque, Table, holds_objects, not_read, read_objects, shown
+from .source import FileChannel, FileContent, add_format
+
+_OPAQUE = "3"  # how MATLAB marks an object in version 7.3
+_SUBSYSTEM = "__function_workspace__"  # what SciPy calls the variables in which MATLAB keeps its objects
+_V73_BLOCK = 512  # MATLAB puts its own header before that of HDF5
+
+
+def read_matlab(path: Path) -> FileContent:
+    """The channels of a MAT file: every array of real numbers, or the signals of a dSPACE capture.
+
+    Raises:
+        RecordingError: the file is damaged or of no known version, or holds no numbers.
+    """
+    try:
+        hdf5 = is_hdf5(path)
+        tree = _tree_of_hdf5(path) if hdf5 else _tree_of_v5(path)
+    except (RecordingError, GateError):
+        raise
+    except Exception as error:  # both libraries report damage in a dozen ways, down to zlib.error
+        raise RecordingError(f"not a readable MAT file (cut off or damaged?): {error}") from error
+    objects = [name for name, node in tree.items() if holds_objects(node)]
+    tree |= read_objects(path, objects)
+    version = "matlab v7.3" if hdf5 else "matlab v5"
+    capture = dspace.find_capture(tree)
+    if capture is not None:
+        leaves, channels = capture
+    else:
+        leaves, channels = _plain(tree)
+    check_size(path, total_bytes(leaves.values()))
+    return array_source(version if capture is None else f"dspace, {version}", leaves, channels)
+
+
+def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[Part, FileChannel]]]:
+    leaves: dict[str, Leaf] = {}
+    clocks: dict[str, str] = {}
+    objects: dict[str, str] = {}
+    _collect("", tree, leaves, clocks, objects)
+    parts = array_parts(leaves)
+    if not parts:
+        unread = next((f": {not_read(name, of)}" for name, of in objects.items()), "")
+        raise RecordingError(f"the MAT file holds no arrays of real numbers{unread}")
+    first = {part.array: i for i, part in reversed(list(enumerate(parts)))}
+    channels = [
+        (
+            part,
+            FileChannel(
+                matlab_name(part),
+                leaves[part.array].unit,
+                (part.array, *part.others),
+                first.get(clocks.get(part.array, "")),
+                epoch=leaves[part.array].epoch,
+            ),
+        )
+        for part in parts
+    ]
+    for name, of in objects.items():
+        channels.append((parts[0], FileChannel(name, numeric=False, header=shown(name, of))))
+    return leaves, channels
+
+
+def _collect(
+    prefix: str, node: Any, leaves: dict[str, Leaf], clocks: dict[str, str], objects: dict[str, str]
+) -> None:
+    """Add the arrays of a part of the tree by name, with the names of their clocks, and the objects that are
+    not read."""
+    if isinstance(node, Table):
+        for name in node.columns:
+            clocks[f"{prefix}.{name}"] = f"{prefix}.{node.time}"
+        node = node.columns
+    if isinstance(node, dict):
+        for name, value in node.items():
+            _collect(f"{prefix}.{name}" if prefix else name, value, leaves, clocks, objects)
+    elif isinstance(node, list):
+        for i, value in enumerate(node):
+            _collect(f"{prefix}({i + 1})", value, leaves, clocks, objects)
+    elif isinstance(node, Opaque):
+        objects[prefix] = node.of
+    elif isinstance(node, Leaf) and np.prod(node.shape) > 1:  # a single number is a setting, no signal
+        leaves[prefix] = node
+
+
+def matlab_name(part: Part) -> str:
+    """The channel in MATLAB's notation; the only one of an array is called as the array."""
+    if part.alone:
+        return part.array
+    subscripts = (text if text == ":" else str(int(text) + 1) for text in part.subscripts)
+    return f"{part.array}({','.join(subscripts)})"
+
+
+def _tree_of_v5(path: Path) -> dict[str, Any]:
+    found = check_matlab5(path)
+    objects = {name: of for name, of in found.items() if of}
+    plain = [name for name in found if name and name not in objects]
+    with opened(path) as file:
+        variables = scipy.io.loadmat(file, variable_names=[*plain, _SUBSYSTEM] if objects else None)
+    if objects and _SUBSYSTEM in variables:
+        check_subsystem(path, variables[_SUBSYSTEM].tobytes())
+    tree: dict[str, Any] = {name: Opaque(of) for name, of in objects.items() if name}
+    return tree | {name: _v5_node(value) for name, value in variables.items() if not name.startswith("__")}
+
+
+def _v5_node(value: Any) -> Any:
+    if isinstance(value, MatlabOpaque):
+        return Opaque(str(value["s2"].flat[0], "utf-8", "replace"))
+    if not isinstance(value, np.ndarray) or isinstance(value, MatlabFunction):
+        return None  # sparse matrices, functions and the like
+    if value.dtype.names:
+        names = value.dtype.names
+        elements = [{name: _v5_node(element[name]) for name in names} for element in value.flat]
+        return elements[0] if len(elements) == 1 else elements
+    if value.dtype.kind == "O":
+        return [_v5_node(element) for element in value.flat]
+    if value.dtype.kind == "U":
+        return "".join(value.flat)
+    return Leaf(value.shape, lambda: value) if value.dtype.kind in "iufb" else None
+
+
+def _tree_of_hdf5(path: Path) -> dict[str, Any]:
+    with hdf5_tree(path) as tree:
+        visits, root = Visits(path), tree.root.members
+        return {n: _hdf5_node(tree, visits, one, 1) for n, one in root.items() if not n.startswith("#")}
+
+
+def _hdf5_node(tree: Hdf5Tree, visits: Visits, item: Hdf5Group | Hdf5Array, depth: int) -> Any:
+    visits(depth)
+    of = tree.text_attribute(item, "MATLAB_class")
+    if of == FUNCTION:
+        return None
+    if tree.text_attribute(item, "MATLAB_object_decode") == _OPAQUE:
+        return Opaque(of)
+    if isinstance(item, Hdf5Group):
+        fields = {name: _hdf5_node(tree, visits, one, depth + 1) for name, one in item.members.items()}
+        # MATLAB writes an array of structures field by field: each field a list of references, marked no
+        # cell.
+        lists = [
+            name
+            for name, one in item.members.items()
+            if isinstance(one, Hdf5Array) and one.kind == "r" and not one.has("MATLAB_class")
+        ]
+        if not lists:
+            return fields
+        count = min(len(fields[name]) for name in lists)
+        return [{name: fields[name][i] for name in lists} for i in range(count)]
+    if item.kind == "r":
+        return [_hdf5_node(tree, visits, one, depth + 1) for one in item.targets()]
+    if not item.kind or item.has("MATLAB_empty"):
+        return None
+    if of == "char":
+        return "".join(map(chr, item.read().T.flat))
+    return Leaf(item.shape[::-1], lambda: _load_hdf5(tree.path, item.name))  # stored column by column
+
+
+def _load_hdf5(path: Path, name: str) -> np.ndarray:
+    return read_hdf5_array(path, name).T
+
+
+def _is_matlab(head: bytes, ending: str) -> bool:
+    if head.startswith(b"MATLAB 5.0 MAT-file") or head[_V73_BLOCK:].startswith(SIGNATURE):
+        return True
+    if ending != ".mat":
+        return False
+    # Other programs write MAT 7.3 without MATLAB's block; version 4 has no signature.
+    text = b"\0" not in head or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    others = (b"\x93NUMPY", b"PK\x03\x04", b"MDF     ", b"UnFinMF ")
+    return head.startswith(SIGNATURE) or not (text or head.startswith(others))
+
+
+add_format(read_matlab, "mat", (".mat",), _is_matlab)

@@ -1,0 +1,136 @@
+"""Objects in MAT files (tables, timetables, durations, strings, time series); by mat-io, extra
+stickslip[matlab].
+
+A variable that is an object holds numbers that name parts of another, hidden variable: without mat-io it is
+named, and not read.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...gate.files import name_of, opened
+from .arrays import Leaf
+from .library import read_by_library
+
+_YEAR = 365.2425 * 86400.0  # s, of MATLAB's years()
+FUNCTION = "function_handle"
+
+
+class Opaque(NamedTuple):
+    """An object that is not read, by the name of its class."""
+
+    of: str
+
+
+class Table(NamedTuple):
+    """The columns of a timetable, and the name of that which is the time."""
+
+    columns: dict[str, Any]
+    time: str
+
+
+def not_read(name: str, of: str) -> str:
+    """Say what an object is, and how its numbers can be read."""
+    variable = name.partition(".")[0].partition("(")[0]
+    by_library = "" if _library() else " pip install 'stickslip[matlab]' (mat-io), or"
+    return (
+        f"{name} is a MATLAB object of class {of}, which is not read here:{by_library} save its numbers in "
+        f"MATLAB, S = table2struct({variable}, 'ToScalar', true)"
+    )
+
+
+def shown(name: str, of: str) -> str:
+    """Name an object that is not read, in a list of channels."""
+    return f"{name} ({of} of MATLAB{'' if _library() else ', needs stickslip[matlab]'})"
+
+
+def _library() -> Any:
+    """Return mat-io; None where it is not installed."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # on options of pandas
+        try:
+            return import_module("matio")
+        except ImportError:
+            return None
+
+
+def holds_objects(node: Any) -> bool:
+    """Return whether there are objects in a part of the tree of a MAT file."""
+    if isinstance(node, dict):
+        return any(map(holds_objects, node.values()))
+    return isinstance(node, Opaque) or (isinstance(node, list) and any(map(holds_objects, node)))
+
+
+def read_objects(path: Path, names: Sequence[str]) -> dict[str, Any]:
+    """Return variables that are, or contain, objects, as parts of the tree of a MAT file whose structure was
+    checked; none where mat-io is not installed.
+
+    Raises:
+        RecordingError: mat-io cannot read them.
+    """
+    matio = _library() if names else None
+    if matio is None:
+        return {}
+    with read_by_library("MAT file with objects"), opened(path) as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # on formats of dates and time zones
+        found = matio.load_from_mat(name_of(file), variable_names=list(names), add_table_attrs=True)
+        return {name: _node(found[name]) for name in names if name in found}
+
+
+def _node(value: Any) -> Any:
+    """A value of mat-io as a part of the tree."""
+    if hasattr(value, "columns"):
+        return _table(value)
+    if isinstance(value, Mapping):
+        return {str(name): _node(one) for name, one in value.items()}
+    of = getattr(value, "classname", None)
+    if hasattr(value, "properties") and isinstance(value.properties, dict):
+        return {name: _node(one) for name, one in value.properties.items()} or Opaque(str(of))
+    if not isinstance(value, np.ndarray):
+        return None if of is None else Opaque(str(of))
+    if value.dtype.names:
+        if value.dtype[0].kind == "m":  # a duration of calendar months and days has no length in seconds
+            return None
+        elements = [{name: _node(one[name]) for name in value.dtype.names} for one in value.flat]
+        return elements[0] if len(elements) == 1 else elements
+    if value.dtype.kind in "OT":
+        texts = [one for one in value.flat if isinstance(one, str)]
+        return "".join(texts) if texts else [_node(one) for one in value.flat]
+    return "".join(value.flat) if value.dtype.kind == "U" else _leaf(value, "")
+
+
+def _leaf(values: np.ndarray, unit: str) -> Leaf | None:
+    """Numbers, durations or dates as an array of numbers; None for others."""
+    kind, epoch = values.dtype.kind, 0.0
+    if kind == "m":
+        years = np.datetime_data(values.dtype)[0] == "Y"
+        values = values.astype(float) * _YEAR if years else values / np.timedelta64(1, "s")
+        unit = "s"
+    elif kind == "M":
+        known = values[~np.isnat(values)]
+        first = known.flat[0].astype("datetime64[s]") if known.size else np.datetime64(0, "s")
+        values, unit, epoch = (values - first) / np.timedelta64(1, "s"), "s", float(first.astype(np.int64))
+    elif kind not in "iufb":
+        return None
+    return Leaf(values.shape, lambda: values, unit, epoch)
+
+
+def _table(frame: Any) -> Any:
+    """A table or timetable as its columns; times of the rows are a column more."""
+    units = frame.attrs.get("VariableUnits", frame.attrs.get("varUnits", []))
+    units = dict(zip(frame.columns, units, strict=False)) if len(units) == len(frame.columns) else {}
+    columns: dict[str, Any] = {
+        str(name): _leaf(frame[name].to_numpy(), str(units.get(name, ""))) for name in frame.columns
+    }
+    rows = frame.index.to_numpy()
+    if rows.dtype.kind not in "mM":
+        return columns
+    time = str(frame.index.name or "Time")
+    return Table({time: _leaf(rows, "s"), **columns}, time)

@@ -1,0 +1,124 @@
+"""MDF 4 (.mf4), as measurement systems of the automotive world write it; by asammdf, extra stickslip[mdf]."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...gate.files import name_of, opened
+from ...gate.limits import LIMITS, check_count, check_size
+from ...gate.mdf import check_mdf
+from .. import RecordingError
+from .source import FileChannel, FileContent, Rows, add_format
+
+_NUMBERS = range(6)  # data types of the standard: integers and reals of either byte order
+_FORMULA = 3  # a conversion that is a formula in text
+_TEXTS = range(7, 12)  # conversions whose result is text
+
+
+class _Place(NamedTuple):
+    """A channel in its file: group, index in it, and whether it is the group's time."""
+
+    group: int
+    channel: int
+    master: bool
+
+
+def read_mdf(path: Path) -> FileContent:
+    """The channels of an MDF 4 file: each group's own time is the clock of its channels.
+
+    Raises:
+        RecordingError: asammdf is not installed, the file is damaged, of version 3, or has no samples.
+    """
+    file = _opened(path)
+    try:
+        places, channels, declared = _listed(file)
+    except Exception as error:
+        raise RecordingError(f"not a readable MDF file (cut off or damaged?): {error}") from error
+    finally:
+        file.close()
+    if not channels:
+        raise RecordingError("the MDF file has no channel with samples")
+    check_count(path, len(channels), LIMITS.channels, "channels")
+    check_size(path, declared, "channels")
+    return FileContent(
+        "MDF 4", tuple(channels), lambda wanted, rows: _read(path, places, channels, wanted, rows)
+    )
+
+
+def _opened(path: Path) -> Any:
+    check_mdf(path)
+    try:
+        from asammdf import MDF
+    except ImportError:
+        raise RecordingError("MDF files need asammdf: pip install 'stickslip[mdf]'") from None
+    try:
+        with opened(path) as plain:
+            file = MDF(name_of(plain))
+    except Exception as error:  # it has exceptions of its own, and lets others through
+        raise RecordingError(f"not a readable MDF file (cut off or damaged?): {error}") from error
+    return file
+
+
+def _listed(file: Any) -> tuple[list[_Place], list[FileChannel], int]:
+    places: list[_Place] = []
+    channels: list[FileChannel] = []
+    declared = 0
+    for number, group in enumerate(file.groups):
+        cycles = int(group.channel_group.cycles_nr)
+        master = file.masters_db.get(number)
+        if not cycles or master is None:
+            continue
+        order = [master, *(i for i in range(len(group.channels)) if i != master)]
+        clock = len(channels)
+        for i in order:
+            one = group.channels[i]
+            changed = one.conversion.conversion_type if one.conversion is not None else 0
+            numeric = one.data_type in _NUMBERS and changed not in _TEXTS
+            unit = str(one.unit or (one.conversion.unit if one.conversion is not None else "") or "")
+            places.append(_Place(number, i, i == master))
+            channels.append(FileChannel(str(one.name), unit, (number, i), clock, numeric))
+        declared += 8 * cycles * len(order)
+    return places, channels, declared
+
+
+def _read(
+    path: Path, places: Sequence[_Place], channels: Sequence[FileChannel], wanted: Sequence[int], rows: Rows
+) -> list[np.ndarray]:
+    file = _opened(path)
+    try:
+        found = []
+        for i in wanted:
+            place = places[i]
+            _refuse_formula(file.groups[place.group].channels[place.channel].conversion, channels[i].name)
+            if place.master:
+                values = file.get_master(place.group)
+            else:
+                values = file.get(group=place.group, index=place.channel).samples
+            if values.ndim != 1 or values.dtype.kind not in "iufb":
+                raise RecordingError(f"the channel {channels[i].name!r} holds no plain numbers")
+            found.append(np.array(values[rows.start : rows.stop], np.float64))
+        return found
+    except RecordingError:
+        raise
+    except Exception as error:
+        raise RecordingError(f"not a readable MDF file (cut off or damaged?): {error}") from error
+    finally:
+        file.close()
+
+
+def _refuse_formula(conversion: Any, name: str) -> None:
+    """Raise RecordingError for a channel that a formula in the file computes: it would run as a program."""
+    if conversion is None:
+        return
+    if conversion.conversion_type == _FORMULA:
+        raise RecordingError(f"the channel {name!r} is computed by a formula in the file: save its numbers")
+    for inner in conversion.referenced_blocks.values():
+        if hasattr(inner, "conversion_type"):
+            _refuse_formula(inner, name)
+
+
+add_format(read_mdf, "mdf", (".mf4",), lambda head, ending: head.startswith((b"MDF     ", b"UnFinMF ")))

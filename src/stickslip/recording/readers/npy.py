@@ -1,0 +1,65 @@
+"""NumPy's own files: one array (.npy) or several by name (.npz)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...gate import archives as gate
+from ...gate.limits import check_size
+from .. import RecordingError
+from .arrays import Leaf, array_parts, array_source, subscripted, total_bytes
+from .source import FileChannel, FileContent, add_format
+
+_NAME_LENGTH, _NAME = 26, 30  # of the first file in a ZIP archive, from its start
+
+
+def read_npy(path: Path) -> FileContent:
+    """The channels of a .npy file: an index along each axis but the longest, which is time.
+
+    In a two-dimensional array the index of a column is that of the channel; in a higher one it is a tuple, in
+    the
+    order of the axes: (0, 2, 1) is the channel ``array[:, 0, 2, 1]``.
+
+    Raises:
+        RecordingError: the file is damaged, holds objects, or a single number.
+    """
+    array = gate.read_npy(path, mapped=True)
+    return _source(path, "npy", {"": Leaf(array.shape, lambda: array)})
+
+
+def read_npz(path: Path) -> FileContent:
+    """The channels of a .npz file; one of a two-dimensional array is ("name", 3), the fourth column.
+
+    Raises:
+        RecordingError: the file is damaged or holds objects.
+    """
+    arrays = gate.read_npz(path)
+    if not arrays:
+        raise RecordingError("a ZIP archive without NumPy arrays")
+    leaves = {
+        name: Leaf(array.shape, lambda array=array: array) for name, array in arrays.items() if array.ndim
+    }
+    return _source(path, "npz", leaves)
+
+
+def _source(path: Path, reader: str, leaves: dict[str, Leaf]) -> FileContent:
+    check_size(path, total_bytes(leaves.values()))
+    for name, leaf in leaves.items():
+        if not leaf.shape or 0 in leaf.shape:
+            raise RecordingError(f"the array {name!r} of the shape {leaf.shape} holds no samples")
+    channels = []
+    for part in array_parts(leaves):
+        key = (part.array, *part.others) if part.array else part.others
+        channels.append((part, FileChannel(subscripted(part), key=key)))
+    return array_source(reader, leaves, channels)
+
+
+def _is_npz(head: bytes, ending: str) -> bool:
+    """Whether a ZIP archive is called so, or its first file is an array of NumPy's."""
+    name = int.from_bytes(head[_NAME_LENGTH : _NAME_LENGTH + 2], "little")
+    first = head[_NAME : _NAME + name]
+    return head.startswith(b"PK\x03\x04") and (ending == ".npz" or first.endswith(b".npy"))
+
+
+add_format(read_npy, "npy", (".npy",), lambda head, ending: head.startswith(b"\x93NUMPY"))
+add_format(read_npz, "npz", (".npz",), _is_npz)

@@ -1,0 +1,29 @@
+"""The source of a file, by its format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ...gate.errors import GateError
+from ...gate.limits import LIMITS
+from ...quantities import registry
+from .csv import read_csv
+from .file_units import of_its_name
+from .headers import named_unit
+from .source import FileContent
+
+
+def source_of(path: Path, kind: str, **text: Any) -> FileContent:
+    """The channels of a file of that format, with the units that their names say; see `find_layout` for the
+    arguments `text`.
+
+    Raises:
+        GateError: a channel has a longer name than `LIMITS` allows: every page, table and figure shows it.
+        RecordingError: the file is damaged, or not as its format is.
+        RegistryError: there is no such format.
+    """
+    source = read_csv(path, **text) if kind == "text" else registry.readers.find(kind).read(path)
+    if any(len(one.shown) > LIMITS.name for one in source.channels):
+        raise GateError(f"{path}: a name in it has more than {LIMITS.name:,} characters: shorten it")
+    return source._replace(channels=tuple(of_its_name(named_unit(one)) for one in source.channels))

@@ -1,0 +1,148 @@
+"""A look at a file before it is taken: its columns, their first values, and what they might be."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...quantities.units import QuantityError
+from .. import STANDARD_NAMES, RecordingError, fits_name
+from .file_units import to_si_unit
+from .formats import find_format
+from .opening import source_of
+from .selection import common_clock
+from .source import FileChannel, Rows, is_clock
+
+SHOWN = 8  # values of a column
+MOST_COLUMNS = 200
+LOOKED_AT = 20_000  # samples from which ranges and units are guessed
+# Words of a column's name, and what it then is; the first that is found.
+_MEANINGS = (
+    (r"strain|elongation|stage|piezo (pos|disp)", "stage_position"),
+    (r"volt|drive|\bu\b|\bhv\b|excitation|command|input", "drive_voltage"),
+    (r"sliding", "sliding_displacement"),
+    (r"friction", "friction_force"),
+    (r"velocity|speed", "end_effector_velocity"),
+    (r"normal (force|load)|^normal$", "normal_force"),
+    (r"force|load cell", "force"),
+    (r"pos|disp|slider|runner|effector|interferometer|\bx\b|\by\b", "end_effector_position"),
+)
+_DRIVES = {"drive_voltage", "voltage"}
+
+
+def look(path: Path) -> dict[str, Any]:
+    """What is in a file that `read_recording` reads.
+
+    Returns:
+        reader, samples, and columns: index, name, numeric, first (values as in the file), low, high, clock
+        (whether it is a time), unit (as the file says it; "" where it does not), guess (the name that we give
+        to such a quantity; "" for none), guessed_unit (from the range of values, where the file says none).
+
+    Raises:
+        RecordingError: it is of no known format, damaged, or has no columns.
+    """
+    kind = find_format(path)
+    if kind == "nc":
+        raise RecordingError(f"{path.name} is a recording of ours already: it needs no columns or units")
+    source = source_of(path, kind)
+    numeric = [i for i, one in enumerate(source.channels[:MOST_COLUMNS]) if one.numeric]
+    if not numeric:
+        raise RecordingError(f"{path.name} has no columns of numbers")
+    read = zip(numeric, source.read(numeric, Rows(0, LOOKED_AT)), strict=True)
+    arrays = {i: values + source.channels[i].epoch for i, values in read}
+    clock = _clock(source.channels)
+    columns = [
+        _described(i, one, arrays.get(i), clock) for i, one in enumerate(source.channels[:MOST_COLUMNS])
+    ]
+    taken: set[str] = set()
+    for one in columns:  # a name is given once
+        if one["guess"] in taken:
+            one["guess"] = ""
+        taken.add(one["guess"])
+    _as_of_an_actuator(columns)
+    _as_of_a_contact(columns)
+    return {"reader": source.reader, "samples": max(a.size for a in arrays.values()), "columns": columns}
+
+
+def _as_of_an_actuator(columns: list[dict[str, Any]]) -> None:
+    """A voltage and a position beside each other are the drive and what it moves."""
+    by_guess = {one["guess"]: one for one in columns}
+    drive = by_guess.get("drive_voltage") or by_guess.get("voltage")
+    moved = next((by_guess[name] for name in ("position", "displacement") if name in by_guess), None)
+    if drive and moved and "end_effector_position" not in by_guess:
+        drive["guess"], moved["guess"] = "drive_voltage", "end_effector_position"
+
+
+def _as_of_a_contact(columns: list[dict[str, Any]]) -> None:
+    """A position beside a friction force, without a drive, is that of a tribometer."""
+    by_guess = {one["guess"]: one for one in columns}
+    if "friction_force" not in by_guess or "position" in by_guess or _DRIVES & by_guess.keys():
+        return
+    moved = by_guess.get("end_effector_position") or by_guess.get("displacement")
+    if moved and not re.search(r"effector|slider|runner", moved["name"], re.IGNORECASE):
+        moved["guess"] = "position"
+
+
+def _clock(channels: Sequence[FileChannel]) -> int | None:
+    """The column that is read as the time; None where there is none, or could be several."""
+    try:
+        return common_clock(channels, {}, {c.name: i for i, c in enumerate(channels) if c.numeric}, {})
+    except RecordingError:
+        return None
+
+
+def _described(i: int, channel: FileChannel, values: np.ndarray | None, clock: int | None) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "index": i, "name": channel.shown, "numeric": channel.numeric, "unit": channel.unit, "guess": "",
+        "guessed_unit": "", "first": [], "low": None, "high": None,
+    }  # fmt: skip
+    found["clock"] = times = i == clock or is_clock(channel) or channel.clock == i
+    if values is None or not values.size:
+        return found
+    real = values[np.isfinite(values)]
+    found["first"] = [float(f"{one:.6g}") if np.isfinite(one) else None for one in values[:SHOWN]]
+    if not real.size:
+        return found
+    found["low"], found["high"] = float(real.min()), float(real.max())
+    name = "time" if times else _meaning(channel)
+    found["guess"] = name
+    if not channel.unit:
+        found["guessed_unit"] = likely_unit(name, real)
+    return found
+
+
+def _meaning(channel: FileChannel) -> str:
+    text = re.sub(r"[_\W]+", " ", channel.name.lower()).strip()
+    whole = text.replace(" ", "_")
+    if whole in STANDARD_NAMES:
+        return whole
+    said = _dimension(channel.unit)
+    for pattern, name in _MEANINGS:
+        if re.search(pattern, text) and (not said or fits_name(name, said)):
+            return name
+    position, force = "end_effector_position", "force"
+    known = {"V": "drive_voltage", "m": position, "rad": position, "N": force, "N m": force}
+    return known.get(said, "")
+
+
+def _dimension(unit: str) -> str:
+    try:
+        return to_si_unit(unit).unit if unit else ""
+    except QuantityError:
+        return ""
+
+
+def likely_unit(name: str, values: np.ndarray) -> str:
+    """A unit in which such values are likely: of a time by its step, of a position by its range."""
+    if name == "time":
+        step = float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 0.0
+        return "s" if step < 0.02 else "ms" if step < 20.0 else "us"
+    unit = STANDARD_NAMES[name].unit if name else ""
+    if unit != "m":
+        return unit
+    span = float(values.max() - values.min())
+    return "m" if span < 2e-3 else "um" if span < 2e3 else "nm"

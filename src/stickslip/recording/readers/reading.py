@@ -1,0 +1,291 @@
+"""Read a user's file as a recording: choose the columns, convert to SI, check, label.
+
+The readers of the formats know only their format; everything that a recording must be is seen to here.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from operator import index
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+
+from ...quantities import registry
+from ...quantities.units import optional_si, to_si
+from .. import STANDARD_NAMES, RecordingError, make_recording, open_recording
+from .clocks import Clocked, complete_samples, onto_one_clock, without_empty_end
+from .formats import TEXT, find_format
+from .opening import source_of
+from .selection import Selection, Variable, select
+from .source import Column, FileContent, Rows
+from .unlikely import refuse_unlikely, warn_of_unsaid
+
+# No recording runs for three years: a clock beyond this counts from 1970.
+_SINCE_1970 = 1e8
+_LAST_DATE = 1e11  # the year 5138
+_LONGEST_MESSAGE = 1500  # characters; the names in a file may be many
+_LONGEST_QUOTE = 80  # characters; a field of a file may be as long as a line
+# A text in quotes, as Python writes it, that is longer: "'abc...'", but no apostrophe.
+_SIGN = r"(?:[^{0}\\]|\\.)"
+_QUOTE = re.compile(
+    "|".join(
+        rf"(?<!\w){mark}({sign}{{{_LONGEST_QUOTE}}}){sign}+{mark}(?!\w)"
+        for mark in "'\""
+        for sign in [_SIGN.format(mark)]
+    )
+)
+
+
+def read_recording(
+    path: str | os.PathLike[str],
+    columns: Mapping[str, Column] | None = None,
+    units: Mapping[str, str] | None = None,
+    *,
+    sample_rate: float | str | None = None,
+    start_time: float | str | None = None,
+    clocks: Mapping[str, Column] | None = None,
+    rows: tuple[int, int | None] = (0, None),
+    missing: Literal["error", "drop"] = "error",
+    missing_values: Sequence[str] = (),
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    skip: int = 0,
+    title: str = "",
+    notes: str = "",
+    calibration: str = "",
+    reader: str = "",
+) -> xr.Dataset:
+    r"""A recording from a file of a format that `stickslip list readers` names, or from our own ``.nc``.
+
+    Args:
+        path: the file. Its content decides how it is read; its extension must not contradict.
+        columns: our name -> column: the name in the file (with or without its unit), the index from 0, or a
+            tuple of an array's name and indices from 0, ``("trace_y", 1)``. "time" names the time column;
+            without it, the column called time (or t, timestamp, ...) is taken. Without other names, all
+            columns are read.
+        units: our name -> unit of the file ("mm", "uN"), stronger than what the file says, also with a
+            number: "20 V" (a divider), "0.5 um/V" (a sensor, whose column is in volts). Where neither a name
+            ("disp_um"), a header nor this says a unit, the numbers are taken to be in SI if they may be, and
+            a RecordingWarning says so.
+        sample_rate: Hz, for a file without time.
+        start_time: time of the first sample, s. By default what the file says; 0 for dates and where it says
+            none.
+        clocks: our name -> time column of this one, if not the common one. Such a channel is interpolated
+            linearly onto the common time.
+        rows: samples (start, stop) to read, from 0, stop not included; None for the end.
+        missing: what to do where a number is missing, NaN, infinite or an overload (9.9E37): raise, or drop
+            the sample.
+        missing_values: texts by which a text file says that a number is missing ("n.v.", "-9999"), beside
+            those that are known: blank, NaN, OL, --, #DIV/0!, 1.#QNAN and the like.
+        delimiter, decimal: of a text file; found out by default. ``r"\s+"`` is any white space.
+        skip: lines at the top of a text file that are neither header nor data.
+        title, notes, calibration: free text, kept with the recording.
+        reader: the format by name ("text", "npy"), or one of one's own, "my_reader.py:scope"; by default that
+            of the content.
+
+    Raises:
+        RecordingError: anything that keeps the file from being a recording; names file, line or sample, and
+            column.
+    """
+    path = Path(path)
+    text_options = delimiter is not None or decimal is not None or skip != 0 or len(missing_values) > 0
+    with _named(path):
+        rate, start_time = _rate(sample_rate), optional_si(start_time, "s", "start_time")
+        _check_arguments(
+            columns=columns,
+            units=units,
+            clocks=clocks,
+            missing=missing,
+            skip=skip,
+            missing_values=missing_values,
+        )
+        kind = _kind(path, reader)
+        if kind != "text" and text_options:
+            raise RecordingError(
+                f"delimiter, decimal, skip and missing_values are for text; this file is {kind}"
+            )
+        changes = columns or units or clocks or (sample_rate, start_time, *rows) != (None, None, 0, None)
+        if kind == "nc" and changes:
+            raise RecordingError("a saved recording is read as it is, without columns, units, clocks or rows")
+    if kind == "nc":
+        return open_recording(path)
+    with _named(path):
+        text = {"delimiter": delimiter, "decimal": decimal, "skip": skip, "missing_values": missing_values}
+        source = source_of(path, kind, **(text if kind == TEXT else {}))
+        chosen = select(source.channels, columns or {}, units or {}, clocks or {}, equally_spaced=rate > 0)
+        window = _window(rows)
+        groups = _load(source, chosen, window, rate)
+        whole, steps = _on_one_clock(source, chosen, groups, missing, window)
+        refuse_unlikely(chosen, groups, units or {})
+        warn_of_unsaid(path, chosen, groups)
+        time, epoch = _from_start(whole.time, start_time, _epoch(chosen))
+        return make_recording(
+            time,
+            {v.name: (whole.values[v.name], v.conversion.unit) for v in chosen.variables},
+            title=title,
+            notes=notes,
+            source=path.name,
+            reader=source.reader,
+            calibration=calibration,
+            processing="; ".join(steps),
+            epoch=epoch,
+            long_names={v.name: v.column.name for v in chosen.variables if _is_own_name(v)},
+        )
+
+
+def _kind(path: Path, reader: str) -> str:
+    if reader in ("", TEXT):
+        return reader or find_format(path)
+    return registry.readers.find(reader).name
+
+
+def _check_arguments(**given: Any) -> None:
+    """Raise RecordingError for what is of another kind, so that nothing is read otherwise than was meant."""
+    for name in ("columns", "units", "clocks"):
+        if given[name] is not None and not isinstance(given[name], Mapping):
+            raise RecordingError(
+                f"{name} = {given[name]!r} must be a mapping from our names: {{'time': ...}}"
+            )
+    if given["missing"] not in ("error", "drop"):
+        raise RecordingError(f"missing = {given['missing']!r} must be 'error' or 'drop'")
+    if not isinstance(given["skip"], int) or given["skip"] < 0:
+        raise RecordingError(f"skip = {given['skip']!r} must be a number of lines, 0 or more")
+    values = given["missing_values"]
+    if isinstance(values, str) or not all(isinstance(one, str) for one in values):
+        raise RecordingError(f"missing_values = {values!r} must be a list of texts: ['n.v.', '-9999']")
+
+
+def _is_own_name(variable: Variable) -> bool:
+    """Whether the file's name for a variable says more than ours does."""
+    return variable.name not in STANDARD_NAMES and variable.column.name[:1].isalpha()
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Let every error name the file; those below know only lines, samples and columns."""
+    try:
+        yield
+    except (ValueError, OSError) as error:  # QuantityError and GateError, too; a disk that fails
+        raise RecordingError(said(path, error)) from error
+
+
+def said(path: Path, error: ValueError | OSError) -> str:
+    """Return the message of an error in one line, with the name of the file before it; of long quotes only
+    the start, of a long text only its ends."""
+    whole = (isinstance(error, OSError) and error.strerror) or str(error).removeprefix(f"{path}: ")
+    text = _QUOTE.sub(_shortened, " ".join(whole.split()))
+    cut = text if len(text) <= _LONGEST_MESSAGE else f"{text[: _LONGEST_MESSAGE - 300]} ... {text[-300:]}"
+    return f"{path}: {cut}"
+
+
+def _shortened(quote: re.Match[str]) -> str:
+    return f"'{quote[1] or quote[2]}...'"
+
+
+def _rate(sample_rate: float | str | None) -> float:
+    """In Hz; 0 for a file that has its own time."""
+    if sample_rate is None:
+        return 0.0
+    rate = to_si(sample_rate, "Hz", "sample_rate")
+    if not 0 < rate < np.inf:
+        raise RecordingError(f"sample_rate = {sample_rate!r} must be > 0 Hz")
+    return rate
+
+
+def _window(rows: tuple[int, int | None]) -> Rows:
+    try:
+        start, stop = rows
+        window = Rows(index(start), None if stop is None else index(stop))
+    except (TypeError, ValueError):
+        raise RecordingError(f"rows = {rows!r} must be two whole numbers, or one and None") from None
+    if window.start < 0 or (window.stop is not None and window.stop <= window.start):
+        raise RecordingError(f"rows = {rows!r} must be (start, stop) with 0 <= start < stop")
+    return window
+
+
+def _epoch(chosen: Selection) -> float:
+    """What the common clock counts from, s since 1970 where it has dates."""
+    clock = next(iter(chosen.clocks.values()))
+    return 0.0 if clock is None else clock.column.epoch
+
+
+def _load(source: FileContent, chosen: Selection, window: Rows, rate: float) -> list[Clocked]:
+    """The variables in SI, by clock, the common clock first; all times from what that counts from."""
+    wanted = [v for v in (*chosen.clocks.values(), *chosen.variables) if v is not None]
+    channels = list(dict.fromkeys(v.channel for v in wanted))
+    raw = dict(zip(channels, source.read(channels, window), strict=True))
+    uses = Counter(v.channel for v in wanted)
+
+    def in_si(variable: Variable, epoch: float = 0.0) -> np.ndarray:
+        uses[variable.channel] -= 1
+        array = raw[variable.channel].copy() if uses[variable.channel] else raw.pop(variable.channel)
+        if variable.conversion.factor != 1.0:
+            array *= variable.conversion.factor
+        shift = variable.conversion.offset + variable.column.epoch - epoch
+        if shift != 0.0:
+            array += shift
+        return array
+
+    groups = []
+    for channel, clock in chosen.clocks.items():
+        values = {v.name: in_si(v) for v in chosen.variables if v.clock == channel}
+        time = (
+            np.arange(float(len(next(iter(values.values()))))) / rate
+            if clock is None
+            else in_si(clock, _epoch(chosen))
+        )
+        for name, array in values.items():
+            if array.shape != time.shape:
+                raise RecordingError(f"{name} has {len(array)} samples, but its time has {len(time)}")
+        groups.append(Clocked("time" if clock is None else clock.label, time, values))
+    return groups
+
+
+def _on_one_clock(
+    source: FileContent,
+    chosen: Selection,
+    groups: list[Clocked],
+    missing: Literal["error", "drop"],
+    window: Rows,
+) -> tuple[Clocked, list[str]]:
+    """All variables at common times, and what was done to them, step by step."""
+    labels = {v.name: v.label for v in chosen.variables}
+    steps = [f"read {', '.join(labels.values())}"]
+    if len(groups) > 1:
+        groups = [without_empty_end(group) for group in groups]
+    complete = [
+        complete_samples(g, labels, missing, lambda i: source.place(i + window.start)) for g in groups
+    ]
+    dropped = sum(len(a.time) - len(b.time) for a, b in zip(groups, complete, strict=True))
+    if dropped:
+        steps.append(f"dropped {dropped} incomplete samples")
+    common, *others = complete
+    steps += [
+        f"interpolated {', '.join(g.values)} linearly from {g.clock} onto {common.clock}" for g in others
+    ]
+    return onto_one_clock(common, others), steps
+
+
+def _from_start(time: np.ndarray, start_time: float | None, epoch: float) -> tuple[np.ndarray, str]:
+    """The time, shifted to its start, and the date of time zero if the clock has one."""
+    first = float(time[0]) + epoch
+    dated = first >= _SINCE_1970
+    if start_time is None and not dated:
+        return time, ""
+    start = start_time or 0.0
+    if first > _LAST_DATE:
+        raise RecordingError(
+            f"time starts at {first:.4g} s; say units={{'time': ...}} if it is in ms, us or ns"
+        )
+    date = datetime.fromtimestamp(first - start, UTC).isoformat() if dated else ""
+    time -= time[0]
+    time += start
+    return time, date

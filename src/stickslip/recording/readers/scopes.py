@@ -1,0 +1,95 @@
+"""Waveform files of oscilloscopes (Tektronix, LeCroy, Keysight, Rigol, Yokogawa); by RigolWFM, extra
+stickslip[scopes]."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from ...gate.files import name_of, opened
+from .. import RecordingError
+from .library import Clock, Signal, clocked_source, equally_spaced, held, library, read_by_library
+from .source import FileContent, add_format
+
+_WHAT = "waveform of an oscilloscope"
+_ISF = re.compile(rb".{0,4000}?:?CURVE? +#(?P<digits>[1-9])(?P<bytes>\d{1,9})", re.DOTALL)
+_BEGINNINGS = (
+    rb"LLWFM|[\x0f\xf0]{2}:WFM#",  # Tektronix
+    rb".{0,64}?WAVEDESC",  # LeCroy
+    rb"AG(01|03|10)",  # Agilent and Keysight
+    rb"\xa5\xa5[\x00\x38]\x00|\xa1\xa5\x00\x00|\xa5\xa5\xa4\x01|\x01\xff\xff\xff|RG0[13]",  # Rigol
+)
+_KNOWN = re.compile(b"|".join(_BEGINNINGS), re.DOTALL)
+_RIGOL_UNITS, _KEYSIGHT_UNITS = {0: "W", 1: "A", 2: "V"}, {1: "V", 4: "A"}
+_LECROY_UNIT = 196  # bytes from the word WAVEDESC to the unit of the values, which has up to 48
+_HEAD = 4096
+
+
+def read_scope(path: Path) -> FileContent:
+    """The channels of a waveform file of an oscilloscope.
+
+    Raises:
+        RecordingError: RigolWFM is not installed, the file is damaged, or of a kind that RigolWFM misreads.
+    """
+    wfm = library("RigolWFM.wfm", "waveforms of oscilloscopes", "RigolWFM", "scopes")
+    with opened(path) as file, read_by_library(_WHAT):
+        head = file.read(_HEAD)
+        isf = _isf_settings(head, path.stat().st_size)
+        found: Any = wfm.Wfm.from_file(name_of(file))
+        clocks: dict[tuple[float, float, int], list[Signal]] = {}
+        for one in found.channels:
+            if not one.enabled or one.volts is None or not len(one.volts):
+                continue
+            step = float(one.seconds_per_point)
+            clock = float(one.times[0]), step, len(one.volts)
+            unit = _unit(found.parser_name, one.unit, head, isf)
+            name = one.name.replace(" ", "")  # "CH 1", as an oscilloscope's screen has it
+            clocks.setdefault(clock, []).append(Signal(name, unit, len(one.volts), held(one.volts)))
+    return clocked_source(
+        path, "oscilloscope", [Clock(equally_spaced(*said), of) for said, of in clocks.items()], _WHAT
+    )
+
+
+def _isf_settings(head: bytes, size: int) -> dict[str, str]:
+    """The settings in the text before the samples of a Tektronix ISF, of so many bytes; none of other
+    files."""
+    curve = _ISF.match(head)
+    if not curve:
+        return {}
+    digits = int(curve["digits"])
+    there, said = size - curve.start("bytes") - digits, int(curve["bytes"][:digits])
+    if there < said:
+        raise RecordingError(f"the file is cut off: it holds {there:,} of {said:,} bytes of samples")
+    text = head.partition(b"CURV")[0].decode("latin-1")
+    pairs = (part.strip().rsplit(":", 1)[-1].split(None, 1) for part in text.split(";"))
+    settings = {pair[0].upper()[:5]: pair[1].strip('" ') for pair in pairs if len(pair) == 2}
+    form = settings.get("BN_F", settings.get("BN_FM", "RI"))
+    if form != "RI":
+        raise RecordingError(
+            f"the samples are saved as {form!r} (BN_FMT), of which RigolWFM reads only RI: save it as CSV"
+        )
+    return settings
+
+
+def _unit(parser: str, said: Any, head: bytes, isf: dict[str, str]) -> str:
+    """The unit of the values: the library's where the library reads it, else that of the file's header."""
+    if isf:
+        return isf.get("YUN", isf.get("YUNIT", ""))
+    code = getattr(said, "value", said)
+    if parser == "agilent_bin":
+        return _KEYSIGHT_UNITS.get(code, "")
+    if parser == "lecroy_trc":
+        at = head.find(b"WAVEDESC") + _LECROY_UNIT
+        return head[at : at + 48].partition(b"\0")[0].decode("latin-1").strip()
+    return _RIGOL_UNITS.get(code, "") if parser.startswith(("wfm", "bin", "dho")) else ""
+
+
+def _is_scope(head: bytes, ending: str) -> bool:
+    if _KNOWN.match(head) or (_ISF.match(head) and b"NR_P" in head):
+        return True
+    dho = ending == ".wfm" and head.startswith(b"\x02\x00\x00\x00")
+    return dho or (head.startswith(b":") and all(one in head for one in (b"NR_PT:", b"XIN:", b"YMU:")))
+
+
+add_format(read_scope, "oscilloscope", (".isf", ".wfm", ".trc"), _is_scope)

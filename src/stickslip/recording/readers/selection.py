@@ -1,0 +1,167 @@
+"""Selection of channels: which becomes which variable, in which unit, on which clock."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from ...quantities.units import QuantityError, turned
+from .. import STANDARD_NAMES, RecordingError
+from ..conversion import Conversion, is_number
+from .file_units import is_unit, to_si_scale, to_si_unit
+from .headers import ends_in_m
+from .source import Column, FileChannel, find_channel, is_clock, listing
+
+
+class Variable(NamedTuple):
+    """A variable of the recording to be, or one of its clocks."""
+
+    name: str
+    channel: int
+    column: FileChannel
+    unit: str  # of the file; "" if nobody says it
+    conversion: Conversion
+    clock: int | None  # the channel of its time; None: equally spaced
+    sure: bool = True  # of its unit; not where the end of a name says "_m", which may be "measured"
+
+    @property
+    def label(self) -> str:
+        """The variable in messages."""
+        return f"{self.name} (column {self.column.shown!r}{f' in {self.unit}' if self.unit else ''})"
+
+
+class Selection(NamedTuple):
+    """The clocks by channel, the common one first (None: equally spaced), and the variables."""
+
+    clocks: Mapping[int | None, Variable | None]
+    variables: tuple[Variable, ...]
+
+
+def select(
+    channels: Sequence[FileChannel],
+    columns: Mapping[str, Column],
+    units: Mapping[str, str],
+    clocks: Mapping[str, Column],
+    equally_spaced: bool,
+) -> Selection:
+    """Resolve what the user asks for (see `read_recording`) against the channels of the file.
+
+    Raises:
+        RecordingError: a column is not there or holds no numbers; there is no clock, or more than one; a unit
+            is not known or of another dimension.
+    """
+    named = {name: find_channel(channels, column) for name, column in columns.items() if name != "time"}
+    named = named or _all(channels)
+    if not named:
+        raise RecordingError("there are no columns of numbers besides time")
+    for argument, names in (("units", units), ("clocks", clocks)):
+        for name in set(names) - {"time", *named}:
+            raise RecordingError(f"{argument} has {name!r}, but what is read is {', '.join(named)}")
+    own = {name: find_channel(channels, column) for name, column in clocks.items()}
+    if equally_spaced and ("time" in columns or own):
+        raise RecordingError("say sample_rate or a time column, not both")
+    common = None if equally_spaced else common_clock(channels, columns, named, own)
+
+    variables = []
+    for name, i in named.items():
+        by_layout = None if equally_spaced else channels[i].clock
+        clock = own.get(name, common if by_layout is None else by_layout)
+        standard = STANDARD_NAMES[name].unit if name in STANDARD_NAMES else None
+        variables.append(_variable(channels, i, name, units.get(name), clock, standard))
+    used: dict[int | None, Variable | None] = {}
+    for clock in (common, *(v.clock for v in variables)):
+        used[clock] = None
+        if clock is not None:
+            used[clock] = _variable(channels, clock, "time", units.get("time"), clock, "s")
+    return Selection(used, tuple(variables))
+
+
+def _variable(
+    channels: Sequence[FileChannel],
+    i: int,
+    name: str,
+    unit: str | None,
+    clock: int | None,
+    standard: str | None,
+) -> Variable:
+    """A channel as a variable. `unit` is the user's word, `standard` the SI unit that it must be in."""
+    column = channels[i]
+    if not column.numeric:
+        raise RecordingError(f"{name}: the column {column.shown!r} holds no numbers")
+    said = column.unit if unit is None else unit
+    sure = unit is not None or column.unit != "m" or not ends_in_m(column.header)
+    made = Variable(name, i, column, said, Conversion(standard or "", 1.0, 0.0), clock, sure)
+    if unit is None and not column.unit:
+        return made
+    try:
+        conversion = to_si_unit(said) if unit is None else _scale(unit, column.unit, standard or "V")
+    except QuantityError as error:
+        hint = f" (units={{{name!r}: ...}} says it)" if unit is None else ""
+        raise RecordingError(f"{made.label}: {error}{hint}") from None
+    if standard is not None and conversion.unit not in (standard, turned(standard)):
+        scale = f". A sensor's scale says what a volt is: units={{{name!r}: '0.5 um/V'}}"
+        hint = scale if conversion.unit == "V" and standard == "m" else ""
+        raise RecordingError(f"{made.label}: {name} is a quantity in {standard}{hint}")
+    return made._replace(conversion=conversion)
+
+
+def _scale(said: str, own: str, standard: str) -> Conversion:
+    """What a user's unit makes of a column in the unit `own`: "0.5 um/V" turns volts into metres."""
+    if not isinstance(said, str) or (said.strip() != "1" and is_number(said)):
+        raise QuantityError(f'{said!r} names no unit; a scale is said with one, "{said} {standard}"')
+    made = to_si_scale(said)
+    quantity, _, per = made.unit.partition("/")
+    if per != "V":
+        return made
+    volts = to_si_unit(own) if own else Conversion("V", 1.0, 0.0)
+    if volts.unit != "V":
+        raise QuantityError(f"{said!r} is for a column in V, not in {own}")
+    return Conversion(quantity, made.factor * volts.factor, 0.0)
+
+
+def in_seconds(channel: FileChannel) -> bool:
+    """Whether a channel is in a unit of time."""
+    return is_unit(channel.unit) and to_si_unit(channel.unit).unit == "s"
+
+
+def _all(channels: Sequence[FileChannel]) -> dict[str, int]:
+    """Every channel that is no clock and holds numbers, by a name made from that in the file."""
+    result: dict[str, int] = {}
+    for i, channel in enumerate(channels):
+        if channel.numeric and channel.clock != i and not is_clock(channel) and not in_seconds(channel):
+            name = re.sub(r"\W+", "_", channel.name.lower()).strip("_")
+            name = name if name.isidentifier() and name != "time" else f"column_{name or i}"
+            result[name if name not in result else f"{name}_{i}"] = i
+    return result
+
+
+def common_clock(
+    channels: Sequence[FileChannel],
+    columns: Mapping[str, Column],
+    named: Mapping[str, int],
+    own_clocks: Mapping[str, int],
+) -> int:
+    """The channel that is the time, be it for its unit alone ("Zeit in ms").
+
+    Raises:
+        RecordingError: there is none, or more than one may be it.
+    """
+    if "time" in columns:
+        return find_channel(channels, columns["time"])
+    by_layout = [clock for i in named.values() if (clock := channels[i].clock) is not None]
+    if by_layout:
+        return by_layout[0]
+    found = [i for i, channel in enumerate(channels) if is_clock(channel) and i not in own_clocks.values()]
+    found = found or [i for i, channel in enumerate(channels) if channel.numeric and in_seconds(channel)]
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        raise RecordingError(
+            f"no column is called time; say columns={{'time': ...}} or sample_rate=... [Hz]. "
+            f"The file has {listing(channels)}"
+        )
+    raise RecordingError(
+        f"more than one column may be the time; say columns={{'time': ...}}, "
+        f"and clocks={{name: ...}} for what is on another clock. The file has {listing(channels)}"
+    )

@@ -1,0 +1,125 @@
+"""Interface of a reader: the channels of a file, and a way to read some of them.
+
+To add a format, write a function from a path to a `Source`, and make it known as a `Format` (`add_format`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...quantities import registry
+from ...quantities.records import did_you_mean
+from .. import RecordingError
+
+# How a user points at a channel: its name in the file, its index (from 0), or an array's name and indices
+# (from 0).
+Column = str | int | tuple[Any, ...]
+
+
+class Rows(NamedTuple):
+    """The samples to read, from `start` up to, not including, `stop`."""
+
+    start: int = 0
+    stop: int | None = None
+
+
+class FileChannel(NamedTuple):
+    """One signal of a file."""
+
+    name: str  # in the file
+    unit: str = ""  # as the file says it, if it does
+    key: tuple[Any, ...] = ()  # what selects it beside name and index
+    clock: int | None = None  # the channel that holds its time, where the file's layout says so
+    numeric: bool = True
+    header: str = ""  # name and unit, where the file writes them as one
+    epoch: float = 0.0  # of dates: what their numbers count from, s since 1970
+
+    @property
+    def shown(self) -> str:
+        """As the user sees it in the file."""
+        return self.header or self.name
+
+
+class FileContent(NamedTuple):
+    """A file's channels, and how to read some of them, float64 and in the file's units, in one pass."""
+
+    reader: str
+    channels: tuple[FileChannel, ...]
+    read: Callable[[Sequence[int], Rows], list[np.ndarray]]
+    place: Callable[[int], str] = "sample {}".format  # where a sample stands in the file, for errors
+
+
+class Format(NamedTuple):
+    """A format of files: what it is called, the endings of its names (".raw"), whether a file is of it, by
+    its first bytes and the ending of its name, and what reads it."""
+
+    name: str
+    endings: tuple[str, ...]
+    recognises: Callable[[bytes, str], bool]
+    read: Callable[[Path], FileContent]
+
+
+def add_format(
+    read: Callable[[Path], FileContent],
+    name: str,
+    endings: Sequence[str],
+    recognises: Callable[[bytes, str], bool] | None = None,
+) -> None:
+    """Make a format known; one of the user's own is asked before those of the package.
+
+    Args:
+        read: from a path to a `Source`; what it says it is in lists is the first line of its docstring.
+        name: what to call it.
+        endings: of the names of such files; whoever has one must be of this format.
+        recognises: from the first bytes of a file, and the ending of its name, to whether it is of the
+            format; by default the ending tells.
+    """
+    known = recognises or (lambda head, ending: ending in endings)
+    registry.readers.add(Format(name, tuple(endings), known, read), name, read)
+
+
+_TIME = re.compile(
+    r"(.*\.)?(time|t|zeit|temps|times?tamps?|date ?time|elapsed( time)?|x_value|trace_x)"
+    r"([ _.-]?\d|[ _.-][a-d]| \(\d\))?"
+)
+
+
+def is_clock(channel: FileChannel) -> bool:
+    """Whether a channel is called like a time; "sec" alone is the unit of another name where it is one."""
+    name = channel.name.strip().lower()
+    return _TIME.fullmatch(name) is not None or (is_seconds(name) and channel.unit == "s")
+
+
+def is_seconds(name: str) -> bool:
+    """Whether a column is called by the unit of its time."""
+    return name.strip().lower() in ("sec", "secs", "seconds")
+
+
+def find_channel(channels: Sequence[FileChannel], column: Column) -> int:
+    """The index of the channel that `column` points at.
+
+    Raises:
+        RecordingError: there is none, or more than one; names those that are there.
+    """
+    if isinstance(column, int) and not isinstance(column, bool):
+        matches = [column] if 0 <= column < len(channels) else []
+    elif isinstance(column, tuple | list):
+        matches = [i for i, channel in enumerate(channels) if channel.key == tuple(column)]
+    else:
+        matches = [i for i, channel in enumerate(channels) if column in (channel.name, channel.header)]
+    if len(matches) == 1:
+        return matches[0]
+    problem = "more than one column" if matches else "no column"
+    hint = "" if matches else did_you_mean(str(column), [channel.name for channel in channels])
+    raise RecordingError(f"{problem} {column!r}{hint}; the file has {listing(channels)}")
+
+
+def listing(channels: Sequence[FileChannel], most: int = 20) -> str:
+    """The channels by index and name, for errors."""
+    shown = ", ".join(f"{i}: {channel.shown!r}" for i, channel in enumerate(channels[:most]))
+    return shown + (f", ... ({len(channels)} in all)" if len(channels) > most else "")

@@ -1,0 +1,81 @@
+"""Universal files (UFF, data set 58), as programs of vibration and modal analysis write them; by pyuff, extra
+stickslip[modal]."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...gate.files import name_of, opened
+from .. import RecordingError
+from .library import Clock, Signal, clocked_source, held, library, read_by_library
+from .source import FileContent, add_format
+
+_WHAT = "universal file (UFF)"
+_BEGINS = re.compile(rb"\s{0,100}-1\s*?\n\s{0,100}\d{2,4}b?\s")
+_TIME = 17  # data type of an axis
+_DIRECTIONS = {0: "", 1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
+
+
+def read_uff(path: Path) -> FileContent:
+    """The functions of time in a universal file (data set 58), those of the same times on one clock.
+
+    Raises:
+        RecordingError: pyuff is not installed, the file is damaged, or holds no functions of time.
+    """
+    functions = data_sets(path)
+    of_time = [one for one in functions if one.get("abscissa_spec_data_type") == _TIME]
+    if not of_time:
+        frequency = (
+            " (frequency responses: stickslip.read_frequency_response reads them)" if functions else ""
+        )
+        raise RecordingError(f"the {_WHAT} holds no functions of time{frequency}")
+    names = Counter(_name(one) for one in of_time)
+    clocks: dict[bytes, tuple[np.ndarray, list[Signal]]] = {}
+    for one in of_time:
+        times, values = np.asarray(one["x"], float), np.asarray(one["data"])
+        name = f"{_name(one)} {point(one)}" if names[_name(one)] > 1 else _name(one)
+        signal = Signal(name, _label(one, "ordinate_axis_units_lab"), values.size, held(values))
+        clocks.setdefault(times.tobytes(), (times, []))[1].append(
+            signal._replace(numeric=not np.iscomplexobj(values))
+        )
+    return clocked_source(
+        path,
+        "uff",
+        [Clock(Signal("time", "s", times.size, held(times)), of) for times, of in clocks.values()],
+        _WHAT,
+    )
+
+
+def data_sets(path: Path) -> list[dict[str, Any]]:
+    """Return the data sets 58 (functions) of a universal file, as pyuff gives them.
+
+    Raises:
+        RecordingError: pyuff is not installed, or the file is damaged.
+    """
+    pyuff = library("pyuff", "universal files (UFF)", "pyuff", "modal")
+    with opened(path) as file, read_by_library(_WHAT):
+        content = pyuff.UFF(name_of(file))
+        wanted = [k for k, kind in enumerate(content.get_set_types()) if int(kind) == 58]
+        return [content.read_sets(k) for k in wanted]
+
+
+def point(one: dict[str, Any]) -> str:
+    """The point and direction of a response: "8 +Z"."""
+    return f"{one.get('rsp_node', 0)} {_DIRECTIONS.get(one.get('rsp_dir', 0), '')}".strip()
+
+
+def _name(one: dict[str, Any]) -> str:
+    return _label(one, "ordinate_axis_lab") or _label(one, "id1") or "value"
+
+
+def _label(one: dict[str, Any], key: str) -> str:
+    text = str(one.get(key, "")).strip()
+    return "" if text == "NONE" else text
+
+
+add_format(read_uff, "uff", (".uff", ".unv", ".uf"), lambda head, ending: bool(_BEGINS.match(head)))

@@ -1,0 +1,88 @@
+"""Numbers that are not likely in their unit, and numbers without a unit: refused, or told of."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Container, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from .. import RecordingError, RecordingWarning
+from .clocks import Clocked
+from .preview import LOOKED_AT, likely_unit
+from .selection import Selection, Variable
+
+# What no stick-slip actuator does, nor the instruments around it: largest size in SI, and likely units.
+UNLIKELY = {
+    "m": (0.2, "um or nm"),
+    "V": (2e3, "mV"),
+    "N": (1e4, "mN"),
+    "m/s": (20.0, "mm/s"),
+}
+# Longest time from sample to sample in s, where no unit is said and where the file says it; of more than
+# `FEW` samples.
+LONGEST_STEP, LONGEST_SAID_STEP, FEW = 1.0, 30.0, 10
+
+
+def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked], units: Container[str]) -> None:
+    """Ask for the unit where the numbers are not likely to be in it, be it a label of the file.
+
+    Args:
+        chosen, groups: what is read.
+        units: the variables of which the user says the unit, and means it.
+
+    Raises:
+        RecordingError: names the column, the size as it would be in SI, and what to say.
+    """
+    for group, clock in zip(groups, chosen.clocks.values(), strict=True):
+        step = float(np.median(np.diff(group.time))) if group.time.size > FEW else 0.0
+        longest = LONGEST_SAID_STEP if clock is not None and clock.unit else LONGEST_STEP
+        if clock is not None and not clock.column.epoch and "time" not in units and step > longest:
+            raise _unlikely(clock, f"as seconds they are {step:.4g} s apart", "ms or us", "s")
+        for variable in chosen.variables:
+            limit, likely = UNLIKELY.get(variable.conversion.unit, (np.inf, ""))
+            values = group.values.get(variable.name)
+            if values is None or not values.size or variable.name in units:
+                continue
+            real = values[np.isfinite(values)]
+            span = float(real.max() - real.min()) if real.size else 0.0
+            if span > limit:
+                unit = variable.conversion.unit
+                raise _unlikely(variable, f"as {unit} they go over {span:.4g} {unit}", likely, unit)
+
+
+def _unlikely(variable: Variable, size: str, likely: str, unit: str) -> RecordingError:
+    said = f"units={{{variable.name!r}: ...}}"
+    who = "no unit is said with the numbers"
+    if variable.unit:
+        who = f"the file says {variable.unit}" if variable.sure else "only the end of the name says a unit"
+    so = variable.unit or unit
+    return RecordingError(
+        f"{variable.label}: {who}, and {size}. Say {said}, {likely} perhaps, or {so!r} if it is so"
+    )
+
+
+def warn_of_unsaid(path: Path, chosen: Selection, groups: Sequence[Clocked]) -> None:
+    """Warn where a unit is taken that neither the file nor the user says, in one line per file."""
+    unsaid: dict[str, tuple[Variable, str]] = {}
+    for group, clock in zip(groups, chosen.clocks.values(), strict=True):
+        named = [] if clock is None else [(clock, group.time)]
+        named += [(one, group.values[one.name]) for one in chosen.variables if one.name in group.values]
+        for one, values in named:
+            known = one.unit or not _si(one) or one.column.epoch  # a plain number has none, nor have dates
+            looked = values[:LOOKED_AT][np.isfinite(values[:LOOKED_AT])]
+            if not known and looked.size:
+                unsaid.setdefault(one.name, (one, likely_unit(one.name, looked)))
+    if not unsaid:
+        return
+    taken = ", ".join(f"{one.label} is taken to be in {_si(one)}" for one, _ in unsaid.values())
+    guesses = [f"{guess} for {name}" for name, (one, guess) in unsaid.items() if guess != _si(one)]
+    hint = f"; stickslip inspect would guess {', '.join(guesses)}" if guesses else ""
+    say = ", ".join(f"{name!r}: {_si(one)!r}" for name, (one, _) in unsaid.items())
+    said = f"{path.name}: no unit is said, and {taken}{hint}. Say units={{{say}}}, or what they are"
+    warnings.warn(said, RecordingWarning, stacklevel=3)
+
+
+def _si(variable: Variable) -> str:
+    return variable.conversion.unit

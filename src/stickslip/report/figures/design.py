@@ -1,0 +1,224 @@
+"""Pictures of design: maps of the step, and curves of speed over load."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from ...quantities.units import QuantityError
+from .scale import Scale, scale_for
+from .style import BLACK, DASHES, MEASURED, SERIES, WIDTH, drawn, legend_above, shown
+
+# So many contours; panels of one figure; share of the other sign from which on zero has a colour of its own.
+CONTOURS = 6
+MOST_PANELS = 12
+# Of the greatest value, what counts as zero where the line of no step is drawn.
+BESIDE_ZERO = 0.02
+SEEN = 0.2
+NO_STEP, HATCH = "#E2E2E2", "#9A9A9A"
+
+
+def is_map(data: Any) -> bool:
+    """Whether this is what `step_map` gives."""
+    return isinstance(data, xr.Dataset) and {"net_step", "speed", "status"} <= {*data.data_vars}
+
+
+@drawn
+def draw_map(data: xr.Dataset, quantity: str = "net_step", axes: Any = None) -> NDArray[Any]:
+    """A variable of a map: over one dimension a line with its 95 % band, over two a picture with contours,
+    a panel for each value of the others.
+
+    Points without a steady step are hatched, and left out of lines.
+
+    Args:
+        data: of `step_map`.
+        quantity: the variable: net_step, speed, backlash, ...
+        axes: as for `plot`.
+
+    Returns:
+        The axes, shape (panels,).
+
+    Raises:
+        QuantityError: no such variable, over nothing, or over too many panels or axes.
+    """
+    if quantity not in data or not data[quantity].dims:
+        raise QuantityError(
+            f"the map has no {quantity!r} over a dimension: it has {', '.join(map(str, data))}"
+        )
+    dims = sorted(map(str, data[quantity].dims), key=lambda d: (-min(data.sizes[d], 3), d == "direction"))
+    plane, others = dims[:2], dims[2:]
+    if len(plane) == 2 and data.sizes[plane[1]] < 3:  # few values of it: lines
+        plane, others = dims[:1], dims[1:]
+    plane = [d for d in map(str, data[quantity].dims) if d in plane]
+    value = scale_for(str(data[quantity].attrs.get("units", "")), data[quantity].values)
+    if len(plane) == 1:
+        (panel,) = _panels(axes, 1, 3.2)
+        _lines(panel, data, quantity, plane[0], others, value)
+        return np.array([panel], dtype=object)
+    stacked = data.stack(panel=others) if others else data.expand_dims("panel")
+    count = stacked.sizes["panel"]
+    if count > MOST_PANELS:
+        raise QuantityError(f"a picture of {count} panels is too many: choose with map.sel({others[0]}=...)")
+    panels = _panels(axes, count, 3.4 if count == 1 else 3.0)
+    limits = _limits(value(data[quantity].values))
+    colours = [
+        _picture(panel, stacked.isel(panel=i), quantity, plane, value, limits)
+        for i, panel in enumerate(panels)
+    ]
+    for i, panel in enumerate(panels if others else []):
+        at = stacked.isel(panel=i)
+        panel.set_title(", ".join(_said(data, name, at[name].item()) for name in others), loc="left")
+        panel.label_outer()
+    if not np.all(np.isfinite(data[quantity].values)):
+        handle = Patch(facecolor=NO_STEP, edgecolor=HATCH, hatch="////", label="no steady step")
+        panels[-1].legend(handles=[handle], loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+    bar = panels[0].figure.colorbar(colours[0], ax=panels)
+    bar.set_label(value.label(str(data[quantity].attrs.get("long_name", quantity))))
+    return np.array(panels, dtype=object)
+
+
+@drawn
+def draw_load_speed(data: xr.Dataset, axes: Any = None) -> NDArray[Any]:
+    """Speed over load, with the mechanical power that is done against it.
+
+    Args:
+        data: of `design.load_speed_curve`.
+        axes: one for each, as for `plot`.
+
+    Returns:
+        The axes, shape (2,).
+    """
+    panels = _panels(axes, 2, 2.2, one_column=True)
+    for panel, name in zip(panels, ("speed", "mechanical_power"), strict=True):
+        value = scale_for(str(data[name].attrs["units"]), data[name].values)
+        _lines(panel, data, name, "load", [], value)
+        panel.axhline(0.0, color=MEASURED, lw=0.8)
+    panels[0].set_xlabel("")
+    return np.array(panels, dtype=object)
+
+
+def _panels(axes: Any, count: int, height: float, one_column: bool = False) -> list[Axes]:
+    """The axes given, or those of a new figure."""
+    if axes is None:
+        columns = 1 if one_column or count == 1 else 2
+        rows = math.ceil(count / columns)
+        made = shown(WIDTH, max(height, 0.72 * height * rows + 0.6) if columns > 1 else height * rows)
+        grid = made.subplots(rows, columns, sharex=True, sharey=not one_column, squeeze=False).ravel()
+        for spare in grid[count:]:
+            spare.set_visible(False)
+        return list(grid[:count])
+    found = np.asarray(axes, dtype=object).reshape(-1)
+    if found.size != count:
+        raise QuantityError(f"{found.size} axes are given, and {count} panels need {count}")
+    return list(found)
+
+
+def _limits(values: NDArray[Any]) -> tuple[float, float, str]:
+    """Ends and colours: about zero where both signs are there to be seen."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    if low < -SEEN * high and high > -SEEN * low:
+        most = max(-low, high)
+        return -most, most, "RdBu_r"
+    return low, high if high > low else low + 1.0, "viridis" if high + low > 0.0 else "viridis_r"
+
+
+def _picture(
+    panel: Axes,
+    data: xr.Dataset,
+    quantity: str,
+    plane: list[str],
+    value: Scale,
+    limits: tuple[float, float, str],
+) -> QuadMesh:
+    x, y = (_axis(panel, data, name, way) for name, way in zip(plane, "xy", strict=True))
+    z = value(data[quantity].transpose(plane[1], plane[0]).values)
+    low, high, colours = limits
+    picture = panel.pcolormesh(x, y, z, shading="nearest", cmap=colours, vmin=low, vmax=high, rasterized=True)
+    # What lies behind shows where there is no value.
+    panel.set_facecolor(NO_STEP)
+    panel.patch.set_hatch("////")
+    panel.patch.set_edgecolor(HATCH)
+    panel.grid(False)
+    if np.any(np.isfinite(z)) and np.nanmin(z) < np.nanmax(z):
+        levels = MaxNLocator(CONTOURS).tick_values(low, high)
+        line = "#404040" if colours == "RdBu_r" else "white"
+        masked = np.ma.masked_invalid(z)
+        made = panel.contour(x, y, masked, levels[levels != 0.0], colors=line, linewidths=0.8)
+        panel.clabel(made, fontsize=7, fmt="%g")
+        seen = BESIDE_ZERO * max(-low, high)
+        if np.nanmin(z) < -seen and np.nanmax(z) > seen:
+            # Steps next to nothing change their sign many times: only where it can be seen that they do.
+            near = np.ma.masked_where(_largest_beside(z) <= seen, masked)
+            zero = panel.contour(x, y, near, [0.0], colors=line, linewidths=1.8)
+            panel.clabel(zero, fontsize=7, fmt="%g")
+    return picture
+
+
+def _largest_beside(z: NDArray[Any]) -> NDArray[Any]:
+    """The greatest size among each point and those beside it."""
+    padded = np.pad(np.nan_to_num(np.abs(z)), 1)
+    return np.lib.stride_tricks.sliding_window_view(padded, (3, 3)).max(axis=(2, 3))
+
+
+def _axis(panel: Axes, data: xr.Dataset, name: str, way: str) -> NDArray[Any]:
+    values = data[name].values
+    scale = scale_for(str(data[name].attrs.get("units", "")), values)
+    if _in_ratios(values):
+        panel.set(**{f"{way}scale": "log"})
+        scale = Scale(1.0, str(data[name].attrs.get("units", "")))
+    panel.set(**{f"{way}label": scale.label(_called(data, name))})
+    return scale(values)
+
+
+def _in_ratios(values: NDArray[Any]) -> bool:
+    """Whether values are more evenly spaced by their ratios than by their differences."""
+    if values.size < 3 or not values.min() > 0.0:
+        return False
+    steps = [np.diff(np.sort(some)) for some in (np.log(values), values)]
+    return float(np.ptp(steps[0]) / steps[0].mean()) < float(np.ptp(steps[1]) / steps[1].mean()) - 1e-6
+
+
+def _lines(panel: Axes, data: xr.Dataset, quantity: str, over: str, others: list[str], value: Scale) -> None:
+    """A line for each combination of the others, in its band."""
+    x = _axis(panel, data, over, "x")
+    stacked = data.stack(line=others) if others else data.expand_dims("line")
+    if stacked.sizes["line"] > len(SERIES):
+        raise QuantityError(
+            f"{stacked.sizes['line']} lines are too many: choose with map.sel({others[0]}=...)"
+        )
+    for i in range(stacked.sizes["line"]):
+        one, colour = stacked.isel(line=i), SERIES[i % len(SERIES)]
+        label = ", ".join(_said(data, name, one[name].item()) for name in others)
+        how = {"color": colour, "ls": DASHES[i % len(DASHES)], "label": label}
+        panel.plot(x, value(one[quantity].values), marker="o", ms=3 if x.size < 60 else 0, **how)
+        low, high = f"{quantity}_low", f"{quantity}_high"
+        if low in one:
+            ends = value(one[low].values), value(one[high].values)
+            panel.fill_between(x, *ends, color=colour, alpha=0.2, lw=0, label=None if others else "95 %")
+    lost = x[~np.all(np.isfinite(stacked[quantity].transpose(over, "line").values), axis=1)]
+    if lost.size:
+        at = np.full(lost.size, panel.get_ylim()[0])
+        panel.plot(lost, at, "x", color=BLACK, ms=5, clip_on=False, label="no steady step")
+    panel.set_ylabel(value.label(str(data[quantity].attrs.get("long_name", quantity))))
+    legend_above(panel)
+
+
+def _said(data: xr.Dataset, name: str, value: float) -> str:
+    if name == "direction":
+        return "forward" if value > 0 else "mirrored"
+    scale = scale_for(str(data[name].attrs.get("units", "")), value)
+    return f"{name.replace('_', ' ')} {scale(value):.4g} {scale.unit}".strip()
+
+
+def _called(data: xr.Dataset, name: str) -> str:
+    short = {"voltage": "voltage", "load": "load", "frequency": "frequency", "direction": "direction"}
+    return short.get(name, str(data[name].attrs.get("long_name", name.replace("_", " "))))

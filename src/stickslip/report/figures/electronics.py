@@ -1,0 +1,84 @@
+"""Pictures of what an amplifier makes of a drive, and of the heat that it leaves in the stack."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from ...waveform.signal import Waveform, value_at
+from .scale import Scale, scale_for
+from .style import BLUE, DASHES, GREEN, MEASURED, VERMILLION, WIDTH, drawn, panels, trace
+
+_BINS = 400  # of a run of very many periods, over each of which means are drawn
+
+
+@drawn
+def starved(asked: Waveform, runs: dict[str, xr.Dataset], edge: float, zoom: float) -> Figure:
+    """Voltage and current against the asked drive; at the right, one slip edge.
+
+    Args:
+        asked: the drive that the amplifier was asked for, V.
+        runs: as `electronics.electrical` gives them, by what is written at their lines; three or fewer.
+        edge: s, when the edge comes.
+        zoom: s, length of the right column, of which a tenth is before the edge.
+    """
+    figure = Figure(figsize=(WIDTH, 4.4))
+    grid = figure.subplots(2, 2, sharex="col", sharey="row", width_ratios=(3, 2))
+    last = max(float(run["time"].values[-1]) for run in runs.values())
+    spans = ((0.0, last, 0.0), (edge - 0.1 * zoom, edge + 0.9 * zoom, edge))
+    amperes = scale_for("A", *(run["current"].values for run in runs.values()))
+    for column, (begin, end, origin) in enumerate(spans):
+        clock = scale_for("s", end - begin)
+        times = np.linspace(begin, end, 4001)[:-1]
+        breaks = asked.drive(end).start
+        near = breaks[(breaks > begin) & (breaks < end)]
+        times = np.sort(np.concatenate([times, near, near * (1.0 - 1e-12)]))
+        above, below = grid[:, column]
+        trace(above, clock(times - origin), value_at(asked, times), color=MEASURED, lw=2.2, label="asked")
+        for (name, run), colour, dashes in zip(runs.items(), (BLUE, VERMILLION, GREEN), DASHES, strict=False):
+            first, beyond = np.searchsorted(run["time"].values, (begin, end))
+            part = slice(max(first - 1, 0), beyond + 1)
+            t = clock(run["time"].values[part] - origin)
+            trace(above, t, run["drive_voltage"].values[part], color=colour, ls=dashes, label=name)
+            current = amperes(run["current"].values[part])
+            below.step(t, current, where="post", color=colour, ls=dashes, lw=1.2)
+        above.set_xlim(*clock([begin - origin, end - origin]))
+        below.set_xlabel(clock.label("time after the edge" if column else "time"))
+    grid[0, 0].set_ylabel("voltage (V)")
+    grid[1, 0].set_ylabel(amperes.label("current"))
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
+    figure.align_ylabels(grid[:, 0])
+    return figure
+
+
+@drawn
+def heat(run: xr.Dataset) -> Figure:
+    """Current (rms), loss (mean) and temperature over a run of very many periods.
+
+    Args:
+        run: as `electronics.electrical` gives it.
+    """
+    figure, axes = panels([1.4, 1.4, 2.0])
+    time = run["time"].values
+    edges = np.linspace(time[0], time[-1], _BINS + 1)
+    clock = Scale(1.0 / 60.0, "min")
+    step = np.diff(time)
+    rows = (
+        ("rms current", "A", run["current"].values[:-1] ** 2, np.sqrt),
+        ("mean loss", "W", run["loss_power"].values[:-1], np.asarray),
+    )
+    for panel, (name, unit, values, shown) in zip(axes, rows, strict=False):
+        whole = np.interp(edges, time, np.append(0.0, np.cumsum(values * step)))
+        means = shown(np.maximum(np.diff(whole) / np.diff(edges), 0.0))
+        scale = scale_for(unit, means)
+        panel.stairs(scale(means), clock(edges), color=BLUE, lw=1.2, baseline=None)
+        panel.set_ylabel(scale.label(name))
+        panel.set_ylim(bottom=0.0)
+    kept = np.searchsorted(time, edges[:-1])
+    degrees = run["temperature"].values - 273.15
+    trace(axes[2], clock(time[kept]), degrees[kept], color=VERMILLION)
+    axes[2].axhline(float(degrees[0]), color=MEASURED, lw=0.8)
+    axes[2].set_ylabel("temperature (°C)")
+    axes[2].set_xlabel(clock.label("time"))
+    return figure

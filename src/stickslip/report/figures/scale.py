@@ -1,0 +1,39 @@
+"""The unit in which numbers of one kind are shown together: one prefix for an axis or a column of a table."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...quantities.units import with_prefix
+
+
+class Scale(NamedTuple):
+    """Shown number = factor x SI number; `unit` is what to write beside it."""
+
+    factor: float
+    unit: str
+
+    def __call__(self, values: ArrayLike) -> NDArray[np.float64]:
+        """The numbers to show, of the shape of the values (in SI)."""
+        return np.asarray(values, dtype=float) * self.factor
+
+    def label(self, name: str) -> str:
+        """What to write at an axis: "position (µm)"."""
+        return f"{name} ({self.unit})" if self.unit else name
+
+
+def scale_for(unit: str, *values: ArrayLike) -> Scale:
+    """The scale that suits the largest finite magnitude in all the arrays of values.
+
+    ``scale_for("m", [0, 28.8e-6])`` shows µm. Units that take no prefix ("kg", "rad/s", "") stay as they are.
+    """
+    magnitudes = [np.abs(np.asarray(array, dtype=float)) for array in values]
+    largest = max((float(np.max(m, where=np.isfinite(m), initial=0.0)) for m in magnitudes), default=0.0)
+    if largest == 0.0:
+        return Scale(1.0, unit)
+    shown, _, prefixed = with_prefix(largest, unit).partition(" ")
+    return Scale(10.0 ** round(math.log10(float(shown) / largest)), prefixed)

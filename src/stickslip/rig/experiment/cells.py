@@ -1,0 +1,256 @@
+"""From an experiment file to its cells: one for each recording, everything in it resolved and checked."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import re
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..._version import __version__
+from ...physics.actuator import Actuator, load_actuator
+from ...quantities.records import did_you_mean
+from ...quantities.units import QuantityError, to_si, unit_for
+from ...recording.calibration import load_calibration
+from ...recording.readers import read_recording
+from ...waveform.sampled import Sampled
+from ...waveform.sequence import Sequence
+from ...waveform.signal import Waveform, shape
+from .. import Capabilities, Capture, Channel, Limits, Repeats, RigError, Trigger
+from ..measurement import channel_units, plan_run
+from .file import ChannelSpec, ExperimentFile, LimitsSpec, PartSpec, RunSpec, VirtualRigSpec
+from .laboratory import Laboratory, own_file
+
+MOST_CELLS = 10_000
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One recording: its name, everything that makes it, and `key`, which changes whenever that does.
+
+    `values` are those of the matrix; `seed` is that of the virtual rig's noise, `repeats` how its contact
+    varies, `bench` its bench, or "".
+    """
+
+    name: str
+    run: str
+    notes: str
+    values: dict[str, float | str]
+    drive: Waveform
+    actuator: Actuator
+    channels: dict[str, Channel]
+    capture: Capture
+    limits: Limits
+    seed: int
+    repeats: Repeats
+    bench: str
+    key: str
+
+
+Read = Callable[[Path], Any]
+
+
+def cells(
+    file: ExperimentFile, folder: Path, laboratory: Laboratory, read: Read = read_recording
+) -> list[Cell]:
+    """The recordings that a file asks for, in order; nothing is put out.
+
+    Args:
+        file: as read.
+        folder: that of the file, for the paths in it.
+        laboratory: the rig.
+        read: reads the recordings that drives are taken from.
+
+    Raises:
+        ValueError: something in it is wrong; names the run and the field.
+        LimitError, CaptureError: a drive that the limits refuse, a trigger that cannot come.
+    """
+    channels = {name: _channel(name, spec, folder) for name, spec in file.channels.items()}
+    found: dict[str, Cell] = {}
+    repeats = _repeats(file)
+    for run in file.runs:
+        count = run.repeats
+        for values in run.matrix.values():
+            count *= len(values)
+        if count + len(found) > MOST_CELLS:
+            raise QuantityError(f"{run.name}: the matrix has more than {MOST_CELLS} recordings")
+        for axes, repeat in _asked(run):
+            try:
+                cell = _cell(file, run, axes, repeat, channels, folder, laboratory, read, repeats)
+            except (ValueError, RigError) as error:
+                shown = "".join(f", {axis} = {value}" for axis, value in axes.items())
+                kind = type(error) if isinstance(error, RigError) else QuantityError
+                raise kind(f"run {run.name!r}{shown}: {error}") from None
+            if cell.name in found:
+                raise QuantityError(f"two recordings would be called {cell.name}: give the runs other names")
+            found[cell.name] = cell
+            repeats = repeats._replace(number=repeats.number + int(cell.capture.average))
+    return list(found.values())
+
+
+def _asked(run: RunSpec) -> Iterator[tuple[dict[str, float | str], int]]:
+    """The values and the number of each recording of a run, in order."""
+    for values in itertools.product(*run.matrix.values()):
+        for repeat in range(1, run.repeats + 1):
+            yield dict(zip(run.matrix, values, strict=True)), repeat
+
+
+def _cell(
+    file: ExperimentFile,
+    run: RunSpec,
+    axes: dict[str, float | str],
+    repeat: int,
+    channels: dict[str, Channel],
+    folder: Path,
+    laboratory: Laboratory,
+    read: Read,
+    repeats: Repeats,
+) -> Cell:
+    name = _name(run, axes, repeat)
+    seed = (repeats.series + getattr(file.rig, "first_run", 0) << 32) + zlib.crc32(name.encode())
+    named = {k: v for k, v in file.variables.items() if not isinstance(v, bool)} | axes
+    actuator = _actuator(file, run, named, folder)
+    can = laboratory.capabilities(actuator)
+    limits = limits_of(file.limits, actuator)
+    units = channel_units(can, channels, limits)
+    capture = _capture(run, can, units)
+    drive = drive_of(run.waveform, named, folder, read)
+    plan = plan_run(can, drive, channels, capture, limits)
+    varied = repeats.told(actuator, int(capture.average))
+    made_of = repr(
+        (__version__, can, file.rig, actuator, channels, capture, limits, seed, file.variables, axes, varied)
+    )
+    key = hashlib.sha256(made_of.encode() + plan.volts.tobytes()).hexdigest()
+    return Cell(
+        name=name,
+        run=run.name,
+        notes=run.notes or file.notes,
+        values=axes,
+        drive=drive,
+        actuator=actuator,
+        channels=channels,
+        capture=capture,
+        limits=limits,
+        seed=seed,
+        repeats=repeats,
+        bench=str(own_file(file.rig.bench, folder, ".toml")) if isinstance(file.rig, VirtualRigSpec) else "",
+        key=key,
+    )
+
+
+def cell_names(file: ExperimentFile) -> list[str]:
+    """Names of the recordings that a file asks for, in order, without a look at rig, actuator or drives; of
+    more than `MOST_CELLS`, which `cells` refuses, the first."""
+    names = (_name(run, axes, repeat) for run in file.runs for axes, repeat in _asked(run))
+    return list(itertools.islice(names, MOST_CELLS))
+
+
+def _name(run: RunSpec, axes: Mapping[str, float | str], repeat: int) -> str:
+    parts = [run.name, *(_in_name(value) for value in axes.values())]
+    return "_".join(parts + ([str(repeat)] if run.repeats > 1 else []))
+
+
+def _repeats(file: ExperimentFile) -> Repeats:
+    """Of a file's first run."""
+    if not isinstance(file.rig, VirtualRigSpec):
+        return Repeats()
+    return Repeats(file.rig.variation, file.rig.seed, file.rig.first_run)
+
+
+def _in_name(value: float | str) -> str:
+    """A value as it may stand in the name of a file: "65V", "0.5Hz", "-3"."""
+    text = value if isinstance(value, str) else f"{value:g}"
+    return re.sub(r"[^A-Za-z0-9.+-]", "", text)[:40].strip(".") or "x"
+
+
+def _substituted(value: Any, axes: Mapping[str, float | str]) -> Any:
+    if isinstance(value, list):
+        return [_substituted(one, axes) for one in value]
+    if not isinstance(value, str) or not value.startswith("$"):
+        return value
+    if value[1:] not in axes:
+        hint = did_you_mean(value[1:], axes)
+        raise QuantityError(
+            f"{value} is no axis of the matrix and no variable{hint}; there are {', '.join(axes) or 'none'}"
+        )
+    return axes[value[1:]]
+
+
+def _actuator(file: ExperimentFile, run: RunSpec, axes: Mapping[str, float | str], folder: Path) -> Actuator:
+    actuator = load_actuator(own_file(file.actuator.set, folder, ".toml"))
+    friction = {k: _substituted(v, axes) for k, v in file.actuator.friction.items()}
+    changes = {k: _substituted(v, axes) for k, v in {**file.actuator.change, **run.change}.items()}
+    if "friction" in changes or "name" in changes:
+        raise QuantityError("actuator.change: friction and name are not changed there")
+    return actuator.replace(friction=actuator.friction._replace(**friction), **changes)
+
+
+def limits_of(spec: LimitsSpec, actuator: Actuator) -> Limits:
+    """The limits of a file; its voltages default to the actuator's."""
+    given = spec.given
+    for name in {*given} & {"min_position", "max_position"}:
+        given[name] = to_si(given[name], unit_for(actuator, "m"), f"limits.{name}")
+    own = {"min_voltage": actuator.min_voltage, "max_voltage": actuator.max_voltage}
+    return Limits(**{key: value for key, value in own.items() if abs(value) < 1e6} | given)
+
+
+def _channel(name: str, spec: ChannelSpec, folder: Path) -> Channel:
+    try:
+        return Channel(
+            spec.input,
+            tuple(load_calibration(own_file(text, folder, ".json")) for text in spec.calibration),
+            spec.filter,
+            spec.zero,
+        )
+    except ValueError as error:
+        raise QuantityError(f"channels.{name}: {error}") from None
+
+
+def _capture(run: RunSpec, can: Capabilities, units: Mapping[str, str]) -> Capture:
+    spec = run.capture
+    if (spec.interval is None) == (spec.down_sampling is None):
+        raise QuantityError("capture: give either interval or down_sampling")
+    trigger = None
+    if spec.trigger is not None:
+        unit = units.get(spec.trigger.signal, "V")
+        level = to_si(spec.trigger.level, unit, "capture.trigger.level")
+        trigger = Trigger(level=level, **spec.trigger.given)
+    interval = spec.interval if spec.interval is not None else (spec.down_sampling or 1) / can.sample_rate
+    return Capture(interval=interval, trigger=trigger, **spec.given)
+
+
+def drive_of(
+    parts: list[PartSpec], axes: Mapping[str, float | str], folder: Path, read: Read = read_recording
+) -> Waveform:
+    """The waveform of a run, one part after the other; raises QuantityError, naming the part."""
+    made = []
+    for i, part in enumerate(parts):
+        try:
+            waveform = _waveform(part, axes, folder, read)
+        except ValueError as error:
+            raise QuantityError(f"waveform[{i}]: {error}") from None
+        made.append(waveform if part.duration is None else (waveform, _substituted(part.duration, axes)))
+    if len(parts) == 1 and parts[0].duration is None:
+        return made[0]
+    return Sequence(*made)
+
+
+def _waveform(part: PartSpec, axes: Mapping[str, float | str], folder: Path, read: Read) -> Waveform:
+    if (part.shape is None) == (part.file is None):
+        raise QuantityError("a part has either a shape or a file")
+    if part.shape is not None:
+        return shape(part.shape, folder)(**{key: _substituted(v, axes) for key, v in part.fields.items()})
+    if part.fields:
+        raise QuantityError("a file takes no fields")
+    recording = read(folder / str(part.file))
+    return Sampled.from_recording(recording, part.variable)
+
+
+def variables_attribute(file: ExperimentFile, cell: Cell) -> str:
+    """What goes into the attribute "variables" of a recording, JSON: the matrix's values and the file's."""
+    return json.dumps({**file.variables, **cell.values}, ensure_ascii=False)

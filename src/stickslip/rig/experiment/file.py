@@ -1,0 +1,186 @@
+"""Schema of an experiment file. Quantities are numbers in SI or texts with a unit, "65 V"."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    StringConstraints,
+    Tag,
+    field_validator,
+    model_validator,
+)
+
+from ...physics.electronics import Filter
+from ...quantities import registry
+from ...quantities.input_file import Part, Seconds, Strict, fields_of
+from ...quantities.registry import own_path
+from ...waveform.signal import shape
+from .. import Capture, Limits, Trigger, Variation
+
+Quantity = float | str
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}$")]
+Count = Annotated[int, Field(ge=1, le=10_000)]
+
+
+def _known(text: str) -> str:
+    path, _ = own_path(text)
+    if not path:  # a user's file is looked at when its folder is known
+        shape(text)
+    return text
+
+
+def _shapes(schema: dict[str, Any]) -> None:
+    made = [name for name, one in registry.waveforms.all() if hasattr(one, "_fields")]
+    schema |= {"anyOf": [{"enum": made}, {"pattern": r"\.py:\w+$"}]}
+
+
+# The name of a waveform, or that of a user's own: "my_waveform.py:Staircase", beside the file.
+Shape = Annotated[str, AfterValidator(_known), Field(json_schema_extra=_shapes)]
+
+
+class VirtualRigSpec(Strict):
+    """The virtual rig: a bench by name or file, the seed of its noise and of what varies from run to run; in
+    real time, or as fast as it can; `variation` is from run to run.
+
+    `first_run` is how many runs it made before those of this file: noise and variation go on from there.
+    """
+
+    kind: Literal["virtual"] = "virtual"
+    bench: str = "kang2007-bench"
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    real_time: bool = False
+    variation: Part[Variation] = Field(default_factory=Variation)
+    first_run: Annotated[int, Field(ge=0, lt=10**6)] = 0
+
+
+class OwnRigSpec(Strict):
+    """A rig of a back end by its name (see `stickslip rigs`), or one of one's own, "my_rig.py:MyRig" beside
+    the file, and what it is made with."""
+
+    kind: str
+    options: dict[str, Any] = Field(default_factory=dict)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _kind_first(cls, said: Any) -> Any:
+        """Of a kind that there is not, no other field is judged: it may be one of the kind that is meant."""
+        kind = said.get("kind") if isinstance(said, dict) else None
+        known = not isinstance(kind, str) or own_path(kind)[0] or kind in registry.rigs.names()
+        return said if known else {"kind": kind}
+
+    @field_validator("kind")
+    @classmethod
+    def _is_there(cls, kind: str) -> str:
+        if not own_path(kind)[0]:
+            registry.rigs.find(kind)
+        return kind
+
+
+def _rig(said: Any) -> str:
+    kind = said.get("kind", "virtual") if isinstance(said, dict) else getattr(said, "kind", "virtual")
+    return "virtual" if kind == "virtual" else "own"
+
+
+RigSpec = Annotated[
+    Annotated[VirtualRigSpec, Tag("virtual")] | Annotated[OwnRigSpec, Tag("own")],
+    Discriminator(_rig),
+]
+
+
+class ActuatorSpec(Strict):
+    """The actuator on the virtual rig: a parameter set by name or file, and fields changed in it.
+
+    On a real rig it is a note.
+    """
+
+    set: str = "kang2007"
+    change: dict[str, Quantity | bool] = Field(default_factory=dict)
+    friction: dict[str, Quantity] = Field(default_factory=dict)
+
+
+class LimitsSpec(fields_of(Limits)):
+    """What the output may not pass; see `stickslip.rig.Limits`. Voltages default to the actuator's."""
+
+
+class ChannelSpec(Strict):
+    """A variable of the recordings: an input of the rig, calibrations by name or file, in order, a filter."""
+
+    input: str
+    calibration: list[str] = Field(default_factory=list)
+    filter: Part[Filter] | None = None
+    zero: bool = False
+
+
+class TriggerSpec(fields_of(Trigger, "signal", "edge")):
+    """The channel whose edge begins the recording; `level` in its unit."""
+
+    level: Quantity
+
+
+class CaptureSpec(fields_of(Capture, "length", "pre_trigger", "average")):
+    """Length; interval, or every how many samples of the rig one is kept; trigger; runs to average."""
+
+    interval: Seconds | None = None
+    down_sampling: Count | None = None
+    trigger: TriggerSpec | None = None
+
+
+class PartSpec(Strict):
+    """A part of the drive: a waveform with its fields, cut off after `duration`, or a channel of a file."""
+
+    shape: Shape | None = None
+    fields: dict[str, Quantity | bool | list[Quantity] | None] = Field(default_factory=dict)
+    duration: Quantity | None = None
+    file: str | None = None
+    variable: str = "drive_voltage"
+
+
+class RunSpec(Strict):
+    """Recordings that differ by the values of the matrix; $NAME stands for the value of that axis, or of that
+    variable of the file.
+
+    One recording for each combination of values, and so many `repeats` of it.
+    """
+
+    name: Name
+    notes: str = ""
+    waveform: Annotated[list[PartSpec], Field(min_length=1, max_length=1000)]
+    capture: CaptureSpec
+    matrix: dict[Name, Annotated[list[Quantity], Field(min_length=1)]] = Field(default_factory=dict)
+    repeats: Count = 1
+    change: dict[str, Quantity | bool] = Field(default_factory=dict)
+
+
+class InstrumentSpec(Strict):
+    """An instrument on the control panel, bound to variables; `width` in twelfths of the panel's."""
+
+    kind: Literal["plotter", "input", "display"]
+    variables: Annotated[list[str], Field(min_length=1, max_length=12)]
+    title: str = ""
+    width: Annotated[int, Field(ge=1, le=12)] = 3
+    height: Annotated[int, Field(ge=1, le=12)] = 1
+
+
+class ExperimentFile(Strict):
+    """A whole experiment file."""
+
+    title: str
+    operator: str = ""
+    notes: str = ""
+    rig: RigSpec
+    actuator: ActuatorSpec = Field(default_factory=ActuatorSpec)
+    limits: LimitsSpec = Field(default_factory=LimitsSpec)
+    channels: Annotated[dict[Name, ChannelSpec], Field(min_length=1)]
+    variables: dict[str, Quantity | bool] = Field(default_factory=dict)
+    save_as: list[Literal["mat", "controldesk", "csv"]] = Field(default_factory=list)
+    runs: Annotated[list[RunSpec], Field(min_length=1)]
+    panel: Annotated[list[InstrumentSpec], Field(max_length=60)] = Field(default_factory=list)
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of experiment files, for editors."""
+    return ExperimentFile.model_json_schema()

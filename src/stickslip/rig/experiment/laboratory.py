@@ -1,0 +1,211 @@
+"""The rig that an experiment file names, and the process that owns it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+from ...physics.actuator import Actuator, load_actuator
+from ...physics.electronics import OutputStage
+from ...quantities import registry
+from .. import (
+    Bench,
+    Capabilities,
+    Home,
+    HostedRig,
+    Link,
+    Repeats,
+    Rig,
+    RigError,
+    VirtualRig,
+    folder_of,
+    load_bench,
+)
+from ..devices import own_device, virtual_device
+from ..variation import EXACT
+from .file import ExperimentFile, OwnRigSpec, VirtualRigSpec
+
+
+class Laboratory(Protocol):
+    """Where the cells of a file are recorded; `home` is where positions count from, in all of them."""
+
+    home: Home
+
+    def capabilities(self, actuator: Actuator) -> Capabilities:
+        """Of the rig for a cell; nothing is put out."""
+        ...
+
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
+        """A rig for a cell."""
+        ...
+
+    def close(self) -> None:
+        """Leave the rig as it was found."""
+        ...
+
+
+class VirtualLaboratory:
+    """A virtual rig for each cell, all on one bench, computed in this process as fast as it can."""
+
+    def __init__(self, bench: Bench, real_time: bool = False) -> None:
+        self._bench, self._real_time = bench, real_time
+        self.home = Home()
+        self._last: VirtualRig | None = None
+
+    def capabilities(self, actuator: Actuator) -> Capabilities:
+        """Those of the bench."""
+        return VirtualRig(actuator, self._bench).capabilities
+
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
+        """A new rig, whose end-effector is where that of the one before was left."""
+        made = VirtualRig(actuator, self._bench, seed=seed, repeats=repeats, real_time=self._real_time)
+        if self._last is not None:
+            made.origin = self._last.origin
+        self._last = made
+        return made
+
+    def close(self) -> None:
+        """Nothing to do."""
+
+
+class HostedVirtualLaboratory:
+    """The same in the process that owns the rig of a folder, from run to run and for all its clients."""
+
+    def __init__(self, bench: Bench, name: str, real_time: bool, link: Link, own: Path | None = None) -> None:
+        self._bench, self._name, self._real_time, self._link, self._own = bench, name, real_time, link, own
+        self.home = Home()
+
+    def capabilities(self, actuator: Actuator) -> Capabilities:
+        """Those of the bench."""
+        return VirtualRig(actuator, self._bench).capabilities
+
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
+        """The rig; it is opened when it starts."""
+        device = virtual_device(actuator, self._name, seed, self._real_time, repeats)
+        return HostedRig(self._link, device, self.capabilities(actuator))
+
+    def close(self) -> None:
+        """Let go of the process; where it is of this laboratory only, of what it knew too."""
+        self._link.close()
+        if self._own is not None:
+            shutil.rmtree(self._own, ignore_errors=True)
+
+
+class RealLaboratory:
+    """One rig for all cells, owned by a process; what actuator is on it, the file only
+    says."""
+
+    def __init__(self, device: dict[str, Any], link: Link) -> None:
+        self._device, self._link = device, link
+        self.home = Home()
+        opened = HostedRig(link, self._device)
+        self._can, self._said = opened.capabilities, opened.told(1)
+        opened.stop(0.0)  # others may have it until something is recorded
+
+    def capabilities(self, actuator: Actuator) -> Capabilities:
+        """Those of the rig."""
+        del actuator
+        return self._can
+
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
+        """The rig."""
+        del actuator, seed, repeats
+        return HostedRig(self._link, self._device, self._can, self._said)
+
+    def close(self) -> None:
+        """Let go of the process."""
+        self._link.close()
+
+
+def open_laboratory(
+    file: ExperimentFile, folder: Path, rigs: Path | None = None, who: str = ""
+) -> Laboratory:
+    """The laboratory that a file names.
+
+    What puts out voltages in real time belongs to a process of its own; a virtual rig that is computed as
+    fast as it can has no output, and stays in this one.
+
+    Args:
+        file: as read.
+        folder: that of the file, for the paths in it.
+        rigs: the folder of the process that owns the virtual rig, which then is never in this process; by
+            default a new one.
+        who: what others are told that find the rig held.
+
+    Raises:
+        ParameterSetError: a wrong bench.
+        RigError: no answer.
+    """
+    who = who or f"a program of {os.environ.get('USER', 'somebody')}"
+    if not isinstance(file.rig, VirtualRigSpec):
+        device, place = _device(file.rig, folder)
+        link = Link(place, who)
+        try:
+            return RealLaboratory(device, link)
+        except RigError:
+            link.close()
+            raise
+    named = str(own_file(file.rig.bench, folder, ".toml"))
+    bench = load_bench(named)
+    if rigs is None and not file.rig.real_time:
+        return VirtualLaboratory(bench)
+    own = Path(tempfile.mkdtemp(prefix="stickslip-rig-")) if rigs is None else None
+    link = Link(own or rigs or Path(), who)
+    return HostedVirtualLaboratory(bench, named, file.rig.real_time, link, own)
+
+
+def _device(rig: OwnRigSpec, folder: Path) -> tuple[dict[str, Any], Path]:
+    """A real rig, and the folder of the process that owns it."""
+    made = own_device(registry.rigs.find(rig.kind, folder), rig.options)
+    return made, folder_of(" ".join([made["rig"], *(f"{k}={v}" for k, v in sorted(rig.options.items()))]))
+
+
+def rigs_of(file: ExperimentFile, virtual: Path, folder: Path) -> Path:
+    """The folder of the process that owns the rig of a file in a folder, where that of a virtual one is
+    given."""
+    return virtual if isinstance(file.rig, VirtualRigSpec) else _device(file.rig, folder)[1]
+
+
+class PlanningLaboratory:
+    """One that only plans: the rig is asked once what it can do, and then left alone."""
+
+    _known: ClassVar[dict[str, Capabilities]] = {}
+
+    def __init__(self, file: ExperimentFile, folder: Path) -> None:
+        self.home = Home()
+        if not isinstance(file.rig, VirtualRigSpec):
+            self._bench, resource = None, str(_device(file.rig, folder)[1])
+            if resource not in self._known:
+                asked = open_laboratory(file, folder, None, "the panel")
+                try:
+                    self._known[resource] = asked.capabilities(load_actuator("kang2007"))
+                finally:
+                    asked.close()
+            self._can = self._known[resource]
+        else:
+            self._bench = load_bench(own_file(file.rig.bench, folder, ".toml"))
+
+    def capabilities(self, actuator: Actuator) -> Capabilities:
+        """Of the rig for a cell."""
+        return self._can if self._bench is None else VirtualRig(actuator, self._bench).capabilities
+
+    def output(self) -> OutputStage:
+        """Return the output stage: that of the bench; of a real rig, what its updates and steps tell."""
+        if self._bench is not None:
+            return self._bench.output()
+        return OutputStage(self._can.update_rate, step=self._can.step)
+
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
+        """None."""
+        raise RigError("this laboratory only plans")
+
+    def close(self) -> None:
+        """Nothing to do."""
+
+
+def own_file(name: str, folder: Path, suffix: str) -> str | Path:
+    """A file beside the experiment file, where a name ends like one."""
+    return folder / name if name.endswith(suffix) else name

@@ -1,0 +1,142 @@
+"""A stage in time: motions are played piece by piece, as the clock goes on between commands."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Protocol
+
+import numpy as np
+
+from ..protocols import Array
+from .stage import Path, Piece, Stage
+
+FLANK = 50e-6  # s of the fast edge of a step, a tenth of its period at most
+CHUNK = 0.02  # s of steps that are played as one piece
+_RAMP = 0.1  # s
+_POINTS = 8  # at which the slow edge of a step is known
+_SLOWEST = 0.1  # s of computing after which a motion is late rather than the answer
+
+
+class Clock(Protocol):
+    """Time, s; a test may have one of its own."""
+
+    def now(self) -> float:
+        """Since any moment."""
+        ...
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+        ...
+
+
+class WallClock:
+    """The time of day goes on by itself."""
+
+    def now(self) -> float:
+        """Since any moment."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+        time.sleep(seconds)
+
+
+class Axis:
+    """An axis of a controller.
+
+    Args:
+        stage: what moves.
+        clock: what time it is.
+        heard: told of every piece that was played.
+
+    What a motion does depends on its pieces alone, not on when it is looked at; if the computer cannot keep
+    up it is late. A stop lets the piece end that is going on.
+    """
+
+    def __init__(self, stage: Stage, clock: Clock, heard: Callable[[Path], None] | None = None) -> None:
+        self.stage, self._clock, self._heard = stage, clock, heard
+        self._pieces: Iterator[Piece] | None = None
+        self._path: Path | None = None
+        self._forever = False
+        self._begin = self._end = clock.now()
+
+    def begin(self, pieces: Iterator[Piece], forever: bool = False) -> None:
+        """Move: after the piece that is going on, and instead of what was to come."""
+        self.advance()
+        self._pieces, self._forever = pieces, forever
+
+    def stop(self) -> None:
+        """End the motion with the piece that is going on."""
+        self.advance()
+        self._pieces = None
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion is going on."""
+        self.advance()
+        return self._pieces is not None or self._path is not None
+
+    @property
+    def forever(self) -> bool:
+        """Whether the motion has no end of its own."""
+        return self.moving and self._pieces is not None and self._forever
+
+    def advance(self) -> float:
+        """Up to now: play what was due, or rest. Returns the time."""
+        now, began = self._clock.now(), time.monotonic()
+        while self._end <= now:
+            piece = next(self._pieces, None) if self._pieces is not None else None
+            if piece is None:
+                self._pieces = self._path = None
+                if now > self._end:
+                    self.stage.rest(now - self._end)
+                self._begin = self._end = now
+                break
+            self._path = self.stage.play(piece)
+            self._begin, self._end = self._end, self._end + float(piece.times[-1])
+            if self._heard is not None:
+                self._heard(self._path)
+            if self._end <= now and time.monotonic() - began > _SLOWEST:
+                self._end = now  # late
+                break
+        return now
+
+    def state(self) -> tuple[float, float, float]:
+        """Voltage, V, stage and end-effector, m, now."""
+        now = self.advance()
+        if self._path is None:
+            return self.stage.voltage, self.stage.elongation, self.stage.position
+        return self._path.at(now - self._begin)
+
+
+def ramp(begin: float, end: float, seconds: float) -> Iterator[Piece]:
+    """A line from the present voltage to another, in pieces of a tenth of a second."""
+    count = max(1, math.ceil(seconds / _RAMP))
+    samples: Array = np.linspace(0.0, seconds / count, 21)[1:]
+    for k in range(1, count + 1):
+        yield Piece(samples[-1:], np.array([begin + (end - begin) * k / count]), samples)
+
+
+def steps(
+    stage: Stage, count: int | None, amplitude: float, frequency: float, base: float = 0.0
+) -> Iterator[Piece]:
+    """Steps between `base` and `base + amplitude`, V; up where `count` is positive, None: for ever (down
+    where the frequency is negative)."""
+    up = frequency > 0.0 if count is None else count > 0
+    period = 1.0 / abs(frequency)
+    flank = min(FLANK, 0.1 * period)
+    if stage.voltage != base:
+        yield from ramp(stage.voltage, base, 0.01)
+    left = None if count is None else abs(count)
+    slow = (np.arange(1, _POINTS + 1, dtype=np.float64) / _POINTS) * (period - flank)
+    edges = np.array([period - flank, period]) if up else np.array([flank, period])
+    samples = np.append(slow, period) if up else np.append(flank, flank + slow)
+    levels = base + np.array([amplitude, 0.0])
+    while left is None or left > 0:
+        n = max(1, round(CHUNK * abs(frequency)))
+        n = n if left is None else min(n, left)
+        starts: Array = np.arange(n, dtype=np.float64)[:, None] * period
+        yield Piece((starts + edges).ravel(), np.tile(levels, n), (starts + samples).ravel())
+        left = None if left is None else left - n

@@ -1,0 +1,53 @@
+"""Twins by name."""
+
+from __future__ import annotations
+
+from ...physics.actuator import Actuator
+from ...quantities.units import QuantityError, to_si
+from ..variation import Variation
+from .anc300 import Anc300
+from .axis import Clock
+from .kim101 import Kim101
+from .mcs2 import Mcs2
+from .nv200 import Nv200
+from .stage import MEASURED, Stage
+
+TWINS = ("nv200", "mcs2", "anc300", "kim101")
+MOST_AXES = 4
+
+
+def make_twin(
+    name: str,
+    actuator: Actuator,
+    *,
+    axes: int = 1,
+    travel: float | str = 4e-3,
+    variation: Variation = MEASURED,
+    seed: int = 0,
+    clock: Clock | None = None,
+) -> Nv200 | Mcs2 | Anc300 | Kim101:
+    """A twin, to be served by a `TwinServer`.
+
+    Args:
+        name: of `TWINS`.
+        actuator: on each axis; its contact varies by a seed of the axis's own.
+        axes: up to 4; the NV200 has one.
+        travel: m, from end stop to end stop.
+        variation: of the contact, from piece to piece of the motion.
+        seed: of variation, noise, and where the end-effectors are at power-on.
+        clock: what time it is; by default the time of day.
+
+    Raises:
+        QuantityError: another name, number of axes, or travel.
+    """
+    travel = to_si(travel, "m", "travel")
+    if name not in TWINS:
+        raise QuantityError(f"{name!r} is no twin; there are {', '.join(TWINS)}")
+    if not 1 <= axes <= MOST_AXES:
+        raise QuantityError(f"axes = {axes} must be 1 to {MOST_AXES}")
+    stages = [Stage(actuator, travel=travel, variation=variation, seed=seed + 1000 * i) for i in range(axes)]
+    if name == "nv200":
+        return Nv200(stages[0], seed=seed, clock=clock)
+    if name == "mcs2":
+        return Mcs2(stages, seed=seed, clock=clock)
+    return Anc300(stages, clock=clock) if name == "anc300" else Kim101(stages, clock=clock)

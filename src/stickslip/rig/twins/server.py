@@ -1,0 +1,155 @@
+"""Servers of a twin, on TCP (one program at a time, as the controllers have it) or on a pseudo terminal; and
+lines of bounded length."""
+
+from __future__ import annotations
+
+import os
+import select
+import socketserver
+import threading
+from contextlib import suppress
+from typing import Any, Protocol, Self
+
+from ...quantities.units import QuantityError
+from ..protocols import RigError
+
+IDLE = 600.0  # s until a silent program is let go
+
+
+class HangUp(Exception):
+    """The twin ends the connection: what came cannot be understood, or no more is wanted."""
+
+
+class Session(Protocol):
+    """One connection; `greeting` is what the device says first."""
+
+    greeting: bytes
+
+    def feed(self, data: bytes) -> bytes:
+        """Take what came, in pieces of any length; the answers to what is complete.
+
+        Raises:
+            HangUp: the connection is to end.
+        """
+        ...
+
+
+class Twin(Protocol):
+    """A controller: `port` is where its maker has it."""
+
+    port: int
+
+    def session(self) -> Session:
+        """A new connection."""
+        ...
+
+    def leave(self) -> None:
+        """The program has gone: motions without an end of their own stop."""
+        ...
+
+
+class TwinServer(socketserver.ThreadingTCPServer):
+    """Serves a twin.
+
+    Args:
+        twin: what is served.
+        host: the address to bind to; only this machine can reach the loopback address.
+        port: 0 takes a free one; `where` says which.
+    """
+
+    allow_reuse_address = True
+    daemon_threads = True
+
+    def __init__(self, twin: Twin, host: str = "127.0.0.1", port: int = 0) -> None:
+        self.twin, self.held = twin, threading.Lock()
+        super().__init__((host, port), _Connection)
+        self.where = "{}:{}".format(*self.server_address[:2])
+
+
+class _Connection(socketserver.BaseRequestHandler):
+    server: TwinServer  # type: ignore[assignment]
+    request: Any
+
+    def handle(self) -> None:
+        """Answer until the program leaves; a second one finds the connection closed."""
+        if not self.server.held.acquire(timeout=1.0):  # the one before may be about to leave
+            return
+        try:
+            with suppress(OSError, HangUp, RigError):
+                self.request.settimeout(IDLE)
+                session = self.server.twin.session()
+                self.request.sendall(session.greeting)
+                while data := self.request.recv(65536):
+                    answer = session.feed(data)
+                    if answer:
+                        self.request.sendall(answer)
+        finally:
+            self.server.twin.leave()
+            self.server.held.release()
+
+
+class TwinTerminal:
+    """Serves a twin on a pseudo terminal, which a program opens as a serial port; `where` says which.
+
+    As on a serial line, the device does not see who opens and closes it: what goes on goes on, until
+    `shutdown`. What cannot be understood is thrown away. POSIX only.
+    """
+
+    def __init__(self, twin: Twin) -> None:
+        session = getattr(twin, "serial_session", None)
+        if session is None:
+            raise QuantityError(f"a twin of {type(twin).__name__} has no serial port")
+        import tty  # not on Windows
+
+        self._session, self._ended = session, threading.Event()
+        self._ours, self._theirs = os.openpty()
+        tty.setraw(self._theirs)
+        self.where = os.ttyname(self._theirs)
+
+    def serve_forever(self, poll_interval: float = 0.1) -> None:
+        """Answer until `shutdown`."""
+        session = self._session()
+        while not self._ended.is_set():
+            if not select.select([self._ours], [], [], poll_interval)[0]:
+                continue
+            try:
+                answer = session.feed(os.read(self._ours, 65536))
+            except (HangUp, RigError):
+                answer, session = b"", self._session()
+            while answer:
+                answer = answer[os.write(self._ours, answer) :]
+
+    def shutdown(self) -> None:
+        """End `serve_forever`."""
+        self._ended.set()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.close(self._ours)
+        os.close(self._theirs)
+
+
+class Lines:
+    """Cuts what comes into lines, at CR, LF or both (and the NUL that telnet puts after CR)."""
+
+    def __init__(self, longest: int = 65536) -> None:
+        self._rest, self._longest, self._after_cr = b"", longest, False
+
+    def feed(self, data: bytes) -> list[str]:
+        """The complete lines.
+
+        Raises:
+            HangUp: a line is too long.
+        """
+        data = data.replace(b"\x00", b"")
+        if not data:
+            return []
+        if self._after_cr:
+            data = data.removeprefix(b"\n")
+        self._after_cr = data.endswith(b"\r")
+        *lines, self._rest = (self._rest + data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")).split(b"\n")
+        if max(len(self._rest), *map(len, lines), 0) > self._longest:
+            raise HangUp(f"a line is longer than {self._longest} bytes")
+        return [line.decode("latin-1") for line in lines]

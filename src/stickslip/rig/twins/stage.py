@@ -1,0 +1,145 @@
+r"""A stick-slip stage that is moved piece by piece: the physics behind the protocol of a twin.
+
+Its state (stage, end-effector, bristle, hysteresis and creep of the piezo) goes on from piece to piece, so
+steps differ as the contact varies, a load makes them differ by direction, and a held voltage creeps. While
+the voltage is held for long, the stage follows the creep so slowly that the end-effector sticks to it:
+:math:`\Delta x = \Delta y = C\,\Delta u_{piezo}`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ...physics.actuator import Actuator
+from ...quantities.units import QuantityError, to_si
+from ...simulation.drives import table_precision
+from ...simulation.models import SLIDER, STAGE
+from ...simulation.state import State
+from ...simulation.trajectory import COMPLETE, follow_model
+from ...waveform.sampled import Sampled
+from ...waveform.signal import value_at
+from ..protocols import Array, RigError
+from ..remanence import annealed, from_state, remembers, simplified
+from ..variation import Repeats, Variation
+
+MEASURED = Variation(friction=0.004, drift=0.012, drift_runs=15, stiffness=0.02)  # see docs/decisions/rig.md
+_SETTLED = 0.05  # s after which what is left of a motion is creep
+_PIECES = 10_000  # after so many the variation of the contact begins anew
+_TOLERANCE = 1e-9  # m, of the simulation
+_MOST_STEPS = 2_000_000  # of the solver, for one piece
+
+
+class Piece(NamedTuple):
+    """A piece of drive: lines to `volts` at `times` [n], s from now; the path is asked for at `samples`."""
+
+    times: Array
+    volts: Array
+    samples: Array
+
+
+class Path(NamedTuple):
+    """How a piece went: times [n] from its begin, s, the voltage, and both positions, m."""
+
+    times: Array
+    volts: Array
+    stage: Array
+    end_effector: Array
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """Voltage, stage and end-effector at a time within it."""
+        return tuple(float(np.interp(time, self.times, y)) for y in self[1:])  # type: ignore[return-value]
+
+
+class Stage:
+    """One axis: an actuator between two end stops.
+
+    Args:
+        actuator: what moves; its voltage range is the controller's to keep.
+        travel: m, from end stop to end stop; positions count from the middle.
+        variation: of the contact from piece to piece.
+        seed: of the variation, and of where the end-effector is at power-on.
+
+    An end stop holds the end-effector where it is met; the stage slips on below it.
+    """
+
+    def __init__(
+        self,
+        actuator: Actuator,
+        *,
+        travel: float | str = 4e-3,
+        variation: Variation = MEASURED,
+        seed: int = 0,
+    ) -> None:
+        travel = to_si(travel, "m", "travel")
+        if not 0.0 < travel < math.inf:
+            raise QuantityError(f"travel = {travel:g} m must be > 0 m")
+        if actuator.clamped:
+            raise QuantityError("a twin's actuator cannot be clamped: nothing would move")
+        piezo = simplified(actuator.piezo)
+        if piezo is not None and not remembers(piezo):
+            raise QuantityError(
+                "a twin's piezo has PrandtlIshlinskii and Creep, or none: others keep no state"
+            )
+        self.actuator = actuator.replace(min_voltage=-math.inf, max_voltage=math.inf, piezo=None)
+        self._piezo = piezo
+        self._remanence = None if piezo is None else annealed(piezo, 0.0)
+        self._repeats, self._pieces = Repeats(variation, seed), 0
+        self.end = 0.5 * travel
+        start = float(np.random.default_rng(seed).uniform(-0.5, 0.5)) * self.end
+        self._state = State(end_effector_position=start)
+        self.voltage, self.elongation, self.position = 0.0, 0.0, start
+        self.stop_met = 0  # -1, 1: the end stop that holds it
+
+    def play(self, piece: Piece) -> Path:
+        """Move; the state is that at the end of the piece afterwards.
+
+        Raises:
+            RigError: the simulation gave up.
+        """
+        end = float(piece.times[-1])
+        given = Sampled(np.append(0.0, piece.times), np.append(self.voltage, piece.volts))
+        drive = given
+        if self._piezo is not None and self._remanence is not None:
+            precision = table_precision(self.actuator, _TOLERANCE)
+            drive, self._remanence = from_state(
+                self._piezo, self._remanence, given.drive(end), end, precision
+            )
+        samples = np.unique(np.concatenate([piece.samples, [end]]))
+        actuator = self._repeats.actuator(self.actuator, self._pieces % _PIECES)
+        self._pieces += 1
+        moved = follow_model(
+            actuator, drive, samples, tolerance=_TOLERANCE, max_steps=_MOST_STEPS, begin=self._state
+        )
+        if moved.outcome != COMPLETE:
+            raise RigError(f"the simulation of the twin's actuator {moved.outcome}")
+        y, w, x, s = moved.samples[-1, :4].tolist()
+        before, path = (self.elongation, self.position), moved.samples[:, SLIDER]
+        self.stop_met = int(np.sign(x)) if abs(x) >= self.end else 0
+        if self.stop_met:
+            x, s = math.copysign(self.end, x), 0.0
+        self._state = State(0.0, y, w, x, s, tuple(moved.samples[-1, 5:].tolist()))
+        self.voltage, self.elongation, self.position = float(piece.volts[-1]), y, x
+        return Path(
+            np.append(0.0, samples),
+            value_at(given, np.append(0.0, samples)),
+            np.append(before[0], moved.samples[:, STAGE]),
+            np.clip(np.append(before[1], path), -self.end, self.end),
+        )
+
+    def rest(self, seconds: float) -> None:
+        """Hold the voltage."""
+        settling = min(seconds, _SETTLED)
+        if settling > 0.0:
+            self.play(Piece(np.array([settling]), np.array([self.voltage]), np.array([settling])))
+        left = seconds - settling
+        if left > 0.0 and self._piezo is not None and self._remanence is not None:
+            held = Sampled(np.array([0.0, left]), np.full(2, self.voltage)).drive(left)
+            crept, self._remanence = from_state(self._piezo, self._remanence, held, left, math.inf)
+            levels = value_at(crept, np.array([0.0, left]))
+            moved = self.actuator.gain * float(levels[1] - levels[0])
+            y, x = self.elongation + moved, float(np.clip(self.position + moved, -self.end, self.end))
+            self._state = self._state._replace(stage_position=y, end_effector_position=x)
+            self.elongation, self.position = y, x

@@ -1,0 +1,75 @@
+"""The drive after a piezo: a segment table becomes the segment table of its free stroke over the gain.
+
+Nothing feeds back into it, so it is computed once, before the equations of motion are solved. The stage then
+sees a drive like any other, with breaks where plays are taken along.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...physics.piezo.duhem import is_duhem
+from ...physics.piezo.maxwell_capacitor import MaxwellCapacitor
+from ...physics.piezo.model import Piezo
+from ...waveform.drive import Drive
+from .creeping import creeping, settled_terms
+from .duhem_drive import duhem_drive
+from .splitting import through
+
+
+def tabulated(piezo: Piezo | None) -> bool:
+    """Whether the drive after the piezo has a precision, instead of being exact."""
+    return piezo is not None and (piezo.creep is not None or is_duhem(piezo.hysteresis))
+
+
+def at_piezo(
+    piezo: Piezo,
+    drive: Drive,
+    end: float,
+    precision: float,
+    period: float | None = None,
+    settled: bool = False,
+) -> Drive:
+    """The drive [V] after hysteresis and creep, up to `end` [s].
+
+    Args:
+        piezo: the model; before the drive it rested long at `drive.before`, reached from 0 V.
+        drive: table.
+        end: s.
+        precision: V, largest error: half of it is of the hysteresis, half of the creep of that.
+        period: s, of a drive that repeats.
+        settled: the table is that of one period, until `end`, after many.
+    """
+    made = drive
+    if isinstance(piezo.hysteresis, MaxwellCapacitor):
+        return made  # its elements feel the stage, and are part of the plant
+    if is_duhem(piezo.hysteresis):
+        made = duhem_drive(piezo.hysteresis, drive, end, 0.5 * precision, settled)
+    elif piezo.hysteresis is not None:
+        plays, z = piezo.hysteresis.operators, piezo.hysteresis.rested(drive.before)
+        rest = piezo.hysteresis.at_rest(drive.before)
+        if settled:
+            through(plays, drive, end, z, rest)
+        made = through(plays, drive, end, z, rest, 0 if settled else cycle_of(drive, period))
+    if piezo.creep is not None:
+        rested = np.full(len(piezo.creep.shares), made.before)
+        before = made.before + float(np.array(piezo.creep.shares) @ rested)
+        terms = settled_terms(piezo.creep, made, end) if settled else rested
+        made = creeping(piezo.creep, made, end, terms, 0.5 * precision)._replace(before=before)
+    return made
+
+
+def cycle_of(drive: Drive, period: float | None) -> int:
+    """How many segments of a table make its period [s]; 0 if it does not repeat itself exactly."""
+    if period is None:
+        return 0
+    count = int(np.searchsorted(drive.start, period * (1.0 - 1e-9)))
+    n = drive.start.size - count
+    if count == 0 or n < count:
+        return 0
+    rows = np.diff(drive.first)
+    alike = np.array_equal(drive.polynomial[:n], drive.polynomial[count:]) and np.array_equal(
+        rows[:n], rows[count:]
+    )
+    own = len(drive.harmonic) - int(drive.first[count])
+    return count if alike and np.array_equal(drive.harmonic[:own], drive.harmonic[-own or None :]) else 0

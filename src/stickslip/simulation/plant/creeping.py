@@ -1,0 +1,94 @@
+r"""A drive with creep: each Kelvin-Voigt term of each segment in closed form, drawn by cubics.
+
+.. math:: \tau_k \dot x_k = h - x_k, \qquad
+    x_k(L) = x_k(0)\,e^{-z} + z \sum_j c_j L^j I_j(z), \qquad
+    I_j(z) = \int_0^1 e^{-z (1 - s)} s^j \, ds, \quad z = L / \tau_k
+
+The polynomial of a segment, :math:`\sum_j c_j t^j`, is followed by this sum, in which nothing cancels however
+short or long the segment is against the time constant: :math:`I_j = j!\,\varphi_{j+1}(-z)`, the functions of
+exponential integrators [hochbruck2010]. A harmonic is followed by a smaller and later one. A piece ends where
+the cubic through values and slopes of its ends could be off by more than the precision.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...engine.binding import Array, DriveTable, doubles, sized
+from ...engine.library import library
+from ...physics.piezo.creep import Creep, struct_of
+from ...quantities.units import QuantityError
+from ...waveform.drive import Drive
+from .cubics import Cubics, cubics_struct, filled, with_cubics
+
+# Terms of the series of I_3 for z from -1 to 1; the next one is below rounding.
+TERMS = 18
+
+
+def weights(z):
+    """Return I_0, I_1, I_2 and I_3 for a step of z time constants."""
+    if abs(z) > 1.0:
+        first = -math.expm1(-z) / z
+        second = (1.0 - first) / z
+        third = (1.0 - 2.0 * second) / z
+        return first, second, third, (1.0 - 3.0 * third) / z
+    last, term = 0.0, 0.25
+    for k in range(TERMS):
+        last += term
+        term *= -z / (k + 5.0)
+    third = (1.0 - z * last) / 3.0
+    second = (1.0 - z * third) / 2.0
+    return 1.0 - z * second, second, third, last
+
+
+def creep_pieces(
+    tau: Array, shares: Array, drive: Drive, end: float, x: Array, pieces: Cubics, most: float
+) -> int:
+    """Fill the pieces of what creep adds to the polynomials of a drive up to `end` [s], off by `most` [V]; x
+    are the terms at the start, and at the end those then. The creep of harmonics is left to the caller.
+
+    Returns how many pieces there are; -1 if there is no room for them.
+    """
+    table, terms, made = DriveTable(drive), doubles(x, "terms", True), cubics_struct(pieces)
+    return library().stickslip_lags_cubics(struct_of(tau, shares), table.struct, end, terms, most, made)
+
+
+def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float) -> Drive:
+    """Return a drive and its creep, up to `end` [s]; the terms [V] at the start become those at the end.
+
+    Args:
+        of: the model.
+        drive: table; what it rested at before its start.
+        end: s.
+        terms: V, one for each time constant.
+        precision: V, largest error.
+
+    Raises:
+        QuantityError: the drive is a chirp, whose creep has no closed form.
+    """
+    if np.any(drive.harmonic[:, 3]):
+        raise QuantityError("a piezo with creep cannot follow a Chirp: give its samples (Sampled) instead")
+    tau, shares = np.array(of.time_constants), np.array(of.shares)
+    sized("terms", terms, tau.size)
+    before = drive.before + float(shares @ terms)
+    pieces = filled(
+        lambda x, room: creep_pieces(tau, shares, drive, end, x, room, precision),
+        terms,
+        64 + 4 * drive.start.size,
+    )
+    made = with_cubics(drive, pieces, before)
+    harmonic = made.harmonic.copy()
+    if len(harmonic):
+        answer = 1.0 + np.sum(shares / (1.0 + 1j * harmonic[:, 1:2] * tau), axis=1)
+        harmonic[:, 0] *= np.abs(answer)
+        harmonic[:, 2] += np.angle(answer)
+    return made._replace(harmonic=harmonic)
+
+
+def settled_terms(of: Creep, drive: Drive, period: float) -> Array:
+    """Return the terms [V] at the start of a period [s] once they repeat; the drive is that of one period."""
+    terms = np.zeros(len(of.shares))
+    creeping(of, drive, period, terms, math.inf)
+    return terms / -np.expm1(-period / np.array(of.time_constants))

@@ -1,0 +1,77 @@
+r"""A drive through Duhem hysteresis (`piezo.duhem`: Bouc-Wen, a model of your own): what h takes from it,
+drawn by cubics between values on its ways.
+
+u stays as it is, with its harmonics; of h [V] values and slopes are known at any instant of a way, and a
+piece ends where the cubic through those of its ends would be off by more than the precision.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...engine.binding import DriveTable, doubles
+from ...engine.library import library
+from ...physics.piezo.duhem import EXACT, EngineModel, output, rested
+from ...quantities.units import QuantityError
+from ...waveform.drive import Drive
+from .cubics import Cubics, cubics_struct, filled, with_cubics
+
+Array = NDArray[np.float64]
+
+# V, finest precision of a table: ten times that to which h is integrated.
+FINEST = 10.0 * EXACT
+# Periods until a settled h repeats itself to rounding.
+SETTLES = 1_000
+
+
+def duhem_drive(of: Any, drive: Drive, end: float, precision: float, settled: bool = False) -> Drive:
+    """The drive [V] after the hysteresis, up to `end` [s]; before, it rested long at `drive.before`.
+
+    Args:
+        of: the model.
+        drive: table.
+        end: s.
+        precision: V, largest error.
+        settled: the table is that of one period, until `end`, after many.
+
+    Raises:
+        QuantityError: more pieces than fit into memory, or h is not finite.
+    """
+    _refuse_infinite(of, drive, end)
+    most = max(precision, FINEST)
+    state = np.array([drive.before, rested(of, drive.before)])
+    model, table, cubics = EngineModel(of), DriveTable(drive), library().stickslip_duhem_cubics
+
+    def fill(state: Array, pieces: Cubics) -> int:
+        into = doubles(state, "state", True)
+        return model.call(cubics, table.struct, end, into, most, cubics_struct(pieces))
+
+    room = 64 + 32 * drive.start.size
+    pieces = filled(fill, state, room)
+    for _ in range(SETTLES if settled else 0):
+        before = state[1]
+        pieces = filled(fill, state, room)
+        if math.isclose(state[1], before, rel_tol=1e-14, abs_tol=1e-3 * FINEST):
+            break
+    return with_cubics(drive, pieces, drive.before - rested(of, drive.before))
+
+
+def _refuse_infinite(of: Any, drive: Drive, end: float) -> None:
+    """Raise QuantityError where h is not finite after ways between the least and the greatest value that
+    segments begin at, end at and swing to."""
+    rows = np.diff(drive.first)
+    swing = np.bincount(np.repeat(np.arange(rows.size), rows), np.abs(drive.harmonic[:, 0]), rows.size)
+    lasts = np.maximum(np.append(drive.start[1:], max(end, drive.start[-1])) - drive.start, 0.0)
+    ends = np.sum(drive.polynomial * lasts[:, None] ** np.arange(drive.polynomial.shape[1]), axis=1)
+    u = np.concatenate([drive.polynomial[:, 0], ends, [drive.before]])
+    swing = np.concatenate([swing, swing, [0.0]])
+    low, high = float(np.min(u - swing)), float(np.max(u + swing))
+    if not np.all(np.isfinite(output(of, [high, low, high, low, 0.0]))):
+        raise QuantityError(
+            f"{type(of).__name__}: h is not finite between {low:.4g} V and {high:.4g} V: dh/du must be "
+            "finite at every voltage of the drive"
+        )

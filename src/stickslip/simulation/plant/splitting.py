@@ -1,0 +1,104 @@
+r"""A drive through play operators: a segment table becomes a segment table, exactly.
+
+On each way of the drive, up or down, the operators' output is a straight line in u between the points at
+which a play is taken along or a dead zone ends. So each segment of the drive becomes some of the same
+formula, times the slope there, plus a level; they begin where the drive turns or comes to such a point.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...engine._abi import ffi
+from ...engine.binding import DriveTable, doubles, sized
+from ...engine.library import library
+from ...engine.members import integers
+from ...physics.piezo.operators import Operators, struct_of
+from ...quantities.units import QuantityError
+from ...waveform.drive import Drive
+from .cubics import MOST_PIECES, moved_on
+
+Array = NDArray[np.float64]
+
+
+class Pieces(NamedTuple):
+    """What segments become: `start` [n], s; `source` [n], the segment of the drive; `slope` [n] and `level`
+    [n]: the output is level + slope (u(t) - u(start))."""
+
+    start: Array
+    source: NDArray[np.int64]
+    slope: Array
+    level: Array
+
+
+def split(plays: Operators, drive: Drive, end: float, z: Array, pieces: Pieces) -> int:
+    """Fill the pieces of a drive up to `end` [s]; z are the states before, and at the end those then.
+
+    Returns how many pieces there are; -1 if there is no room for them.
+    """
+    sized("z", z, plays.threshold.size)
+    start, slope, level = (doubles(row, "pieces", True) for row in (pieces.start, pieces.slope, pieces.level))
+    source = integers(pieces.source, "pieces")
+    made = ffi.new("struct pieces *", (pieces.start.size, start, source, slope, level))
+    table = DriveTable(drive)
+    return library().stickslip_plays_split(struct_of(plays), table.struct, end, doubles(z, "z", True), made)
+
+
+def through(plays: Operators, drive: Drive, end: float, z: Array, rest: float, cycle: int = 0) -> Drive:
+    """The drive after the operators, up to `end` [s], from their states z on, which become those at the end;
+    before, their output is `rest` [V].
+
+    With a `cycle`, the segments of a period that the drive repeats from its start on: what comes after the
+    second period repeats that, for plays forget all but the extremes; z is then left as it is after two.
+    """
+    room, before = 64 + 4 * drive.start.size * (1 + plays.weight.size // 4), z.copy()
+    some = end
+    if 0 < 2 * cycle < drive.start.size:
+        some, room = min(end, float(drive.start[2 * cycle])), 64 + 8 * cycle * (2 + plays.weight.size)
+    while True:
+        pieces = Pieces(np.empty(room), np.empty(room, np.int64), np.empty(room), np.empty(room))
+        z[:] = before
+        count = split(plays, drive, some, z, pieces)
+        if count >= 0:
+            break
+        room *= 4
+        if room > MOST_PIECES + 64 * drive.start.size:
+            raise QuantityError(
+                f"hysteresis makes more than {MOST_PIECES} segments of the drive up to {end:g} s"
+            )
+    made = Pieces(pieces.start[:count], pieces.source[:count], pieces.slope[:count], pieces.level[:count])
+    return _table(drive, _repeated(made, drive, cycle, end) if some < end else made, rest)
+
+
+def _repeated(pieces: Pieces, drive: Drive, cycle: int, end: float) -> Pieces:
+    """The pieces of two periods, and the second ones again to the end."""
+    second = pieces.source >= cycle
+    tau = (pieces.start - drive.start[pieces.source])[second]
+    more = drive.start.size // cycle  # at least; what is beyond the end is cut
+    source = (pieces.source[second] + cycle * np.arange(1, more + 1)[:, None]).ravel()
+    there = source < drive.start.size
+    source = source[there]
+    start = drive.start[source] + np.tile(tau, more)[there]
+    kept = start < end
+    return Pieces(
+        np.append(pieces.start, start[kept]),
+        np.append(pieces.source, source[kept]),
+        np.append(pieces.slope, np.tile(pieces.slope[second], more)[there][kept]),
+        np.append(pieces.level, np.tile(pieces.level[second], more)[there][kept]),
+    )
+
+
+def _table(drive: Drive, pieces: Pieces, before: float) -> Drive:
+    """The segment table of pieces."""
+    made = moved_on(drive, pieces.source, pieces.start)
+    rows = np.diff(made.first)
+    harmonic = made.harmonic.copy()
+    owner = np.repeat(np.arange(rows.size), rows)
+    waves = np.bincount(owner, harmonic[:, 0] * np.sin(harmonic[:, 2]), rows.size)
+    harmonic[:, 0] *= pieces.slope[owner]
+    polynomial = made.polynomial * pieces.slope[:, None]
+    polynomial[:, 0] = pieces.level - pieces.slope * waves
+    return Drive(before, pieces.start, polynomial, made.first, harmonic)

@@ -1,0 +1,116 @@
+r"""A system: linear modes of bodies, and elements that act on or between them.
+
+.. math::
+
+   \ddot q_m &= b_m u(t) + a_m - c_m \dot q_m - k_m q_m + \sum_e p_{em} f_e \\
+   s_e &= \sum_m \left( h_{em} \dot q_m + g_{em} q_m \right) + d_e u + d'_e \dot u + \sum_{i<e} l_{ei} f_i \\
+   f_e &= N_e(t)\,F_e(s_e, z_e), \qquad \dot z_e = \dot Z_e(s_e, z_e) - \frac{\max(\dot N_e, 0)}{N_e} z_e
+
+A body is one mode (a rigid slider: k = 0) or several, whose positions add up; a body that follows the drive
+has none, and enters an element through d' (its velocity). An element is a record with one ``rate(record, s,
+z)``, chosen by its type (see `friction.law`): a friction contact, whose input is the sliding velocity and
+whose output is a force; or anything with scalar states between an input and an output (a lag, an amplifier,
+creep, a controller).
+
+With k = ωₙ², c = 2ζωₙ, b = Cωₙ², p = -1/m and 1/m_e this is the thesis's model [kang2007, eq. 3.20-3.25].
+
+A share that is None is a zero that costs nothing.
+
+The last term is what a changing normal force does to a contact: what is newly loaded carries no tangential
+force (F stays, z falls in proportion), what is unloaded loses its share in proportion (z stays)
+[mindlin1953]. It takes the
+stiffness as proportional to the normal force: rough surfaces of many asperities. A contact whose normal force
+changes along the stroke, N_e(t, x), or whose stiffness follows it with another power, has `along` (see
+`friction.normal_force`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...friction.law import elements
+from ...friction.normal_force import NormalForce
+from ...quantities.records import numbers_in, with_numbers
+
+
+class Mode(NamedTuple):
+    """One linear mode: `stiffness` k [1/s²], `damping` c [1/s], `drive` b [m/s² per unit of the drive],
+    `acceleration` a [m/s²] of the constant forces."""
+
+    stiffness: float
+    damping: float
+    drive: float
+    acceleration: float
+
+
+class Element(NamedTuple):
+    """An element: `law`, its record; `velocity` h and `push` p (per unit of output), one entry per mode,
+    None where there is none; `normal`, a factor on the output; `loaded`: 1.0 where the normal force varies
+    as the load says, or None; then the rarer inputs, None if absent: `drive_rate` d', `drive` d, `position`
+    g (per mode), `feed` l (per earlier element); `along`, a `NormalForce`, over the position of the last mode
+    that the element pushes, which nothing else may push."""
+
+    law: Any
+    velocity: tuple[float | None, ...]
+    push: tuple[float | None, ...]
+    normal: float = 1.0
+    loaded: float | None = None
+    drive_rate: float | None = None
+    drive: float | None = None
+    position: tuple[float | None, ...] | None = None
+    feed: tuple[float | None, ...] | None = None
+    along: NormalForce | None = None
+
+
+class Plant(NamedTuple):
+    """A system. `rate` [rad/s] makes a velocity comparable with a position in the error control.
+
+    Its state is a row of numbers: position and velocity of each mode, then the states of each element.
+    """
+
+    modes: tuple[Mode, ...]
+    elements: tuple[Element, ...]
+    rate: float
+
+
+def state_size(plant: Plant) -> int:
+    """How many numbers its state has."""
+    return 2 * len(plant.modes) + sum(elements(e.law) for e in plant.elements)
+
+
+def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
+    """All numbers of a plant in the order that `with_values` takes them, [count, numbers]; where a
+    number is an array of `count`, each row has its own."""
+    found = list(numbers_in(plant))
+    if count == 1 and all(isinstance(value, float) for value in found):
+        return np.array([found])
+    made = np.empty((count, len(found)))
+    for k, value in enumerate(found):
+        made[:, k] = value
+    return made
+
+
+def with_values(plant: Plant, values: NDArray[np.float64]) -> Plant:
+    """A plant of this layout with these numbers, in the order of `values_of`, unchecked."""
+    return with_numbers(plant, iter(values.tolist()))
+
+
+def speeds(plant: Plant, q: NDArray[np.float64], u: float, rate: float) -> list[float]:
+    """The input of each element at the state q, a drive u and its rate, without what other elements feed
+    into it."""
+    positions, velocities = q[0 : 2 * len(plant.modes) : 2], q[1 : 2 * len(plant.modes) : 2]
+
+    def along(shares: Sequence[float | None] | None, values: NDArray[np.float64]) -> float:
+        return sum((share or 0.0) * value for share, value in zip(shares or (), values, strict=False))
+
+    return [
+        along(e.velocity, velocities)
+        + along(e.position, positions)
+        + (e.drive or 0.0) * u
+        + (e.drive_rate or 0.0) * rate
+        for e in plant.elements
+    ]
