@@ -314,10 +314,11 @@ COUNTS_OTHERWISE = (
     "physics.contact.backbone-load",
     "identify.",
     "make_recording",
-    "electronics.",
-    "piezo.",
+    "physics.electronics.",
+    "physics.piezo.",
     "waveform.",
     "Sampled.",
+    "Sequence.",
 )
 
 

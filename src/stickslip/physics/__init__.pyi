@@ -6,4 +6,3 @@ from .actuator import PulledSlider as PulledSlider
 from .actuator import load_actuator as load_actuator
 from .actuator import load_pulled_slider as load_pulled_slider
 from .stage_modes import StageModes as StageModes
-from .state_space import StateSpace as StateSpace

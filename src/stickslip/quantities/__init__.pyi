@@ -1,3 +1,2 @@
-from . import progress as progress
 from . import units as units
 from .units import QuantityError as QuantityError
