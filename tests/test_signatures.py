@@ -169,7 +169,7 @@ ARRAYS: dict[str, tuple[str, Any, Callable[[Any], Any]]] = {
     "simulate_ensemble-parameters": (
         *FORCES, lambda v: ss.simulate_ensemble(KANG, SAW, 0.02, parameters={"coulomb_force": v})
     ),
-    "sensitivities-times": (
+    "simulation.sensitivities-times": (
         *SECONDS, lambda v: ss.simulation.sensitivities(KANG, SAW, parameters=["coulomb_force"], times=v)
     ),
     "steady_steps-parameters": (*VOLTS, lambda v: ss.steady_steps(KANG, SAW, parameters={"amplitude": v})),

@@ -149,10 +149,14 @@ TARGETS = (
     Target("simulation/plant/cubics.py", ("tests/plant/test_at_piezo.py",), ("with_cubics", "moved_on")),
     Target("export/piezo.py", IN_EXPORT, ("felt",)),
     Target("physics/electronics/charging.py", CHARGING, ("_remembered", "_mean_square", "_until_as_fast")),
-    Target("physics/electronics/amplifier.py", (*CHARGING, "tests/electronics/test_amplifier.py"), ("limits",)),
+    Target(
+        "physics/electronics/amplifier.py", (*CHARGING, "tests/electronics/test_amplifier.py"), ("limits",)
+    ),
     Target("physics/electronics/stack.py", ("tests/electronics/test_account.py",), ("cycle_loss", "_above")),
     Target(
-        "physics/contact/hertz.py", HALF_SPACE, ("contact_radius", "approach", "peak_pressure", "normal_stiffness")
+        "physics/contact/hertz.py",
+        HALF_SPACE,
+        ("contact_radius", "approach", "peak_pressure", "normal_stiffness"),
     ),
     Target(
         "physics/contact/mindlin.py",
@@ -167,16 +171,22 @@ TARGETS = (
     ),
     Target("estimate/influence.py", ("tests/estimate/test_influence.py",), ("prior_influence", "_deviation")),
     Target("physics/contact/persson.py", ("tests/contact/test_roughness.py",), ("real_area", "holds")),
-    Target("physics/contact/roughness.py", ("tests/contact/test_roughness.py",), ("self_affine", "with_other")),
+    Target(
+        "physics/contact/roughness.py", ("tests/contact/test_roughness.py",), ("self_affine", "with_other")
+    ),
     Target(
         "physics/contact/asperities.py",
         (f"{CONTACT}moments", f"{CONTACT}stiffness_over_load", f"{CONTACT}scatter_from_place_to_place"),
         ("moment", "load", "real_area", "normal_stiffness", "stiffness_scatter", "area_scatter"),
     ),
     Target(
-        "physics/contact/adhesion.py", (f"{CONTACT}adhesion",), ("tabor", "softness", "pull_off", "contact_radius")
+        "physics/contact/adhesion.py",
+        (f"{CONTACT}adhesion",),
+        ("tabor", "softness", "pull_off", "contact_radius"),
     ),
-    Target("physics/contact/iwan.py", (f"{CONTACT}iwan", f"{CONTACT}a_backbone"), ("maxwell_slip", "of_backbone")),
+    Target(
+        "physics/contact/iwan.py", (f"{CONTACT}iwan", f"{CONTACT}a_backbone"), ("maxwell_slip", "of_backbone")
+    ),
     Target("physics/contact/ageing.py", (f"{CONTACT}time_and_wear",), ("stiction_ratio",)),
     Target("physics/contact/wear.py", (f"{CONTACT}time_and_wear",), ("force", "worn_depth")),
     Target("physics/contact/preload.py", (f"{CONTACT}preload",), ("normal_force", "along")),
