@@ -79,7 +79,6 @@ def test_missing_numbers(tmp_path: Path) -> None:
     [
         (np.array(3.0), "holds no samples"),
         (np.zeros((0, 3)), "holds no samples"),
-        (np.array([1j, 2j]), "holds complex128, not real numbers"),
         (np.array(["a", "b"]), "holds <U1, not real numbers"),
         (np.zeros(3, dtype=[("a", float)]), "not real numbers"),
     ],

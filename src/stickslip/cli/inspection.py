@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import completion
 from .frame import Traceback, app, only_reading
+
+if TYPE_CHECKING:
+    from ..recording.readers import Inspection
 
 
 @app.command()
@@ -31,16 +34,35 @@ def inspect(
         _check_picture(target)
         found = inspect_file(file)
         typer.echo(str(found))
-        if found.recording is None:
+        if found.recording is None and found.response is None:
             raise ValueError(f"{file}: {found.problem}")
-        from ..report.figures.recordings import recordings_together
-        from ..report.figures.style import svg
-
-        drawn = svg(recordings_together({file.name: found.recording}))
+        drawn = _drawn(found)
         target.parent.mkdir(parents=True, exist_ok=True)
         with replaced_whole(target) as temporary:
             temporary.write_text(drawn, encoding="utf-8")
         typer.echo(f"\n{target}")
+
+
+def _drawn(found: Inspection) -> str:
+    """The picture of what was found, as SVG."""
+    from ..report.figures.style import svg
+
+    if found.response is not None:
+        from ..report.figures.frequency import Response, frequency_response
+
+        frequency, values = found.response["frequency"].values, found.response["response"]
+        shown = {
+            found.path.name if values[0].size == 1 else f"output {o + 1}, input {i + 1}": Response(
+                frequency, values.values[:, o, i]
+            )
+            for o in range(values.sizes["output"])
+            for i in range(values.sizes["input"])
+        }
+        return svg(frequency_response(shown, unit=values.attrs["units"]))
+    from ..report.figures.recordings import recordings_together
+
+    assert found.recording is not None
+    return svg(recordings_together({found.path.name: found.recording}))
 
 
 def _check_picture(target: Path) -> None:

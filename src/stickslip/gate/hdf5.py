@@ -34,8 +34,8 @@ _KINDS = {h5t.INTEGER: "iu", h5t.FLOAT: "f"}
 class Hdf5Array:
     """An array of an HDF5 file, checked but not read.
 
-    `kind` is that of NumPy for real numbers ("i", "u", "f", "b"), "r" for references to objects, and "" for
-    everything else, which is not read.
+    `kind` is that of NumPy for numbers ("i", "u", "f", "b", "c" for complex ones), "r" for references to
+    objects, and "" for everything else, which is not read.
     """
 
     def __init__(self, tree: Hdf5Tree, name: str, identifier: Any) -> None:
@@ -77,12 +77,13 @@ class Hdf5Array:
         """Return the numbers of the array.
 
         Raises:
-            GateError: the array is not of real numbers, or a part of it unpacks to more than it declares.
+            GateError: the array is not of numbers, or a part of it unpacks to more than it declares.
         """
-        if self.kind not in tuple("iufb"):
-            raise GateError(f"{self._tree.path}: {self.name!r} holds no real numbers")
+        if self.kind not in tuple("iufbc"):
+            raise GateError(f"{self._tree.path}: {self.name!r} holds no numbers")
         with _damage(self._tree.path):
-            return self._read()
+            found = self._read()
+            return found.view(f"c{found.itemsize}") if found.dtype.names else found
 
     def targets(self) -> list[Hdf5Array | Hdf5Group]:
         """Return the objects that an array of references names, in the order of MATLAB (column by column).
@@ -283,12 +284,25 @@ def _kind(stored: Any) -> str:
         return "r" if stored.equal(h5t.STD_REF_OBJ) else ""
     if known == h5t.ENUM:
         return "b" if stored.get_nmembers() == 2 and stored.dtype == np.bool_ else ""
+    if known == h5t.COMPOUND and _is_complex(stored):
+        return "c"
     if known not in _KINDS:
         return ""
     try:
         return stored.dtype.kind
     except (TypeError, ValueError):
         return ""  # a number that NumPy does not have
+
+
+def _is_complex(stored: Any) -> bool:
+    """Whether a record is a complex number: two reals of one kind, and nothing between them."""
+    if stored.get_nmembers() != 2:
+        return False
+    parts = [stored.get_member_type(k) for k in range(2)]
+    names = b"".join(stored.get_member_name(k) for k in range(2))
+    whole = sum(part.get_size() for part in parts) == stored.get_size()
+    reals = all(part.get_class() == h5t.FLOAT and part.get_size() in (4, 8) for part in parts)
+    return names in (b"realimag", b"ri") and reals and whole and parts[0].equal(parts[1])
 
 
 def is_hdf5(path: Path) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ class Leaf(NamedTuple):
 
     shape: tuple[int, ...]
     load: Callable[[], np.ndarray]
+    of_complex: bool = False  # whether the numbers are complex
     unit: str = ""  # as the file says it
     epoch: float = 0.0  # of dates: what their numbers count from, s since 1970
 
@@ -62,6 +64,23 @@ def array_parts(leaves: Mapping[str, Leaf]) -> list[Part]:
         alone = max(others, default=1) == 1
         found += [Part(name, axis, index, alone) for index in np.ndindex(*others)]
     return found
+
+
+def real_leaves(leaves: Mapping[str, Leaf]) -> dict[str, Leaf]:
+    """Return the arrays with complex ones as two: "real(G)" and "imag(G)"."""
+    found: dict[str, Leaf] = {}
+    for name, leaf in leaves.items():
+        if not leaf.of_complex:
+            found[name] = leaf
+            continue
+        for part in ("real", "imag"):
+            load = partial(_part, leaf.load, part)
+            found[f"{part}({name})"] = leaf._replace(load=load, of_complex=False)
+    return found
+
+
+def _part(load: Callable[[], np.ndarray], part: str) -> np.ndarray:
+    return getattr(load(), part)
 
 
 def subscripted(part: Part) -> str:

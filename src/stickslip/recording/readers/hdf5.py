@@ -15,7 +15,7 @@ import numpy as np
 from ...gate.hdf5 import SIGNATURE, Hdf5Array, Hdf5Group, Hdf5Tree, hdf5_tree, read_hdf5_array
 from ...gate.limits import check_size
 from .. import RecordingError
-from .arrays import Leaf, array_parts, array_source, subscripted, total_bytes
+from .arrays import Leaf, array_parts, array_source, real_leaves, subscripted, total_bytes
 from .source import FileChannel, FileContent, add_format, is_clock
 
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS")
@@ -50,13 +50,21 @@ def read_hdf5(path: Path) -> FileContent:
             f"the HDF5 file holds no arrays of real numbers{records}: in Python, read it by h5py, and save "
             "the columns by numpy.savez"
         )
-    leaves = {name: Leaf(one.array.shape, _loader(path, one)) for name, one in found.items()}
+    leaves = real_leaves(
+        {
+            name: Leaf(one.array.shape, _loader(path, one), one.array.kind == "c", one.unit)
+            for name, one in found.items()
+        }
+    )
     check_size(path, total_bytes(leaves.values()))
     parts = array_parts(leaves)
     labels = [subscripted(part) for part in parts]
     clocks = _clocks(found, [part.array for part in parts])
     channels = [
-        (part, FileChannel(label, found[part.array].unit, (part.array, *part.others), clocks[part.array]))
+        (
+            part,
+            FileChannel(label, leaves[part.array].unit, (part.array, *part.others), clocks.get(part.array)),
+        )
         for part, label in zip(parts, labels, strict=True)
     ]
     return array_source("hdf5", leaves, channels)

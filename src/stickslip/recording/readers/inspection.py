@@ -15,8 +15,11 @@ from .. import RecordingError
 from ..shown_drive import drive_begins
 from ..taken_drive import taken_drive
 from .formats import find_format
+from .frequency_table import read_frequency_response, response_columns
 from .preview import LOOKED_AT, look
 from .reading import read_recording, said
+from .source import FileChannel
+from .uff import ENDINGS as UNIVERSAL
 
 # A pause is a step of the clock longer than this many usual ones.
 PAUSE = 1.5
@@ -29,7 +32,8 @@ class Inspection(NamedTuple):
 
     `columns`: see `preview.look` (none of a recording of ours), ranges of the first samples only where it is
     `cut`; `named` and `units`, as `read_recording`
-    takes them, guessed where the file does not say; `recording`, read so, or None with the `problem`.
+    takes them, guessed where the file does not say; `recording`, read so, or None with the `problem`;
+    `response`, where the file holds a frequency response instead.
     """
 
     path: Path
@@ -40,6 +44,7 @@ class Inspection(NamedTuple):
     units: dict[str, str]
     recording: xr.Dataset | None
     problem: str
+    response: xr.Dataset | None = None
 
     @property
     def interval(self) -> float:
@@ -87,9 +92,17 @@ class Inspection(NamedTuple):
         lines = [f"{self.path.name}: {self.reader}{part}"]
         if self.columns:
             lines += _table([["column", "unit", "from", "to", "taken as"], *map(self._row, self.columns)])
+        if self.response is not None:
+            return "\n".join([*lines, *_said_of(self.response), "", "To read it in Python:", self._call])
         if self.recording is None:
             return "\n".join([*lines, f"cannot be read so: {self.problem}"])
         return "\n".join([*lines, *self._said(), "", "To paste under recordings:", self.yaml])
+
+    @property
+    def _call(self) -> str:
+        name = json.dumps(self.path.name, ensure_ascii=False)
+        read = f"stickslip.recording.read_frequency_response({name})"
+        return f"fit = stickslip.identify_frequency({read}, modes=1)"
 
     def _row(self, column: dict[str, Any]) -> list[str]:
         name = next((ours for ours, theirs in self.named.items() if theirs == column["name"]), "")
@@ -138,11 +151,19 @@ def inspect_file(path: str | Path) -> Inspection:
     """
     path = Path(path)
     try:
-        found = None if find_format(path) == "nc" else look(path)
+        kind = find_format(path)
+        found = None if kind == "nc" else look(path)
     except (ValueError, OSError) as error:
+        if path.suffix.lower() in UNIVERSAL and (response := _response(path)[0]) is not None:
+            return Inspection(path, "uff", False, [], {}, {}, None, "", response)
         raise RecordingError(said(path, error)) from error
     if found is None:
         return Inspection(path, "recording", False, [], {}, {}, read_recording(path), "")
+    cut, columns = found["samples"] >= LOOKED_AT, found["columns"]
+    roles = _roles(columns)
+    if roles:
+        response, problem = _response(path)
+        return Inspection(path, found["reader"], cut, columns, roles, {}, None, problem, response)
     taken = [one for one in found["columns"] if one["guess"]]
     named = {one["guess"]: one["name"] for one in taken}
     units = {one["guess"]: one["guessed_unit"] for one in taken if one["guessed_unit"]}
@@ -150,8 +171,38 @@ def inspect_file(path: str | Path) -> Inspection:
         recording, problem = read_recording(path, named, units), ""
     except RecordingError as error:
         recording, problem = None, str(error).removeprefix(f"{path}: ")
-    cut = found["samples"] >= LOOKED_AT
-    return Inspection(path, found["reader"], cut, found["columns"], named, units, recording, problem)
+    return Inspection(path, found["reader"], cut, columns, named, units, recording, problem)
+
+
+def _roles(columns: list[dict[str, Any]]) -> dict[str, str]:
+    """What the columns of a frequency response are, by name; none where the file has a clock, or is none."""
+    channels = [FileChannel(one["name"], one["unit"], numeric=one["numeric"]) for one in columns]
+    found = None if any(one["clock"] for one in columns) else response_columns(channels)
+    if found is None:
+        return {}
+    roles = {"frequency": channels[found.frequency].name}
+    for k, pair in enumerate(found.pairs):
+        for role, i in zip(("gain", "phase") if found.polar else ("real", "imag"), pair, strict=True):
+            roles[f"{role} {k + 1}" if k else role] = channels[i].name
+    return roles
+
+
+def _response(path: Path) -> tuple[xr.Dataset | None, str]:
+    """The frequency response of a file, or None with the problem."""
+    try:
+        return read_frequency_response(path), ""
+    except RecordingError as error:
+        return None, str(error).removeprefix(f"{path}: ")
+
+
+def _said_of(response: xr.Dataset) -> list[str]:
+    frequency, unit = response["frequency"].values, response["response"].attrs["units"]
+    size = np.abs(response["response"].values)
+    outputs = f", {response.sizes['output']} outputs" if response.sizes["output"] > 1 else ""
+    low, high = (with_prefix(float(one), "" if unit == "1" else unit) for one in (size.min(), size.max()))
+    first, last = (with_prefix(float(frequency[i]), "Hz") for i in (0, -1))
+    count = f"{frequency.size} frequencies from {first} to {last}"
+    return [f"a frequency response{outputs}: {count}, gain from {low} to {high}"]
 
 
 def _table(rows: list[list[str]]) -> list[str]:

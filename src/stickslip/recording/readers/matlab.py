@@ -9,6 +9,7 @@ objects (tables, strings) are what `matlab_objects` makes of them, and every arr
 from __future__ import annotations
 
 import codecs
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from ...gate.limits import Visits, check_size
 from ...gate.matlab5 import check_matlab5, check_subsystem
 from .. import RecordingError
 from . import dspace
-from .arrays import Leaf, Part, array_parts, array_source, total_bytes
+from .arrays import Leaf, Part, array_parts, array_source, real_leaves, total_bytes
 from .matlab_objects import FUNCTION, Opaque, Table, holds_objects, not_read, read_objects, shown
 from .source import FileChannel, FileContent, add_format
 
@@ -62,6 +63,7 @@ def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[Part, File
     clocks: dict[str, str] = {}
     objects: dict[str, str] = {}
     _collect("", tree, leaves, clocks, objects)
+    leaves = real_leaves(leaves)
     parts = array_parts(leaves)
     if not parts:
         unread = next((f": {not_read(name, of)}" for name, of in objects.items()), "")
@@ -139,7 +141,7 @@ def _v5_node(value: Any) -> Any:
         return [_v5_node(element) for element in value.flat]
     if value.dtype.kind == "U":
         return "".join(value.flat)
-    return Leaf(value.shape, lambda: value) if value.dtype.kind in "iufb" else None
+    return Leaf(value.shape, lambda: value, value.dtype.kind == "c") if value.dtype.kind in "iufbc" else None
 
 
 def _tree_of_hdf5(path: Path) -> dict[str, Any]:
@@ -174,7 +176,8 @@ def _hdf5_node(tree: Hdf5Tree, visits: Visits, item: Hdf5Group | Hdf5Array, dept
         return None
     if of == "char":
         return "".join(map(chr, item.read().T.flat))
-    return Leaf(item.shape[::-1], lambda: _load_hdf5(tree.path, item.name))  # stored column by column
+    load = partial(_load_hdf5, tree.path, item.name)
+    return Leaf(item.shape[::-1], load, item.kind == "c")  # stored column by column
 
 
 def _load_hdf5(path: Path, name: str) -> np.ndarray:

@@ -117,9 +117,9 @@ def _leaf(values: np.ndarray, unit: str) -> Leaf | None:
         known = values[~np.isnat(values)]
         first = known.flat[0].astype("datetime64[s]") if known.size else np.datetime64(0, "s")
         values, unit, epoch = (values - first) / np.timedelta64(1, "s"), "s", float(first.astype(np.int64))
-    elif kind not in "iufb":
+    elif kind not in "iufbc":
         return None
-    return Leaf(values.shape, lambda: values, unit, epoch)
+    return Leaf(values.shape, lambda: values, kind == "c", unit, epoch)
 
 
 def _table(frame: Any) -> Any:

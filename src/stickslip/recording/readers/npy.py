@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from ...gate import archives as gate
 from ...gate.limits import check_size
 from .. import RecordingError
-from .arrays import Leaf, array_parts, array_source, subscripted, total_bytes
+from .arrays import Leaf, array_parts, array_source, real_leaves, subscripted, total_bytes
 from .source import FileChannel, FileContent, add_format
 
 _NAME_LENGTH, _NAME = 26, 30  # of the first file in a ZIP archive, from its start
@@ -24,7 +26,7 @@ def read_npy(path: Path) -> FileContent:
         RecordingError: the file is damaged, holds objects, or a single number.
     """
     array = gate.read_npy(path, mapped=True)
-    return _source(path, "npy", {"": Leaf(array.shape, lambda: array)})
+    return _source(path, "npy", {"": _leaf(array)})
 
 
 def read_npz(path: Path) -> FileContent:
@@ -36,13 +38,16 @@ def read_npz(path: Path) -> FileContent:
     arrays = gate.read_npz(path)
     if not arrays:
         raise RecordingError("a ZIP archive without NumPy arrays")
-    leaves = {
-        name: Leaf(array.shape, lambda array=array: array) for name, array in arrays.items() if array.ndim
-    }
+    leaves = {name: _leaf(array) for name, array in arrays.items() if array.ndim}
     return _source(path, "npz", leaves)
 
 
+def _leaf(array: np.ndarray) -> Leaf:
+    return Leaf(array.shape, lambda: array, np.iscomplexobj(array))
+
+
 def _source(path: Path, reader: str, leaves: dict[str, Leaf]) -> FileContent:
+    leaves = real_leaves(leaves)
     check_size(path, total_bytes(leaves.values()))
     for name, leaf in leaves.items():
         if not leaf.shape or 0 in leaf.shape:

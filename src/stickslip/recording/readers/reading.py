@@ -97,7 +97,7 @@ def read_recording(
     """
     path = Path(path)
     text_options = delimiter is not None or decimal is not None or skip != 0 or len(missing_values) > 0
-    with _named(path):
+    with named_file(path):
         rate, start_time = _rate(sample_rate), optional_si(start_time, "s", "start_time")
         _check_arguments(
             columns=columns,
@@ -117,7 +117,7 @@ def read_recording(
             raise RecordingError("a saved recording is read as it is, without columns, units, clocks or rows")
     if kind == "nc":
         return open_recording(path)
-    with _named(path):
+    with named_file(path):
         text = {"delimiter": delimiter, "decimal": decimal, "skip": skip, "missing_values": missing_values}
         source = source_of(path, kind, **(text if kind == TEXT else {}))
         chosen = select(source.channels, columns or {}, units or {}, clocks or {}, equally_spaced=rate > 0)
@@ -169,7 +169,7 @@ def _is_own_name(variable: Variable) -> bool:
 
 
 @contextmanager
-def _named(path: Path) -> Iterator[None]:
+def named_file(path: Path) -> Iterator[None]:
     """Let every error name the file; those below know only lines, samples and columns."""
     try:
         yield

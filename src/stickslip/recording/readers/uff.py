@@ -15,6 +15,7 @@ from .. import RecordingError
 from .library import Clock, Signal, clocked_source, held, library, read_by_library
 from .source import FileContent, add_format
 
+ENDINGS = (".uff", ".unv", ".uf")
 _WHAT = "universal file (UFF)"
 _BEGINS = re.compile(rb"\s{0,100}-1\s*?\n\s{0,100}\d{2,4}b?\s")
 _TIME = 17  # data type of an axis
@@ -31,7 +32,9 @@ def read_uff(path: Path) -> FileContent:
     of_time = [one for one in functions if one.get("abscissa_spec_data_type") == _TIME]
     if not of_time:
         frequency = (
-            " (frequency responses: stickslip.read_frequency_response reads them)" if functions else ""
+            " (frequency responses: stickslip.recording.read_frequency_response reads them)"
+            if functions
+            else ""
         )
         raise RecordingError(f"the {_WHAT} holds no functions of time{frequency}")
     names = Counter(_name(one) for one in of_time)
@@ -78,4 +81,4 @@ def _label(one: dict[str, Any], key: str) -> str:
     return "" if text == "NONE" else text
 
 
-add_format(read_uff, "uff", (".uff", ".unv", ".uf"), lambda head, ending: bool(_BEGINS.match(head)))
+add_format(read_uff, "uff", ENDINGS, lambda head, ending: bool(_BEGINS.match(head)))
