@@ -427,7 +427,7 @@ def test_a_new_folder_that_another_command_tries_too(tmp_path: Path, monkeypatch
 
 def test_a_picture_goes_into_a_new_folder(tmp_path: Path) -> None:
     rows = [f"{k / 1e3},{k % 7}" for k in range(40)]
-    (tmp_path / "a.csv").write_text("\n".join(["t [s],x [m]", *rows]))
+    (tmp_path / "a.csv").write_text("\n".join(["t [s],x [um]", *rows]))
     done = run("inspect", str(tmp_path / "a.csv"), "--picture", str(tmp_path / "new" / "er" / "a.svg"))
     assert done.exit_code == 0, done.stderr
     assert (tmp_path / "new" / "er" / "a.svg").read_bytes().startswith(b"<svg")

@@ -1,5 +1,4 @@
 from . import campaign as campaign
-from .analysis import run_file as run_file
 from .campaign import run_campaign as run_campaign
 from .known import catalogue as catalogue
 from .running import run_job as run_job
