@@ -24,6 +24,7 @@ EDGE_TIME = 0.5e-3  # s within which the drive changes when a step slips
 STEPS_JUDGED = 5  # steps over which the measured way is compared with the expected one
 STEEP = 0.2  # least share of a step's edge within `EDGE_TIME`
 STEP_DOUBT = 0.5  # share by which steps may be shorter than expected, for end stops that count steps
+REACHED = 0.25  # share of `apart` within which a target counts as reached
 LEAST_WAY = 0.1  # share of the expected way of several steps, below which they led nowhere
 _INNER, _DEEPEST = ("controller", "mover"), 10
 _INF = math.inf
@@ -235,7 +236,7 @@ class Plausible:
             self._base, self._base_u, self._base_goal = x, u, goal
             self._ahead, self._net, self._there = 0.0, 0, False
         off = abs(x - goal)
-        if not self._there and off <= policy.apart:
+        if not self._there and off <= REACHED * policy.apart:
             self._base, self._base_u, self._there = x, u, True
             self._ahead, self._net = 0.0, 0
         if self._there:
