@@ -30,7 +30,7 @@ from stickslip.rig import (
 from stickslip.rig import samples as of_samples
 from stickslip.rig.devices import own_device
 from stickslip.rig.gate import Gate, PositionInput
-from stickslip.rig.hosted import _greeted
+from stickslip.rig.hosted import greeted
 from stickslip.rig.protocols import Capabilities
 from stickslip.rig.samples import recover
 from stickslip.rig.turns import LoopRig
@@ -91,12 +91,12 @@ def test_files_that_keep_the_rigs_process_from_starting_are_named(tmp_path: Path
 )
 def test_where_a_damaged_file_says_that_a_process_is_there_is_none(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "rig.json").write_bytes(content)
-    assert _greeted(tmp_path, "a test") is None
+    assert greeted(tmp_path, "a test") is None
 
 
 def test_a_pipe_holds_nobody_up(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "rig.json")
-    asked = threading.Thread(target=_greeted, args=(tmp_path, "a test"), daemon=True)
+    asked = threading.Thread(target=greeted, args=(tmp_path, "a test"), daemon=True)
     asked.start()
     asked.join(60.0)
     assert not asked.is_alive()

@@ -25,6 +25,7 @@ from ..rig.experiment.running import record_experiment
 from ..rig.gate import PositionInput
 from ..rig.measurement import POSITION
 from ..rig.memory import collect
+from ..rig.stopping import StopState, follow_stop
 from ..rig.supervisor import StopRequested
 from .journal import Journal
 from .live import Live
@@ -94,6 +95,7 @@ class Runner:
             "doing": "",
             "done": 0.0,
             "remaining": None,
+            "stop": None,
         }
 
     @property
@@ -116,7 +118,13 @@ class Runner:
             self._thread = threading.Thread(target=self._run, args=(job,), name="rig", daemon=False)
             number = self.state["number"] + 1
             self._state(
-                number=number, phase="preparing", title=job.title, doing="checking", done=0.0, remaining=None
+                number=number,
+                phase="preparing",
+                title=job.title,
+                doing="checking",
+                done=0.0,
+                remaining=None,
+                stop=None,
             )
             self._thread.start()
 
@@ -129,16 +137,39 @@ class Runner:
             if self._stop is not None:
                 return True
             self._stop = (why, time.perf_counter())
-            self._state(phase="stopping")
+            self._state(phase="stopping", stop=StopState()._asdict())
+            number = self.state["number"]
             threading.Thread(target=self._halt, args=self._stop, daemon=True).start()
+            threading.Thread(target=self._follow, args=(*self._stop, number), daemon=True).start()
         return True
 
     def _halt(self, why: str, asked: float) -> None:
+        """By the connection that is open, which is the quickest way; it may never answer."""
         control = self._control
         if control is not None:
             with suppress(RigError):
                 control.ask("stop", why=why)
                 self._delivered = time.perf_counter() - asked
+
+    def _follow(self, why: str, asked: float, number: int) -> None:
+        """By connections of its own, until there is evidence that the output is at 0 V."""
+        control = self._control
+        if control is None:
+            return  # the run has not reached the rig yet, and looks whether it may go on before it does
+        alarm = ""
+
+        def tell(stop: StopState) -> None:
+            nonlocal alarm
+            with self._telling:
+                if self.state["number"] == number:
+                    self._state(stop=stop._asdict())
+            if stop.alarm and stop.alarm != alarm:
+                self._journal(stop.alarm, "error")
+            elif alarm and not stop.alarm:
+                self._journal(f"the rig answers again: {stop.state}", "warning")
+            alarm = stop.alarm
+
+        follow_stop(control.folder, why, tell, lambda: self.busy and self.state["number"] == number, asked)
 
     def reach(self, folder: Path | None = None) -> Link:
         """A connection to the rig's process, by default that of the virtual rig, which it starts if need be;

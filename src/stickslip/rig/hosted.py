@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import re
+import select
 import socket
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -21,13 +23,16 @@ from ..recording.calibration.storage import to_text
 from ..recording.replacing import read_small
 from .devices import told_of
 from .gate import PositionInput
-from .limits import LimitError, Limits
+from .limits import LONGEST_STOP, LimitError, Limits
 from .plausibility import Plausibility
-from .protocols import Array, Capabilities, ControllerSpec, RigError
+from .protocols import Array, Capabilities, ControllerSpec, RigError, RigWarning
 from .supervisor import ANOTHER, StopRequested
 from .wire import receive, send
 
 STARTS = 30.0  # s that the process may take to be there
+UNANSWERED = "the rig does not answer: switch the amplifier off"
+LATE = 1.0  # s without an answer to a stop, after which people are told
+_LAST = LONGEST_STOP + 10.0  # s after which an answer to a stop is waited for no more
 _WAIT = 0.1  # s that a request for samples waits for some
 _KINDS: dict[str, type[Exception]] = {
     one.__name__: one for one in (LimitError, RigError, StopRequested, QuantityError)
@@ -60,15 +65,24 @@ class Link:
         self._link = _connected(folder, name)
         _LINKS.add(self)
 
-    def ask(self, do: str, values: Array | None = None, **what: Any) -> tuple[dict[str, Any], Array]:
+    def ask(
+        self, do: str, values: Array | None = None, *, within: float | None = None, **what: Any
+    ) -> tuple[dict[str, Any], Array]:
         """The answer to a request, and the numbers with it.
 
+        Args:
+            do, values, what: the request; see `host`.
+            within: s in which the answer must come. After `LATE` without one a `RigWarning` tells people to
+                switch the amplifier off; later answers cannot be told apart, so the connection ends then.
+
         Raises:
-            RigError, QuantityError: what the process says is wrong; RigError where it is gone.
+            RigError, QuantityError: what the process says is wrong; RigError where it is gone, or silent.
         """
         try:
             with self._lock:
                 send(self._link, {"do": do, **what}, values)
+                if within is not None:
+                    self._await(within)
                 answer, block = receive(self._link)
         except (OSError, EOFError) as error:
             raise RigError(f"the rig's process has ended ({error})") from None
@@ -77,6 +91,17 @@ class Link:
             raised.answer = answer  # type: ignore[attr-defined]
             raise raised
         return answer, block
+
+    def _await(self, within: float) -> None:
+        """Wait for the begin of an answer; RigError where none comes."""
+        if select.select([self._link], [], [], min(within, LATE))[0]:
+            return
+        if within > LATE:
+            warnings.warn(UNANSWERED, RigWarning, stacklevel=4)
+            if select.select([self._link], [], [], within - LATE)[0]:
+                return
+        self._link.close()
+        raise RigError(UNANSWERED)
 
     def close(self) -> None:
         """Let go; a run of this connection is stopped."""
@@ -90,7 +115,7 @@ def stop_all(most: float = 3.0) -> None:
     """Have every rig of this program ramped to 0 V, and wait for it, so long at most, s."""
     end = time.monotonic() + most
     for folder in {link.folder for link in list(_LINKS)}:
-        other = _greeted(folder, "a stop")
+        other = greeted(folder, "a stop")
         if other is None:
             continue
         with other, suppress(OSError, EOFError):
@@ -209,7 +234,7 @@ class HostedRig:
         """Ramp to 0 V, at the slew that `guard` was told."""
         del slew
         try:
-            self._ask("close")
+            self._ask("close", within=_LAST)
         except RigError as error:
             if str(error).startswith("close: open the rig first"):
                 return  # it never began
@@ -228,9 +253,11 @@ class HostedRig:
         self._opened, self._told = True, answer.get("told", {})
         return Capabilities(**answer["capabilities"])
 
-    def _ask(self, do: str, values: Array | None = None, **what: Any) -> Array:
+    def _ask(
+        self, do: str, values: Array | None = None, *, within: float | None = None, **what: Any
+    ) -> Array:
         try:
-            answer, block = self._link.ask(do, values, **what)
+            answer, block = self._link.ask(do, values, within=within, **what)
         except (RigError, QuantityError) as error:
             self._take(getattr(error, "answer", {}))
             raise
@@ -254,7 +281,7 @@ def _connected(folder: Path, name: str) -> socket.socket:
     started: int | None = None
     end = time.monotonic() + STARTS
     while True:
-        link = _greeted(folder, name)
+        link = greeted(folder, name)
         if link is not None:
             return link
         left = None if started is None else _left(started)
@@ -304,12 +331,12 @@ def _left(process: int) -> int | None:
     return os.waitstatus_to_exitcode(status) if ended else None
 
 
-def _greeted(folder: Path, name: str) -> socket.socket | None:
-    """A connection to the process that is there; None where none is."""
+def greeted(folder: Path, name: str, within: float = 5.0) -> socket.socket | None:
+    """A connection to the process that is there; None where none is, or where none answers in so long [s]."""
     try:
         known = read_small(folder / "rig.json") or {}
         token, port = str(known["token"]), int(known["port"])
-        link = socket.create_connection(("127.0.0.1", port), timeout=5.0)
+        link = socket.create_connection(("127.0.0.1", port), timeout=within)
     except (OSError, ValueError, LookupError, TypeError, OverflowError):  # damaged: the next process mends it
         return None
     try:

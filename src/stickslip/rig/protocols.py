@@ -23,6 +23,10 @@ class RigError(RuntimeError):
     """A rig does not answer, or not as it should."""
 
 
+class RigWarning(UserWarning):
+    """A rig that people must look at now."""
+
+
 class Capabilities(NamedTuple):
     """What a rig can do: rates in Hz, voltages at the piezo in V.
 
@@ -69,7 +73,8 @@ class DriveOutput(Protocol):
         ...
 
     def stop(self, slew: float) -> None:
-        """Wherever the output is, ramp it to 0 V at `slew` V/s, and end recording."""
+        """Wherever the output is, ramp it to 0 V at `slew` V/s, and end recording. Where the amplifier has a
+        monitor, a method `monitor()` reads it, V: a stop then ends when that is at 0 V."""
         ...
 
 

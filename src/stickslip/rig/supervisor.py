@@ -29,6 +29,8 @@ from .turns import LoopRig
 
 ANOTHER = 3  # exit code of a process that finds the rig owned by another one
 HOMING = 0.02  # s of readings at 0 V that tell where home is
+MONITORED = 1.0  # s after the ramp in which the amplifier's monitor must read 0 V
+AT_ZERO = 0.01  # share of the range of the output within which the monitor reads 0 V
 _LOST = 1.0  # s beyond the watchdog after which a call of the rig counts as hanging
 
 
@@ -69,6 +71,7 @@ class Supervisor:
         self.phase = "idle"
         self.began: float | None = None
         self.ramp_after: float | None = None  # s from the request to stop to the begin of the ramp
+        self.stopped: dict[str, Any] = {}  # of the last stop: what the monitor reads, V, and what failed
         self._news = threading.Condition()
         self._blocks: deque[Array] = deque()
         self._sent: list[Array] = []  # to a program that has not asked for more since
@@ -99,7 +102,7 @@ class Supervisor:
             if order.controller is not None:
                 rig = self._loop = self._looped(order)
             self.phase, self._stop, self._failure, self._unsafe = "preparing", None, None, None
-            self.began = self.ramp_after = None
+            self.began, self.ramp_after, self.stopped = None, None, {}
             self._blocks.clear()
             self._sent, self._stored, self._keep = [], 0, order.keep
             self._limits = order.limits
@@ -240,8 +243,10 @@ class Supervisor:
             self.ramp_after = time.perf_counter() - self._stop[1]
         try:
             gate.stop()
+            self.stopped = {"measured": _monitored(self.rig)}
         except BaseException as error:
             error.__traceback__ = None
+            self.stopped = {"failed": f"the stop failed ({error}): switch the amplifier off"}
             self._unsafe = error
             if failure is not None:
                 failure.add_note(f"The stop failed too: {error}")
@@ -294,6 +299,25 @@ class Supervisor:
                 return
 
 
+def _monitored(rig: Rig | None) -> float | None:
+    """What the amplifier's monitor reads after a ramp, V; None without one. RigError where it is not 0 V."""
+    monitor = getattr(rig, "monitor", None)
+    if rig is None or monitor is None:
+        return None
+    can, end = rig.capabilities, time.monotonic() + MONITORED
+    allowed = AT_ZERO * (can.max_voltage - can.min_voltage) + 2.0 * can.step
+    while abs(volts := float(monitor())) > allowed:
+        if time.monotonic() > end:
+            raise RigError(f"after the ramp the amplifier's monitor reads {with_prefix(volts, 'V')}")
+        time.sleep(0.01)
+    return volts
+
+
 def state_of(supervisor: Supervisor, holder: str) -> dict[str, Any]:
     """What a client may know."""
-    return {"phase": supervisor.phase, "position": supervisor.home.position, "holder": holder}
+    return {
+        "phase": supervisor.phase,
+        "position": supervisor.home.position,
+        "holder": holder,
+        "stopped": supervisor.stopped,
+    }

@@ -266,6 +266,13 @@ class VirtualRig:
             bench.amplifier, dac_output(dac, self._numbers), dac.update_rate, bench.piezo_capacitance
         )
 
+    def monitor(self) -> float:
+        """What the amplifier puts out now that a run has ended, V: the last number, as it is converted."""
+        if not self._numbers.size:
+            return 0.0
+        code = float(dac_output(self.bench.dac, self._numbers[-1:])[0])
+        return self.bench.amplifier.gain * code + self.bench.amplifier.offset
+
     def _forbid_running(self, what: str) -> None:
         if self._running:
             raise RigError(f"{what}: a run is going on; stop it first")

@@ -1,5 +1,6 @@
 // Boot, pages by the location's hash, requests, the stream, notices, emergency stop, theme.
 
+import { formatQuantity } from "./quantity.js";
 import { openStream } from "./stream.js";
 
 const PAGES = { bench: "./bench.js", identify: "./identify.js", explore: "./explore.js", design: "./design.js", move: "./move.js", history: "./history.js", studies: "./studies.js" };
@@ -104,6 +105,30 @@ function emergencyStop() {
   if (!app.stream.connected) request("/bench/stop", {}).catch((error) => notify(error.message, "error"));
 }
 
+let sounding = 0, sound = null;
+/** What people must do now, in red and with a tone each second, until there is evidence that it is over. */
+function alarm(text) {
+  const bar = byId("alarm");
+  if (bar.textContent !== text) bar.textContent = text;
+  bar.hidden = !text;
+  if (!text) {
+    clearInterval(sounding);
+    sounding = 0;
+  } else if (!sounding) {
+    const beep = () => {
+      sound ??= new AudioContext();
+      const tone = sound.createOscillator();
+      tone.frequency.value = 880;
+      tone.connect(sound.destination);
+      tone.start();
+      tone.stop(sound.currentTime + 0.4);
+      bar.dataset.tones = String(Number(bar.dataset.tones ?? 0) + 1);
+    };
+    beep();
+    sounding = setInterval(beep, 1000);
+  }
+}
+
 function theme(choice) {
   const root = document.documentElement;
   if (choice) root.dataset.theme = choice;
@@ -133,10 +158,13 @@ function boot() {
     if (state === "connected" && !shown) open();
     if (missed) notify(`Connected again after ${missed.toFixed(missed < 10 ? 1 : 0)} s; what was missed is shown.`);
   });
-  let phase = "";
-  app.stream.on("run", (run) => {
-    if (run.phase === "stopped" && phase === "stopping") notify("Stopped: the output has been ramped to 0 V.", "warning");
-    phase = run.phase;
+  let stopped = "";
+  app.stream.on("run", ({ stop }) => {
+    const state = stop?.state ?? "";
+    alarm(stop?.alarm ?? "");
+    if (state !== stopped && !stop?.alarm && ["ramped", "measured"].includes(state))
+      notify(`Stopped: the output has been ramped to 0 V${state === "measured" ? `, the amplifier's monitor reads ${formatQuantity(stop.measured, "V", 3)}` : ""}.`, "warning");
+    stopped = state;
   });
   app.stream.on("notice", ({ text, level }) => notify(text, level));
   const control = byId("control");

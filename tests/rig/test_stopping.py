@@ -1,0 +1,125 @@
+"""A stop is over when there is evidence, and people are told where there is none."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stickslip.rig import HostedRig, Link, RigError, VirtualRig
+from stickslip.rig.devices import virtual_device
+from stickslip.rig.home import Home
+from stickslip.rig.hosted import UNANSWERED
+from stickslip.rig.limits import Limits
+from stickslip.rig.protocols import RigWarning
+from stickslip.rig.stopping import StopState, follow_stop
+from stickslip.rig.supervisor import Order, StopRequested, Supervisor
+
+from rig.laboratory import ACTUATOR, BENCH  # isort: skip
+
+
+WALK = np.tile(np.linspace(0.0, 65.0, 400), 250)  # V, 5 s of a sawtooth
+
+
+def number_of(link: Link) -> int:
+    return json.loads((link.folder / "rig.json").read_text())["pid"]
+
+
+@pytest.fixture
+def link(tmp_path: Path) -> Iterator[Link]:
+    made = Link(tmp_path / "rig", "a test")
+    yield made
+    made.close()
+
+
+def walking(link: Link) -> HostedRig:
+    """A walk of 5 s in real time that goes on."""
+    rig = HostedRig(link, virtual_device(ACTUATOR, "kang2007-bench", 3, True))
+    rig.guard(Limits(watchdog=100.0), None, 0)
+    rig.load(WALK)
+    rig.arm(("drive",), 100_000)
+    rig.start()
+    return rig
+
+
+def followed(link: Link, told: list[StopState]) -> threading.Thread:
+    asked = time.perf_counter()
+    arguments = (link.folder, "a test", told.append, lambda: True, asked)
+    thread = threading.Thread(target=follow_stop, args=arguments)
+    thread.start()
+    return thread
+
+
+def test_a_stop_ends_when_the_monitor_reads_no_voltage(link: Link) -> None:
+    walking(link)
+    told: list[StopState] = []
+    followed(link, told).join(60.0)
+    assert told[-1].state == "measured"
+    assert abs(told[-1].measured or 0.0) < 1.0
+    assert not any(one.alarm for one in told)
+
+
+def test_a_rig_that_is_frozen_is_told_of_until_it_answers(link: Link) -> None:
+    rig = walking(link)
+    process = number_of(link)
+    os.kill(process, signal.SIGSTOP)
+    try:
+        told: list[StopState] = []
+        begun = time.monotonic()
+        thread = followed(link, told)
+        while not told:
+            assert time.monotonic() < begun + 60.0
+            time.sleep(0.02)
+        assert told[0] == StopState("asked", 0.0, None, UNANSWERED)
+        with pytest.warns(RigWarning, match=UNANSWERED), pytest.raises(RigError, match=UNANSWERED):
+            link.ask("close", within=1.2)
+    finally:
+        os.kill(process, signal.SIGCONT)
+    thread.join(60.0)
+    assert told[-1].state == "measured"
+    assert told[-1].alarm == ""
+    assert rig.phase
+
+
+def test_a_process_that_is_gone_proves_nothing(link: Link) -> None:
+    walking(link)
+    os.kill(number_of(link), signal.SIGKILL)
+    told: list[StopState] = []
+    needed = [True]
+    asked = time.perf_counter()
+    thread = threading.Thread(
+        target=follow_stop, args=(link.folder, "a test", told.append, lambda: needed[0], asked)
+    )
+    thread.start()
+    while not told:
+        time.sleep(0.02)
+    assert told[0].alarm == UNANSWERED
+    needed[0] = False
+    thread.join(60.0)
+    assert not thread.is_alive()
+
+
+class Stuck(VirtualRig):
+    """A rig whose amplifier keeps its voltage."""
+
+    def monitor(self) -> float:
+        return 42.0
+
+
+def test_a_monitor_that_still_reads_a_voltage_is_an_error() -> None:
+    one = Supervisor(Home(), lambda: None)
+    one.rig = Stuck(ACTUATOR, BENCH)
+    one.run(Order(Limits(), ("drive",), WALK.size, 0, None, WALK))
+    one.stop("a test")
+    one.join()
+    assert "the amplifier's monitor reads 42 V): switch the amplifier off" in one.stopped["failed"]
+    with pytest.raises(StopRequested) as caught:
+        one.fetch(0.0)
+    assert "reads 42 V" in caught.value.__notes__[0]
