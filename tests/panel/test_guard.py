@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
@@ -12,6 +14,7 @@ from websockets.exceptions import InvalidStatus
 
 from stickslip.panel import create_app
 from stickslip.panel.folder import Folder, FolderError
+from stickslip.panel.guard import MOST_WRONG
 
 from .serving import client_of, heard, streaming
 
@@ -89,6 +92,19 @@ def test_off_loopback_nothing_without_the_token(guarded: httpx.Client, path: str
     assert guarded.get(path).status_code == 401
     assert guarded.get(path, headers={"Authorization": "Bearer wrong"}).status_code == 401
     assert guarded.get(path, headers={"Authorization": f"Bearer {TOKEN}"}).status_code == 200
+
+
+def test_wrong_tokens_do_not_keep_the_right_one_from_the_stop(guarded: httpx.Client) -> None:
+    """Behind a tunnel everybody has one address."""
+    wrong, right = {"Authorization": "Bearer wrong"}, {"Authorization": f"Bearer {TOKEN}"}
+    with ThreadPoolExecutor(2 * MOST_WRONG) as pool:
+        asked = [pool.submit(guarded.get, "/", headers=wrong) for _ in range(2 * MOST_WRONG)]
+        while not any(one.done() for one in asked):  # the first that is refused without a wait
+            time.sleep(0.01)
+        assert guarded.post("/bench/stop", headers=right).status_code == 200
+        assert not all(one.done() for one in asked), "the wrong ones still wait"
+        answers = sorted(one.result().status_code for one in asked)
+    assert answers == [401] * MOST_WRONG + [429] * MOST_WRONG
 
 
 def test_the_token_in_the_address_becomes_a_cookie(guarded: httpx.Client) -> None:

@@ -277,7 +277,33 @@ def test_samples_that_do_not_become_a_recording_are_left(tmp_path: Path, monkeyp
     ("count", "text"), [(5, b"[" * 100_000), (5, b'{"capture": "x"}'), (2**62, b"{}"), (5, b"[1]")]
 )
 def test_samples_that_cannot_be_read_are_left_as_they_are(tmp_path: Path, count: int, text: bytes) -> None:
-    path = tmp_path / f".walk.{2**22 + 1}.samples"  # no process has such a number
+    path = tmp_path / ".walk.0123456789abcdef.samples"
     path.write_bytes(of_samples._HEAD.pack(count, len(text)) + text + bytes(800))
     assert recover(tmp_path) == []
     assert path.exists()
+
+
+def test_a_run_is_known_by_its_identity_and_its_lock_not_by_numbers_and_times(tmp_path: Path) -> None:
+    """A number of a process that is in use again, and a clock that was set back, lose nothing."""
+    capture, made = Capture(0.2, 1e-3), []
+    rig, drive = VirtualRig(ACTUATOR, BENCH), Sawtooth(65.0, 20.0)
+
+    def kept(_doing: str, done: float) -> None:
+        """What the disk would hold had the program been killed now; nobody takes it while it goes on."""
+        if done > 0.5 and not made:
+            (samples,) = tmp_path.glob(".a.*.samples")
+            assert recover(tmp_path, 0.0) == []
+            made.append((samples.name, samples.read_bytes()))
+
+    finished = measure(rig, drive, IDEAL, capture, Limits(), save=tmp_path / "a.nc", progress=kept)
+    name, content = made[0]
+    assert name == f".a.{finished.attrs['run_id']}.samples"
+    own, other = tmp_path / name, tmp_path / ".a.0123456789abcdef.samples"
+    for one in (own, other):
+        one.write_bytes(content)
+        os.utime(one, (1.0, 1.0))  # long before the recording
+    (recovered,) = recover(tmp_path)
+    assert open_recording(recovered).attrs["run_id"] == "0123456789abcdef", "that of no recording"
+    assert not own.exists(), "its recording is there"
+    assert not other.exists()
+    assert recover(tmp_path) == []

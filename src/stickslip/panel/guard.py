@@ -22,7 +22,7 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "[::1]"})
 LARGEST_BODY = 32 * 2**20  # bytes of a request; an uploaded recording is the largest
 PENALTY = 1.0  # s that the answer to a wrong token takes
-MOST_WRONG = 5  # of them at a time from one address; more are not even looked at
+MOST_WRONG = 5  # of them at a time from one address; more are refused at once
 _COOKIE = "stickslip_panel"
 # The page's own files only: no inline script or style, no eval, no other host.
 _HEADERS = {
@@ -130,9 +130,10 @@ class Guard:
         origin = headers.get("origin")
         if origin is not None and origin.lower() not in (f"http://{host}", f"https://{host}"):
             return 403, "a page of another origin may not use this panel"
-        if self._wrong.get((scope.get("client") or ("",))[0], 0) >= MOST_WRONG and self._token is not None:
-            return 429, "too many wrong tokens: wait a moment"  # before the token is looked at
         if self._token is not None and not self._shown(scope, headers):
+            # The right token never waits, however many wrong ones come from its address, as by a tunnel.
+            if self._wrong.get((scope.get("client") or ("",))[0], 0) >= MOST_WRONG:
+                return 429, "too many wrong tokens: wait a moment"
             return 401, "the panel needs its token: open the address that the command printed"
         length = headers.get("content-length", "0")
         if not length.isdecimal() or int(length) > self._largest:

@@ -143,6 +143,7 @@ class Host:
             return
         if gone:
             self.supervisor.complete()
+        self.supervisor.leave_samples()
         with self._lock:
             self._holder = None
 

@@ -20,7 +20,7 @@ def locked(path: Path, most: float = 0.0) -> Iterator[bool]:
     while True:
         file = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
         try:
-            mine = _taken(file)
+            mine = taken(file)
             if mine or time.monotonic() >= end:
                 yield mine
                 return
@@ -29,7 +29,9 @@ def locked(path: Path, most: float = 0.0) -> Iterator[bool]:
         time.sleep(POLL)
 
 
-def _taken(file: int) -> bool:
+def taken(file: int, shared: bool = False) -> bool:
+    """Whether the lock of an open file could be had, for as long as the file is open: alone, or `shared` with
+    others that share it."""
     try:
         if sys.platform == "win32":
             import msvcrt
@@ -38,7 +40,7 @@ def _taken(file: int) -> bool:
         else:
             import fcntl
 
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except OSError:
         return False
     return True

@@ -3,6 +3,11 @@
 The file lies beside the recording to be and is as long as it can become before the first volt is put out,
 with room for the recording itself: a disk that is full refuses the run instead of losing it.
 
+A run has an identity of its own, drawn at random: it is in the name of the file, and in the recording that
+is made of it, as the attribute `run_id`. Programs that write the file share its lock until they end, however
+they end. So nobody takes the samples of a run that goes on for those of a killed one, and samples are removed
+only where a recording with their identity is there.
+
     bytes 0-7     number of samples that are there, unsigned, lowest byte first
     bytes 8-15    length of the description
     then          the description, JSON (see `recorded.Making`)
@@ -13,7 +18,9 @@ from __future__ import annotations
 
 import os
 import re
+import secrets
 import struct
+import time
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -23,8 +30,8 @@ import numpy as np
 import xarray as xr
 
 from ..gate.files import opened
-from ..recording import save_recording
-from ..recording.replacing import is_running
+from ..recording import open_recording, save_recording
+from .lock import POLL, taken
 from .protocols import Array
 from .recorded import Making
 
@@ -47,7 +54,9 @@ class Samples:
     """
 
     def __init__(self, target: Path, making: Making, samples: int) -> None:
-        self.path = target.with_name(f".{target.stem}.{os.getpid()}{_SUFFIX}")
+        self.run_id = secrets.token_hex(8)
+        self.path = target.with_name(f".{target.stem}.{self.run_id}{_SUFFIX}")
+        self._left = False  # whether the file is to stay
         self._width = len(making.inputs)
         text = making.to_text().encode()
         self._begin = _HEAD.size + len(text)
@@ -55,8 +64,9 @@ class Samples:
         recorded = 8 * making.capture.samples * (len(making.channels) + 1) + _OVERHEAD
         self._count = 0
         try:
-            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o644)
+            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
             try:
+                taken(self._file, shared=True)
                 _reserve(self._file, self._raw + recorded)
                 os.pwrite(self._file, _HEAD.pack(0, len(text)) + text, 0)
             except OSError:
@@ -96,21 +106,18 @@ class Samples:
         Raises:
             RecordingError, OSError: as `save_recording`.
         """
-        try:
-            os.ftruncate(self._file, self._begin + 8 * self._count * self._width)
-            return save_recording(recording, unfinished_path(target) if unfinished else target)
-        except BaseException:
-            nobody = "0"
-            while (left := self.path.with_name(f".{target.stem}.{nobody}{_SUFFIX}")).exists():
-                nobody += "0"
-            with suppress(OSError):
-                self.path.rename(left)
-            raise
+        recording.attrs["run_id"] = self.run_id
+        self._left = True
+        os.ftruncate(self._file, self._begin + 8 * self._count * self._width)
+        saved = save_recording(recording, unfinished_path(target) if unfinished else target)
+        self._left = False
+        return saved
 
     def close(self) -> None:
         """Remove the file, unless it did not become a recording."""
+        if not self._left:
+            self.path.unlink(missing_ok=True)
         os.close(self._file)
-        self.path.unlink(missing_ok=True)
 
 
 def _reserve(file: int, size: int) -> None:
@@ -118,6 +125,15 @@ def _reserve(file: int, size: int) -> None:
         os.posix_fallocate(file, 0, size)
     else:
         os.truncate(file, size)
+
+
+def shared(path: Path) -> BinaryIO | None:
+    """The file of a run, opened: while it is, nobody takes its samples for those of a killed run."""
+    with suppress(OSError):
+        file = path.open("rb")
+        taken(file.fileno(), shared=True)
+        return file
+    return None
 
 
 def complete(path: Path, before: int, values: Array) -> None:
@@ -137,27 +153,41 @@ def complete(path: Path, before: int, values: Array) -> None:
         file.write(struct.pack("<Q", count + new.shape[1]))
 
 
-def recover(folder: Path) -> list[Path]:
+def recover(folder: Path, most: float = 2.0) -> list[Path]:
     """Make recordings of the samples that killed programs left in a folder; their paths.
 
-    What cannot be read is left as it is.
+    What cannot be read is left as it is, and so is what a program still writes: for so long [s] at most this
+    waits until it has ended, for the rig's process ramps to 0 V after the program that it recorded for.
     """
+    end = time.monotonic() + most
     made = []
     for path in sorted(folder.glob(f".*{_SUFFIX}")):
-        name, process = path.name[1:].removesuffix(_SUFFIX).rpartition(".")[::2]
-        if not name or not process.isdecimal() or is_running(int(process)) or not path.is_file():
+        name, run_id = path.name[1:].removesuffix(_SUFFIX).rpartition(".")[::2]
+        if not name or path.is_symlink() or not path.is_file():
             continue
-        with suppress(Exception):  # whatever the file holds, others are looked at, and the program starts
+        with suppress(Exception), path.open("rb") as file:  # whatever it holds, others are looked at
+            while not (alone := taken(file.fileno())) and time.monotonic() < end:
+                time.sleep(POLL)
+            if not alone or not path.exists():
+                continue  # its program goes on, or another one has just done this
             target = folder / f"{name}.nc"
-            last = path.stat().st_mtime
-            own = re.compile(re.escape(name) + r"(-\d+)?\.nc")
-            others = [target, *(one for one in folder.glob("unfinished/*.nc") if own.fullmatch(one.name))]
-            saved = any(one.is_file() and one.stat().st_mtime >= last for one in others if one not in made)
-            recording = None if saved else _read(path)
+            recording = None if _is_saved(target, run_id) else _read(path)
             if recording is not None:
+                recording.attrs["run_id"] = run_id
                 made.append(save_recording(recording, unfinished_path(target)))
             path.unlink()
     return made
+
+
+def _is_saved(target: Path, run_id: str) -> bool:
+    """Whether a recording of that run is there, finished or not."""
+    own = re.compile(re.escape(target.stem) + r"(-\d+)?\.nc")
+    others = [one for one in target.parent.glob("unfinished/*.nc") if own.fullmatch(one.name)]
+    for one in (target, *others):
+        with suppress(Exception), open_recording(one) as recording:
+            if recording.attrs.get("run_id") == run_id:
+                return True
+    return False
 
 
 def unfinished_path(target: Path) -> Path:

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, BinaryIO, NamedTuple, cast
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from .limits import LimitError, Limits
 from .memory import collect
 from .plausibility import Plausibility
 from .protocols import Array, Rig, RigError, StreamingRig, controller_of
-from .samples import complete
+from .samples import complete, shared
 from .turns import LoopRig
 
 ANOTHER = 3  # exit code of a process that finds the rig owned by another one
@@ -77,6 +77,7 @@ class Supervisor:
         self._sent: list[Array] = []  # to a program that has not asked for more since
         self._stored = 0  # samples before those
         self._keep: Path | None = None
+        self._kept: BinaryIO | None = None  # that file, as long as it may have to be completed
         self._failure: BaseException | None = None
         self._unsafe: BaseException | None = None  # of the stop, until the client was told
         self._stop: tuple[str, float] | None = None
@@ -105,6 +106,8 @@ class Supervisor:
             self.began, self.ramp_after, self.stopped = None, None, {}
             self._blocks.clear()
             self._sent, self._stored, self._keep = [], 0, order.keep
+            self.leave_samples()
+            self._kept = None if order.keep is None else shared(order.keep)
             self._limits = order.limits
             self._asked = self._alive = time.monotonic()
         self._thread = threading.Thread(target=self._run, args=(rig, order), name="run")
@@ -188,6 +191,12 @@ class Supervisor:
         if blocks and keep is not None:
             with suppress(OSError, ValueError, struct.error):
                 complete(keep, self._stored, np.concatenate(blocks, axis=1))
+
+    def leave_samples(self) -> None:
+        """The file of samples needs nothing more from here."""
+        kept, self._kept = self._kept, None
+        if kept is not None:
+            kept.close()
 
     def home_here(self, position: PositionInput, limits: Limits) -> None:
         """Call where the end-effector is now home: read the position while the output is at 0 V."""
