@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 import xarray as xr
 
 from stickslip import inspect_file, read_recording
+from stickslip.gate.hdf5 import read_hdf5_array
 from stickslip.recording import RecordingError, make_recording, save_recording
+from stickslip.recording.readers import inspection
 
 TIME = np.arange(200) * 1e-3
 VOLTS = np.linspace(0.0, 60.0, 200)
@@ -65,3 +68,32 @@ def test_recordings_of_ours_stay_ours(tmp_path: Path) -> None:
     saved = make_recording([0.0, 1.0, 2.0], {"x": [1.0, 2.0, 3.0]})
     save_recording(saved, tmp_path / "a.nc").rename(tmp_path / "a.h5")
     assert read_recording(tmp_path / "a.h5").identical(saved)
+
+
+@pytest.mark.parametrize("packed", [{}, {"compression": "gzip", "chunks": (64, 1)}])
+def test_a_part_is_read_without_the_rest(tmp_path: Path, packed: dict[str, Any]) -> None:
+    table = np.stack([VOLTS, VOLTS**2], axis=1)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("table", data=table, **packed)
+        file["time"] = TIME
+        file["time"].attrs["units"] = "s"
+    columns = {"a": "table[:, 0]", "b": "table[:, 1]"}
+    part = read_recording(tmp_path / "a.h5", columns, {"a": "V", "b": "V"}, rows=(30, 60))
+    np.testing.assert_array_equal(part["b"], VOLTS[30:60] ** 2)
+    np.testing.assert_array_equal(part["time"], TIME[30:60])
+    from_end = read_hdf5_array(tmp_path / "a.h5", "/table", 0, slice(190, 500))
+    np.testing.assert_array_equal(from_end, table[190:])
+    assert read_hdf5_array(tmp_path / "a.h5", "/table", 1, slice(1, 2)).shape == (200, 1)
+
+
+def test_of_a_large_file_the_first_samples_are_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(inspection, "LARGE", 100_000)
+    monkeypatch.setattr(inspection, "MOST", 25_000)
+    count = 60_000
+    np.savez(tmp_path / "a.npz", time=np.arange(count) * 1e-4, drive=np.sin(np.arange(count) / 50.0))
+    found = inspect_file(tmp_path / "a.npz")
+    assert found.recording is not None
+    assert found.recording.sizes["time"] == 25_000
+    assert "what follows is of its first 25000 samples" in str(found)

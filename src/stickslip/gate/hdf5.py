@@ -26,6 +26,7 @@ from .limits import LIMITS, Visits, check_count, check_regular, check_size
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
+_WHOLE = slice(None)
 _INSIDE = ": a file is read only if all its data are inside it. Save a copy with the data in it"
 _LAYOUTS = {h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED}
 _KINDS = {h5t.INTEGER: "iu", h5t.FLOAT: "f"}
@@ -73,8 +74,8 @@ class Hdf5Array:
         with _damage(self._tree.path):
             return self._tree.attribute(self.identifier, name.encode()) if self.has(name) else None
 
-    def read(self) -> np.ndarray:
-        """Return the numbers of the array.
+    def read(self, axis: int = 0, part: slice = _WHOLE) -> np.ndarray:
+        """Return the numbers of the array, or of a part of it along one axis.
 
         Raises:
             GateError: the array is not of numbers, or a part of it unpacks to more than it declares.
@@ -82,7 +83,7 @@ class Hdf5Array:
         if self.kind not in tuple("iufbc"):
             raise GateError(f"{self._tree.path}: {self.name!r} holds no numbers")
         with _damage(self._tree.path):
-            found = self._read()
+            found = self._read(axis, part)
             return found.view(f"c{found.itemsize}") if found.dtype.names else found
 
     def targets(self) -> list[Hdf5Array | Hdf5Group]:
@@ -95,12 +96,20 @@ class Hdf5Array:
         with _damage(self._tree.path):
             return [self._tree.target(one, self.name) for one in self._read().T.flat]
 
-    def _read(self) -> np.ndarray:
+    def _read(self, axis: int = 0, part: slice = _WHOLE) -> np.ndarray:
+        shape, first = list(self.shape), [0] * len(self.shape)
+        if shape:
+            start, stop, _ = part.indices(shape[axis])
+            shape[axis], first[axis] = max(stop - start, 0), start
         if self._packed:
-            check_chunks(self._tree.path, self.name, self.identifier, self._packed)
-        found = np.empty(self.shape, self.identifier.dtype)
+            beyond = first[axis] + shape[axis]
+            check_chunks(self._tree.path, self.name, self.identifier, self._packed, axis, beyond)
+        found = np.empty(tuple(shape), self.identifier.dtype)
         if found.size:
-            self.identifier.read(h5s.ALL, h5s.ALL, found)
+            space = self.identifier.get_space()
+            if shape:
+                space.select_hyperslab(tuple(first), tuple(shape))
+            self.identifier.read(h5s.create_simple(tuple(shape)) if shape else h5s.ALL, space, found)
         return found
 
 
@@ -334,8 +343,8 @@ def hdf5_tree(path: Path) -> Iterator[Hdf5Tree]:
         yield tree
 
 
-def read_hdf5_array(path: Path, name: str) -> np.ndarray:
-    """Return the numbers of one array of a file that was looked through before.
+def read_hdf5_array(path: Path, name: str, axis: int = 0, part: slice = _WHOLE) -> np.ndarray:
+    """Return the numbers of one array of a file that was looked through before, or of a part along one axis.
 
     Raises:
         GateError: the array is not there any longer, or is not what `Hdf5Array` allows.
@@ -343,7 +352,7 @@ def read_hdf5_array(path: Path, name: str) -> np.ndarray:
     with _opened(path) as tree:
         with _damage(path):
             found = tree.array(name)
-        return found.read()
+        return found.read(axis, part)
 
 
 @contextmanager

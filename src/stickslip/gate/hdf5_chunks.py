@@ -47,14 +47,14 @@ def refuse_packed_names(path: Path, name: str, group: Any) -> None:
         raise GateError(f"{path}: the table of names of {name!r} is packed; save it unpacked")
 
 
-def check_chunks(path: Path, name: str, array: Any, chunk_bytes: int) -> None:
-    """Raise GateError if a part of an array packed by gzip unpacks to more than `chunk_bytes`, or if parts
-    share bytes of the file."""
+def check_chunks(path: Path, name: str, array: Any, chunk_bytes: int, axis: int, beyond: int) -> None:
+    """Raise GateError if a part of an array packed by gzip, that begins before the index `beyond` of an axis,
+    unpacks to more than `chunk_bytes`, or if parts share bytes of the file."""
     stored: list[Any] = []
     array.chunk_iter(stored.append)
     if sum(one.size for one in stored) > path.stat().st_size:
         raise GateError(f"{path}: parts of {name!r} share bytes of the file (damaged?)")
-    for one in stored:
+    for one in (one for one in stored if one.chunk_offset[axis] < beyond):
         mask, packed = array.read_direct_chunk(one.chunk_offset)
         if mask:
             continue  # the library leaves out a filter for this part: it is as it is in the file

@@ -7,8 +7,11 @@ table, keeps it busy for ever.
 from __future__ import annotations
 
 import mmap
+import os
 import struct
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from .errors import GateError
 from .files import opened
@@ -16,6 +19,9 @@ from .limits import LIMITS, check_count
 
 _SIGN = b"GCOL\1\0\0\0"  # with version and reserved bytes
 _HEAD = 16  # bytes: the sign, and the length of the table
+_BLOCK = 1 << 22  # bytes that are searched at once
+_REMEMBERED = 16  # files that were checked and have not changed since
+_CHECKED: list[tuple[int, ...]] = []
 _TEXT = struct.Struct("<HH4xQ")  # number (0: what is free), references, length
 
 
@@ -31,12 +37,30 @@ def check_heaps(path: Path, sizes: tuple[int, int]) -> None:
     """
     if sizes != (8, 8):
         raise GateError(f"{path}: an HDF5 file with addresses of {sizes[0]} bytes; 8 are read: save it again")
-    with opened(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        at, count = content.find(_SIGN), 0
+    with opened(path) as file:
+        status = os.fstat(file.fileno())
+        key = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
+        if key in _CHECKED:
+            return
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            count = 0
+            for at in _tables(file):
+                count += _texts(path, content, at, LIMITS.chunks - count)
+                check_count(path, count, LIMITS.chunks, "texts")
+    _CHECKED[:] = [*_CHECKED[1 - _REMEMBERED :], key]
+
+
+def _tables(file: BinaryIO) -> Iterator[int]:
+    """Places of the sign of a table, from block to block: `mmap.find` takes 2.5 s for a file of 1 GB."""
+    begin, rest = 0, b""
+    while block := file.read(_BLOCK):
+        block = rest + block
+        at = block.find(_SIGN)
         while at >= 0:
-            count += _texts(path, content, at, LIMITS.chunks - count)
-            check_count(path, count, LIMITS.chunks, "texts")
-            at = content.find(_SIGN, at + 1)
+            yield begin + at
+            at = block.find(_SIGN, at + 1)
+        rest = block[1 - len(_SIGN) :]
+        begin += len(block) - len(rest)
 
 
 def _texts(path: Path, content: mmap.mmap, at: int, most: int) -> int:

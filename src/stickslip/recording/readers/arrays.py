@@ -23,6 +23,7 @@ class Leaf(NamedTuple):
     of_complex: bool = False  # whether the numbers are complex
     unit: str = ""  # as the file says it
     epoch: float = 0.0  # of dates: what their numbers count from, s since 1970
+    load_part: Callable[[int, slice], np.ndarray] | None = None  # a part along an axis, where it is quicker
 
 
 def total_bytes(leaves: Iterable[Leaf]) -> int:
@@ -75,7 +76,7 @@ def real_leaves(leaves: Mapping[str, Leaf]) -> dict[str, Leaf]:
             continue
         for part in ("real", "imag"):
             load = partial(_part, leaf.load, part)
-            found[f"{part}({name})"] = leaf._replace(load=load, of_complex=False)
+            found[f"{part}({name})"] = leaf._replace(load=load, of_complex=False, load_part=None)
     return found
 
 
@@ -99,9 +100,11 @@ def array_source(
         result = []
         for i in indices:
             part, channel = channels[i]
+            leaf, kept = leaves[part.array], slice(*rows)
             if part.array not in loaded:
-                loaded[part.array] = _load(part.array, leaves[part.array])
-            samples = loaded[part.array][(*part.others[: part.axis], slice(*rows), *part.others[part.axis :])]
+                loaded[part.array] = _load(part.array, leaf, part.axis, kept)
+            window = slice(None) if leaf.load_part else kept
+            samples = loaded[part.array][(*part.others[: part.axis], window, *part.others[part.axis :])]
             if samples.dtype.kind not in "iufb":
                 raise RecordingError(f"{channel.name!r} holds {samples.dtype}, not real numbers")
             result.append(np.array(samples, dtype=np.float64))
@@ -110,9 +113,9 @@ def array_source(
     return FileContent(reader, tuple(channel for _, channel in channels), read)
 
 
-def _load(name: str, leaf: Leaf) -> np.ndarray:
+def _load(name: str, leaf: Leaf, axis: int, part: slice) -> np.ndarray:
     try:
-        return leaf.load()
+        return leaf.load_part(axis, part) if leaf.load_part else leaf.load()
     except GateError:
         raise
     except (OSError, ValueError) as error:

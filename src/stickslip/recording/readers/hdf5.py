@@ -50,12 +50,7 @@ def read_hdf5(path: Path) -> FileContent:
             f"the HDF5 file holds no arrays of real numbers{records}: in Python, read it by h5py, and save "
             "the columns by numpy.savez"
         )
-    leaves = real_leaves(
-        {
-            name: Leaf(one.array.shape, _loader(path, one), one.array.kind == "c", one.unit)
-            for name, one in found.items()
-        }
-    )
+    leaves = real_leaves({name: _leaf(path, one) for name, one in found.items()})
     check_size(path, total_bytes(leaves.values()))
     parts = array_parts(leaves)
     labels = [subscripted(part) for part in parts]
@@ -96,15 +91,15 @@ def _number(value: Any, default: float) -> float:
     return float(value) if real else default
 
 
-def _loader(path: Path, signal: _Signal) -> Any:
-    def load() -> np.ndarray:
-        values = read_hdf5_array(path, signal.array.name)
+def _leaf(path: Path, signal: _Signal) -> Leaf:
+    def load(axis: int = 0, part: slice = slice(None)) -> np.ndarray:
+        values = read_hdf5_array(path, signal.array.name, axis, part)
         if (signal.scale, signal.offset) == (1.0, 0.0) and not signal.missing:
             return values
         absent = np.isin(values, signal.missing)
         return np.where(absent, np.nan, values * signal.scale + signal.offset)
 
-    return load
+    return Leaf(signal.array.shape, load, signal.array.kind == "c", signal.unit, load_part=load)
 
 
 def _clocks(found: dict[str, _Signal], order: list[str]) -> dict[str, int | None]:

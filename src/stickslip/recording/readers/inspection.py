@@ -23,6 +23,7 @@ from .uff import ENDINGS as UNIVERSAL
 
 # A pause is a step of the clock longer than this many usual ones.
 PAUSE = 1.5
+LARGE, MOST = 200_000_000, 500_000  # bytes of a file, of which only so many samples are looked at
 WIDEST = 80  # characters of a name in the table of columns
 ROUNDED = 1e-6  # of an interval: what a time may be off by rounding
 
@@ -33,7 +34,8 @@ class Inspection(NamedTuple):
     `columns`: see `preview.look` (none of a recording of ours), ranges of the first samples only where it is
     `cut`; `named` and `units`, as `read_recording`
     takes them, guessed where the file does not say; `recording`, read so, or None with the `problem`;
-    `response`, where the file holds a frequency response instead.
+    `response`, where the file holds a frequency response instead. Of a `large` file the recording is the
+    first `MOST` samples.
     """
 
     path: Path
@@ -45,6 +47,7 @@ class Inspection(NamedTuple):
     recording: xr.Dataset | None
     problem: str
     response: xr.Dataset | None = None
+    large: bool = False
 
     @property
     def interval(self) -> float:
@@ -89,6 +92,7 @@ class Inspection(NamedTuple):
 
     def __str__(self) -> str:
         part = f" (ranges are of the first {LOOKED_AT} samples)" if self.cut else ""
+        part += f"\nThe file is large: what follows is of its first {MOST} samples" if self.large else ""
         lines = [f"{self.path.name}: {self.reader}{part}"]
         if self.columns:
             lines += _table([["column", "unit", "from", "to", "taken as"], *map(self._row, self.columns)])
@@ -164,14 +168,15 @@ def inspect_file(path: str | Path) -> Inspection:
     if roles:
         response, problem = _response(path)
         return Inspection(path, found["reader"], cut, columns, roles, {}, None, problem, response)
+    large = cut and path.stat().st_size > LARGE
     taken = [one for one in found["columns"] if one["guess"]]
     named = {one["guess"]: one["name"] for one in taken}
     units = {one["guess"]: one["guessed_unit"] for one in taken if one["guessed_unit"]}
     try:
-        recording, problem = read_recording(path, named, units), ""
+        recording, problem = read_recording(path, named, units, rows=(0, MOST if large else None)), ""
     except RecordingError as error:
         recording, problem = None, str(error).removeprefix(f"{path}: ")
-    return Inspection(path, found["reader"], cut, columns, named, units, recording, problem)
+    return Inspection(path, found["reader"], cut, columns, named, units, recording, problem, large=large)
 
 
 def _roles(columns: list[dict[str, Any]]) -> dict[str, str]:

@@ -9,7 +9,6 @@ objects (tables, strings) are what `matlab_objects` makes of them, and every arr
 from __future__ import annotations
 
 import codecs
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -176,12 +175,12 @@ def _hdf5_node(tree: Hdf5Tree, visits: Visits, item: Hdf5Group | Hdf5Array, dept
         return None
     if of == "char":
         return "".join(map(chr, item.read().T.flat))
-    load = partial(_load_hdf5, tree.path, item.name)
-    return Leaf(item.shape[::-1], load, item.kind == "c")  # stored column by column
+    last, name = len(item.shape) - 1, item.name
 
+    def load(axis: int = 0, part: slice = slice(None)) -> np.ndarray:
+        return read_hdf5_array(tree.path, name, last - axis, part).T  # stored column by column
 
-def _load_hdf5(path: Path, name: str) -> np.ndarray:
-    return read_hdf5_array(path, name).T
+    return Leaf(item.shape[::-1], load, item.kind == "c", load_part=load)
 
 
 def _is_matlab(head: bytes, ending: str) -> bool:
