@@ -30,6 +30,7 @@ from .step.fit import identify_step as identify_step
 from .step.fit import step_formula_errors as step_formula_errors
 from .step.formulas import Timing as Timing
 from .step.formulas import step_features as step_features
+from .stribeck import identify_stribeck as identify_stribeck
 from .verification import verify as verify
 from .walk.bayes import posterior as posterior
 from .walk.compare import compare_walks as compare_walks

@@ -3,4 +3,5 @@
 from .frequency_table import read_frequency_response as read_frequency_response
 from .inspection import Inspection as Inspection
 from .inspection import inspect_file as inspect_file
+from .points import read_points as read_points
 from .reading import read_recording as read_recording

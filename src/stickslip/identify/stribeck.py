@@ -1,0 +1,186 @@
+r"""Steady friction from points of velocity and force, as a tribometer or a servo drive measures them.
+
+.. math:: F = \mathrm{sgn}(v)\,\Big[F_C + (F_S - F_C)\, e^{-|v/v_s|^\delta}\Big] + \sigma_2 v + F_0
+
+with the offset F_0 of the force sensor where it is asked for [olsson1998; armstrong1994]. A point is one
+steady velocity and the mean friction force at it, not a sample of a transient.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import nnls
+
+from ..estimate.blas import single_threaded
+from ..estimate.fit import fit_least_squares
+from ..estimate.parameter import Parameter
+from ..estimate.problem import FitError, Residuals
+from ..estimate.result import Fit
+from ..friction import Stribeck
+from .free import with_ties
+
+Array = NDArray[np.float64]
+
+TRIALS = 60  # Stribeck velocities that are tried for the start, over the range of the points
+LEAST_EXCESS = 1e-3  # of the largest force: the smallest start of the excess of stiction
+NEAR_ENDS = 3.0  # a Stribeck velocity within this factor of the slowest or fastest point is hardly known
+UNPREDICTED = "it is of points of steady friction; its model is the law (fit.model) that a simulation takes"
+
+
+@single_threaded
+def identify_stribeck(
+    velocity: ArrayLike,
+    force: ArrayLike,
+    *,
+    deviation: ArrayLike | None = None,
+    exponent: float | None = 2.0,
+    offset: bool = False,
+    tied: Mapping[str, str] | None = None,
+) -> Fit:
+    """Fit the Stribeck curve to points of steady friction.
+
+    Args:
+        velocity: m/s (rad/s), of both signs or of one, shape (n,). Points at rest are left out.
+        force: N (N m), friction at that velocity, shape (n,): of the sign of the velocity.
+        deviation: standard deviation of each force, same unit; by default all are alike, and what is left of
+            the fit says how large it is.
+        exponent: of the Stribeck curve; None fits it as well.
+        offset: fit an offset of the force sensor as well; it needs points of both signs.
+        tied: parameters that follow from others, as for `identify_friction`.
+
+    Returns:
+        A `Fit` with coulomb_force [N], stiction_excess (stiction less Coulomb friction) [N],
+        stribeck_velocity [m/s] and sigma_2 [N s/m]; its `model` is the law, a `Stribeck`.
+
+    Raises:
+        FitError: the points are too few or not finite, the friction drives the motion (its sign is wrong), or
+            a deviation is not above 0.
+        QuantityError: an expression that ties is wrong.
+    """
+    v, f, noise, remarks = _points(velocity, force, deviation)
+    if offset and (np.all(v > 0.0) or np.all(v < 0.0)):
+        raise FitError(
+            "offset = True needs points of both signs: with one sign it is part of Coulomb friction"
+        )
+    start, shift = _start(v, f, noise, exponent or 2.0, offset)
+    largest = float(np.abs(f).max())
+    slowest, fastest = float(np.abs(v).min()), float(np.abs(v).max())
+    ends = (1e-3 * largest, 10.0 * largest)
+    parameters = [
+        Parameter("coulomb_force", ends[0], *ends, "N", limits=(0.0, math.inf)).starting_at(start[0]),
+        Parameter(
+            "stiction_excess", 0.0, 0.0, 10.0 * largest, "N", log=False, limits=(0.0, math.inf)
+        ).starting_at(max(start[1], LEAST_EXCESS * largest)),
+        Parameter(
+            "stribeck_velocity", slowest, slowest / 10.0, 10.0 * fastest, "m/s", limits=(1e-7, math.inf)
+        ).starting_at(start[3]),
+        Parameter(
+            "sigma_2", 0.0, 0.0, 10.0 * largest / slowest, "N s/m", log=False, limits=(0.0, math.inf)
+        ).starting_at(start[2]),
+    ]
+    if exponent is None:
+        parameters.append(Parameter("exponent", 2.0, 0.3, 6.0, limits=(0.05, 10.0)))
+    if offset:
+        parameters.append(Parameter("offset", shift, -10.0 * largest, 10.0 * largest, "N", log=False))
+
+    def residuals(values: dict[str, float]) -> Array:
+        return _curve(v, {"exponent": exponent, "offset": 0.0, **values}) - f
+
+    data = Residuals(residuals, f, noise, "points of velocity and force", "N")
+    fit = fit_least_squares(
+        [data], with_ties(parameters, tied), noise_known=deviation is not None, difference_step=1e-6
+    )
+    values = {"exponent": exponent, **fit.values}
+    law = Stribeck(
+        coulomb_force=values["coulomb_force"],
+        stiction_force=values["coulomb_force"] + max(values["stiction_excess"], 0.0),
+        stribeck_velocity=values["stribeck_velocity"],
+        sigma_2=max(values["sigma_2"], 0.0),
+        exponent=values["exponent"],
+    )
+    doubts = _doubts(law, slowest, fastest)
+    return replace(
+        fit,
+        model=law,
+        unpredicted=UNPREDICTED,
+        doubts=(*fit.doubts, *doubts),
+        remarks=(*fit.remarks, *remarks),
+    )
+
+
+def _points(
+    velocity: ArrayLike, force: ArrayLike, deviation: ArrayLike | None
+) -> tuple[Array, Array, Array | None, tuple[str, ...]]:
+    """The points that move, with their deviations, and a sentence on those that do not."""
+    v, f = np.asarray(velocity, float), np.asarray(force, float)
+    if v.ndim != 1 or v.shape != f.shape:
+        raise FitError(f"velocity {v.shape} and force {f.shape} must be one value each per point")
+    noise = None if deviation is None else np.broadcast_to(np.asarray(deviation, float), v.shape)
+    for name, values in (("velocity", v), ("force", f), ("deviation", noise)):
+        bad = [] if values is None else np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            raise FitError(f"{name} of point {bad[0]} is not finite: leave the point out")
+    if noise is not None and np.any(noise <= 0.0):
+        raise FitError(f"deviation of point {int(np.argmax(noise <= 0.0))} is not above 0")
+    moves = v != 0.0
+    remarks = () if np.all(moves) else (f"{int(np.sum(~moves))} points at rest are left out",)
+    v, f = v[moves], f[moves]
+    if v.size < 6 or np.unique(np.abs(v)).size < 4:
+        raise FitError(
+            f"{v.size} points at {np.unique(np.abs(v)).size} speeds are too few: at least 6 at 4 speeds"
+        )
+    if np.sum(v * f) < 0.0:
+        raise FitError(
+            "the force has the other sign than the velocity: friction opposes motion, so give the force that "
+            "overcomes it (change its sign)"
+        )
+    return v, f, None if noise is None else noise[moves], remarks
+
+
+def _curve(v: Array, values: dict[str, Any]) -> Array:
+    fall = np.exp(-(np.abs(v / values["stribeck_velocity"]) ** values["exponent"]))
+    steady = values["coulomb_force"] + values["stiction_excess"] * fall
+    return np.sign(v) * steady + values["sigma_2"] * v + values["offset"]
+
+
+def _start(
+    v: Array, f: Array, noise: Array | None, exponent: float, offset: bool
+) -> tuple[tuple[float, float, float, float], float]:
+    """Coulomb friction, excess, viscous friction and Stribeck velocity of the best of some velocities, each
+    with the best not negative forces; and the offset of the force."""
+    weight = np.ones(v.size) if noise is None else 1.0 / noise
+    trials = np.geomspace(np.abs(v).min(), np.abs(v).max(), TRIALS)
+    best: tuple[float, Array, float] = (math.inf, np.zeros(5), 1.0)
+    for one in trials:
+        fall = np.exp(-(np.abs(v / one) ** exponent))
+        shifts = [np.ones(v.size), -np.ones(v.size)] if offset else [np.zeros(v.size)] * 2
+        columns = np.stack([np.sign(v), np.sign(v) * fall, v, *shifts], axis=1)
+        scale = np.linalg.norm(columns, axis=0) + 1e-300
+        found, left = nnls(columns / scale * weight[:, None], f * weight)
+        if left < best[0]:
+            best = (left, found / scale, float(one))
+    x = best[1]
+    coulomb = max(float(x[0]), 1e-3 * float(np.abs(f).max()))
+    shift = float(x[3] - x[4]) if offset else 0.0
+    return (coulomb, float(x[1]), float(x[2]), best[2]), shift
+
+
+def _doubts(law: Stribeck, slowest: float, fastest: float) -> tuple[str, ...]:
+    """Sentences on a Stribeck velocity that the points do not show both sides of."""
+    if law.stribeck_velocity < NEAR_ENDS * slowest and law.stiction_force > law.coulomb_force:
+        return (
+            f"the friction falls below {NEAR_ENDS * slowest:.3g} m/s, where there are hardly any points: "
+            "stiction and Stribeck velocity depend on each other; measure slower",
+        )
+    if law.stribeck_velocity > fastest / NEAR_ENDS and law.stiction_force > law.coulomb_force:
+        return (
+            f"the friction still falls at the fastest points ({fastest:.3g} m/s): Coulomb and viscous "
+            "friction depend on each other; measure faster",
+        )
+    return ()
