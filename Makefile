@@ -89,9 +89,10 @@ test: $(READY) engine tools drivers
 coverage: $(READY) engine tools drivers
 	$(PYTEST) --cov --cov-fail-under=$(COVERAGE)
 
-# The tests drive the panel in a real browser, and compile exported models and the kernel of a GPU.
+# The tests drive the panel in a real browser, and compile exported models and the kernel of a GPU. The shell is that
+# browser without windows, which take most of its computing; without it, the tests of the panel take chromium itself.
 tools:
-	@for tool in chromium gcc g++ cmake; do command -v $$tool >/dev/null || { echo "installing $$tool for the tests ..." >&2; \
+	@for tool in chromium chromium-headless-shell gcc g++ cmake; do command -v $$tool >/dev/null || { echo "installing $$tool for the tests ..." >&2; \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$tool libc6-dev; } >/dev/null 2>&1; } || \
 	  echo "$$tool is not there and cannot be installed: tests that need it will fail" >&2; done
 

@@ -19,7 +19,11 @@ from urllib.request import urlopen
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, WebSocketRoute, expect, sync_playwright
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect, sync_playwright
+
+from stickslip.panel import create_app
+
+from .serving import ME, client_of, emptied, swept
 
 PATIENCE = 300.0  # s for a server on a busy machine
 expect.set_options(timeout=1e3 * PATIENCE)
@@ -43,7 +47,8 @@ class Panel:
 
     def __init__(self, folder: Path, *options: str) -> None:
         self.folder, self.options, self.port = folder, options, "0"
-        self.environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        # The gate is that of `study_functions.gated_squares`.
+        self.environment = {**os.environ, "PYTHONUNBUFFERED": "1", "STUDY_GATE": str(folder / "gate")}
         self.start()
 
     def start(self) -> None:
@@ -77,6 +82,20 @@ class Panel:
                 assert time.monotonic() < end, "the panel does not answer"
                 time.sleep(0.1)
 
+    def clear(self) -> None:
+        """Leave what a newcomer finds; see `emptied`. Started again is a panel that has ended, and one that
+        has fitted: its last fit is on a page."""
+        there = self.process.poll() is None
+        with connected(self, {"X-Client": CLIENT}) as asking:
+            if there and asking.get("/api/identify/state").json()["phase"] != "none":
+                self.end()
+                there = False
+            if there:
+                emptied(asking, self.folder)
+        if not there:
+            swept(self.folder)
+            self.start()
+
     def kill(self) -> None:
         """As a crash would."""
         self.process.kill()
@@ -107,19 +126,49 @@ def until(page: Page, expression: str, argument: object = None, seconds: float =
         page.wait_for_timeout(50)
 
 
-@pytest.fixture(scope="module")
-def panel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
-    """A panel on an empty folder."""
+@pytest.fixture(scope="package")
+def shared_panel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
+    """One for all: to start a panel, its rig and its reader takes seconds of computing."""
     served = Panel(tmp_path_factory.mktemp("panel"))
     yield served
     served.end()
 
 
+@pytest.fixture(scope="module")
+def panel(shared_panel: Panel) -> Panel:
+    """A panel on an empty folder, with the experiment as it comes."""
+    shared_panel.clear()
+    return shared_panel
+
+
+@pytest.fixture(scope="package")
+def shared_app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[httpx.Client, Path]]:
+    """A server in this process for all tests that ask it by HTTP alone, its client, and its folder."""
+    folder = tmp_path_factory.mktemp("outside") / "folder"
+    folder.mkdir()
+    with client_of(create_app(folder), **ME) as made:
+        yield made, folder
+
+
+@pytest.fixture(scope="module")
+def folder(shared_app: tuple[httpx.Client, Path]) -> Path:
+    """The folder of that server, empty but for what the module writes."""
+    emptied(*shared_app)
+    return shared_app[1]
+
+
+@pytest.fixture(scope="module")
+def client(shared_app: tuple[httpx.Client, Path], folder: Path) -> httpx.Client:
+    """The client of that server, with the experiment as it comes on the bench."""
+    return shared_app[0]
+
+
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    """Debian's chromium, started once. Not for all tests: while it is driven, none can run an event loop."""
-    path = shutil.which("chromium")
-    assert path is not None, "the browser tests need chromium: apt-get install chromium"
+    """Debian's chromium, started once. Not for all tests: while it is driven, none can run an event loop.
+    Without the windows that nobody sees, its pages take half of the computing or less."""
+    path = shutil.which("chromium-headless-shell") or shutil.which("chromium")
+    assert path is not None, "the browser tests need chromium: apt-get install chromium-headless-shell"
     with sync_playwright() as driver:
         started = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
         for name in ("new_context", "new_page"):
@@ -140,53 +189,28 @@ def _patient(new: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @contextmanager
-def fresh(browser: Browser) -> Iterator[BrowserContext]:
-    """A browser's context for the panel, with nothing in its cache."""
-    made = browser.new_context(viewport={"width": 1280, "height": 720}, accept_downloads=True)
+def opening(browser: Browser, **options: Any) -> Iterator[Page]:
+    """An empty page, with nothing in its cache; an error in a script of the panel fails the test."""
+    screen = {"viewport": {"width": 1280, "height": 720}}
+    context = browser.new_context(accept_downloads=True, **(screen | options))
     # The same page for the server in every test: control is with it from one test to the next.
-    made.add_init_script(AS_CLIENT)
-    made.add_init_script(NOTES)
-    yield made
-    made.unroute_all(behavior="wait")  # what a test's own answers raise belongs to that test
-    made.close()
-
-
-def errors_of(page: Page) -> list[str]:
-    """Errors in scripts of the panel, from now on."""
+    context.add_init_script(AS_CLIENT)
+    context.add_init_script(NOTES)
+    made = context.new_page()
     errors: list[str] = []
-    page.on("pageerror", lambda error: errors.append(error.stack or str(error)))
-    page.on("console", lambda said: errors.append(said.text) if "Content Security" in said.text else None)
-    return errors
+    made.on("pageerror", lambda error: errors.append(error.stack or str(error)))
+    made.on("console", lambda said: errors.append(said.text) if "Content Security" in said.text else None)
+    yield made
+    context.unroute_all(behavior="wait")  # what a test's own answers raise belongs to that test
+    context.close()
+    assert not errors
 
 
 @pytest.fixture
 def page(browser: Browser) -> Iterator[Page]:
-    """An empty page in a context of its own; an error in a script of the panel fails the test."""
-    with fresh(browser) as context:
-        made = context.new_page()
-        errors = errors_of(made)
+    """An empty page of a window as laptops have it."""
+    with opening(browser) as made:
         yield made
-    assert not errors
-
-
-@pytest.fixture(scope="package")
-def window(browser: Browser) -> Iterator[BrowserContext]:
-    """A context with a page that stays: while it has a window, another page takes half of the computing."""
-    with fresh(browser) as made:
-        made.new_page()
-        yield made
-
-
-@pytest.fixture
-def tab(window: BrowserContext) -> Iterator[Page]:
-    """As `page`, in the context of other tests too: for tests that ask nothing of cache and storage."""
-    made = window.new_page()
-    errors = errors_of(made)
-    yield made
-    window.unroute_all(behavior="wait")
-    for one in window.pages[1:]:
-        one.close()
-    assert not errors
 
 
 def noticed(page: Page, words: str) -> None:
@@ -216,13 +240,13 @@ def connected(panel: Panel, headers: dict[str, str] | None = None) -> httpx.Clie
     return httpx.Client(base_url=panel.url.rstrip("/"), headers=headers, timeout=PATIENCE, limits=limits)
 
 
-def fitted(page: Page, panel: Panel, act: Callable[[], object]) -> dict[str, Any]:
+def fitted(page: Page, panel: Panel, act: Callable[[], object], patience: float = PATIENCE) -> dict[str, Any]:
     """Do what starts a fit, and wait until the page shows how it ended; what the server says of it. What the
     page shows meanwhile it may have missed: it connects again after a silence."""
     with page.expect_response("**/api/identify/start") as answered:
         act()
     assert answered.value.ok, answered.value.text()
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + patience
     with connected(panel) as asking:
         while (state := asking.get("/api/identify/state").json())["phase"] == "running":
             assert time.monotonic() < end, "the fit does not end"
@@ -235,11 +259,11 @@ def fitted(page: Page, panel: Panel, act: Callable[[], object]) -> dict[str, Any
 
 @contextmanager
 def endless(panel: Panel, run: str, client: str = CLIENT) -> Iterator[None]:
-    """Inside, this run goes on for a minute, longer than even a busy machine takes to stop it. The rig
+    """Inside, this run goes on for half a minute, longer than even a busy machine takes to stop it. The rig
     computes it first, in some seconds."""
     with connected(panel, {"X-Client": client}) as asking:
         path = ["runs", ("walk", "forward", "step").index(run), "capture", "length"]
-        asking.post("/bench/set", json={"path": path, "value": "60 s"}).raise_for_status()
+        asking.post("/bench/set", json={"path": path, "value": "30 s"}).raise_for_status()
         try:
             yield
         finally:

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
+import shutil
 import socket
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 import httpx
 import uvicorn
 from fastapi import FastAPI
 from websockets.sync.client import ClientConnection, connect
+
+from stickslip.panel.document import DEFAULT
+
+ME = {"X-Client": "test"}
 
 
 @contextmanager
@@ -45,6 +51,27 @@ def client_of(app: FastAPI, host: str = "", **headers: str) -> Iterator[httpx.Cl
             base_url=f"http://127.0.0.1:{port}", headers=shown | headers, timeout=300
         ) as client:
             yield client
+
+
+def emptied(client: httpx.Client, folder: Path) -> None:
+    """Leave what a newcomer finds: an empty folder, the experiment as it comes, home here, no alarm."""
+    (folder / DEFAULT.name).write_bytes(DEFAULT.read_bytes())
+    client.post("/bench/stop").raise_for_status()
+    end = time.monotonic() + 300.0
+    # A run ends meanwhile, or a page that is gone loses control.
+    while not (loaded := client.post("/bench/load", json={"name": DEFAULT.name})).is_success:
+        assert time.monotonic() < end, loaded.text
+        time.sleep(0.2)
+    client.post("/bench/home_here").raise_for_status()
+    client.post("/statistics/alarms", json={"alarms": []}).raise_for_status()
+    swept(folder)
+
+
+def swept(folder: Path) -> None:
+    """Remove everything from a panel's folder but what its rig, which goes on, keeps there."""
+    for one in folder.iterdir():
+        if one.name != ".rig":
+            shutil.rmtree(one) if one.is_dir() and not one.is_symlink() else one.unlink()
 
 
 @contextmanager

@@ -15,9 +15,11 @@ import study_functions
 from stickslip.study import Grid, Own, Study
 
 from .conftest import Panel
+from .test_design_page import with_four_knots
 from .test_history_page import FIT, ONE, TWO, walk
 
 pytestmark = pytest.mark.browser
+State = tuple[str, str]  # what is looked at, and the part of the page that is new
 AXE = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
 
 
@@ -67,32 +69,32 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
     served.end()
 
 
-def findings(page: Page, **options: object) -> list[str]:
-    """What axe finds: the rule, and the first element that breaks it."""
+def findings(page: Page, part: str = "html", **options: object) -> list[str]:
+    """What axe finds in a part of the page: the rule, and the first element that breaks it."""
     if not page.evaluate("'axe' in window"):
         page.evaluate(f"{AXE};0")
     options |= {"resultTypes": ["violations"], "selectors": False}  # nothing else is wanted, or worked out
-    found = page.evaluate("options => axe.run(document, options)", options)["violations"]
+    found = page.evaluate("([part, options]) => axe.run(part, options)", [part, options])["violations"]
     return [
         f"{one['id']}: {one['nodes'][0]['html'][:200]} {one['nodes'][0]['failureSummary']}" for one in found
     ]
 
 
-def in_both_schemes(page: Page) -> list[str]:
-    """The same for the page as it is, light; dark, it differs in its colours."""
-    light = findings(page)
+def in_both_schemes(page: Page, part: str = "html") -> list[str]:
+    """The same as it is, light; dark, it differs in its colours."""
+    light = findings(page, part)
     page.emulate_media(color_scheme="dark", reduced_motion="reduce")
-    dark = findings(page, runOnly=["color-contrast", "link-in-text-block"])
+    dark = findings(page, part, runOnly=["color-contrast", "link-in-text-block"])
     page.emulate_media(color_scheme="light", reduced_motion="reduce")
     return [*light, *(f"dark: {one}" for one in dark)]
 
 
-def bench(page: Page) -> Iterator[str]:
+def bench(page: Page) -> Iterator[State]:
     expect(page.locator("#start")).to_be_enabled()
-    yield "as it opens"
+    yield "as it opens", "html"
     for name in ("Capture", "Sequence", "Statistics", "Variables", "Log"):
         page.get_by_role("tab", name=name).click()
-        yield name
+        yield name, ".tabbox"
     page.get_by_role("tab", name="Sequence").click()
     page.get_by_role("button", name="Another variable").click()
     # To look for findings takes a while.
@@ -102,69 +104,70 @@ def bench(page: Page) -> Iterator[str]:
     page.get_by_label("Values of variable 1 of run 1").wait_for()
     expect(page.locator("#phase")).to_have_text("Done")
     expect(page.locator(".sequence-state")).to_contain_text("1 of 2")
-    yield "a sequence that runs"
+    yield "a sequence that runs", "html"
     page.locator("#stop").click()
     expect(page.locator(".sequence-state")).to_contain_text("Sequence ended")
-    yield "stopped"
+    yield "stopped", ".tabbox"
     page.get_by_role("tab", name="Statistics").click()
     page.locator(".statistics tbody button").first.click()
-    yield "the dialog of an alarm"
+    yield "an alarm", "dialog"
     page.get_by_label("Not above").fill("-1 m")
     page.get_by_role("button", name="Set", exact=True).click()
     page.get_by_role("button", name="Cursors").click()
     page.get_by_role("button", name="Save as…").click()
-    yield "with an alarm, cursors and what saves"
+    yield "with an alarm, cursors and what saves", "html"
     page.get_by_role("tab", name="Recordings").click()
     page.locator("#tab-recordings [data-recording]").first.click()
     page.get_by_role("button", name="Arrange").click()
-    yield "a recording, arranging"
+    yield "a recording, arranging", "html"
     field = page.get_by_label("forward voltage", exact=True).first
     field.fill("165 V")
     field.press("Enter")
     expect(page.locator("#inputs .fault:not(:empty)")).to_be_visible()
-    yield "a field that refuses"
+    yield "a field that refuses", "#inputs"
     for name in ("Load…", "Save…", "Add instrument…"):
         page.get_by_role("button", name=name).click()
-        yield name
+        yield name, "dialog"
         page.keyboard.press("Escape")
     page.locator("#rig").click()
     page.locator(".choices details").first.click()
-    yield "the rig, and others"
+    yield "the rig, and others", "dialog"
     page.keyboard.press("Escape")
     for title in ("Rename", "Export"):
         page.locator("#tab-recordings li").first.get_by_title(title).click()
-        yield title
+        yield title, "dialog"
         page.keyboard.press("Escape")
 
 
-def identify(page: Page) -> Iterator[str]:
+def identify(page: Page) -> Iterator[State]:
     page.locator(".identify[data-phase=done]").wait_for()
     expect(page.get_by_label("The way on")).to_be_visible()
-    yield "a fit and the way on"
+    yield "a fit and the way on", "html"
     page.get_by_text("Notes on the recordings").click()
     page.get_by_role("button", name="Save as parameter set").click()
     expect(page.get_by_label("The way on").get_by_role("alert")).not_to_be_empty()
-    yield "a step that is refused"
+    yield "a step that is refused", "html"
 
 
-def explore(page: Page) -> Iterator[str]:
+def explore(page: Page) -> Iterator[State]:
     page.locator(".explore[data-curves]").wait_for()
-    yield "as it opens"
+    yield "as it opens", "html"
     page.get_by_role("button", name="Pin").click()
     page.locator(".explore-motion").get_by_role("button", name="Save as…").click()
-    yield "with a pin"
+    yield "with a pin", "html"
     page.get_by_label("Amplitude").first.fill("999 V")
     page.get_by_label("Amplitude").first.press("Enter")
     expect(page.locator(".explore .fault:not(:empty)").first).to_be_visible()
-    yield "a value that is refused"
+    yield "a value that is refused", "html"
     page.get_by_role("button", name="Open in Python").click()
     page.locator("pre.code").wait_for()
-    yield "the dialog with Python"
+    yield "the dialog with Python", "dialog"
 
 
-def design(page: Page) -> Iterator[str]:
+def design(page: Page) -> Iterator[State]:
     page.locator(".design[data-old]").wait_for()
-    yield "as it opens"
+    yield "as it opens", "html"
+    with_four_knots(page)
     page.get_by_role("button", name="Find the front").click()
     page.locator(".design[data-front]").wait_for()
     page.locator("section.design-front .picture").focus()
@@ -172,81 +175,81 @@ def design(page: Page) -> Iterator[str]:
         page.keyboard.press("ArrowRight")
     page.get_by_role("button", name="What would this recording tell?").nth(1).click()
     page.locator(".design-tells table").wait_for()
-    yield "a front, a drive of it, and what a recording would tell"
+    yield "a front, a drive of it, and what a recording would tell", "html"
     page.get_by_label("Greatest voltage").first.fill("0 V")
     page.get_by_label("Greatest voltage").first.press("Enter")
     expect(page.locator(".explore-sliders .field > .fault:not(:empty)")).to_be_visible()
-    yield "a value that is refused"
+    yield "a value that is refused", "html"
 
 
-def move(page: Page) -> Iterator[str]:
+def move(page: Page) -> Iterator[State]:
     page.locator(".move-gains[data-answers]").wait_for()
-    yield "as it opens"
+    yield "as it opens", "html"
     page.get_by_role("button", name="Go", exact=True).click()
     expect(page.locator("#move-phase")).to_have_attribute("data-settled", "true")
     page.get_by_label("Scan range").fill("1 m")
     page.get_by_label("Scan range").press("Enter")
     page.get_by_role("button", name="Scan", exact=True).click()
     expect(page.locator("#move-fault")).not_to_be_empty()
-    yield "holding, a scan refused"
+    yield "holding, a scan refused", "html"
     page.get_by_role("button", name="Let go").click()
     expect(page.locator("#move-phase")).to_have_text("At rest: the output is at 0 V")
     field = page.get_by_label("Bandwidth of the integral").first
     field.fill("900 Hz")
     field.press("Enter")
     expect(page.locator("#margins")).to_contain_text("Refused")
-    yield "gains that are refused"
+    yield "gains that are refused", "html"
 
 
-def history(page: Page) -> Iterator[str]:
+def history(page: Page) -> Iterator[State]:
     page.locator("[data-run]").first.wait_for()
-    yield "as it opens"
+    yield "as it opens", "html"
     page.locator(f"[data-run='{ONE}']").click()
     page.locator(".history-run .plot").wait_for()
     page.get_by_text("Settings and numbers").click()
-    yield "a recording"
+    yield "a recording", "html"
     page.locator(f"[data-run='{FIT}']").click()
     page.locator(".history-right .path").wait_for()
-    yield "a fit"
+    yield "a fit", "html"
     for name in (ONE, TWO):
         page.locator(f"tr:has([data-run='{name}']) input").check()
     page.get_by_role("button", name="Compare 2").click()
     page.locator(".history-run .plot").wait_for()
-    yield "a comparison"
+    yield "a comparison", "html"
     page.get_by_role("button", name="Bin…").click()
     page.get_by_role("button", name="Restore").wait_for()
-    yield "the bin"
+    yield "the bin", "dialog"
     page.keyboard.press("Escape")
     page.get_by_role("button", name="Take in a file").click()
     csv = b"t,volts,where\n0,1,2\n0.1,2,3\n0.2,3,4\n"
     page.set_input_files("#upload-file", {"name": "own.csv", "mimeType": "text/csv", "buffer": csv})
     page.get_by_role("button", name="Take it in").wait_for()
-    yield "a file that is looked at"
+    yield "a file that is looked at", "dialog"
     page.keyboard.press("Escape")
     page.get_by_label("Search the history").fill("nothing is called so")
     expect(page.locator("[data-run]")).to_have_count(0)
-    yield "nothing found"
+    yield "nothing found", "html"
 
 
-def studies(page: Page) -> Iterator[str]:
+def studies(page: Page) -> Iterator[State]:
     page.locator("[data-study='map.zarr']").click()
     page.locator(".history-right[data-pictures]").wait_for()
-    yield "a study and its picture"
+    yield "a study and its picture", "html"
     page.locator("[data-study='broken.zarr']").click()
     page.locator(".history-run [role=status].fault").wait_for()
-    yield "one that cannot be read"
+    yield "one that cannot be read", "html"
 
 
 @pytest.mark.parametrize(
     "states", [bench, identify, explore, design, move, history, studies], ids=lambda one: one.__name__
 )
-def test_no_findings(lab: Panel, browser: Browser, states: Callable[[Page], Iterator[str]]) -> None:
+def test_no_findings(lab: Panel, browser: Browser, states: Callable[[Page], Iterator[State]]) -> None:
     context = browser.new_context(viewport={"width": 1280, "height": 800}, reduced_motion="reduce")
     context.add_init_script("sessionStorage.setItem('client', 'axe')")
     page = context.new_page()
     page.goto(f"{lab.url}#{states.__name__}")
     expect(page.locator("#connection")).to_have_text("connected")
-    found = {name: in_both_schemes(page) for name in states(page)}
+    found = {name: in_both_schemes(page, part) for name, part in states(page)}
     context.close()
     assert {name: said for name, said in found.items() if said} == {}
     assert len(found) >= 2

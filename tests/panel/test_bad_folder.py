@@ -15,8 +15,7 @@ import stickslip as ss
 from stickslip.panel import create_app
 from stickslip.panel.fits import REPORTS
 
-from .serving import client_of
-from .test_bench_routes import ME
+from .serving import ME, client_of
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 import time
 
@@ -166,21 +165,6 @@ def test_the_vertical_axis_follows_the_next_run(page: Page, panel: Panel) -> Non
     page.mouse.move(0, 0)
     press(page, "#start", "Done")
     changed(picture, zoomed)
-
-
-@pytest.mark.parametrize("name", ["bench", "identify", "explore", "design", "history"])
-def test_every_page_has_one_heading_and_says_what_comes(page: Page, panel: Panel, name: str) -> None:
-    page.goto(f"{panel.url}#{name}")
-    wait = {"bench": "#start", "identify": ".identify[data-phase]", "explore": ".explore[data-curves]"}
-    wait |= {"history": ".history", "design": ".design[data-old]"}
-    page.locator(wait[name]).wait_for()
-    expect(page.locator("h1")).to_have_count(1)
-    levels = page.evaluate(
-        "[...document.querySelectorAll('h1, h2, h3')].map((one) => Number(one.tagName[1]))"
-    )
-    assert all(after - before <= 1 for before, after in itertools.pairwise(levels))
-    if name == "identify":
-        expect(page.get_by_text("What comes here")).to_be_visible()
 
 
 def asked(page: Page, held: list[Route], count: int) -> None:

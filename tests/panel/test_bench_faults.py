@@ -10,7 +10,6 @@ import signal
 import socket
 import threading
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
@@ -29,22 +28,22 @@ from stickslip.panel.folder import Folder
 from stickslip.panel.starting import new_folder
 from stickslip.recording.readers import process
 
-from .conftest import PATIENCE, Panel, connected
-from .serving import client_of, heard, serving, streaming
-from .test_bench_routes import FAST, ME, change, ran
+from .conftest import CLIENT, PATIENCE, Panel, connected
+from .serving import ME, client_of, emptied, heard, serving, streaming
+from .test_bench_routes import FAST, change, ran
 
 
-@pytest.fixture(scope="module")
-def panel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
-    """The command, in a process of its own."""
-    served = Panel(tmp_path_factory.mktemp("faults"))
-    yield served
-    served.end()
+@pytest.fixture
+def bench(shared_app: tuple[httpx.Client, Path]) -> httpx.Client:
+    """A bench as it comes, but that it puts out as quickly as it can."""
+    emptied(*shared_app)
+    change(shared_app[0], *FAST.values()).raise_for_status()
+    return shared_app[0]
 
 
 def running(client: httpx.Client) -> None:
-    """Start a walk of a minute in real time, and wait until it is put out."""
-    change(client, ["runs", 0, "capture", "length"], "60 s").raise_for_status()
+    """Start a walk of half a minute in real time, and wait until it is put out."""
+    change(client, ["runs", 0, "capture", "length"], "30 s").raise_for_status()
     with streaming(client) as stream:
         heard(stream, "run")
         client.post("/bench/start", json={"runs": ["walk"]}).raise_for_status()
@@ -124,7 +123,7 @@ def test_pipes_and_large_files_are_refused_at_once(panel: Panel) -> None:
     for name in ("a.toml", "parameters/b.toml"):
         (panel.folder / name).parent.mkdir(exist_ok=True)
         (panel.folder / name).write_text("a." * 40_000 + "a = 1")
-    with connected(panel, ME) as client:
+    with connected(panel, {"X-Client": CLIENT}) as client:
         expected = {
             "pipe": "no plain file",
             "large": "up to 1 MB",
@@ -167,13 +166,11 @@ def test_end_stops_count_from_home_over_runs_and_restarts(tmp_path: Path) -> Non
     assert all("beyond the end stop at 30 µm" in one for one in outcomes)
 
 
-def test_repeats_walk_on_and_are_stopped(tmp_path: Path) -> None:
-    with client_of(create_app(tmp_path), **ME) as client:
-        change(client, *FAST.values()).raise_for_status()
-        change(client, ["limits", "max_position"], "50 um").raise_for_status()
-        change(client, ["runs", 1, "repeats"], 4).raise_for_status()
-        ran(client, "/bench/start", {"runs": ["forward"]}, "failed")
-    assert sorted(path.name for path in tmp_path.glob("recordings/*/*.nc")) == [
+def test_repeats_walk_on_and_are_stopped(bench: httpx.Client, folder: Path) -> None:
+    change(bench, ["limits", "max_position"], "50 um").raise_for_status()
+    change(bench, ["runs", 1, "repeats"], 4).raise_for_status()
+    ran(bench, "/bench/start", {"runs": ["forward"]}, "failed")
+    assert sorted(path.name for path in folder.glob("recordings/*/*.nc")) == [
         "forward_1.nc",
         "forward_2.nc",
     ]
@@ -186,7 +183,9 @@ def test_starts_within_a_second_have_a_folder_each(tmp_path: Path) -> None:
     assert {*os.listdir(tmp_path / "recordings")} == {one.name for one in made}
 
 
-def test_of_starts_at_once_one_begins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_starts_at_once_one_begins(
+    bench: httpx.Client, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     begun: list[str] = []
     all_asked, record = threading.Event(), running_module.record_experiment
 
@@ -195,15 +194,14 @@ def test_of_starts_at_once_one_begins(tmp_path: Path, monkeypatch: pytest.Monkey
         return record(*given, **options)
 
     monkeypatch.setattr(running_module, "record_experiment", recorded)
-    with client_of(create_app(tmp_path), **ME) as client, ThreadPoolExecutor(5) as pool:
-        change(client, *FAST.values()).raise_for_status()
-        change(client, ["runs", 1, "capture", "length"], "0.15 s").raise_for_status()
+    with ThreadPoolExecutor(5) as pool:
+        change(bench, ["runs", 1, "capture", "length"], "0.15 s").raise_for_status()
 
         def start(_: int) -> httpx.Response:
-            return client.post("/bench/start", json={"runs": ["forward"]})
+            return bench.post("/bench/start", json={"runs": ["forward"]})
 
         for _ in range(3):
-            with streaming(client) as stream:
+            with streaming(bench) as stream:
                 heard(stream, "run")
                 all_asked.clear()
                 answers = [*pool.map(start, range(5))]
@@ -214,10 +212,10 @@ def test_of_starts_at_once_one_begins(tmp_path: Path, monkeypatch: pytest.Monkey
                 while heard(stream, "run", PATIENCE)["phase"] not in ("done", "stopped", "failed"):
                     pass
     assert len({*begun}) == len(begun) == 3
-    assert sorted(os.listdir(tmp_path / "recordings")) == sorted(name.split("/")[1] for name in begun)
+    assert sorted(os.listdir(folder / "recordings")) == sorted(name.split("/")[1] for name in begun)
     for name in begun:
-        assert (tmp_path / name / "forward.nc").is_file()
-        assert "kept" not in (tmp_path / name / "experiment.log").read_text()
+        assert (folder / name / "forward.nc").is_file()
+        assert "kept" not in (folder / name / "experiment.log").read_text()
 
 
 def test_a_watcher_cannot_pass_for_the_holder(tmp_path: Path) -> None:
@@ -353,16 +351,14 @@ def test_a_panel_that_is_killed_or_frozen_leaves_no_voltage(tmp_path: Path) -> N
     assert len(list(tmp_path.glob("recordings/*/unfinished/*.nc"))) == 2
 
 
-def test_the_history_of_the_folder(tmp_path: Path) -> None:
-    with client_of(create_app(tmp_path), **ME) as client:
-        change(client, *FAST.values()).raise_for_status()
-        ran(client, "/bench/start", {"runs": ["forward"]})
-        change(client, ["limits", "max_position"], "25 um").raise_for_status()
-        ran(client, "/bench/start", {"runs": ["forward"]}, "failed")
-        listed = client.get("/recordings").json()
-        found = client.get("/history", params={"search": "forward"}).json()["rows"]
-        stopped = client.get("/history", params={"outcome": "bad"}).json()["rows"]
-        assert client.get("/history", params={"search": "%00'"}).json()["rows"] == []
+def test_the_history_of_the_folder(bench: httpx.Client) -> None:
+    ran(bench, "/bench/start", {"runs": ["forward"]})
+    change(bench, ["limits", "max_position"], "25 um").raise_for_status()
+    ran(bench, "/bench/start", {"runs": ["forward"]}, "failed")
+    listed = bench.get("/recordings").json()
+    found = bench.get("/history", params={"search": "forward"}).json()["rows"]
+    stopped = bench.get("/history", params={"outcome": "bad"}).json()["rows"]
+    assert bench.get("/history", params={"search": "%00'"}).json()["rows"] == []
     assert [one["unfinished"] for one in listed] == [True, False]
     assert [one["outcome"].split(":")[0] for one in found] == ["stopped", "complete"]
     assert [one["name"] for one in stopped] == [listed[0]["name"]]

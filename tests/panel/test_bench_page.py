@@ -18,7 +18,6 @@ from .conftest import AS_CLIENT, PATIENCE, Held, Panel, endless, noticed, run_nu
 pytestmark = pytest.mark.browser
 STATIC = Path(stickslip.__file__).parent / "panel" / "static"
 UNUSED = 3  # a licence, the notebook's module, the page itself, which is fetched as /
-SHOTS = Path(__file__).resolve().parents[2] / "out" / "panel-screenshots"
 
 
 def opened(page: Page, panel: Panel) -> Page:
@@ -32,11 +31,6 @@ def opened(page: Page, panel: Panel) -> Page:
         control.click()
     expect(control).to_have_text("In control")
     return page
-
-
-def shot(page: Page, name: str) -> None:
-    SHOTS.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=SHOTS / f"{name}.png")
 
 
 def press(page: Page, button: str, phase: str) -> None:
@@ -90,18 +84,17 @@ def draws(page: Page) -> None:
 
 def test_a_newcomer_presses_start_and_sees_a_walk(page: Page, panel: Panel) -> None:
     end = Held(page)
-    end.keep()
     page.goto(panel.url)
+    run_number(page)  # the server has told how an earlier run ended
+    end.keep()
     page.click("#start")  # nothing else: control comes with it
     expect(page.locator("#phase")).to_have_text("Running")
     draws(page)  # a line grows while it runs
-    shot(page, "bench-running")
     expect(page.locator("#phase")).to_have_text("Running")
     end.let_go()
     expect(page.locator("#phase")).to_have_text("Done")
     expect(page.locator("#tab-recordings li")).to_have_count(1)
     assert reading(page, "Drive") == pytest.approx(0.0, abs=0.3)
-    shot(page, "bench-light")
 
 
 def changed(shown: Locator, before: bytes) -> None:
@@ -222,7 +215,6 @@ def test_emergency_stop_by_key_ramps_at_the_next_block(page: Page, panel: Panel)
     page.get_by_role("button", name="Cursors").click()
     expect(page.locator(".plot-cursors tr").nth(1).locator("td").nth(1)).not_to_have_text("–")
     expect(page.locator(".plot-cursors tr").nth(2).locator("td").nth(1)).to_have_text("–")
-    shot(page, "bench-stopped")
 
 
 def test_stop_and_emergency_button_and_home(page: Page, panel: Panel) -> None:
@@ -309,7 +301,6 @@ def test_the_page_comes_back_after_the_server_was_killed(page: Page, panel: Pane
     opened(page, panel)
     panel.kill()
     expect(page.locator("#connection")).to_have_text("connection lost")
-    shot(page, "bench-lost")
     page.click("text=Explore")  # which has never been fetched
     noticed(page, "does not answer")
     panel.start()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -18,23 +17,16 @@ from scipy.io import loadmat
 from stickslip import open_recording, read_recording
 from stickslip.panel import create_app
 
-from .serving import client_of, heard, streaming
+from .serving import ME, client_of, heard, streaming
 from .test_stream import unpacked
 
-ME = {"X-Client": "test"}
 FAST = {"path": ["rig", "real_time"], "value": False}
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("bench")
-
-
-@pytest.fixture(scope="module")
-def client(folder: Path) -> Iterator[httpx.Client]:
-    with client_of(create_app(folder), **ME) as made:
-        made.post("/bench/set", json=FAST).raise_for_status()
-        yield made
+def client(client: httpx.Client) -> httpx.Client:
+    client.post("/bench/set", json=FAST).raise_for_status()
+    return client
 
 
 def ran(client: httpx.Client, path: str, body: dict, last: str = "done") -> dict:
@@ -223,7 +215,7 @@ def test_rename_never_replaces(client: httpx.Client, folder: Path) -> None:
 
 def test_emergency_stop_ramps_at_the_next_block_and_says_when(client: httpx.Client) -> None:
     change(client, ["rig", "real_time"], True).raise_for_status()
-    change(client, ["runs", 0, "capture", "length"], "120 s").raise_for_status()  # it does not end before
+    change(client, ["runs", 0, "capture", "length"], "30 s").raise_for_status()  # it does not end before
     with streaming(client) as stream:
         heard(stream, "run")
         client.post("/bench/start", json={"runs": ["walk"]}).raise_for_status()

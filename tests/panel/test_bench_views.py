@@ -8,12 +8,12 @@ import time
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page, expect
+from playwright.sync_api import Locator, Page, expect
 
 from stickslip import open_recording
 
-from .conftest import PATIENCE, Panel, run_number
-from .test_bench_page import changed, opened, run, shot, si
+from .conftest import PATIENCE, Panel
+from .test_bench_page import changed, opened, run, si
 
 pytestmark = pytest.mark.browser
 
@@ -63,7 +63,6 @@ def test_zoom_pan_cursors_freeze_autoscale(page: Page, panel: Panel) -> None:
     with page.expect_response("**/bench/window") as panned:
         page.keyboard.press("ArrowRight")
     assert json.loads(panned.value.request.post_data or "")["begin"] > window["begin"]
-    shot(page, "bench-zoomed")
     page.keyboard.press("0")
 
     page.get_by_role("button", name="Cursors").click()
@@ -78,7 +77,6 @@ def test_zoom_pan_cursors_freeze_autoscale(page: Page, panel: Panel) -> None:
     marker.focus()
     page.keyboard.press("ArrowLeft")
     expect(table).not_to_have_text(first)
-    shot(page, "bench-cursors")
     page.get_by_role("button", name="Cursors").click()
     expect(table).to_be_hidden()
 
@@ -115,7 +113,6 @@ def test_capture_settings(page: Page, panel: Panel) -> None:
     expect(tab.get_by_label("Trigger level")).to_have_count(0)
     tab.get_by_label("Trigger", exact=True).select_option("drive_voltage")
     expect(tab.get_by_label("Trigger level")).to_have_value("1 V")
-    shot(page, "bench-capture")
     run(page, "step")
     made = sorted((panel.folder / "recordings").glob("*_step/step_?.nc"))
     assert [path.name for path in made] == ["step_1.nc", "step_2.nc"]
@@ -133,7 +130,6 @@ def test_recordings_open_compare_rename_export(page: Page, panel: Panel) -> None
     items.nth(1).get_by_role("checkbox").check()
     expect(page.locator(".plot-key")).to_have_count(6)
     page.wait_for_timeout(400)
-    shot(page, "bench-compare")
     page.get_by_role("button", name="Show the live run").click()
     expect(page.locator(".plot-key")).to_have_count(3)
 
@@ -165,7 +161,6 @@ def test_variables_and_log(page: Page, panel: Panel) -> None:
     field.press("Enter")
     expect(field).to_have_value("1.5 MN/m")
     tab.get_by_label("Find a variable").fill("")
-    shot(page, "bench-variables")
     page.get_by_role("tab", name="Variables").press("ArrowRight")
     expect(page.get_by_role("tab", name="Log")).to_be_focused()
 
@@ -206,7 +201,6 @@ def test_instruments_are_added_bound_arranged_and_kept(page: Page, panel: Panel)
     assert desk is not None
     drag(page, corner, by=2.2 * desk["width"] / 12)
     expect(corner).to_have_attribute("aria-label", re.compile("[56] of 12 wide"))
-    shot(page, "bench-arrange")
     page.click("text=Save…")
     page.get_by_label(re.compile("^Name, with")).fill("mine")
     page.get_by_role("button", name="Save", exact=True).click()
@@ -218,40 +212,6 @@ def test_instruments_are_added_bound_arranged_and_kept(page: Page, panel: Panel)
     page.click("text=Load…")
     page.locator("dialog").get_by_role("button", name="mine.yaml").click()
     expect(page.get_by_role("article", name="Friction")).to_be_visible()
-
-
-@pytest.mark.parametrize(
-    ("name", "width", "height", "scheme"),
-    [
-        ("dark", 1280, 720, "dark"),
-        ("narrow", 480, 900, "light"),
-        ("tablet", 1024, 768, "dark"),
-        ("4k", 3840, 2160, "light"),
-    ],
-)
-def test_it_looks_right(
-    browser: Browser, panel: Panel, name: str, width: int, height: int, scheme: str
-) -> None:
-    context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)  # type: ignore[arg-type]
-    page = context.new_page()
-    page.goto(panel.url)
-    expect(page.locator("#connection")).to_have_text("connected")
-    run_number(page)
-    page.wait_for_timeout(800)
-    shot(page, f"bench-{name}")
-    assert page.evaluate("document.documentElement.scrollWidth") <= width, "nothing stands out sideways"
-    stop = page.locator("#stop").bounding_box()
-    assert stop is not None
-    assert stop["x"] >= 0
-    assert stop["x"] + stop["width"] <= width
-    assert stop["y"] + stop["height"] <= height
-    unnamed = page.evaluate(
-        """() => [...document.querySelectorAll('button, input, select, a')].filter((e) =>
-          e.checkVisibility() && !(e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length)
-        ).length"""
-    )
-    assert unnamed == 0, "everything has a name for a screen reader"
-    context.close()
 
 
 def test_theme_is_remembered(page: Page, panel: Panel) -> None:

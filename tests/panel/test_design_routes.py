@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 from typing import Any
 
 import httpx
@@ -11,23 +10,17 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.panel import create_app, designing
+from stickslip.panel import designing
 from stickslip.panel.design import bench_run
 from stickslip.panel.designing import Drive, from_lowest
 from stickslip.panel.sliders import choices
 
-from .serving import client_of, heard, streaming
+from .serving import heard, streaming
 from .test_stream import unpacked
 
 KANG = choices()["sets"]["kang2007"]
 MODEL: dict[str, Any] = {"set": "kang2007", "law": "LuGre", "friction": KANG["friction"]["LuGre"]}
 SAWTOOTH = {"shape": "Sawtooth", "fields": {"amplitude": 65.0, "frequency": 5.0}}
-
-
-@pytest.fixture(scope="module")
-def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
-    with client_of(create_app(tmp_path_factory.mktemp("design")), **{"X-Client": "me"}) as made:
-        yield made
 
 
 def test_the_map_is_that_of_step_map(client: httpx.Client) -> None:
@@ -139,7 +132,7 @@ def test_a_drive_is_sent_as_a_run_that_begins_where_it_is_lowest() -> None:
 
 
 def test_a_sent_drive_is_on_the_bench_once(client: httpx.Client) -> None:
-    with streaming(client, client="me") as stream:
+    with streaming(client) as stream:
         heard(stream, "experiment")
         for _ in range(2):
             assert client.post("/api/design/send", json=SAWTOOTH).json() == {"run": "designed"}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -35,15 +37,24 @@ def walked(page: Page, run: str) -> None:
     expect(page.locator("#phase")).to_have_text("Done")
 
 
-def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: Panel) -> None:
-    assert panel.said == []
-    page.goto(panel.url)
+@pytest.fixture
+def new(tmp_path: Path) -> Iterator[Panel]:
+    """A panel that has fitted nothing."""
+    served = Panel(tmp_path)
+    yield served
+    served.end()
+
+
+def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, new: Panel) -> None:
+    assert new.said == []
+    page.goto(new.url)
     page.click("#start")
     expect(page.locator("#phase")).to_have_text("Done")
     page.click("text=Identify")
     expect(page.locator(".identify")).to_have_attribute("data-phase", "none")
     expect(page.locator(".identify-canvas")).to_be_hidden()  # no axes of nothing
-    first = identified(page, panel)
+    expect(page.get_by_text("What comes here")).to_be_visible()
+    first = identified(page, new)
     expect(page.locator(".identify-canvas")).to_be_visible()
     # What the recording says of the rig is what the fit starts with, and it converges.
     assert first["fit"]["converged"]
@@ -52,7 +63,7 @@ def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: 
     assert first["fit"]["r_squared"] > 0.999
     # The truth of the run stands in its recording; a newton is 0.967 N in metres of the rig's sensor.
     (walk,) = first["request"]["recordings"]
-    truth = json.loads(ss.open_recording(panel.folder / walk).attrs["contact"])
+    truth = json.loads(ss.open_recording(new.folder / walk).attrs["contact"])
     assert truth["sigma_0"] != 1.399e6
     found = first["fit"]["parameters"]
     assert found["sigma_0"]["value"] == pytest.approx(truth["sigma_0"], rel=0.15)
@@ -67,7 +78,7 @@ def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: 
     step.get_by_label(re.compile("^Step ")).check()
     expect(step.get_by_label(re.compile("^Fit "))).to_be_disabled()
     expect(page.get_by_label("Fit natural frequency of the stage")).to_be_disabled()
-    second = identified(page, panel)
+    second = identified(page, new)
     assert second["fit"]["converged"]
     stage = second["stage"]["parameters"]
     low, high = stage["damping_ratio"]["interval"]
@@ -79,12 +90,12 @@ def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: 
 
     # A server that is started anew shows the last fit again, with its picture.
     shown = page.locator(".identify-results").inner_text()
-    panel.kill()
+    new.kill()
     expect(page.locator("#connection")).to_have_text("connection lost")
-    panel.start()
+    new.start()
     expect(page.locator("#connection")).to_have_text("connected")
     expect(page.locator(".identify")).to_have_attribute("data-phase", "done")
     page.reload()
     expect(page.locator(".identify-results")).to_contain_text("The stage, from the clamped steps")
     assert page.locator(".identify-results").inner_text() == shown
-    assert httpx.get(f"{panel.url}api/identify/state", timeout=PATIENCE).json()["frames"]
+    assert httpx.get(f"{new.url}api/identify/state", timeout=PATIENCE).json()["frames"]

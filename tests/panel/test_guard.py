@@ -16,16 +16,14 @@ from stickslip.panel import create_app
 from stickslip.panel.folder import Folder, FolderError
 from stickslip.panel.guard import MOST_WRONG
 
-from .serving import client_of, heard, streaming
+from .serving import ME, client_of, heard, streaming
 
 TOKEN = "a-token-of-some-length"
-ME = {"X-Client": "me"}
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("outside") / "folder"
-    made.mkdir()
+def folder(folder: Path) -> Path:
+    made = folder
     (made.parent / "secret.nc").write_bytes(b"secret")
     (made.parent / "secret.yaml").write_text("title: secret")
     (made / "link.nc").symlink_to(made.parent / "secret.nc")
@@ -33,12 +31,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (made / "linked").symlink_to(made.parent)
     (made / "note.nc").write_bytes(b"no recording")
     return made
-
-
-@pytest.fixture(scope="module")
-def client(folder: Path) -> Iterator[httpx.Client]:
-    with client_of(create_app(folder)) as made:
-        yield made
 
 
 @pytest.fixture(scope="module")

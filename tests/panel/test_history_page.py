@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -42,8 +40,8 @@ def walk(folder: Path, name: str, volts: float, before: float = 0.0, **attrs: st
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
-    folder = tmp_path_factory.mktemp("lab")
+def lab(panel: Panel) -> Panel:
+    folder = panel.folder
     walk(folder, "recordings/one.nc", 65.0, 0.1, epoch="2026-01-01T10:00:00+00:00")
     walk(folder, "recordings/two.nc", 70.0, 0.3, epoch="2026-01-02T10:00:00+00:00")
     walk(folder, "recordings/unfinished/three.nc", 20.0, outcome="stopped: emergency stop", operator="Lee")
@@ -58,16 +56,14 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
     )
     asked = {"recordings": ["recordings/one.nc"], "others": ["recordings/two.nc"], "set": "kang2007"}
     (fit / "shown.json").write_text(json.dumps({"phase": "done", "request": asked}))
-    served = Panel(folder)
-    yield served
-    served.end()
+    return panel
 
 
 @pytest.fixture
-def history(tab: Page, lab: Panel) -> Page:
-    tab.goto(f"{lab.url}#history")
-    tab.locator("[data-run]").first.wait_for()
-    return tab
+def history(page: Page, lab: Panel) -> Page:
+    page.goto(f"{lab.url}#history")
+    page.locator("[data-run]").first.wait_for()
+    return page
 
 
 def names(page: Page) -> list[str]:
@@ -250,15 +246,6 @@ def test_a_damaged_upload_is_refused_and_the_page_lives(history: Page, lab: Pane
         history.set_input_files("#upload-file", path)
         expect(history.locator("dialog .fault")).to_contain_text(path.name)
     assert not list((lab.folder / ".uploads").glob("*"))
-
-
-@pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (1400, "dark")])
-def test_looks(lab: Panel, tab: Page, width: int, scheme: Any) -> None:
-    tab.set_viewport_size({"width": width, "height": 850})
-    tab.emulate_media(color_scheme=scheme)
-    tab.goto(f"{lab.url}#history?run={ONE}")
-    tab.locator(".history-run .plot").wait_for()
-    assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth"), "nothing sticks out"
 
 
 def test_acts_follow_a_renamed_run(tmp_path: Path) -> None:

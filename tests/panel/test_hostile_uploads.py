@@ -7,7 +7,6 @@ import io
 import re
 import struct
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +15,7 @@ import httpx
 import numpy as np
 import pytest
 
-from stickslip.panel import create_app
 from stickslip.recording import make_recording, open_recording, save_recording
-
-from .serving import client_of
-from .test_bench_routes import ME
 
 HEAD = b"time [s],x [um]\n"
 ROWS = b"".join(b"%d.0,%d\n" % (i, i) for i in range(100))
@@ -109,18 +104,11 @@ CASES = [(name, case) for name, group in REFUSED.items() for case in group]
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(folder: Path) -> Path:
     """A lab with a recording."""
-    made = tmp_path_factory.mktemp("hostile")
     time = np.arange(200) * 1e-3
-    save_recording(make_recording(time, {"drive_voltage": (time, "V")}, title="good"), made / "good.nc")
-    return made
-
-
-@pytest.fixture(scope="module")
-def client(folder: Path) -> Iterator[httpx.Client]:
-    with client_of(create_app(folder), **ME) as made:
-        yield made
+    save_recording(make_recording(time, {"drive_voltage": (time, "V")}, title="good"), folder / "good.nc")
+    return folder
 
 
 def opened(client: httpx.Client, name: str, content: bytes) -> httpx.Response:

@@ -13,8 +13,7 @@ import numpy as np
 import stickslip as ss
 from stickslip.panel import create_app
 
-from .serving import client_of
-from .test_bench_routes import ME
+from .serving import ME, client_of
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
 

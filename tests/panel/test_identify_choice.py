@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -20,9 +19,9 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
+def lab(panel: Panel) -> Panel:
     """A walk of the bench, and a newer file of somebody's own."""
-    folder = tmp_path_factory.mktemp("choice")
+    folder = panel.folder
     (folder / "uploads").mkdir()
     for name, volts in (("walk.nc", 65.0), ("uploads/own.nc", 75.0)):
         save_walk(folder / name, volts, 1)
@@ -34,9 +33,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
     }
     ss.save_recording(walk, folder / "walk.nc")
     os.utime(folder / "walk.nc", (1e9, 1e9))
-    served = Panel(folder)
-    yield served
-    served.end()
+    return panel
 
 
 def test_of_the_benchs_recordings_the_newest_is_ticked_and_no_upload(page: Page, lab: Panel) -> None:

@@ -44,16 +44,14 @@ def save_walk(path: Path, volts: float, seed: int) -> None:
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
+def recorded(panel: Panel) -> Panel:
     """A panel on a folder with three walks, one of them without a drive."""
-    folder = tmp_path_factory.mktemp("identify")
+    folder = panel.folder
     for i, volts in enumerate((65.0, 75.0)):
         save_walk(folder / f"walk_{volts:.0f}V.nc", volts, i)
     lacking = ss.open_recording(folder / "walk_65V.nc")[["end_effector_position"]]
     ss.save_recording(lacking, folder / "without_drive.nc")
-    served = Panel(folder)
-    yield served
-    served.end()
+    return panel
 
 
 @pytest.fixture
@@ -88,9 +86,7 @@ def start(page: Page, effort: str = "quick") -> None:
     page.get_by_role("button", name="Start fit").click()
 
 
-def test_a_fit_from_start_to_report(
-    identify: Page, recorded: Panel, browser: Browser, tmp_path: Path
-) -> None:
+def test_a_fit_from_start_to_report(identify: Page, recorded: Panel, browser: Browser) -> None:
     # The page itself notes what it shows: a busy machine may look only when the fit is over.
     identify.evaluate(
         """() => {
@@ -126,7 +122,6 @@ def test_a_fit_from_start_to_report(
     # The predicted recording can be looked at, and the residuals are those of the noise.
     identify.get_by_label("Recording that is shown").select_option("walk_75V.nc")
     identify.wait_for_timeout(300)
-    identify.screenshot(path=str(tmp_path / "identify-light.png"), full_page=True)
     # The report opens, styled, with nothing that runs.
     address = identify.get_by_role("link", name="Report").get_attribute("href")
     assert address is not None
@@ -296,15 +291,3 @@ def test_requests_cannot_leave_the_folder(recorded: Panel) -> None:
         )
         assert wrong.status_code == 400
         assert "LuGre" in wrong.json()["error"]
-
-
-@pytest.mark.parametrize(("name", "width", "scheme"), [("dark", 1600, "dark"), ("narrow", 420, "light")])
-def test_looks(recorded: Panel, browser: Browser, tmp_path: Path, name: str, width: int, scheme: Any) -> None:
-    context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
-    page = context.new_page()
-    page.goto(f"{recorded.url}#identify")
-    page.locator(".identify[data-phase]").wait_for()
-    page.wait_for_timeout(500)
-    page.screenshot(path=str(tmp_path / f"identify-{name}.png"), full_page=True)
-    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "nothing sticks out"
-    context.close()

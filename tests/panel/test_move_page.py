@@ -115,9 +115,8 @@ def test_from_gains_to_a_place_a_step_a_scan_and_back(panel: Panel, opened: Page
     press(opened, "Scan")
     expect(opened.locator("#move-fault")).to_contain_text("more than the piezo has")
     put(opened, "Scan range", "2 um")
-    put(opened, "Cycles", "5")
-    # For 10 s, of which the page is told several times a second.
-    put(opened, "Frequency", "0.5 Hz")
+    put(opened, "Cycles", "3")
+    put(opened, "Frequency", "1 Hz")  # for 3 s, of which the page is told several times a second
     passing(opened, "Scanning by the piezo", lambda: press(opened, "Scan"))
     settled(opened)
     made_before = steps(opened).inner_text()

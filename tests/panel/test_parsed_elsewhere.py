@@ -22,8 +22,7 @@ from stickslip.panel.server import READ_BY
 from stickslip.recording.calibration import load_calibration, save_calibration
 from stickslip.rig.bench import _BENCHES
 
-from .serving import client_of
-from .test_bench_routes import ME
+from .serving import ME, client_of
 from .test_saved_sets import BRASS, save_set
 
 FIT = "fits/2026-01-05_10-00-00"

@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 import stickslip as ss
 from stickslip.history import read_acts
 
-from .conftest import Panel
+from .conftest import Panel, fitted
 from .test_bench_page import opened, run
 
 pytestmark = pytest.mark.browser
@@ -26,8 +26,7 @@ def test_from_a_walk_to_a_verified_model(page: Page, panel: Panel) -> None:
     run(page, "forward")
     page.click("text=Identify")
     page.locator(".identify[data-phase]").wait_for()
-    page.get_by_role("button", name="Start fit").click()
-    expect(page.locator(".identify")).to_have_attribute("data-phase", "done")
+    fitted(page, panel, page.get_by_role("button", name="Start fit").click)
     fit = next(panel.folder.glob("fits/*")).relative_to(panel.folder).as_posix()
     walk = next(panel.folder.glob("recordings/*/forward.nc")).relative_to(panel.folder).as_posix()
 

@@ -13,35 +13,41 @@ import pytest
 
 import stickslip as ss
 from stickslip.identify.results import model_numbers
-from stickslip.panel import create_app
 from stickslip.recording import save_recording
 
-from .serving import client_of
-from .test_bench_routes import ME, change
+from .test_bench_routes import change
 from .test_saved_sets import BRASS, save_set
 
 SHAPE = {"shape": "Sawtooth", "amplitude": "65 V", "frequency": "5 Hz", "periods": 2}
 
 
-@pytest.fixture
-def client(tmp_path: Path) -> Iterator[httpx.Client]:
+@pytest.fixture(scope="module")
+def client(client: httpx.Client, folder: Path) -> Iterator[httpx.Client]:
     """A panel on a folder with pipes in it, which nobody writes to."""
-    (tmp_path / "fits" / "piped").mkdir(parents=True)
-    (tmp_path / "fits" / "piped" / "report.html").touch()
-    (tmp_path / "parameters").mkdir()
+    (folder / "fits" / "piped").mkdir(parents=True)
+    (folder / "fits" / "piped" / "report.html").touch()
+    (folder / "parameters").mkdir()
     for name in ("f.nc", "f.csv", "f.toml", "f.json", "f.yaml", "parameters/f.toml"):
-        os.mkfifo(tmp_path / name)
-    os.mkfifo(tmp_path / "fits" / "piped" / "results.json")
-    (tmp_path / "on_a_pipe.toml").write_text('kind = "bench"\nbase = "f.toml"\n')
-    with client_of(create_app(tmp_path), **ME) as made:
-        made.post("/bench/save", json={"name": "ready.yaml"}).raise_for_status()
-        made.post("/bench/load", json={"name": "ready.yaml"}).raise_for_status()
-        made.timeout = 10.0  # s: what reads files is there now, and waits for nothing but a pipe
-        yield made
+        os.mkfifo(folder / name)
+    os.mkfifo(folder / "fits" / "piped" / "results.json")
+    (folder / "on_a_pipe.toml").write_text('kind = "bench"\nbase = "f.toml"\n')
+    client.post("/bench/save", json={"name": "ready.yaml"}).raise_for_status()
+    client.post("/bench/load", json={"name": "ready.yaml"}).raise_for_status()
+    usual = client.timeout
+    client.timeout = 10.0  # s: what reads files is there now, and waits for nothing but a pipe
+    yield client
+    client.timeout = usual
 
 
-def test_no_route_opens_a_pipe(client: httpx.Client, tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "acts.jsonl")
+@pytest.fixture
+def piped_acts(folder: Path) -> Iterator[None]:
+    os.mkfifo(folder / "acts.jsonl")
+    yield
+    (folder / "acts.jsonl").unlink()
+
+
+@pytest.mark.usefixtures("piped_acts")
+def test_no_route_opens_a_pipe(client: httpx.Client) -> None:
     for path, body in (
         *(("/path/predict", {**SHAPE, "parameters": n}) for n in ("f.nc", "f.toml", "parameters/f.toml")),
         ("/path/save", {"fit": "fits/piped", "name": "brass"}),
@@ -86,28 +92,27 @@ def test_no_route_opens_a_pipe(client: httpx.Client, tmp_path: Path) -> None:
         assert "plain file" in answer.text, (place, answer.text)
 
 
-def test_a_file_that_was_not_used_is_not_run_for_the_base_of_a_bench(tmp_path: Path) -> None:
-    (tmp_path / "mine.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')")
-    (tmp_path / "base.toml").write_text('base = "kang2007-bench"\n[sensor.mine]\ntype = "mine.py:Mine"\n')
-    (tmp_path / "bench.toml").write_text('kind = "bench"\nbase = "base.toml"\n')
-    with client_of(create_app(tmp_path), **ME) as client:
-        client.get("/bench/rigs").raise_for_status()
-        assert "mine.py is of a file that is not run" in change(client, ["rig", "bench"], "bench.toml").text
-    assert not (tmp_path / "ran").exists()
+def test_a_file_that_was_not_used_is_not_run_for_a_bench(client: httpx.Client, folder: Path) -> None:
+    (folder / "mine.py").write_text(f"open({str(folder / 'ran')!r}, 'w')")
+    (folder / "base.toml").write_text('base = "kang2007-bench"\n[sensor.mine]\ntype = "mine.py:Mine"\n')
+    (folder / "bench.toml").write_text('kind = "bench"\nbase = "base.toml"\n')
+    client.get("/bench/rigs").raise_for_status()
+    assert "mine.py is of a file that is not run" in change(client, ["rig", "bench"], "bench.toml").text
+    assert not (folder / "ran").exists()
 
 
 def test_only_parameter_sets_are_predicted_with_and_only_predictions_sent(
-    client: httpx.Client, tmp_path: Path
+    client: httpx.Client, folder: Path
 ) -> None:
-    save_set(tmp_path, BRASS, sigma_0=2e6)
-    save_set(tmp_path, "elsewhere.toml")
+    save_set(folder, BRASS, sigma_0=2e6)
+    save_set(folder, "elsewhere.toml")
     assert (
         "none of those" in client.post("/path/predict", json={**SHAPE, "parameters": "elsewhere.toml"}).text
     )
     made = client.post("/path/predict", json={**SHAPE, "parameters": BRASS}, timeout=300.0)
     assert made.status_code == 200, made.text
     assert client.post("/path/send", json={"prediction": made.json()["name"]}).status_code == 200
-    walk = ss.open_recording(tmp_path / made.json()["name"])
+    walk = ss.open_recording(folder / made.json()["name"])
     for variables in (
         {"voltage": 65.0},
         {"shape": "Sawtooth", "amplitude": 65.0},
@@ -115,28 +120,29 @@ def test_only_parameter_sets_are_predicted_with_and_only_predictions_sent(
         {**SHAPE, "periods": 0},
     ):
         walk.attrs["variables"] = json.dumps(variables)
-        save_recording(walk, tmp_path / "walk.nc")
+        save_recording(walk, folder / "walk.nc")
         answer = client.post("/path/send", json={"prediction": "walk.nc"})
         assert answer.status_code == 400
         assert "walk.nc is no prediction" in answer.text
 
 
-def test_a_fit_with_wrong_units_is_not_saved(client: httpx.Client, tmp_path: Path) -> None:
+def test_a_fit_with_wrong_units_is_not_saved(client: httpx.Client, folder: Path) -> None:
     numbers = model_numbers(ss.load_actuator("kang2007"))
     numbers["actuator"]["end_effector_mass"]["unit"] = "V"
-    (tmp_path / "fits" / "wrong").mkdir()
+    (folder / "fits" / "wrong").mkdir()
     for results, words in (({"numbers": {"model": numbers}}, "end_effector_mass"), ({}, "no 'numbers'")):
-        (tmp_path / "fits" / "wrong" / "results.json").write_text(json.dumps(results))
+        (folder / "fits" / "wrong" / "results.json").write_text(json.dumps(results))
         answer = client.post("/path/save", json={"fit": "fits/wrong", "name": "wrong"})
         assert answer.status_code == 400
         assert answer.json()["error"].startswith("fits/wrong/results.json: ")
         assert words in answer.text
 
 
-def test_what_cannot_be_predicted_is_said(client: httpx.Client, tmp_path: Path) -> None:
+def test_what_cannot_be_predicted_is_said(client: httpx.Client, folder: Path) -> None:
     """A stage of 1e-300 rad/s, of which no periodic motion is found: no fault of the server."""
-    save_set(tmp_path, BRASS)
-    file = tmp_path / BRASS
+    file = folder / "parameters" / "slow.toml"
+    save_set(folder, "parameters/slow.toml")
     file.write_text(re.sub(r"(\[natural_frequency\]\nvalue = )[0-9.]+", r"\g<1>1e-300", file.read_text()))
-    answer = client.post("/path/predict", json={**SHAPE, "parameters": BRASS}, timeout=300.0)
+    asked = {**SHAPE, "parameters": "parameters/slow.toml"}
+    answer = client.post("/path/predict", json=asked, timeout=300.0)
     assert (answer.status_code, answer.json()["error"][:34]) == (400, "no motion with the period of the d")

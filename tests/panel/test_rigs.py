@@ -11,12 +11,11 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stickslip import open_recording
-from stickslip.panel import create_app
 from stickslip.rig.bench import _BENCHES
 
 from .conftest import Panel
-from .serving import client_of, heard, streaming
-from .test_bench_routes import ME, change, ran
+from .serving import heard, streaming
+from .test_bench_routes import change, ran
 
 from twins.serving import served, twin_of  # isort: skip
 
@@ -42,18 +41,12 @@ def test_a_rig_is_chosen_on_the_page(panel: Panel, page: Page) -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("rigs")
-
-
-@pytest.fixture(scope="module")
-def client(folder: Path) -> Iterator[httpx.Client]:
+def client(client: httpx.Client, folder: Path) -> Iterator[httpx.Client]:
     (folder / "mine.toml").write_text((_BENCHES / "kang2007-bench.toml").read_text())
     (folder / "other.toml").write_text("title = 'no bench'")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STICKSLIP_RIGS", str(folder / ".rigs"))
-        with client_of(create_app(folder), **ME) as made:
-            yield made
+        yield client
 
 
 def told(client: httpx.Client) -> dict:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -11,6 +9,7 @@ import stickslip as ss
 from rotary.turning import RADIUS, SLIDES
 
 from .conftest import Panel
+from .test_bench_page import run
 from .test_explore_page import fault, field, shown, type_in
 from .test_move_page import at_rest, kept, press, put, settled
 from .turning import EXPERIMENT, SET, prepare
@@ -20,12 +19,9 @@ SIZES = {"nrad": 1e-9, "µrad": 1e-6, "mrad": 1e-3, "nm": 1e-9, "µm": 1e-6}
 
 
 @pytest.fixture(scope="module")
-def turning(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
-    folder = tmp_path_factory.mktemp("turning")
-    prepare(folder)
-    served = Panel(folder)
-    yield served
-    served.end()
+def turning(panel: Panel) -> Panel:
+    prepare(panel.folder)
+    return panel
 
 
 def number(text: str) -> float:
@@ -77,9 +73,7 @@ def test_a_walk_is_recorded_and_an_angle_held(turning: Panel, page: Page) -> Non
     page.get_by_role("button", name="Load…").click()
     page.get_by_role("dialog").get_by_role("button", name=EXPERIMENT).click()
     expect(page.get_by_role("heading", name=EXPERIMENT)).to_be_visible()
-    page.locator("#run-choice").select_option("forward")
-    page.locator("#start").click()
-    page.locator("#phase[data-phase=done]").wait_for()
+    run(page, "forward")
     tiles = page.locator(".display .reading")
     for text in tiles.all_inner_texts():  # the channel, and the position from home
         assert RADIUS * number(text) == pytest.approx(20e-6, rel=0.2)

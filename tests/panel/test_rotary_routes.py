@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +12,11 @@ import pytest
 
 import stickslip as ss
 from rotary.turning import RADIUS, SLIDES, TURNS
-from stickslip.panel import create_app
 from stickslip.panel.fit_request import FitRequest
 from stickslip.panel.fitting import fit_recordings
 from stickslip.panel.folder import Folder
 
-from .serving import client_of, heard, streaming
+from .serving import heard, streaming
 from .test_stream import unpacked
 from .turning import EXPERIMENT, SET, prepare
 
@@ -27,17 +25,9 @@ SAWTOOTH = {"shape": "Sawtooth", "fields": {"amplitude": 65.0, "frequency": 20.0
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("turning")
-    prepare(made, real_time=False)
-    return made
-
-
-@pytest.fixture(scope="module")
-def client(folder: Path) -> Iterator[httpx.Client]:
-    with client_of(create_app(folder), **{"X-Client": "me"}) as made:
-        made.timeout = 300.0
-        yield made
+def folder(folder: Path) -> Path:
+    prepare(folder, real_time=False)
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -160,6 +150,7 @@ def walked(client: httpx.Client, path: str = "/bench/start", last: str = "done")
     return experiment
 
 
+@pytest.mark.usefixtures("no_term_is_tried")
 def test_from_the_bench_to_a_fit(client: httpx.Client, folder: Path, choices: dict[str, Any]) -> None:
     not_real_time = {"path": ["rig", "real_time"], "value": False}
     client.post("/bench/set", json=not_real_time).raise_for_status()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -11,12 +10,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 import stickslip as ss
-from stickslip.panel import create_app
 from stickslip.parameters.writing import parameter_text, write_parameters
 from stickslip.physics.piezo import BoucWen, Piezo
 
-from .conftest import PATIENCE, Panel, noticed
-from .serving import client_of
+from .conftest import Panel, fitted, noticed
 from .test_identify_page import TRUTH, save_walk
 
 BRASS, STEEL, BENT = (f"parameters/{name}.toml" for name in ("brass", "steel", "bent"))
@@ -30,16 +27,14 @@ def save_set(folder: Path, name: str, **friction: float) -> None:
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
-    """A panel on a folder with a saved set, one that cannot be read, two walks and the step of neither."""
-    folder = tmp_path_factory.mktemp("sets")
+def lab(panel: Panel) -> Panel:
+    """A panel on a folder with a saved set, one that cannot be read, and two walks."""
+    folder = panel.folder
     save_set(folder, BRASS, **TRUTH, stiction_force=TRUTH["coulomb_force"])
     (folder / "parameters" / "broken.toml").write_text("kind = 'actuator'\n[gain")
     for i, name in enumerate(("older.nc", "newer.nc")):
         save_walk(folder / name, 65.0, i)
-    served = Panel(folder)
-    yield served
-    served.end()
+    return panel
 
 
 @pytest.mark.browser
@@ -65,9 +60,7 @@ def test_a_run_is_identified_from_its_page_and_with_a_saved_set(page: Page, lab:
     page.get_by_role("button", name="Refresh").click()
     expect(sets.locator(f"option[value='{STEEL}']")).to_have_count(1)
     expect(sets).to_have_value(BRASS)
-    page.get_by_role("button", name="Start fit").click()
-    page.locator(".identify[data-phase=done]").wait_for()
-    state = httpx.get(f"{lab.url}api/identify/state", timeout=PATIENCE).json()
+    state = fitted(page, lab, page.get_by_role("button", name="Start fit").click)
     assert (state["request"]["set"], state["request"]["recordings"]) == (BRASS, ["older.nc"])
     low, high = state["fit"]["parameters"]["sigma_0"]["interval"]
     assert low < TRUTH["sigma_0"] < high
@@ -109,26 +102,25 @@ def test_hysteresis_of_another_kind_has_its_own_sliders(page: Page, lab: Panel) 
     (lab.folder / BENT).unlink()
 
 
-def test_only_sets_can_be_named_as_such(tmp_path: Path) -> None:
+def test_only_sets_can_be_named_as_such(client: httpx.Client, folder: Path) -> None:
     """What a request may name: sets of the package and of the folder for them, nothing else."""
-    save_set(tmp_path, BRASS, sigma_0=2e6)
-    save_set(tmp_path, "elsewhere.toml")
-    with client_of(create_app(tmp_path)) as client:
-        sets = client.get("/api/explore/choices").json()["sets"]
-        assert BRASS in sets
-        assert "elsewhere.toml" not in sets
-        friction = sets[BRASS]["friction"]["LuGre"]
-        assert friction["sigma_0"] == 2e6
-        state = {"law": "LuGre", "friction": friction, "shape": "Sawtooth", "duration": 0.1}
-        state |= {"waveform": {"amplitude": 65, "frequency": 20}}
-        for name, code in (
-            (BRASS, 200),
-            ("elsewhere.toml", 422),
-            ("parameters/../elsewhere.toml", 422),
-            ("parameters/none.toml", 422),
-        ):
-            answer = client.post("/api/explore/motion", json={**state, "set": name})
-            assert answer.status_code == code, answer.text[:200]
-            if code != 200:
-                assert answer.json()["field"] == "set"
-                assert str(tmp_path) not in answer.text
+    save_set(folder, BRASS, sigma_0=2e6)
+    save_set(folder, "elsewhere.toml")
+    sets = client.get("/api/explore/choices").json()["sets"]
+    assert BRASS in sets
+    assert "elsewhere.toml" not in sets
+    friction = sets[BRASS]["friction"]["LuGre"]
+    assert friction["sigma_0"] == 2e6
+    state = {"law": "LuGre", "friction": friction, "shape": "Sawtooth", "duration": 0.1}
+    state |= {"waveform": {"amplitude": 65, "frequency": 20}}
+    for name, code in (
+        (BRASS, 200),
+        ("elsewhere.toml", 422),
+        ("parameters/../elsewhere.toml", 422),
+        ("parameters/none.toml", 422),
+    ):
+        answer = client.post("/api/explore/motion", json={**state, "set": name})
+        assert answer.status_code == code, answer.text[:200]
+        if code != 200:
+            assert answer.json()["field"] == "set"
+            assert str(folder) not in answer.text

@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import httpx
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
@@ -34,10 +35,8 @@ grid: {x: {start: 0, stop: 19, points: 20}, y: {start: 0, stop: 11, points: 12}}
 """
 
 
-@pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a study that is done, damaged ones, and the file of one that is not begun."""
-    folder = tmp_path_factory.mktemp("studies")
+def fill(folder: Path) -> None:
+    """Have a study that is done there, damaged ones, and the file of one that is not begun."""
     ss.run_study(
         Study(Grid(GRID), Own(f"{FILE}:squares"), task=12, title="squares"), folder / "done.zarr", workers=1
     )
@@ -53,28 +52,40 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     os.mkfifo(chunk)
     study_functions.with_functions(folder / "held.yaml", STUDY)
     (folder / "other.yaml").write_text("kind: experiment\n")
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("studies")
+    fill(folder)
     return folder
 
 
-def test_a_damaged_store_holds_nobody(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(process, "PATIENCE", 5.0)  # s of computing: the first question imports for 1.5 s
-    with client_of(create_app(lab)) as client:
-        found = client.get("/studies").json()
-        assert found["files"] == ["held.yaml"]
-        assert {one["name"] for one in found["stores"]} == {"done.zarr", "endless.zarr", "pipe.zarr"}
-        state = client.post("/studies/state", json={"name": "endless.zarr"}).json()
-        assert state["wrong"]
-        assert "rows" not in state
-        assert str(lab) not in state["said"]
-        state = client.post("/studies/state", json={"name": "pipe.zarr"}).json()
-        assert ["damaged", "12"] in state.get("rows", []), state
-        state = client.post("/studies/state", json={"name": "done.zarr"}).json()
-        assert (state["share"], state["said"], state["grows"]) == (1.0, "Complete.", False)
-        asked = {"name": "done.zarr", "result": "value", "across": "x", "up": "y"}
-        header, (across, up, cells) = unpacked(client.post("/studies/picture", json=asked).content)
-        assert header["said"] == "240 members, of 20 of 20 tasks that are done."
-        assert (across.size, up.size) == (21, 13)
-        np.testing.assert_array_equal(cells.reshape(12, 20), GRID["x"] ** 2 + 10.0 * GRID["y"][:, None])
+@pytest.fixture(scope="module")
+def client(lab: Path) -> Iterator[httpx.Client]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(process, "PATIENCE", 5.0)  # s of computing: the first question imports for 1.5 s
+        with client_of(create_app(lab)) as made:
+            yield made
+
+
+def test_a_damaged_store_holds_nobody(client: httpx.Client, lab: Path) -> None:
+    found = client.get("/studies").json()
+    assert found["files"] == ["held.yaml"]
+    assert {one["name"] for one in found["stores"]} == {"done.zarr", "endless.zarr", "pipe.zarr"}
+    state = client.post("/studies/state", json={"name": "endless.zarr"}).json()
+    assert state["wrong"]
+    assert "rows" not in state
+    assert str(lab) not in state["said"]
+    state = client.post("/studies/state", json={"name": "pipe.zarr"}).json()
+    assert ["damaged", "12"] in state.get("rows", []), state
+    state = client.post("/studies/state", json={"name": "done.zarr"}).json()
+    assert (state["share"], state["said"], state["grows"]) == (1.0, "Complete.", False)
+    asked = {"name": "done.zarr", "result": "value", "across": "x", "up": "y"}
+    header, (across, up, cells) = unpacked(client.post("/studies/picture", json=asked).content)
+    assert header["said"] == "240 members, of 20 of 20 tasks that are done."
+    assert (across.size, up.size) == (21, 13)
+    np.testing.assert_array_equal(cells.reshape(12, 20), GRID["x"] ** 2 + 10.0 * GRID["y"][:, None])
 
 
 @pytest.mark.parametrize(
@@ -88,44 +99,36 @@ def test_a_damaged_store_holds_nobody(lab: Path, monkeypatch: pytest.MonkeyPatch
         ("picture", {"name": "done.zarr", "result": "value", "across": "z"}, "has no 'z'"),
     ],
 )
-def test_what_is_refused(lab: Path, path: str, body: dict[str, str], message: str) -> None:
-    with client_of(create_app(lab)) as client:
-        answer = client.post(f"/studies/{path}", json=body)
+def test_what_is_refused(client: httpx.Client, path: str, body: dict[str, str], message: str) -> None:
+    answer = client.post(f"/studies/{path}", json=body)
     assert answer.status_code == 400
     assert message in answer.json()["error"]
 
 
-@pytest.fixture
-def studies(page: Page, lab: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Page]:
-    monkeypatch.setenv("STUDY_GATE", str(lab / "gate"))
-    served = Panel(lab)
-    page.goto(f"{served.url}#studies")
-    page.locator("[data-study]").first.wait_for()
-    yield page
-    served.end()
-
-
 @pytest.mark.browser
-def test_begun_stopped_gone_on_with_and_looked_at(studies: Page, lab: Path) -> None:
-    studies.get_by_role("button", name="Begin").click()
+def test_begun_stopped_gone_on_with_and_looked_at(page: Page, panel: Panel) -> None:
+    fill(panel.folder)
+    page.goto(f"{panel.url}#studies")
+    page.locator("[data-study]").first.wait_for()
+    page.get_by_role("button", name="Begin").click()
     name = "[data-study='held.zarr']"
-    studies.locator(f"li.shown {name}").wait_for()
-    stop, go_on = (studies.get_by_role("button", name=one, exact=True) for one in ("Stop", "Go on"))
-    studies.locator(".history-right[data-pictures]").wait_for()  # while it grows
+    page.locator(f"li.shown {name}").wait_for()
+    stop, go_on = (page.get_by_role("button", name=one, exact=True) for one in ("Stop", "Go on"))
+    page.locator(".history-right[data-pictures]").wait_for()  # while it grows
     stop.click()
-    expect(studies.locator(".history-run [role=status]").first).to_contain_text("stopped, as was asked")
-    state = study_state(lab / "held.zarr")
+    expect(page.locator(".history-run [role=status]").first).to_contain_text("stopped, as was asked")
+    state = study_state(panel.folder / "held.zarr")
     assert 0 < state.done < state.tasks
     expect(stop).to_be_disabled()
-    (lab / "gate").touch()
+    (panel.folder / "gate").touch()
     go_on.click()
-    expect(studies.locator(".history-right")).to_have_attribute("data-share", "1")
-    expect(studies.locator(".history-run [role=status]").first).to_have_text("Complete.")
+    expect(page.locator(".history-right")).to_have_attribute("data-share", "1")
+    expect(page.locator(".history-run [role=status]").first).to_have_text("Complete.")
     expect(go_on).to_be_disabled()
-    studies.get_by_label("In each cell").select_option("count")
-    expect(studies.locator(".design-key output").last).to_have_text("1")
-    studies.locator(".picture").focus()
-    studies.keyboard.press("ArrowRight")
-    expect(studies.locator(".studies-at")).to_have_text("x 0.5 to 1.5, y -0.5 to 0.5: 1")
-    studies.locator("[data-study='endless.zarr']").click()
-    expect(studies.locator(".history-run [role=status].fault").first).to_be_visible()
+    page.get_by_label("In each cell").select_option("count")
+    expect(page.locator(".design-key output").last).to_have_text("1")
+    page.locator(".picture").focus()
+    page.keyboard.press("ArrowRight")
+    expect(page.locator(".studies-at")).to_have_text("x 0.5 to 1.5, y -0.5 to 0.5: 1")
+    page.locator("[data-study='endless.zarr']").click()
+    expect(page.locator(".history-run [role=status].fault").first).to_be_visible()

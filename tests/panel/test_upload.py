@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,27 +10,13 @@ import numpy as np
 import pytest
 
 from stickslip.history import read_acts
-from stickslip.panel import create_app
 from stickslip.panel.looking import for_the_page
 from stickslip.recording import open_recording
 from stickslip.waveform import Rest, Sawtooth, Sequence
 
-from .serving import client_of
-
 ROWS = [f"{0.25 * i:.5f},{1e-3 * i:.5f},{0.1 * i:.5f}" for i in range(100)]
 CUT = "\n".join(["t [ms],x [um],u [V]", *ROWS, "25.00000,"])
 GERMAN = "\n".join(["Zeit in ms;Weg in µm;Spannung in V", *(one.replace(",", ";") for one in ROWS), ""])
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("uploads")
-
-
-@pytest.fixture(scope="module")
-def client(folder: Path) -> Iterator[httpx.Client]:
-    with client_of(create_app(folder), **{"X-Client": "test"}) as made:
-        yield made
 
 
 def looked_at(client: httpx.Client, name: str, text: str) -> dict[str, Any]:

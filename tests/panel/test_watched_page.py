@@ -22,11 +22,6 @@ from .test_bench_page import drawn, draws
 
 pytestmark = pytest.mark.browser
 WATCHERS = 49  # and a page: 50
-# Everything that can have the focus, numbered; those that are reached by Tab say their number.
-FOCUSABLE = """() => [...document.querySelectorAll(
-  'button, input, select, summary, a[href], [tabindex="0"], pre[tabindex]')]
-  .filter((one) => one.checkVisibility() && one.tabIndex >= 0 && !one.matches(':disabled'))
-  .map((one, i) => (one.dataset.reach = String(i), one.id || one.ariaLabel || one.textContent))"""
 
 
 def ready(page: Page, url: str) -> None:
@@ -81,35 +76,6 @@ def test_escape_closes_a_dialog_and_stops_only_where_none_is_open(page: Page, pa
         expect(page.locator("#phase")).to_have_text("Running")
         page.keyboard.press("Escape")
         expect(page.locator("#phase")).to_have_text("Stopped")
-
-
-@pytest.mark.parametrize("name", ["bench", "identify", "explore", "history"])
-def test_tab_reaches_everything_and_everything_has_a_name(page: Page, panel: Panel, name: str) -> None:
-    wait = {
-        "bench": "#start:enabled",
-        "identify": ".identify[data-phase]",
-        "explore": ".explore[data-curves]",
-        "history": ".history",
-    }
-    page.goto(f"{panel.url}#{name}")
-    page.locator(wait[name]).wait_for()
-    page.wait_for_load_state("networkidle")
-    page.wait_for_timeout(300)
-    names = page.evaluate(FOCUSABLE)
-    assert len(names) > 12
-    page.locator("body").focus()
-    reached = set()
-    for _ in range(len(names) + 5):
-        page.keyboard.press("Tab")
-        reached.add(page.evaluate("document.activeElement.dataset.reach"))
-    assert [one for i, one in enumerate(names) if str(i) not in reached] == []
-    nameless = page.evaluate(
-        """() => [...document.querySelectorAll("button, input, select, a[href], [role=slider], [role=group]")]
-          .filter((one) => one.checkVisibility() && !(one.ariaLabel || one.textContent.trim() || one.title
-            || [...(one.labels ?? [])].some((label) => label.textContent.trim())))
-          .map((one) => one.outerHTML)"""
-    )
-    assert nameless == []
 
 
 def test_a_page_that_is_left_early_fills_no_other(page: Page, panel: Panel) -> None:

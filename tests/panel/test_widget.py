@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -65,7 +64,7 @@ def test_it_needs_no_server() -> None:
 
 @pytest.mark.browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_browser_draws_it(browser: Browser, tmp_path: Path, scheme: str) -> None:
+def test_a_browser_draws_it(browser: Browser, scheme: str) -> None:
     walk = recording().assign_coords(time=recording()["time"] + 3.0)
     widget = ss.panel.plot_widget(walk)
     values = {"frame": list(widget.frame), "series": widget.series, "height": widget.height}
@@ -108,7 +107,6 @@ def test_a_browser_draws_it(browser: Browser, tmp_path: Path, scheme: str) -> No
     assert len(pixels) == 2
     assert expected[0] in pixels[0]
     assert expected[1] in pixels[1]
-    page.screenshot(path=str(tmp_path / f"widget-{scheme}.png"))
     page.evaluate("window.unmount()")
     assert page.locator(".plot").count() == 0
     assert faults == []
