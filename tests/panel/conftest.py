@@ -85,16 +85,15 @@ class Panel:
     def clear(self) -> None:
         """Leave what a newcomer finds; see `emptied`. Started again is a panel that has ended, and one that
         has fitted: its last fit is on a page."""
-        there = self.process.poll() is None
         with connected(self, {"X-Client": CLIENT}) as asking:
+            there = self.process.poll() is None
             if there and asking.get("/api/identify/state").json()["phase"] != "none":
                 self.end()
                 there = False
-            if there:
-                emptied(asking, self.folder)
-        if not there:
-            swept(self.folder)
-            self.start()
+            if not there:
+                swept(self.folder)
+                self.start()
+            emptied(asking, self.folder)
 
     def kill(self) -> None:
         """As a crash would."""

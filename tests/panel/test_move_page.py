@@ -6,7 +6,6 @@ import re
 import time
 from pathlib import Path
 
-import httpx
 import numpy as np
 import pytest
 import xarray as xr
@@ -14,25 +13,9 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from stickslip import open_recording
 
-from .conftest import CLIENT, PATIENCE, Panel, passing
+from .conftest import CLIENT, PATIENCE, Panel, connected, passing
 
 pytestmark = pytest.mark.browser
-
-
-def patient(panel: Panel) -> None:
-    """The rig is to wait longer for a panel that a busy machine gives no time, and to go on with its move."""
-    httpx.post(
-        f"{panel.url}bench/set",
-        json={"path": ["limits", "watchdog"], "value": f"{PATIENCE} s"},
-        headers={"X-Client": CLIENT},
-        timeout=PATIENCE,
-    ).raise_for_status()
-
-
-@pytest.fixture(scope="module")
-def panel(panel: Panel) -> Panel:
-    patient(panel)
-    return panel
 
 
 @pytest.fixture
@@ -90,7 +73,8 @@ def test_gains_that_could_not_be_had_come_with_the_next_word_of_the_experiment(
     page.goto(f"{panel.url}#move")
     expect(page.locator("#move-fault")).to_have_text("The server does not answer.")
     page.unroute("**/api/move/choices")
-    patient(panel)  # as it was
+    with connected(panel, {"X-Client": CLIENT}) as asking:  # as it was
+        asking.post("/bench/set", json={"path": ["title"], "value": "Bench"}).raise_for_status()
     page.locator(".move-gains[data-answers]").wait_for()
     expect(page.locator("#move-fault")).to_have_text("")
 
