@@ -12,6 +12,7 @@ import stickslip as ss
 from stickslip import design
 
 from .conftest import Panel
+from .test_bench_page import press
 
 pytestmark = pytest.mark.browser
 ACTUATOR = ss.load_actuator("kang2007")
@@ -115,8 +116,7 @@ def test_from_a_search_to_the_bench(panel: Panel, opened: Page) -> None:
     opened.get_by_role("button", name="Send to the bench").nth(1).click()
     opened.get_by_role("link", name="to the bench").click()
     expect(opened.locator("#start")).to_be_enabled()
-    opened.locator("#start").click()
-    expect(opened.locator("#phase")).to_have_text("Done")
+    press(opened, "#start", "Done")
     walked = [ss.open_recording(path) for path in panel.folder.rglob("designed*.nc")]
     assert len(walked) == 1
     assert walked[0].end_effector_position.values[-50:].mean() > 0.2e-3, "faster than 2 mm/s for 0.1 s"
