@@ -25,6 +25,7 @@ from stickslip.recording import open_recording
 from stickslip.rig import Capture, HostedRig, LimitError, Limits, Link, RigError, VirtualRig, measure
 from stickslip.rig.devices import virtual_device
 from stickslip.rig.host import Host
+from stickslip.rig.lock import own_folder
 from stickslip.rig.samples import complete, recover
 from stickslip.rig.supervisor import Order
 from stickslip.waveform.periodic import Sawtooth
@@ -234,6 +235,24 @@ def test_only_who_has_the_token_is_heard(link: Link) -> None:
     Link(link.folder, "another").close()
     for one in silent:
         one.close()
+
+
+def test_a_folder_that_others_can_reach_or_own_is_refused_by_name(tmp_path: Path) -> None:
+    """Whoever makes it first could answer as the rig."""
+    folder = tmp_path / "rig"
+    folder.mkdir()
+    folder.chmod(0o755)
+    with pytest.raises(RigError, match=f"{folder} is not used: other users can reach it.*chmod 700"):
+        Link(folder, "a test")
+    with pytest.raises(OSError, match="other users can reach it"):
+        own_folder(folder)
+    if os.geteuid() == 0:  # nobody else can give a folder away
+        folder.chmod(0o700)
+        os.chown(folder, 12345, -1)
+        with pytest.raises(RigError, match=f"{folder} is not used: it is of the user 12345"):
+            Link(folder, "a test")
+    assert not list(folder.iterdir())
+    assert own_folder(tmp_path / "new" / "rig").stat().st_mode & 0o777 == 0o700
 
 
 def test_it_ends_when_nobody_is_there(tmp_path: Path) -> None:

@@ -155,7 +155,7 @@ def counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
             f"{kept} does not hold how many runs there were: write a whole number of 0 or more into it, "
             "more than there can have been"
         )
-    kept.parent.mkdir(exist_ok=True)
+    kept.parent.mkdir(exist_ok=True, mode=0o700)
     with replaced_whole(kept) as temporary:
         temporary.write_text(str(before + _recordings(content)), encoding="ascii")
     return {**content, "rig": {**rig, "first_run": rig.get("first_run", 0) + before}}

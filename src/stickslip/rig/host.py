@@ -28,7 +28,7 @@ from .devices import open_device
 from .gate import PositionInput
 from .home import Home
 from .limits import LONGEST_STOP, Limits
-from .lock import locked
+from .lock import locked, own_folder
 from .memory import collected_on_request, give_memory_back
 from .plausibility import Plausibility
 from .protocols import Array, Capabilities, RigError
@@ -265,7 +265,7 @@ def main(folder: Path) -> int:
     and a line on stderr where a file of the folder cannot be used."""
     give_memory_back()
     try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        own_folder(folder)
         with locked(folder / "lock") as mine:
             if not mine:
                 return ANOTHER

@@ -24,6 +24,7 @@ from ..recording.replacing import read_small
 from .devices import told_of
 from .gate import PositionInput
 from .limits import LONGEST_STOP, LimitError, Limits
+from .lock import own_folder
 from .plausibility import Plausibility
 from .protocols import Array, Capabilities, ControllerSpec, RigError, RigWarning
 from .supervisor import ANOTHER, StopRequested
@@ -279,6 +280,10 @@ def position_document(name: str, calibration: Sequence[Any]) -> dict[str, Any]:
 
 def _connected(folder: Path, name: str) -> socket.socket:
     started: int | None = None
+    try:
+        own_folder(folder)
+    except OSError as error:
+        raise RigError(str(error)) from None
     end = time.monotonic() + STARTS
     while True:
         link = greeted(folder, name)
@@ -297,7 +302,6 @@ def _connected(folder: Path, name: str) -> socket.socket:
 def _started(folder: Path) -> int:
     """The number of a new process, of a session of its own: what ends the terminal, or a Ctrl-C in it, does
     not reach it."""
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     command = [sys.executable, "-m", "stickslip.rig.host", str(folder)]
     log = os.open(folder / "rig.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     try:

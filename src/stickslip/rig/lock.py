@@ -1,4 +1,5 @@
-"""A lock that one process has, and that is free again when the process is gone, however it went."""
+"""A lock that one process has, and that is free again when the process is gone, however it went; and folders
+that only this user can reach."""
 
 from __future__ import annotations
 
@@ -44,3 +45,24 @@ def taken(file: int, shared: bool = False) -> bool:
     except OSError:
         return False
     return True
+
+
+def own_folder(folder: Path) -> Path:
+    """Return a folder that is this user's and nobody else can reach, made if it is not there.
+
+    Its name can be guessed: whoever made it first could have this program's commands, or run its files.
+
+    Raises:
+        OSError: it is of another user, or others can reach it; says what to do.
+    """
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    if os.name != "posix":
+        return folder
+    one = folder.stat()
+    if one.st_uid != os.geteuid():
+        raise OSError(f"{folder} is not used: it is of the user {one.st_uid}. Name another folder")
+    if one.st_mode & 0o077:
+        raise OSError(
+            f"{folder} is not used: other users can reach it. Make it yours alone: chmod 700 {folder}"
+        )
+    return folder
