@@ -200,6 +200,8 @@ class PiezoController(Gcs):
             "SPA?": lambda given: ["1 0x0E000200=0.000100000"],
             "VMI?": lambda given: ["1=-30.0000"],
             "VMA?": lambda given: ["1=130.0000"],
+            "TMN?": lambda given: ["1=-1000.000000"],
+            "TMX?": lambda given: ["1=1000.000000"],
             "WAV": self._wave,
             "WTR": lambda given: self.rates.__setitem__(0, int(limited(given[1], 1, 1e6))),
             "RTR": lambda given: self.rates.__setitem__(1, int(limited(given[0], 1, 1e6))),

@@ -6,6 +6,8 @@ The devices are in this process, and time goes on when it is told to: thousands 
 
 from __future__ import annotations
 
+import socket
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +20,8 @@ from stickslip.rig.pair import PairRig
 from stickslip.rig.pi import PiRig
 from stickslip.rig.positioners.e871 import E871Client
 from stickslip.rig.redpitaya import RedPitayaRig
+from stickslip.rig.scpi import ScpiInstrument
+from stickslip.rig.table import check_followed
 from stickslip.rig.twins import Stage
 from stickslip.rig.twins.generator import GeneratorTwin
 from stickslip.rig.twins.oscilloscope import OscilloscopeTwin
@@ -76,6 +80,9 @@ def line_to(
             if reply and random.random() < share:
                 reply = mutated(random, reply)
             self._rest += reply
+
+        def more(self) -> bytes:
+            return self._rest
 
         def until(self, end: bytes, asked: bytes = b"", timeout: float | None = None) -> bytes:
             if end not in self._rest:
@@ -220,3 +227,81 @@ def test_mutated_requests_do_no_harm(name: str, monkeypatch: pytest.MonkeyPatch)
     assert np.ptp(extremes) > 0.0  # something moved
     assert max(map(abs, extremes)) <= 150.0 + 1e-9  # 10 V of the generator by the amplifier of 15
     assert devices[1].execute("*IDN?").strip().decode() == devices[1].identity
+
+
+@pytest.mark.parametrize(
+    ("reply", "said"),
+    [
+        (b"#15hello\n", ""),
+        (b"#15hello\r\n", ""),
+        (b"#15hello!\n", "'!' came after its 5 bytes"),
+        (b"#16hello\n", "CURV"),
+        (b"#15hello\nmore\n", "'more.n' came beside its answer"),
+        (b"15hello\n", "no block"),
+    ],
+)
+def test_a_block_is_taken_whole_or_not_at_all(reply: bytes, said: str) -> None:
+    """Over a socket: its length, what ends it, and nothing left over."""
+    with socket.create_server(("127.0.0.1", 0)) as serving:
+
+        def serve() -> None:
+            link = serving.accept()[0]
+            for one in (b"a generator\n", reply):
+                link.recv(100)
+                link.sendall(one)
+            link.recv(100)
+            link.close()
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        link = ScpiInstrument("oscilloscope", f"127.0.0.1:{serving.getsockname()[1]}", timeout=0.5)
+        if said:
+            with pytest.raises(RigError, match=said):
+                link.block("CURV?")
+            with pytest.raises(RigError, match="not asked, an answer was late or garbage before"):
+                link.ask("*IDN?")
+        else:
+            assert link.block("CURV?") == b"hello"
+        link.close()
+        thread.join(10.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda row: b"6.6e35 6.6e35", "drive = 6.6e.35 V came, which is not within -46 to 146 V"),
+        (lambda row: row.split()[0] + b" 6.6e35", "position = 6.6e.35 um came, which is not within"),
+        (lambda row: b"", "NDATA = 101 was announced, and 100 came"),
+        (lambda row: row + b" 1.0", "101 rows came"),
+    ],
+)
+def test_readings_that_a_sensor_cannot_have_are_refused(
+    change: Callable[[bytes], bytes], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = Time()
+    devices, opened, _ = made("pi", clock)
+
+    class Wrong(line_to(devices, np.random.default_rng(0), {"replies": 0}, share=0.0)):  # type: ignore[misc]
+        def send(self, content: bytes) -> None:
+            super().send(content)
+            if content.startswith(b"DRR?"):
+                rows = self._rest.split(b"\n")
+                rows[60] = change(rows[60])
+                self._rest = b"\n".join(one if one.endswith(b" ") else one + b" " for one in rows[:-2] if one)
+                self._rest += b"\n" + rows[-2] + b"\n"
+
+    for module in ("gate", "pi", "table"):
+        monkeypatch.setattr(f"stickslip.rig.{module}.time", clock)
+    monkeypatch.setattr("stickslip.rig.gcs.Line", Wrong)
+    with pytest.raises(RigError, match=said):
+        run(opened(), clock)
+
+
+def test_a_recorded_drive_is_compared_with_what_was_put_out() -> None:
+    played = np.append(np.linspace(0.0, 60.0, 500), np.zeros(500))
+    check_followed("a rig", 0.05 * np.roll(played, 4) + 0.3, played)  # a monitor of 1:20, late
+    check_followed("a rig", np.zeros(1000), np.full(1000, 0.2))  # next to nothing was put out
+    random = np.random.default_rng(1)
+    for wrong in (np.zeros(1000), random.standard_normal(1000), np.sin(np.arange(1000.0))):
+        with pytest.raises(RigError, match="the recorded drive is not what was put out"):
+            check_followed("a rig", wrong, played)

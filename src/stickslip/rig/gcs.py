@@ -78,11 +78,13 @@ class GcsLine:
             raise RigError(f"{self.name}: {query!r}: not asked, an answer was late or garbage before")
         asked, lines = query.encode("latin-1"), list[str]()
         try:
+            self._need_silence(query)
             self._line.send(asked if len(asked) == 1 else asked + b"\n")
             while not lines or lines[-1].endswith(" "):
                 if len(lines) > _LONGEST:
                     raise RigError(f"{self.name}: the answer to {query} does not end")
                 lines.append(self._line.until(b"\n", asked).decode("latin-1").strip("\r"))
+            self._need_silence(query)
         except RigError:
             self._lost = True
             raise
@@ -98,9 +100,20 @@ class GcsLine:
             self._lost = True
             raise RigError(f"{self.name}: {query} is answered by {said[:60]!r}, no number") from None
 
+    def _need_silence(self, query: str) -> None:
+        """Raises RigError where there is more than was asked for."""
+        more = self._line.more()
+        if more:
+            raise RigError(f"{self.name}: {query}: {more[:20]!r} came beside its answer")
+
     def table(self, query: str) -> list[list[float]]:
-        """The rows of numbers of a GCS array."""
-        lines = [line for line in self.ask(query) if not line.startswith("#")]
+        """The rows of numbers of a GCS array, as many as its head says."""
+        said = self.ask(query)
+        lines = [line for line in said if not line.startswith("#")]
+        for name, count in (("NDATA", len([one for one in lines if one])), ("DIM", len(lines[0].split()))):
+            told = re.search(rf"^#\s*{name}\s*=\s*(\d+)", "\n".join(said), re.MULTILINE)
+            if told is not None and int(told[1]) != count:
+                raise RigError(f"{self.name}: {query}: {name} = {told[1]} was announced, and {count} came")
         try:
             return [[finite(one) for one in line.split()] for line in lines if line]
         except ValueError:

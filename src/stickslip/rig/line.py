@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import select
 import socket
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
 from .protocols import RigError
@@ -58,8 +59,7 @@ class Line:
             if self._port is None:
                 self._socket = _Serial(self._host, self._baud, self._timeout)
             else:
-                self._socket = socket.create_connection((self._host, self._port), self._timeout)
-                self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                self._socket = _Tcp(self._host, self._port, self._timeout)
         except (OSError, OverflowError, ValueError) as error:
             self.closed = True
             raise RigError(f"{self.device} cannot be reached: {error}") from None
@@ -131,6 +131,13 @@ class Line:
         found, self._rest = self._rest[:count], self._rest[count:]
         return found
 
+    def more(self) -> bytes:
+        """What has come and was not asked for: then it is not known which answer is to what."""
+        if not self.closed and not self._rest and self._socket.waiting():
+            with suppress(OSError):
+                self._rest += self._socket.recv(65536)
+        return self._rest
+
     def close(self) -> None:
         """Let go."""
         if not self.closed:
@@ -169,6 +176,20 @@ def finite(text: str) -> float:
     return value
 
 
+class _Tcp:
+    """A connection over TCP."""
+
+    def __init__(self, host: str, port: int, timeout: float) -> None:
+        self._link = socket.create_connection((host, port), timeout)
+        self._link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.settimeout, self.sendall = self._link.settimeout, self._link.sendall
+        self.recv, self.close = self._link.recv, self._link.close
+
+    def waiting(self) -> bool:
+        """Whether something has come."""
+        return bool(select.select([self._link], [], [], 0.0)[0])
+
+
 class _Serial:
     """A serial port with the calls of a socket; its errors are OSErrors as well."""
 
@@ -182,6 +203,10 @@ class _Serial:
     def settimeout(self, timeout: float) -> None:
         """s, for what follows."""
         self._port.timeout = self._port.write_timeout = timeout
+
+    def waiting(self) -> bool:
+        """Whether something has come."""
+        return self._port.in_waiting > 0
 
     def sendall(self, content: bytes) -> None:
         """Send."""

@@ -18,16 +18,19 @@ from .protocols import Array, RigError
 from .scpi import ScpiInstrument
 
 _POLL = 0.01  # s
+_BEYOND = 1.5  # span of a channel about 0 V, beyond which no number of it can lie
 _ARMED = 5.0  # s that arming may take
 
 
 class Preamble(NamedTuple):
-    """How numbers become volts: sample i is at `begin` + i `tick`, its voltage `zero` + its number `unit`."""
+    """How numbers become volts: sample i is at `begin` + i `tick`, its voltage `zero` + its number `unit`.
+    There are `points`, of an instrument that says so."""
 
     begin: float
     tick: float
     zero: float
     unit: float
+    points: float | None = None
 
 
 class OscilloscopeCommands(NamedTuple):
@@ -70,13 +73,13 @@ def _ten_numbers(link: ScpiInstrument) -> list[float]:
 
 
 def _keysight(link: ScpiInstrument) -> Preamble:
-    *_, tick, begin, first, unit, zero, center = _ten_numbers(link)
-    return Preamble(begin - first * tick, tick, zero - center * unit, unit)
+    _, _, count, _, tick, begin, first, unit, zero, center = _ten_numbers(link)
+    return Preamble(begin - first * tick, tick, zero - center * unit, unit, count)
 
 
 def _rigol(link: ScpiInstrument) -> Preamble:
-    *_, tick, begin, first, unit, zero, center = _ten_numbers(link)
-    return Preamble(begin - first * tick, tick, -(zero + center) * unit, unit)
+    _, _, count, _, tick, begin, first, unit, zero, center = _ten_numbers(link)
+    return Preamble(begin - first * tick, tick, -(zero + center) * unit, unit, count)
 
 
 def _tektronix(link: ScpiInstrument) -> Preamble:
@@ -244,7 +247,7 @@ class Oscilloscope:
                 self.link.do(command.format(n=n, span=span, division=span / 8.0))
         for command in self.table.screen:
             self.link.do(command.format(**given))
-        self._shown, self.length = set(spans), length
+        self._shown, self._spans, self.length = set(spans), spans, length
 
     def start(self) -> None:
         """Wait for one trigger; returns when it does."""
@@ -277,9 +280,18 @@ class Oscilloscope:
         content = self.link.block(one.data)
         self.link.check(one.data)
         size = np.dtype(one.kind).itemsize
-        numbers = np.frombuffer(content[: len(content) // size * size], one.kind).astype(float)
         what = f"{self.link.name}: channel {channel}"
-        if not all(np.isfinite(scale)) or scale.tick <= 0.0 or numbers.size < 2:
+        if len(content) % size or scale.points not in (None, len(content) // size):
+            raise RigError(
+                f"{what}: a block of {len(content)} bytes came, "
+                + (
+                    f"not of whole numbers of {size}"
+                    if len(content) % size
+                    else f"not {scale.points} numbers"
+                )
+            )
+        numbers = np.frombuffer(content, one.kind).astype(float)
+        if not all(map(math.isfinite, scale[:4])) or scale.tick <= 0.0 or numbers.size < 2:
             raise RigError(f"{what}: {numbers.size} samples came, with {scale}")
         last = scale.begin + (numbers.size - 1) * scale.tick
         spacing = float(times[-1]) / max(times.size - 1, 1)
@@ -295,6 +307,9 @@ class Oscilloscope:
         if numbers.min() <= one.clipped[0] or numbers.max() >= one.clipped[1]:
             raise RigError(f"{what} was beyond what it shows: a greater span is needed")
         volts: Array = scale.zero + scale.unit * numbers
+        most = _BEYOND * self._spans[channel]
+        if np.abs(volts).max() > most:
+            raise RigError(f"{what} reads {np.abs(volts).max():.4g} V, though it shows {most:.4g} V at most")
         return np.interp(times, scale.begin + scale.tick * np.arange(numbers.size), volts)
 
     def _state(self, is_so: Callable[[str], bool]) -> bool:

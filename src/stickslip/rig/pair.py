@@ -18,7 +18,16 @@ from ..quantities.units import QuantityError, to_si
 from .generators import Generator
 from .oscilloscopes import Oscilloscope
 from .protocols import About, Array, Capabilities, RigError
-from .table import check_inputs, check_positive, check_ready, fade_out, held, with_ramp, within
+from .table import (
+    check_followed,
+    check_inputs,
+    check_positive,
+    check_ready,
+    fade_out,
+    held,
+    with_ramp,
+    within,
+)
 
 _SAMPLES = 50_000  # of a recording; oscilloscopes give some 60,000 points of a screen
 _SPAN = 8.0  # V
@@ -163,7 +172,10 @@ class PairRig:
         times = np.arange(1, self._samples + 1) / self._rate
         played = held(self._volts, self._samples)
         read, channels = self._oscilloscope.read, self._channels
-        return np.array([read(channels[n], times) if n in channels else played for n in self._inputs])
+        rows = [read(channels[n], times) if n in channels else played for n in self._inputs]
+        if "drive" in channels and "drive" in self._inputs:
+            check_followed(self.capabilities.name, rows[self._inputs.index("drive")], played)
+        return np.array(rows)
 
     def stop(self, slew: float) -> None:
         """Fade to 0 V and disconnect the output; that is sent even where nothing else is understood."""

@@ -15,7 +15,7 @@ from ..quantities import registry
 from ..quantities.units import QuantityError, to_si
 from .gcs import PORT, GcsLine
 from .protocols import About, Array, Capabilities, RigError
-from .table import check_inputs, check_positive, check_ready, lower, with_ramp, within
+from .table import check_followed, check_inputs, check_positive, check_ready, held, lower, with_ramp, within
 
 _CYCLE = "SPA? 1 0x0E000200"  # s, of the servo
 _OPTIONS = {"position": 2, "drive": 16}  # of the recorder: position of the axis, voltage of the channel
@@ -23,6 +23,7 @@ _AT_A_TIME = 10  # values in one command: its length is limited
 _POLL = 0.02  # s
 _STEPS = 50  # of a ramp, at most
 _LATE = 5.0  # s
+_BEYOND = 0.1  # share of a range by which a reading may be beyond it
 
 
 class PiRig:
@@ -81,6 +82,9 @@ class PiRig:
                     f"interval = {interval:g} s must be a multiple of {cycle:g} s, the servo's cycle"
                 )
             self._low, self._high = (self._line.number(f"{name}? 1") for name in ("VMI", "VMA"))
+            # um: the ends of the sensor's travel, of which a reading may be a tenth beyond.
+            ends = [self._line.number(f"{name}? {axis}") for name in ("TMN", "TMX")]
+            self._travel = ends[0] - _BEYOND * (ends[1] - ends[0]), ends[1] + _BEYOND * (ends[1] - ends[0])
             self._line.do("WGO 1 0")
             self._line.do(f"SVO {axis} 0")
             self._go_to_zero(ramp, False)
@@ -155,8 +159,24 @@ class PiRig:
         rows = self._line.table(query)
         if len(rows) != self._samples + 1 or any(len(row) != len(self._inputs) for row in rows):
             raise RigError(f"{self._line.name}: {query}: {len(rows)} rows came")
+        self._check(np.array(rows[1:]).T)
         scale = np.array([1e-6 if name == "position" else 1.0 for name in self._inputs])  # from um
         return (np.array(rows[1:]) * scale).T  # the first is that at rest
+
+    def _check(self, found: Array) -> None:
+        """Raises RigError for values that the sensor or the output cannot have."""
+        spare = _BEYOND * (self._high - self._low)
+        for name, values in zip(self._inputs, found, strict=True):
+            low, high = self._travel if name == "position" else (self._low - spare, self._high + spare)
+            unit = "um" if name == "position" else "V"
+            wrong = values[(values < low) | (values > high)]
+            if wrong.size:
+                raise RigError(
+                    f"{self._line.name}: {name} = {wrong[0]:.4g} {unit} came, which is not within "
+                    f"{low:.4g} to {high:.4g} {unit}"
+                )
+            if name == "drive":
+                check_followed(self._line.name, values, held(self._volts, values.size))
 
     def stop(self, slew: float) -> None:
         """End the wave where it is not over, and go to 0 V in steps; at once where it is not heard."""

@@ -15,7 +15,16 @@ from ..quantities import registry
 from ..quantities.units import QuantityError, to_si
 from .protocols import About, Array, Capabilities, RigError
 from .scpi import ScpiInstrument
-from .table import check_inputs, check_positive, check_ready, fade_out, held, with_ramp, within
+from .table import (
+    check_followed,
+    check_inputs,
+    check_positive,
+    check_ready,
+    fade_out,
+    held,
+    with_ramp,
+    within,
+)
 
 PORT = 5000
 CLOCK = 125e6  # Hz
@@ -162,7 +171,10 @@ class RedPitayaRig:
             return np.zeros((len(self._inputs), 0))
         played = held(self._volts, self._samples)
         channels = self._channels
-        return np.array([self._read(channels[n]) if n in channels else played for n in self._inputs])
+        rows = [self._read(channels[n]) if n in channels else played for n in self._inputs]
+        if "drive" in channels and "drive" in self._inputs:
+            check_followed(self.capabilities.name, rows[self._inputs.index("drive")], played)
+        return np.array(rows)
 
     def stop(self, slew: float) -> None:
         """Fade to 0 V and disconnect the output; that is sent even where nothing else is understood."""

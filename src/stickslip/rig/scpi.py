@@ -123,7 +123,11 @@ class ScpiInstrument:
         while left:
             pieces.append(self._line.exactly(min(left, _PIECE), asked))
             left -= len(pieces[-1])
-        self._line.until(b"\n", asked)
+        after = self._line.until(b"\n", asked).strip(b"\r")
+        if after:
+            raise RigError(
+                f"{self.name}: {asked.decode()}: {after[:20]!r} came after its {digits.decode()} bytes"
+            )
         return b"".join(pieces)
 
     def _heard(self, query: str, read: Any) -> bytes:
@@ -131,11 +135,20 @@ class ScpiInstrument:
             raise RigError(f"{self.name}: {query}: not asked, an answer was late or garbage before")
         asked = query.encode("latin-1")
         try:
+            self._need_silence(query)
             self._line.send(asked + self._end)
-            return read(asked)
+            found = read(asked)
+            self._need_silence(query)
+            return found
         except RigError:
             self._lost = True
             raise
+
+    def _need_silence(self, query: str) -> None:
+        """Raises RigError where there is more than was asked for."""
+        more = self._line.more()
+        if more:
+            raise RigError(f"{self.name}: {query}: {more[:20]!r} came beside its answer")
 
 
 class _VisaLine:
@@ -173,6 +186,10 @@ class _VisaLine:
             self._rest += self._tried(self._link.read_raw, asked)
         found, self._rest = self._rest[:count], self._rest[count:]
         return found
+
+    def more(self) -> bytes:
+        """What has come and was not asked for."""
+        return self._rest
 
     def close(self) -> None:
         """Let go."""

@@ -18,6 +18,9 @@ from .protocols import Array, Capabilities, RigError
 
 _STEP = 0.02  # s from one amplitude to the next, at least
 _MOST_STEPS = 100
+_LEAST_DRIVE = 1.0  # V of a drive that its record can be compared with
+_FOLLOWS = 0.5  # least correlation of a recorded drive with what was put out
+_LAGS = (0, 1, 2, 3, 5, 8, 13, 21, 34)  # samples by which an amplifier may be late
 
 
 def with_ramp(volts: Array, slew: float, rate: float) -> Array:
@@ -65,6 +68,26 @@ def check_ready(can: Capabilities, volts: Array, samples: int) -> None:
 def held(volts: Array, samples: int) -> Array:
     """What is put out in so many updates, V: the drive [n], and its last value from then on."""
     return volts[np.minimum(np.arange(samples), volts.size - 1)]
+
+
+def check_followed(name: str, recorded: Array, played: Array) -> None:
+    """Raises RigError where a recorded drive [n] is not what was put out [n].
+
+    A scale, an offset and a lag of some samples are allowed. Anything else is of another signal, or its
+    samples are shifted or damaged.
+    """
+    if np.ptp(played) < _LEAST_DRIVE:
+        return
+    found = 0.0
+    for late in (lag for lag in _LAGS if lag < played.size // 2):
+        a, b = recorded[late:], played[: played.size - late]
+        if np.ptp(a) > 0.0 and np.ptp(b) > 0.0:
+            found = max(found, abs(float(np.corrcoef(a, b)[0, 1])))
+    if found < _FOLLOWS:
+        raise RigError(
+            f"{name}: the recorded drive is not what was put out (its correlation is {found:.2f}): check "
+            "what the input 'drive' is connected to"
+        )
 
 
 def lower(to: Callable[[float], None], greatest: float, slew: float, most: int = _MOST_STEPS) -> None:
