@@ -9,7 +9,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.recording import RecordingError
-from stickslip.recording.readers.layout import _channel
+from stickslip.recording.readers.titles import channel_of
 
 
 def written(folder: Path, lines: list[str], name: str = "file.csv") -> Path:
@@ -65,7 +65,7 @@ def test_a_decimal_comma_is_no_delimiter(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_units_behind_a_stroke(header: str, name: str, unit: str) -> None:
-    assert _channel(header)[:2] == (name, unit)
+    assert channel_of(header)[:2] == (name, unit)
 
 
 def test_marks_of_comments_within_a_name_stay(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -62,6 +62,8 @@ def entry_of(
     lines = [f"file: {json.dumps(where, ensure_ascii=False)}", f"use: {use}"]
     if found.named:
         lines.append(f"columns: {_mapping(found.named)}")
+    if found.clocks:
+        lines.append(f"clocks: {_mapping(found.clocks)}")
     if found.units:
         lines.append(f"units: {_mapping(found.units)} # guessed")
     wanted = [name for name in needed if name not in found.recording]  # type: ignore[operator]
@@ -77,7 +79,7 @@ def listed(lines: list[str]) -> str:
     return "\n".join(f"  {'- ' if i == 0 else '  '}{line}" for i, line in enumerate(lines))
 
 
-def _mapping(names: dict[str, str]) -> str:
+def _mapping(names: Mapping[str, str | int]) -> str:
     return (
         "{" + ", ".join(f"{key}: {json.dumps(text, ensure_ascii=False)}" for key, text in names.items()) + "}"
     )

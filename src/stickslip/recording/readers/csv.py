@@ -24,6 +24,7 @@ from .fields import OVERLOAD
 from .layout import LINE_END, TextLayout, find_layout
 from .progress import reading_progress
 from .source import FileContent, Rows
+from .stamps import Stamped, iso
 
 CHUNK = 1 << 23  # bytes of text
 
@@ -48,11 +49,7 @@ def read_csv(
             the end of the file, too few.
     """
     layout = find_layout(path, delimiter, decimal, skip, missing_values)
-    epoch = _epoch(path, layout)
-    channels = tuple(
-        one._replace(epoch=epoch) if kind == "d" else one
-        for one, kind in zip(layout.channels, layout.kinds, strict=True)
-    )
+    channels = layout.channels
 
     def read(indices: Sequence[int], rows: Rows) -> list[np.ndarray]:
         for i in indices:
@@ -60,20 +57,19 @@ def read_csv(
                 raise RecordingError(f"the column {channels[i].shown!r} holds no numbers")
         if rows.stop is None:
             _check_last_line(path, layout)
-        columns = _read_columns(path, layout, list(indices), rows, epoch)
-        counting = layout.counting
-        if counting is not None and 0 in indices:
-            k = list(indices).index(0)
-            number = rows.start + np.arange(columns[k].size) if counting.blank else columns[k]
-            columns[k] = counting.start + counting.increment * number
-        return columns
+        held = [i for i in range(len(layout.kinds)) if channels[i].numeric and i not in layout.clocks]
+        held += [0] if layout.counts else []
+        stored = [i for i in indices if i in held] or held[:1]
+        columns = dict(zip(stored, _read_columns(path, layout, stored, rows), strict=True))
+        for i, clock in layout.clocks.items():
+            number = columns[i] if i in columns else rows.start + np.arange(columns[stored[0]].size)
+            columns[i] = clock.start + clock.increment * number
+        return [columns[i] for i in indices]
 
     return FileContent("csv", channels, read, lambda row: f"line {_line_of(path, layout, row)}")
 
 
-def _read_columns(
-    path: Path, layout: TextLayout, indices: list[int], rows: Rows, epoch: float
-) -> list[np.ndarray]:
+def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows) -> list[np.ndarray]:
     # Too much costs nothing: memory is taken when it is written to.
     capacity = int(path.stat().st_size / layout.line_bytes) + 1
     if rows.stop is not None:
@@ -91,7 +87,7 @@ def _read_columns(
             for chunk in _chunks(_Lines(path, file, layout), layout, indices, rows.stop):
                 kept = slice(max(rows.start - position, 0), None)
                 position += len(chunk)
-                values = [_numbers(chunk[i].iloc[kept], layout.kinds[i], epoch) for i in indices]
+                values = [_numbers(chunk.iloc[kept], layout, i) for i in indices]
                 end = filled + (len(values[0]) if values else 0)
                 if end > capacity:
                     capacity = int(1.2 * end)
@@ -107,7 +103,9 @@ def _read_columns(
             raise _explained(path, layout, indices, error) from error
     for column in columns:
         column.resize(filled, refcheck=False)
-    return columns
+    return [
+        layout.stamps[i].whole(c) if i in layout.stamps else c for i, c in zip(indices, columns, strict=True)
+    ]
 
 
 class _Lines:
@@ -138,7 +136,9 @@ def _chunks(file: Any, layout: TextLayout, indices: list[int], stop: int | None)
     # A column that nobody asked for is kept as one byte per row: were it left out by ``usecols``, pandas
     # would not see rows that are too long.
     types: dict[Hashable, Any] = dict.fromkeys(range(len(layout.kinds)), "S1")
+    dates = [layout.stamps[i].date for i in indices if i in layout.stamps]
     types |= {i: np.float64 if layout.kinds[i] == "n" else str for i in indices}
+    types |= {i: str for i in dates if i is not None}
     chunks: Any = pd.read_csv(
         file,
         header=None,
@@ -158,28 +158,26 @@ def _chunks(file: Any, layout: TextLayout, indices: list[int], stop: int | None)
         yield from reader
 
 
-def _numbers(column: pd.Series, kind: str, epoch: float = 0.0) -> np.ndarray:
-    if kind == "n":
-        found = column.to_numpy()
+def _numbers(chunk: pd.DataFrame, layout: TextLayout, i: int) -> np.ndarray:
+    if layout.kinds[i] == "n":
+        found = chunk[i].to_numpy()
         beyond = np.abs(found) >= OVERLOAD
         return np.where(beyond, np.inf, found) if beyond.any() else found
-    stamps = column.str.replace("/", "-").str.replace(",", ".")
-    times = pd.to_datetime(stamps, utc=True, format="ISO8601")
-    since = (times - pd.Timestamp(epoch, unit="s", tz="UTC")).dt
-    return since.total_seconds().to_numpy()
+    how = layout.stamps[i]
+    texts: Any = chunk[i] if how.date is None else chunk[how.date].str.cat(chunk[i], " ")
+    return _since(texts, how)
 
 
-def _epoch(path: Path, layout: TextLayout) -> float:
-    """The whole second of the first date, s since 1970; 0 without one."""
-    first = layout.split(next((line for _, line in _rows(path, layout)), ""))
-    dates = [text for text, kind in zip(first, layout.kinds, strict=False) if kind == "d" and _is_date(text)]
-    found = float(_numbers(pd.Series(dates[:1]), "d")[0]) if dates else 0.0
-    return float(np.floor(found)) if np.isfinite(found) else 0.0
+def _since(texts: pd.Series, how: Stamped) -> np.ndarray:
+    """Stamps in s since the epoch of their column; NaN of blank ones."""
+    made = texts.map(lambda text: iso(text, how.first_is_day), na_action="ignore")
+    times = pd.to_datetime(made, utc=True, format="ISO8601")
+    return (times - pd.Timestamp(how.epoch, unit="s", tz="UTC")).dt.total_seconds().to_numpy()
 
 
-def _is_date(text: str) -> bool:
+def _is_date(text: str, how: Stamped) -> bool:
     try:
-        _numbers(pd.Series([text]), "d")
+        _since(pd.Series([text]), how)
     except ValueError:
         return False
     return True
@@ -207,7 +205,8 @@ def _explained(path: Path, layout: TextLayout, indices: list[int], error: Except
             return RecordingError(f"line {number} has {len(fields)} fields, the header {width}")
         for i in indices:
             dates = layout.kinds[i] == "d"
-            if i < len(fields) and not (layout.fits(fields[i], i) and (not dates or _is_date(fields[i]))):
+            read = not dates or i >= len(fields) or not fields[i] or _is_date(fields[i], layout.stamps[i])
+            if i < len(fields) and not (layout.fits(fields[i], i) and read):
                 name, what = layout.channels[i].shown, "a date" if dates else "a number"
                 return RecordingError(f"line {number}, column {name!r}: {fields[i]!r} is not {what}")
     return RecordingError(f"{error}")

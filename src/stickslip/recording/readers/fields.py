@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Sequence
 from typing import NamedTuple
+
+from .. import RecordingError
+from .stamps import is_stamp
 
 _WORDS = """
 nan nan() nan(ind) nanq qnan snan na n/a n.a. n.d. null none nil missing nodata invalid inf infinity ∞ ol 0l
@@ -32,10 +36,14 @@ OVERLOAD = 9.89e37
 # Regular expressions here read a text in one pass: none has two ways to take the same signs, for a field may
 # be as long as a line.
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?")
-_DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d([T ]\d\d:\d\d(:\d\d([.,]\d*)?)?)?\s*(Z|[+-]\d\d:?\d\d)?")
 FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")  # "1.0D-03"
 # What Microsoft's C library prints: "1.#QNAN", "-1.#IND00", "1.#INFe+000".
 LIBRARY = re.compile(r"[+-]?1[.,]#[A-Za-z]+\d*([eE][+-]?\d+)?")
+
+
+SPACE = r"\s+"  # as a delimiter
+# An error of Excel, "#N/A", is no comment.
+COMMENT = re.compile(rf"\s*(#(?!{'|'.join(re.escape(one[1:]) for one in SHEET_ERRORS)})|%|//)+")
 
 
 class Signs(NamedTuple):
@@ -45,15 +53,28 @@ class Signs(NamedTuple):
     missing: frozenset[str] = MISSING
 
     def kind(self, field: str) -> str:
-        """Return "e" of a field without a value, "n" of a number, "d" of a date, "s" of other words."""
+        """Return "e" of a field without a value, "n" of a number, "d" of a date or time, "s" of words."""
         if field in self.missing or LIBRARY.fullmatch(field):
             return "e"
         if _NUMBER.fullmatch(
             field if self.decimal == "." else field.replace(".", "x").replace(self.decimal, ".")
         ):
             return "n"
-        return "d" if _DATE.fullmatch(field) else "s"
+        return "d" if is_stamp(field) else "s"
 
     def kinds(self, fields: Sequence[str]) -> str:
         """Return the kind of each field."""
         return "".join(map(self.kind, fields))
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    """Return the fields of a line, without quotes."""
+    if delimiter == SPACE:
+        return [field.strip('"') for field in line.split()]
+    if '"' not in line:
+        return [field.strip() for field in line.split(delimiter)]
+    rows = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
+    try:
+        return [field.strip() for row in rows for field in row]
+    except csv.Error as error:
+        raise RecordingError(f"a line with quotes cannot be read: {error}") from None

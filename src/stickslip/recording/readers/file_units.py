@@ -34,6 +34,15 @@ _UNSURE = {
 _WORDS = frozenset(
     ["hand", "rod", "pole", "perch", "link", "chain", "point", "pica", "act", "ch", "b", "B", "c", "D", "e"]
 )
+# What stands in round brackets behind a name, and is no unit that is not known: a place, a role, a statistic.
+_ROLE = re.compile(
+    r"left|right|top|bottom|upper|lower|front|rear|back|inner|outer|raw|filtered|smoothed|measured|actual|real|"
+    r"set ?point|target|ref(erence)?|command(ed)?|cmd|demand|desired|input|output|in|out|sensor|encoder|"
+    r"stage|interferometer|laser|capacitive|strain|slider|runner|rotor|piezo|actuator|monitor|feedback|"
+    r"main|abs(olute)?|rel(ative)?|mean|avg|average|min|max|peak|rms|std|[uvwxyz]|[xyz]-?axis|axis ?\w|"
+    r"ch(an(nel)?)? ?\w+|a[io]\d+|\W*\d*\W*",
+    re.IGNORECASE,
+)
 # By what a column is called: a unit of one letter is that of another quantity.
 _BY_NAME = (
     ("g", re.compile(r"acc|beschl", re.IGNORECASE), "standard_gravity"),
@@ -73,6 +82,22 @@ def is_unit_of(name: str, text: str) -> bool:
     """Whether what stands in round brackets behind a name is its unit, and no word."""
     only = _ONLY_OF.get(text)
     return is_unit(text) and (only is None or only.search(name) is not None)
+
+
+def is_word(text: str) -> bool:
+    """Whether what stands in round brackets behind a name is surely no unit: "left", "load cell"."""
+    several = len(text.split()) > 1 and "unit" not in text.lower()
+    return text in _WORDS or text in _ONLY_OF or several or _ROLE.fullmatch(text) is not None
+
+
+def is_unsure(unit: str) -> bool:
+    """Whether files do not agree about a unit."""
+    return unit.strip() in _UNSURE
+
+
+def in_seconds(channel: FileChannel) -> bool:
+    """Whether a channel is in a unit of time."""
+    return is_unit(channel.unit) and to_si_unit(channel.unit).unit == "s"
 
 
 def of_its_name(channel: FileChannel) -> FileChannel:

@@ -1,18 +1,11 @@
-"""Units that stand beside the columns: in their names, or in lines above the data as instruments write them.
-
-Oscilloscopes of Tektronix write "Vertical Units,V", LabVIEW (LVM) "Y_Unit_Label  Volts  um"; many a script
-calls its columns ``disp_um`` and ``timestamp_us``.
-"""
+"""Units that stand in the names of columns: many a script calls its columns ``disp_um``, ``timestamp_us``."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 
-from .file_units import is_unit
-from .source import FileChannel, is_clock, is_seconds
+from .source import FileChannel, is_clock, time_unit
 
-_UNIT_LINE = re.compile(r"(?P<axis>vertical|horizontal|x|y)[ _]units?([ _]label)?:?", re.IGNORECASE)
 # Ends of names that are units, spelled as names are. Of one letter V anywhere, s after a time, m after a
 # length and a large N after a force only: "x_m" may be "measured", "force_n" the normal one or one of n, and
 # A is as often a channel as ampere or angstrom.
@@ -49,8 +42,8 @@ def named_unit(channel: FileChannel) -> FileChannel:
     "seconds"; else as it is."""
     if channel.unit or not channel.numeric:
         return channel
-    if is_seconds(channel.name):
-        return channel._replace(unit="s")
+    if time_unit(channel.name):
+        return channel._replace(unit=time_unit(channel.name))
     found = _ENDED.fullmatch(channel.name.replace("µ", "u").replace("μ", "u"))
     if not found:
         return channel
@@ -66,35 +59,3 @@ def ends_in_m(name: str) -> bool:
 
 def _ends_in_newtons(name: str) -> bool:
     return name.endswith("N") and _FORCE.search(name) is not None
-
-
-def said_units(rows: Sequence[Sequence[str]]) -> tuple[list[str], list[str]]:
-    """Units of the horizontal axis and of the vertical ones, as lines above (or beside) the data say."""
-    across: list[str] = []
-    upward: list[str] = []
-    for fields in rows:
-        if fields and fields[0].strip().lower() == "x_dimension" and "Time" in fields[1:2]:
-            across.append("s")  # of LabVIEW, which counts time in nothing else
-        found = _UNIT_LINE.fullmatch(fields[0].strip()) if fields else None
-        if found:
-            units = [field.strip() for field in fields[1:]]
-            units = units[: next((i for i, unit in enumerate(units) if unit and not is_unit(unit)), None)]
-            while units and not units[-1]:  # within, a blank is a column without a unit
-                units.pop()
-            (across if found["axis"].lower() in ("horizontal", "x") else upward).extend(units)
-    return across, upward
-
-
-def with_said_units(
-    channels: Sequence[FileChannel], across: Sequence[str], upward: Sequence[str]
-) -> list[FileChannel]:
-    """Channels without a unit with those that lines above the data say: the clock's, and the others in order;
-    without a clock by name, the first column of numbers is it. One vertical unit is that of all."""
-    made, numeric = list(channels), [i for i, one in enumerate(channels) if one.numeric]
-    clocks = [i for i in numeric if is_clock(channels[i])][:1] or (numeric[:1] if across else [])
-    others = [i for i in numeric if i not in clocks]
-    upward = list(upward) * len(others) if len(upward) == 1 else upward
-    for i, unit in [*zip(clocks, across, strict=False), *zip(others, upward, strict=False)]:
-        if unit and not made[i].unit:
-            made[i] = made[i]._replace(unit=unit, header=made[i].shown)
-    return made

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,18 +33,18 @@ class Inspection(NamedTuple):
     """What `inspect_file` found.
 
     `columns`: see `preview.look` (none of a recording of ours), ranges of the first samples only where it is
-    `cut`; `named` and `units`, as `read_recording`
-    takes them, guessed where the file does not say; `recording`, read so, or None with the `problem`;
-    `response`, where the file holds a frequency response instead. Of a `large` file the recording is the
-    first `MOST` samples.
+    `cut`; `named`, `units` and `clocks`, as `read_recording` takes them, guessed where the file does not say;
+    `recording`, read so, or None with the `problem`; `response`, where the file holds a frequency response
+    instead. Of a `large` file the recording is the first `MOST` samples.
     """
 
     path: Path
     reader: str
     cut: bool
     columns: list[dict[str, Any]]
-    named: dict[str, str]
+    named: dict[str, str | int]
     units: dict[str, str]
+    clocks: dict[str, str | int]
     recording: xr.Dataset | None
     problem: str
     response: xr.Dataset | None = None
@@ -82,13 +83,13 @@ class Inspection(NamedTuple):
     def yaml(self) -> str:
         """The entry under ``recordings:`` of a job, or an identification file."""
 
-        def flow(mapping: dict[str, str]) -> str:
+        def flow(mapping: Mapping[str, str | int]) -> str:
             parts = (f"{name}: {json.dumps(text, ensure_ascii=False)}" for name, text in mapping.items())
             return f"{{{', '.join(parts)}}}"
 
+        said = {"columns": self.named, "clocks": self.clocks, "units": self.units}
         lines = [f"- file: {json.dumps(self.path.name, ensure_ascii=False)}"]
-        lines += [f"  columns: {flow(self.named)}"] if self.named else []
-        return "\n".join([*lines, *([f"  units: {flow(self.units)}"] if self.units else [])])
+        return "\n".join([*lines, *(f"  {key}: {flow(one)}" for key, one in said.items() if one)])
 
     def __str__(self) -> str:
         part = f" (ranges are of the first {LOOKED_AT} samples)" if self.cut else ""
@@ -109,8 +110,11 @@ class Inspection(NamedTuple):
         return f"fit = stickslip.identify_frequency({read}, modes=1)"
 
     def _row(self, column: dict[str, Any]) -> list[str]:
-        name = next((ours for ours, theirs in self.named.items() if theirs == column["name"]), "")
+        name = next((ours for ours, theirs in self.named.items() if theirs == column["column"]), "")
         unit = column["unit"] or (f"{self.units[name]} (guessed)" if name in self.units else "")
+        unit += "" if column["known"] else " (not known)"
+        served = [ours for ours, clock in self.clocks.items() if clock == column["column"]]
+        name = f"time of {', '.join(served)}" if served else name
         low, high = ("" if column[end] is None else f"{column[end]:.6g}" for end in ("low", "high"))
         return [column["name"], unit, low, high, name or ("" if column["numeric"] else "no numbers")]
 
@@ -159,33 +163,37 @@ def inspect_file(path: str | Path) -> Inspection:
         found = None if kind == "nc" else look(path)
     except (ValueError, OSError) as error:
         if path.suffix.lower() in UNIVERSAL and (response := _response(path)[0]) is not None:
-            return Inspection(path, "uff", False, [], {}, {}, None, "", response)
+            return Inspection(path, "uff", False, [], {}, {}, {}, None, "", response)
         raise RecordingError(said(path, error)) from error
     if found is None:
-        return Inspection(path, "recording", False, [], {}, {}, read_recording(path), "")
+        return Inspection(path, "recording", False, [], {}, {}, {}, read_recording(path), "")
     cut, columns = found["samples"] >= LOOKED_AT, found["columns"]
     roles = _roles(columns)
     if roles:
         response, problem = _response(path)
-        return Inspection(path, found["reader"], cut, columns, roles, {}, None, problem, response)
+        return Inspection(path, found["reader"], cut, columns, roles, {}, {}, None, problem, response)
     large = cut and path.stat().st_size > LARGE
     taken = [one for one in found["columns"] if one["guess"]]
-    named = {one["guess"]: one["name"] for one in taken}
+    named = {one["guess"]: one["column"] for one in taken}
+    clocks = {one["guess"]: one["time"] for one in taken if one["time"] != ""}
     units = {one["guess"]: one["guessed_unit"] for one in taken if one["guessed_unit"]}
     try:
-        recording, problem = read_recording(path, named, units, rows=(0, MOST if large else None)), ""
+        rows = (0, MOST if large else None)
+        recording, problem = read_recording(path, named, units, clocks=clocks, rows=rows), ""
     except RecordingError as error:
         recording, problem = None, str(error).removeprefix(f"{path}: ")
-    return Inspection(path, found["reader"], cut, columns, named, units, recording, problem, large=large)
+    return Inspection(
+        path, found["reader"], cut, columns, named, units, clocks, recording, problem, large=large
+    )
 
 
-def _roles(columns: list[dict[str, Any]]) -> dict[str, str]:
+def _roles(columns: list[dict[str, Any]]) -> dict[str, str | int]:
     """What the columns of a frequency response are, by name; none where the file has a clock, or is none."""
     channels = [FileChannel(one["name"], one["unit"], numeric=one["numeric"]) for one in columns]
     found = None if any(one["clock"] for one in columns) else response_columns(channels)
     if found is None:
         return {}
-    roles = {"frequency": channels[found.frequency].name}
+    roles: dict[str, str | int] = {"frequency": channels[found.frequency].name}
     for k, pair in enumerate(found.pairs):
         for role, i in zip(("gain", "phase") if found.polar else ("real", "imag"), pair, strict=True):
             roles[f"{role} {k + 1}" if k else role] = channels[i].name

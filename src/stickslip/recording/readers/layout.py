@@ -7,36 +7,26 @@ most lines into most numbers. Whatever stands above the header is noise.
 from __future__ import annotations
 
 import codecs
-import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from ...gate.files import opened
 from ...gate.limits import LIMITS, check_count
 from .. import RecordingError
-from .counted import Counting, counted
-from .fields import FORTRAN, LIBRARY, MISSING, SHEET_ERRORS, Signs
-from .file_units import is_unit, is_unit_of, to_si_unit
-from .headers import said_units, with_said_units
-from .source import FileChannel, is_clock
+from .fields import COMMENT, FORTRAN, LIBRARY, MISSING, SHEET_ERRORS, SPACE, Signs, split
+from .settings import HeaderClock, find_settings, in_table, with_settings
+from .source import FileChannel
+from .stamps import Stamped, find_stamps
+from .titles import channel_of, cut, header_fields, titles, with_header_clock
 
 SAMPLE = 100  # lines, at least and spread over the head, that settle the delimiter
-BESIDE = 40  # lines of data beside which the settings of an instrument may stand
-SPACE = r"\s+"
+HEADER = 400  # lines in which the settings of an instrument are looked for
+FEW = 20  # rows by which a column of times is known
 LINE_END = re.compile(r"\r\n|\n|\r")
-# An error of Excel, "#N/A", is no comment.
-_COMMENT = re.compile(rf"\s*(#(?!{'|'.join(re.escape(one[1:]) for one in SHEET_ERRORS)})|%|//)+")
-_OVER_UNIT = re.compile(r"\s/\s(\S+)$")
-# "Zeit/ms" and "Time, s": only of units that look like none but units, for "I/O" and "max/min" are names.
-_TIGHT = re.compile(
-    r"(?P<name>[^/,]*[^/,\s])\s*[/,]\s*(?P<unit>[pnuµμmckMG]?(?:[smVNAWJ]|Hz|Pa|rad)(?:/s)?|sec|deg)\s*"
-)
-# As a row below the names has it: "[ms]", "(ms)", "<ms>", "{ms}", "'ms'", "in ms".
-_UNIT_ALONE = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>|\{([^{}]*)\}|'([^']*)'|in\s+(.+)")
-_HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]{0,60}\]|\([^)]{0,60}\)))?")  # "Time [s]" is one word
 
 
 class TextLayout(NamedTuple):
@@ -52,11 +42,15 @@ class TextLayout(NamedTuple):
     kinds: str  # "n" numbers, "d" dates, "s" text, "e" always empty
     missing: frozenset[str] = MISSING  # texts that stand for no number
     fortran: bool = False  # numbers are written "1.0D-03"
-    counting: Counting | None = None  # of the first column, where it numbers the samples
+    # Clocks that stand in the header, by the index of their channel: a blank column, one that numbers the
+    # samples, or one more than the file has.
+    clocks: Mapping[int, HeaderClock] = MappingProxyType({})
+    counts: bool = False  # the first column numbers the samples
+    stamps: Mapping[int, Stamped] = MappingProxyType({})  # columns of dates and times
 
     def split(self, line: str) -> list[str]:
         """The fields of a line, without quotes."""
-        return _split(line, self.delimiter)
+        return split(line, self.delimiter)
 
     def fits(self, field: str, column: int) -> bool:
         """Whether a field is of its column's kind, or missing."""
@@ -64,7 +58,7 @@ class TextLayout(NamedTuple):
 
     def is_data(self, line: str) -> bool:
         """Whether a line below the header is a row of data, neither blank nor a comment."""
-        return bool(line.strip()) and not (self.comment and _COMMENT.match(line))
+        return bool(line.strip()) and not (self.comment and COMMENT.match(line))
 
     def rewritten(self, text: str) -> str:
         """Return lines as pandas reads them: "1.0D-03" becomes "1.0e-03", and "1.#QNAN" begins no comment."""
@@ -94,7 +88,7 @@ def find_layout(
         RecordingError: there are no numbers, or what should be the first row of data cannot be read.
     """
     encoding, head, lines = _head(path)
-    data = [i for i in range(skip, len(lines)) if lines[i].strip() and not _COMMENT.match(lines[i])]
+    data = [i for i in range(skip, len(lines)) if lines[i].strip() and not COMMENT.match(lines[i])]
     sample = [lines[i] for i in data[:: max(len(data) // SAMPLE, 1)]]
     asked_decimal = decimal
     missing = MISSING | set(missing_values)
@@ -103,26 +97,33 @@ def find_layout(
         raise RecordingError(f"there are no rows of numbers in the first {len(lines)} lines")
     check_count(path, len(kinds), LIMITS.channels, "columns")
     signs = Signs(decimal, missing)
-    split = [_split(line, delimiter) for line in sample]
+    parts = [split(line, delimiter) for line in sample]
     if asked_decimal is None:
-        _refuse_thousands([row for row in split if len(row) == len(kinds)], kinds, signs)
-    kinds = _without_settings(split, kinds, signs)
-    first = next(i for i in data if _begins(_split(lines[i], delimiter), kinds, signs))
-    filled = [_split(lines[i], delimiter) for i in data if i >= first]
-    blank = [all(row[k : k + 1] in ([], [""]) for row in filled) for k in range(len(kinds))]
-    rows = {i: _header_fields(lines[i], delimiter, len(kinds), blank[-1]) for i in range(skip, first)}
+        _refuse_thousands([row for row in parts if len(row) == len(kinds)], kinds, signs)
+    kinds = _without_settings(parts, kinds, signs)
+    width = len(kinds)
+    bare = [COMMENT.sub("", line, 1) for line in lines[skip : skip + HEADER]]
+    said = find_settings(bare, [split(line, delimiter) for line in bare])
+    first = next(
+        i for i in data if i - skip not in said.below and _begins(split(lines[i], delimiter), kinds, signs)
+    )
+    filled = [split(lines[i], delimiter) for i in data if i >= first]
+    kinds = "".join(
+        "e" if all(row[k : k + 1] in ([], [""]) for row in filled) else kind for k, kind in enumerate(kinds)
+    )
+    above = (i for i in range(skip, first) if i - skip not in said.lines)
+    blank = width - len(kinds.rstrip("e"))
+    rows = {i: header_fields(lines[i], delimiter, width, blank) for i in above}
     if asked_decimal is None:
-        _refuse_split_numbers(rows, first, delimiter, len(kinds))
-    rows, counting = counted(rows, len(kinds))
-    if counting is not None and counting.blank:
-        counting, kinds = (counting, "n" + kinds[1:]) if blank[0] else (None, kinds)
-        blank[0] = False
-    channels = _header(lines, rows, kinds, signs, {first: filled[0]})
-    kinds = "".join("e" if b else k for k, b in zip(kinds, blank, strict=True))
+        _refuse_split_numbers(rows, first, delimiter, width)
+    rows, clock, counts = in_table(rows)
+    rows = {i: cut(fields, width) for i, fields in rows.items()}
+    channels = titles(lines, rows, kinds, signs, {first: filled[0]}, said)
     channels = [c._replace(numeric=k in "nd") for k, c in zip(kinds, channels, strict=True)]
-    beside = [_split(line, delimiter) for line in lines[: first + BESIDE]]
-    channels = with_said_units(channels, *said_units(beside))
-    marks = [found[1][0] for line in lines if (found := _COMMENT.match(line))]
+    channels, clocks = with_header_clock(channels, said, clock, counts, filled[:FEW], signs)
+    channels = with_settings(channels, said, bool(clocks))
+    channels, stamps = find_stamps(channels, kinds, filled[: HEADER // 2], decimal)
+    marks = [found[1][0] for line in lines if (found := COMMENT.match(line))]
     return TextLayout(
         encoding,
         delimiter,
@@ -134,7 +135,9 @@ def find_layout(
         kinds,
         missing,
         any(FORTRAN.search(line) for line in sample),
-        counting,
+        clocks,
+        counts,
+        stamps,
     )
 
 
@@ -188,11 +191,11 @@ def _judge(
     for delimiter, decimal in ways:
         if delimiter == decimal and not quoted:
             continue
-        rows = (Signs(decimal, missing).kinds(_split(line, delimiter)) for line in lines)
+        rows = (Signs(decimal, missing).kinds(split(line, delimiter)) for line in lines)
         # Blanks count as numbers only beside one: else lines of words that end with a delimiter were rows.
         counted = Counter(kinds.replace("e", "n") for kinds in rows if "n" in kinds)
         for kinds, count in counted.most_common(1):
-            score = (count, -kinds.count("s"), len(kinds))
+            score = (count, -kinds.count("s"), len(kinds) - max(kinds.count("d") - 1, 0))
             if score > best_score:
                 best, best_score = (kinds, delimiter, decimal), score
     return best
@@ -227,24 +230,12 @@ def _refuse_split_numbers(rows: dict[int, list[str]], first: int, delimiter: str
     """Raise RecordingError where a delimiter is the decimal comma: rows of twice as many fields as the line
     of names and units above them."""
     above = [fields for i, fields in rows.items() if i < first and any(fields)]
-    names = [_channel(field) for field in above[-1]] if above else []
+    names = [channel_of(field) for field in above[-1]] if above else []
     if delimiter == "," and count == 2 * len(names) and all(one.unit for one in names):
         raise RecordingError(
             f"the rows have {count} fields, but the names above them are {len(names)}: if the comma is the "
             "decimal sign, say decimal=','"
         )
-
-
-def _split(line: str, delimiter: str) -> list[str]:
-    if delimiter == SPACE:
-        return [field.strip('"') for field in line.split()]
-    if '"' not in line:
-        return [field.strip() for field in line.split(delimiter)]
-    rows = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
-    try:
-        return [field.strip() for row in rows for field in row]
-    except csv.Error as error:
-        raise RecordingError(f"a line with quotes cannot be read: {error}") from None
 
 
 def _begins(fields: Sequence[str], kinds: str, signs: Signs) -> bool:
@@ -263,97 +254,3 @@ def _without_settings(rows: Sequence[Sequence[str]], kinds: str, signs: Signs) -
     if not any(b and any(row[k] == "s" for row in found) for k, b in enumerate(blank)):
         return kinds
     return "".join("e" if b else kind for b, kind in zip(blank, kinds, strict=True))
-
-
-def _header_fields(line: str, delimiter: str, count: int, last_is_blank: bool) -> list[str]:
-    """The fields of a line above the data, as many as there are columns if it can be read so."""
-    if mark := _COMMENT.match(line):
-        line = line[mark.end() :]
-    fields = _split(line, delimiter)
-    if (
-        len(fields) == count - 1 and last_is_blank
-    ):  # each row of data ends with a delimiter, the header does not
-        return [*fields, ""]
-    if len(fields) == count + 1 and fields[-1].lower() == "comment":  # of LabVIEW; mostly no row has one
-        return fields[:-1]
-    if delimiter == SPACE and len(fields) != count:  # names with blanks in them
-        for fields in (_HEADER_WORD.findall(line), re.split(r"\s{2,}|\t", line.strip())):
-            if len(fields) == count:
-                break
-    return fields
-
-
-def _header(
-    lines: Sequence[str], above: dict[int, list[str]], kinds: str, signs: Signs, data: dict[int, list[str]]
-) -> list[FileChannel]:
-    """The columns by name and unit, from the fields of the lines above the data; of that, the first line."""
-    rows = {i: fields for i, fields in above.items() if len(fields) == len(kinds)}
-    texts = [i for i, fields in rows.items() if set(signs.kinds(fields)) in ({"s"}, {"s", "e"})]
-    header = texts[-1] if texts else -1
-    for i, fields in rows.items():
-        if i > header and not _COMMENT.match(lines[i]) and any(fields):
-            k = next(k for k, field in enumerate(fields) if signs.kind(field) not in (kinds[k], "e"))
-            name = rows[header][k] if texts else str(k)
-            hint = "" if texts else f" (if the line is no data: skip={i + 1})"
-            if signs.kind(fields[k]) == "n":  # most below are words, as with separators of thousands
-                ((i, fields),) = data.items()
-            raise RecordingError(f"line {i + 1}, column {name!r}: {fields[k]!r} is not a number{hint}")
-    if not texts:
-        return [FileChannel(str(k)) for k in range(len(kinds))]
-    columns = [_channel(field) for field in rows[header]]
-    names = rows.get(header - 1, [])  # a row of names, a row of units
-    units = [_unit_alone(field) for field in rows[header]]
-    if any("s" in signs.kind(name) for name in names) and _all_units(units, columns):
-        columns = [FileChannel(name, unit) for name, unit in zip(names, units, strict=True)]
-    return _distinct(columns)
-
-
-def _unit_alone(field: str) -> str:
-    found = _UNIT_ALONE.fullmatch(field)
-    return found[found.lastindex or 0].strip() if found else field
-
-
-def _all_units(units: Sequence[str], columns: Sequence[FileChannel]) -> bool:
-    return all(map(is_unit, units)) and not any(map(is_clock, columns))
-
-
-def _channel(header: str) -> FileChannel:
-    """Name and unit: "Position [mm]" is in mm, but "Force (left)" is in no unit."""
-    name, unit, certain = _name_and_unit(header)
-    if not name:
-        tight = _TIGHT.fullmatch(header)
-        if tight and is_unit(header) and not (tight["name"] == "t" or _of_one(tight["name"], header)):
-            tight = None  # "N/m"
-        return FileChannel(tight["name"], tight["unit"], header=header) if tight else FileChannel(header)
-    known = certain or is_unit_of(name, unit)
-    return FileChannel(name, unit, header=header) if known else FileChannel(header)
-
-
-def _name_and_unit(header: str) -> tuple[str, str, bool]:
-    """Return the name and the unit in "name [unit]", "name (unit)" or "name / unit", and whether the brackets
-    are square; empty texts if the header is none of these."""
-    text = header.rstrip()
-    opening = {"]": "[", ")": "("}.get(text[-1:], "")
-    at = text.rfind(opening) if opening else -1
-    if at > 0 and text[-1] in text[at + 1 : -1]:
-        at = -1
-    over = _OVER_UNIT.search(text)
-    if over and (at < 1 or over.start() < at):
-        return text[: over.start()].rstrip(), over[1], False
-    return (text[:at].rstrip(), text[at + 1 : -1].strip(), opening == "[") if at > 0 else ("", "", False)
-
-
-def _of_one(name: str, unit: str) -> bool:
-    """Whether a unit is one over another of the same kind: "V/mV" is a voltage in mV."""
-    return len(name) == 1 and not to_si_unit(unit).unit
-
-
-def _distinct(columns: Sequence[FileChannel]) -> list[FileChannel]:
-    """Names told apart: "Time", "x", "Time (2)", "x (2)"."""
-    seen: Counter[str] = Counter()
-    result = []
-    for column in columns:
-        seen[column.name] += 1
-        again = column.name and seen[column.name] > 1
-        result.append(column._replace(name=f"{column.name} ({seen[column.name]})") if again else column)
-    return result

@@ -12,6 +12,7 @@ from .csv import read_csv
 from .file_units import of_its_name
 from .headers import named_unit
 from .source import FileContent
+from .time_columns import with_clocks
 
 
 def source_of(path: Path, kind: str, **text: Any) -> FileContent:
@@ -26,4 +27,5 @@ def source_of(path: Path, kind: str, **text: Any) -> FileContent:
     source = read_csv(path, **text) if kind == "text" else registry.readers.find(kind).read(path)
     if any(len(one.shown) > LIMITS.name for one in source.channels):
         raise GateError(f"{path}: a name in it has more than {LIMITS.name:,} characters: shorten it")
-    return source._replace(channels=tuple(of_its_name(named_unit(one)) for one in source.channels))
+    source = source._replace(channels=tuple(of_its_name(named_unit(one)) for one in source.channels))
+    return with_clocks(source) if kind == "text" else source

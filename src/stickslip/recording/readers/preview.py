@@ -11,11 +11,11 @@ import numpy as np
 
 from ...quantities.units import QuantityError
 from .. import STANDARD_NAMES, RecordingError, fits_name
-from .file_units import to_si_unit
+from .file_units import is_unit, to_si_unit
 from .formats import find_format
 from .opening import source_of
 from .selection import common_clock
-from .source import FileChannel, Rows, is_clock
+from .source import FileChannel, Rows, is_clock, pointer
 
 SHOWN = 8  # values of a column
 MOST_COLUMNS = 200
@@ -38,9 +38,11 @@ def look(path: Path) -> dict[str, Any]:
     """What is in a file that `read_recording` reads.
 
     Returns:
-        reader, samples, and columns: index, name, numeric, first (values as in the file), low, high, clock
-        (whether it is a time), unit (as the file says it; "" where it does not), guess (the name that we give
-        to such a quantity; "" for none), guessed_unit (from the range of values, where the file says none).
+        reader, samples, and columns: index, name, column (what points at it: name or index), numeric,
+        first (values as in the file), low, high, clock (whether it is a time), time (of several time
+        columns, what points at its own), unit (as the file says it; "" where it does not), known
+        (whether we know that unit), guess (the name that we give to such a quantity; "" for none),
+        guessed_unit (from the range of values, where the file says none).
 
     Raises:
         RecordingError: it is of no known format, damaged, or has no columns.
@@ -56,13 +58,15 @@ def look(path: Path) -> dict[str, Any]:
     arrays = {i: values + source.channels[i].epoch for i, values in read}
     clock = _clock(source.channels)
     columns = [
-        _described(i, one, arrays.get(i), clock) for i, one in enumerate(source.channels[:MOST_COLUMNS])
+        _described(i, source.channels, arrays.get(i), clock)
+        for i in range(len(source.channels[:MOST_COLUMNS]))
     ]
-    taken: set[str] = set()
-    for one in columns:  # a name is given once
-        if one["guess"] in taken:
-            one["guess"] = ""
-        taken.add(one["guess"])
+    taken: dict[str, str] = {}
+    for one in columns:  # a name is given once, and counted where the file has its name again
+        first = taken.setdefault(one["guess"], one["name"])
+        again = [other for other in columns[: one["index"]] if other["name"] == one["name"]]
+        if one["guess"] and (again or first != one["name"]):
+            one["guess"] = f"{again[0]['guess']}_{len(again) + 1}" if again and again[0]["guess"] else ""
     _as_of_an_actuator(columns)
     _as_of_a_contact(columns)
     return {"reader": source.reader, "samples": max(a.size for a in arrays.values()), "columns": columns}
@@ -95,12 +99,19 @@ def _clock(channels: Sequence[FileChannel]) -> int | None:
         return None
 
 
-def _described(i: int, channel: FileChannel, values: np.ndarray | None, clock: int | None) -> dict[str, Any]:
+def _described(
+    i: int, channels: Sequence[FileChannel], values: np.ndarray | None, clock: int | None
+) -> dict[str, Any]:
+    channel = channels[i]
+    known = not channel.unit or is_unit(channel.unit)
     found: dict[str, Any] = {
-        "index": i, "name": channel.shown, "numeric": channel.numeric, "unit": channel.unit, "guess": "",
-        "guessed_unit": "", "first": [], "low": None, "high": None,
+        "index": i, "name": channel.shown, "column": pointer(channels, i), "numeric": channel.numeric,
+        "unit": channel.unit, "known": known, "guess": "", "guessed_unit": "", "first": [], "low": None,
+        "high": None, "time": "",
     }  # fmt: skip
     found["clock"] = times = i == clock or is_clock(channel) or channel.clock == i
+    if channel.clock not in (None, i, clock):
+        found["time"] = pointer(channels, channel.clock)
     if values is None or not values.size:
         return found
     real = values[np.isfinite(values)]
@@ -109,8 +120,9 @@ def _described(i: int, channel: FileChannel, values: np.ndarray | None, clock: i
         return found
     found["low"], found["high"] = float(real.min()), float(real.max())
     name = "time" if times else _meaning(channel)
-    found["guess"] = name
-    if not channel.unit:
+    if known and (not times or clock in (None, i)):
+        found["guess"] = name
+    if not channel.unit and not channel.stamp:
         found["guessed_unit"] = likely_unit(name, real)
     return found
 

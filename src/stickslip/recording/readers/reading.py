@@ -259,6 +259,7 @@ def _on_one_clock(
     """All variables at common times, and what was done to them, step by step."""
     labels = {v.name: v.label for v in chosen.variables}
     steps = [f"read {', '.join(labels.values())}"]
+    groups = _joined(groups)
     if len(groups) > 1:
         groups = [without_empty_end(group) for group in groups]
     complete = [
@@ -274,11 +275,24 @@ def _on_one_clock(
     return onto_one_clock(common, others), steps
 
 
+def _joined(groups: list[Clocked]) -> list[Clocked]:
+    """Groups whose clocks differ: what has the same times needs no interpolation."""
+    found: list[Clocked] = []
+    for group in groups:
+        for k, other in enumerate(found):
+            if np.array_equal(group.time, other.time, equal_nan=True):
+                found[k] = other._replace(values={**other.values, **group.values})
+                break
+        else:
+            found.append(group)
+    return found
+
+
 def _from_start(time: np.ndarray, start_time: float | None, epoch: float) -> tuple[np.ndarray, str]:
     """The time, shifted to its start, and the date of time zero if the clock has one."""
     first = float(time[0]) + epoch
     dated = first >= _SINCE_1970
-    if start_time is None and not dated:
+    if start_time is None and not dated and epoch == 0.0:
         return time, ""
     start = start_time or 0.0
     if first > _LAST_DATE:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ...quantities.units import QuantityError, turned
 from .. import STANDARD_NAMES, RecordingError
 from ..conversion import Conversion, is_number
-from .file_units import is_unit, to_si_scale, to_si_unit
+from .file_units import in_seconds, is_unsure, to_si_scale, to_si_unit
 from .headers import ends_in_m
 from .source import Column, FileChannel, find_channel, is_clock, listing
 
@@ -24,6 +24,7 @@ class Variable(NamedTuple):
     conversion: Conversion
     clock: int | None  # the channel of its time; None: equally spaced
     sure: bool = True  # of its unit; not where the end of a name says "_m", which may be "measured"
+    unknown: bool = False  # the file says a unit, which is not known: plain numbers are taken
 
     @property
     def label(self) -> str:
@@ -62,10 +63,11 @@ def select(
     if equally_spaced and ("time" in columns or own):
         raise RecordingError("say sample_rate or a time column, not both")
     common = None if equally_spaced else common_clock(channels, columns, named, own)
+    said = common is not None and channels[common].clock != common  # a time that the layout does not know
 
     variables = []
     for name, i in named.items():
-        by_layout = None if equally_spaced else channels[i].clock
+        by_layout = None if equally_spaced or said else channels[i].clock
         clock = own.get(name, common if by_layout is None else by_layout)
         standard = STANDARD_NAMES[name].unit if name in STANDARD_NAMES else None
         variables.append(_variable(channels, i, name, units.get(name), clock, standard))
@@ -97,6 +99,8 @@ def _variable(
     try:
         conversion = to_si_unit(said) if unit is None else _scale(unit, column.unit, standard or "V")
     except QuantityError as error:
+        if unit is None and standard is None and not is_unsure(said):
+            return made._replace(unknown=True)
         hint = f" (units={{{name!r}: ...}} says it)" if unit is None else ""
         raise RecordingError(f"{made.label}: {error}{hint}") from None
     if standard is not None and conversion.unit not in (standard, turned(standard)):
@@ -118,11 +122,6 @@ def _scale(said: str, own: str, standard: str) -> Conversion:
     if volts.unit != "V":
         raise QuantityError(f"{said!r} is for a column in V, not in {own}")
     return Conversion(quantity, made.factor * volts.factor, 0.0)
-
-
-def in_seconds(channel: FileChannel) -> bool:
-    """Whether a channel is in a unit of time."""
-    return is_unit(channel.unit) and to_si_unit(channel.unit).unit == "s"
 
 
 def _all(channels: Sequence[FileChannel]) -> dict[str, int]:

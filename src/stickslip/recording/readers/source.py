@@ -37,7 +37,8 @@ class FileChannel(NamedTuple):
     clock: int | None = None  # the channel that holds its time, where the file's layout says so
     numeric: bool = True
     header: str = ""  # name and unit, where the file writes them as one
-    epoch: float = 0.0  # of dates: what their numbers count from, s since 1970
+    epoch: float = 0.0  # of dates: what their numbers count from, s since 1970; of times of day, s of the day
+    stamp: bool = False  # dates or times of day
 
     @property
     def shown(self) -> str:
@@ -89,15 +90,28 @@ _TIME = re.compile(
 )
 
 
+_TIME_UNITS = {
+    name: unit
+    for unit, names in (
+        ("s", "sec secs second seconds sekunden"),
+        ("ms", "ms msec msecs milli millis millisec millisecond milliseconds"),
+        ("us", "us usec usecs µs micros microsec microsecond microseconds"),
+        ("ns", "nsec nanos nanosecond nanoseconds"),
+    )
+    for name in names.split()
+}
+
+
 def is_clock(channel: FileChannel) -> bool:
     """Whether a channel is called like a time; "sec" alone is the unit of another name where it is one."""
     name = channel.name.strip().lower()
-    return _TIME.fullmatch(name) is not None or (is_seconds(name) and channel.unit == "s")
+    named = _TIME.fullmatch(name) is not None
+    return channel.stamp or named or (time_unit(name) != "" and channel.unit == time_unit(name))
 
 
-def is_seconds(name: str) -> bool:
-    """Whether a column is called by the unit of its time."""
-    return name.strip().lower() in ("sec", "secs", "seconds")
+def time_unit(name: str) -> str:
+    """Return the unit of time that a column is called by: "seconds", "millis()"; "" of other names."""
+    return _TIME_UNITS.get(name.strip().lower().removesuffix("()"), "")
 
 
 def find_channel(channels: Sequence[FileChannel], column: Column) -> int:
@@ -117,6 +131,14 @@ def find_channel(channels: Sequence[FileChannel], column: Column) -> int:
     problem = "more than one column" if matches else "no column"
     hint = "" if matches else did_you_mean(str(column), [channel.name for channel in channels])
     raise RecordingError(f"{problem} {column!r}{hint}; the file has {listing(channels)}")
+
+
+def pointer(channels: Sequence[FileChannel], i: int) -> str | int:
+    """What points at a channel: its name in the file where no other has it, else its index."""
+    for name in (channels[i].shown, channels[i].name):
+        if name and sum(name in (one.name, one.header) for one in channels) == 1:
+            return name
+    return i
 
 
 def listing(channels: Sequence[FileChannel], most: int = 20) -> str:

@@ -38,7 +38,7 @@ def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked], units: Contain
     for group, clock in zip(groups, chosen.clocks.values(), strict=True):
         step = float(np.median(np.diff(group.time))) if group.time.size > FEW else 0.0
         longest = LONGEST_SAID_STEP if clock is not None and clock.unit else LONGEST_STEP
-        if clock is not None and not clock.column.epoch and "time" not in units and step > longest:
+        if clock is not None and not clock.column.stamp and "time" not in units and step > longest:
             raise _unlikely(clock, f"as seconds they are {step:.4g} s apart", "ms or us", "s")
         for variable in chosen.variables:
             limit, likely = UNLIKELY.get(variable.conversion.unit, (np.inf, ""))
@@ -64,16 +64,22 @@ def _unlikely(variable: Variable, size: str, likely: str, unit: str) -> Recordin
 
 
 def warn_of_unsaid(path: Path, chosen: Selection, groups: Sequence[Clocked]) -> None:
-    """Warn where a unit is taken that neither the file nor the user says, in one line per file."""
+    """Warn of units that are not known, and of those that are taken though neither file nor user says them,
+    in one line each."""
     unsaid: dict[str, tuple[Variable, str]] = {}
     for group, clock in zip(groups, chosen.clocks.values(), strict=True):
         named = [] if clock is None else [(clock, group.time)]
         named += [(one, group.values[one.name]) for one in chosen.variables if one.name in group.values]
         for one, values in named:
-            known = one.unit or not _si(one) or one.column.epoch  # a plain number has none, nor have dates
+            known = one.unit or not _si(one) or one.column.stamp  # a plain number has none, nor have dates
             looked = values[:LOOKED_AT][np.isfinite(values[:LOOKED_AT])]
             if not known and looked.size:
                 unsaid.setdefault(one.name, (one, likely_unit(one.name, looked)))
+    unknown = [one for one in chosen.variables if one.unknown]
+    if unknown:
+        taken = ", ".join(f"{one.unit!r} of {one.name} (column {one.column.shown!r})" for one in unknown)
+        known = f"{path.name}: units that are not known: {taken}. Plain numbers are taken; say units={{...}}"
+        warnings.warn(known, RecordingWarning, stacklevel=3)
     if not unsaid:
         return
     taken = ", ".join(f"{one.label} is taken to be in {_si(one)}" for one, _ in unsaid.values())

@@ -1,0 +1,217 @@
+"""Settings above (or beside) the samples of a text file: names and units of columns, and the clock.
+
+Instruments write them in many spellings of one form, a key and its values: "Sampling Period,1e-4",
+"# SAMPLE_TIME = 0.0001", "dt:" above a line of values. `KEYS` says what each key means.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ...quantities.units import QuantityError, to_si
+from ..conversion import is_number
+from .source import FileChannel, is_clock
+
+_MEANT = {
+    "increment": "deltax deltat dt tinc xinc xincr xincrement increment hresolution samplingperiod "
+    "sampleperiod sampletime samplingtime sampleinterval samplinginterval timeinterval timeincrement "
+    "timestep interval timepersample secondspersample abtastintervall abtastzeit",
+    "rate": "samplerate samplingrate samplefrequency samplingfrequency samplingfreq samplefreq fs scanrate "
+    "acquisitionrate datarate recordrate samplespersecond abtastrate abtastfrequenz",
+    "start": "x0 t0 tstart hoffset xzero xorigin xoffset timeoffset starttimes start",
+    "names": "tracename tracenames channelname channelnames channeltitle signalname signalnames names source "
+    "columns column fields variables header signals channels",
+    "across": "horizontalunits horizontalunit hunit xunit xunits xunitlabel timeunit timeunits xdimension",
+    "upward": "verticalunits verticalunit vunit yunit yunits yunitlabel",
+    "each": "units unit channelunits columnunits",
+}
+KEYS = {key: role for role, keys in _MEANT.items() for key in keys.split()}
+_ASSIGNED = re.compile(
+    r"\s*(?P<key>[^\W\d][^:=,;\t]{0,60}?|\d{1,3}(?=\s*[:=]\s+[^\W\d]))\s*[:=]\s*(?P<value>.*)"
+)
+_NUMBERED = re.compile(r"(?:columns?|col|channel|ch|name|unit)?[ _]?(?P<number>\d{1,3})", re.IGNORECASE)
+_UNIT = re.compile(r"[\[(](?P<inside>[^\])]*)[\])]|_(?P<end>hz|khz|s|ms|us|ns)$", re.IGNORECASE)
+_VALUE = re.compile(r"(?:\w+\s*:\s*)?(?P<number>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s,;]*)")
+_RATE = re.compile(r"(?P<prefix>[kKMGm]?)(Sa?/s(ec)?|S/s|sps|SPS|samples?/s(ec)?)")
+_PLACES = re.compile(r"\W|_")
+_SECONDS = {"S": "s", "Sec": "s", "SEC": "s", "Time": "s"}  # siemens are across no recording
+# Lines that say that the samples begin.
+MARKS = frozenset(["data", "waveformdata", "begindata", "values", "samples", "endheader", "endofheader"])
+
+
+class HeaderClock(NamedTuple):
+    """The time of sample k of a channel, in s, is ``start + k * increment``."""
+
+    start: float
+    increment: float
+
+
+class Settings(NamedTuple):
+    """What the lines above the samples say, by role; `lines` are those that do."""
+
+    values: dict[str, list[str]]
+    numbered: dict[str, dict[int, str]]  # "NAME0 = ...", by role and number
+    lines: frozenset[int]
+    below: frozenset[int]  # of these, lines of values below their key
+
+    def names(self, width: int) -> list[str]:
+        """Return the names of as many columns; none where the lines do not say so many."""
+        return self._said("names", width)
+
+    def units(self, width: int) -> list[str]:
+        """Return the units of as many columns; one unit is that of all."""
+        found = self._said("upward", width) or self.values.get("upward", []) or self.values.get("each", [])
+        return found * width if len(found) == 1 else found  # blank ones behind it are none
+
+    def _said(self, role: str, width: int) -> list[str]:
+        numbered = self.numbered.get(role, {})
+        for first in (0, 1):
+            if len(numbered) == width and set(numbered) == set(range(first, first + width)):
+                return [numbered[k] for k in sorted(numbered)]
+        found = self.values.get(role, [])
+        return found if len(found) == width and not all(map(is_number, found)) else []
+
+    def clocks(self, width: int) -> list[HeaderClock]:
+        """Return the clock of each of as many columns, or none.
+
+        Raises:
+            QuantityError: an interval and a rate are said that differ.
+        """
+        increments = _numbers(self.values.get("increment", []), "s")
+        rates = _numbers(self.values.get("rate", []), "Hz")
+        by_rate = [1.0 / rate for rate in rates if rate > 0.0]
+        increments = [one for one in increments if one > 0.0]
+        if increments and by_rate and not 0.99 < increments[0] / by_rate[0] < 1.01:
+            raise QuantityError(
+                f"above the samples, their interval is {increments[0]:g} s and their rate "
+                f"{1 / by_rate[0]:g} Hz: say sample_rate=..."
+            )
+        steps = increments or by_rate
+        starts = _numbers(self.values.get("start", []), "s") or [0.0]
+        steps, starts = (one * width if len(one) == 1 else one for one in (steps, starts))
+        if len(steps) < width or len(starts) < width:
+            return []
+        return [HeaderClock(*pair) for pair in zip(starts[:width], steps[:width], strict=True)]
+
+
+def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> Settings:
+    """Return the settings in lines, as texts without marks of comments, and as fields."""
+    values: dict[str, list[str]] = {}
+    numbered: dict[str, dict[int, str]] = {}
+    used: set[int] = set()
+    below: set[int] = set()
+    for i, (line, fields) in enumerate(zip(lines, split, strict=True)):
+        key, found = _key_and_values(line, fields)
+        own = any(found)
+        if key and not own and i + 1 < len(lines) and line.rstrip().endswith(":"):
+            found = list(split[i + 1])  # of SignalExpress: "dt:", and the values in the next line
+        if not key or not any(found):
+            continue
+        number = _NUMBERED.fullmatch(key)
+        if number and not is_number(found[0]) and _ASSIGNED.fullmatch(line):
+            role = "upward" if key.lower().startswith("unit") else "names"
+            text = line.split(key, 1)[1].lstrip(" :=\t,;").rstrip(" \t,;")
+            numbered.setdefault(role, {})[int(number["number"])] = text
+            used.add(i)
+        role, unit = _role(key)
+        if role in ("increment", "rate", "start"):
+            found = [f"{one} {unit}" if unit and is_number(one) else one for one in found]
+            known = bool(_numbers(found[:1], "Hz" if role == "rate" else "s"))
+        else:
+            known = bool(role) and not is_number(found[0])
+        if known:
+            end = next((k for k, one in enumerate(found) if is_number(one)), None)  # samples beside a unit
+            values.setdefault(role, found[:end] if role in ("across", "upward", "each") else _trimmed(found))
+            used |= {i} if own else {i, i + 1}
+            below |= set() if own else {i + 1}
+    return Settings(values, numbered, frozenset(used), frozenset(below))
+
+
+def _key_and_values(line: str, fields: Sequence[str]) -> tuple[str, list[str]]:
+    """A key and its values, from "key,value,value", "key,value,key,value" or "key: value, value"."""
+    said = _ASSIGNED.fullmatch(line.strip().strip('"'))
+    if not said:
+        again = [one for one in fields[2::2] if one]
+        repeated = bool(again) and set(again) == {fields[0]}
+        return (fields[0], [*fields[1::2]] if repeated else [*fields[1:]]) if len(fields) > 1 else ("", [])
+    value = said["value"].strip()
+    parts = next((p for p in (re.split(r"[,;\t]", value), re.split(r"\s{2,}", value)) if len(p) > 1), [value])
+    return said["key"], [part.strip().strip('"') for part in parts]
+
+
+def _role(key: str) -> tuple[str, str]:
+    """Return what a key means ("" for nothing), and its unit: "Sample rate [kHz]"."""
+    unit = _UNIT.search(key)
+    name = key[: unit.start()] if unit and unit.start() else key
+    found = KEYS.get(_PLACES.sub("", name).lower(), "")
+    return found, ((unit["inside"] or unit["end"]) if unit else "")
+
+
+def _trimmed(found: list[str]) -> list[str]:
+    last = max((k for k, one in enumerate(found) if one), default=-1)
+    return found[: last + 1]
+
+
+def _numbers(texts: Sequence[str], unit: str) -> list[float]:
+    """The numbers at the start of a list, in SI; "1 MSa/s" is in Hz."""
+    result = []
+    for text in texts:
+        found = _VALUE.fullmatch(text.strip())
+        try:
+            said = _RATE.sub(r"\g<prefix>Hz", found["unit"]) if found else ""
+            if not found:
+                break
+            result.append(to_si(f"{found['number']} {_SECONDS.get(said, said) or unit}", unit))
+        except (QuantityError, ValueError):
+            break
+    return result
+
+
+def in_table(rows: dict[int, list[str]]) -> tuple[dict[int, list[str]], list[HeaderClock], bool]:
+    """Return lines above the samples without the clock that stands in their fields, as Rigol writes it; that
+    clock, or none; and whether the first column numbers the samples.
+
+    "X,CH1,Start,Increment" above "Sequence,Volt,-5e-2,5e-4", or "Time(s),CH1V,t0 =-5e-2,tInc = 5e-4".
+    """
+    for i, fields in rows.items():
+        below = rows.get(i + 1, [])
+        said: dict[str, float] = {}
+        places = set()
+        for k, field in enumerate(fields):
+            assigned = _ASSIGNED.fullmatch(field)
+            role, unit = _role(assigned["key"] if assigned else field)
+            text = assigned["value"] if assigned else below[k] if k < len(below) else ""
+            number = _numbers([text], unit or "s") if role in ("start", "increment") and text else []
+            if number:
+                said[role] = number[0]
+                places.add(k)
+        if said.keys() == {"start", "increment"} and said["increment"] > 0.0:
+            counts = below[:1] == ["Sequence"]
+            heads = ["" if k in places else field for k, field in enumerate(fields)]
+            units = ["" if k in places or field == "Unknown" else field for k, field in enumerate(below)]
+            if counts:
+                heads[0], units[0] = "time", "s"
+            changed = {i: heads, i + 1: units} if below else {i: heads}
+            return rows | changed, [HeaderClock(said["start"], said["increment"])], counts
+    return rows, [], False
+
+
+def with_settings(channels: Sequence[FileChannel], said: Settings, in_header: bool) -> list[FileChannel]:
+    """Return channels with the units that the settings say: the clocks', and the others' in order. Without a
+    clock by name, the first column of numbers is it, unless the clock stands in the header."""
+    made, numeric = list(channels), [i for i, one in enumerate(channels) if one.numeric]
+    across = [_SECONDS.get(one, one) for one in said.values.get("across", [])]
+    clocks = [i for i in numeric if is_clock(channels[i])]
+    if not clocks and across and not in_header:
+        clocks = numeric[:1]
+    others = [i for i in numeric if i not in clocks]
+    each = _trimmed(said.values.get("each", []))
+    if len(each) == len(numeric) > len(others):
+        clocks, across, others = numeric, each, []
+    across = across * len(clocks) if len(set(across)) == 1 else across
+    for i, unit in [*zip(clocks, across, strict=False), *zip(others, said.units(len(others)), strict=False)]:
+        if unit and not made[i].unit:
+            made[i] = made[i]._replace(unit=unit, header=made[i].shown)
+    return made

@@ -1,0 +1,197 @@
+"""Dates and times of day, as people log them: "20.02.2020 10:00:00,5", "2/20/2020 1:05:07 PM"."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+import numpy as np
+
+from .source import FileChannel, is_clock
+
+DAY, HOUR = 86400.0, 3600.0  # s
+# Days since 1899-12-30 (Excel) or year 0 (MATLAB): what they are likely to be, and that of 1970-01-01.
+SERIAL_DAYS = ((2e4, 8e4, 25_569.0), (7e5, 8e5, 719_529.0))
+# Longest step in days of a column that is called time and in no unit: longer ones are seconds.
+LONGEST_SERIAL_STEP = 2e-5
+_MONTHS = {
+    name: k
+    for k, name in enumerate(
+        ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"], 1
+    )
+}
+_MONTHS |= {"mai": 5, "okt": 10, "dez": 12, "mär": 3, "mrz": 3}
+_DATE = (
+    r"(?:(?P<y1>\d{4})(?P<sign1>[-/.])(?P<m1>\d{1,2})[-/.](?P<d1>\d{1,2})"
+    r"|(?P<a2>\d{1,2})(?P<sign2>[-/.])(?P<b2>\d{1,2})[-/.](?P<y2>\d{4}|\d\d)"
+    r"|(?P<d3>\d{1,2})[- .](?P<m3>[^\W\d_]{3,9})[- ,.](?P<y3>\d{4}|\d\d)"
+    r"|(?P<m4>[^\W\d_]{3,9}) (?P<d4>\d{1,2}),? (?P<y4>\d{4}))"
+)
+_CLOCK = (
+    r"(?P<h>\d{1,3}):(?P<min>\d\d)(?::(?P<s>\d\d)(?:[.,:](?P<f>\d*))?|[.,](?P<mf>\d+))?"
+    r"(?:\s?(?P<half>[AaPp])\.?[Mm]\.?)?"
+)
+_STAMP = re.compile(rf"(?:{_DATE})?(?:(?:^|T|_|, ?| {{1,3}}){_CLOCK})?\s?(?P<zone>Z|UTC|[+-]\d\d:?\d\d)?")
+_ISO = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?")
+
+
+def is_stamp(text: str) -> bool:
+    """Whether a text is a date, a time of day, or both."""
+    found = _STAMP.fullmatch(text) if text[:1].isalnum() else None
+    return found is not None and (_has_date(found) or found["h"] is not None)
+
+
+def has_date(text: str) -> bool:
+    """Whether a text that is a stamp says a date."""
+    found = _STAMP.fullmatch(text)
+    return found is not None and _has_date(found)
+
+
+def has_time(text: str) -> bool:
+    """Whether a text that is a stamp says a time of day."""
+    found = _STAMP.fullmatch(text)
+    return found is not None and found["h"] is not None
+
+
+def _has_hours(text: str) -> bool:
+    found = _STAMP.fullmatch(text)
+    return found is not None and found["mf"] is None
+
+
+def _has_date(found: re.Match[str]) -> bool:
+    return any(found[name] is not None for name in ("y1", "y2", "y3", "y4"))
+
+
+def day_first(texts: Sequence[str]) -> bool | None:
+    """Whether dates say the day before the month; None where both may be."""
+    found = [one for text in texts if (one := _STAMP.fullmatch(text)) and one["y2"] is not None]
+    if any(int(one["a2"]) > 12 for one in found) or any(one["sign2"] != "/" for one in found):
+        return True
+    return False if any(int(one["b2"]) > 12 for one in found) or not found else None
+
+
+def iso(text: str, first_is_day: bool) -> str:
+    """Return a stamp as ISO 8601 has it; a time of day without a date is one of 1970-01-01.
+
+    Raises:
+        ValueError: the text is no stamp.
+    """
+    return text if _ISO.fullmatch(text) else _iso(text, first_is_day)
+
+
+def _second(text: str, first_is_day: bool) -> float:
+    """The whole second of a stamp, s since 1970."""
+    made = datetime.fromisoformat(iso(text, first_is_day))
+    return float(np.floor((made if made.tzinfo else made.replace(tzinfo=UTC)).timestamp()))
+
+
+def _iso(text: str, first_is_day: bool) -> str:
+    found = _STAMP.fullmatch(text)
+    if found is None:
+        raise ValueError(f"{text!r} is not a date")
+    hours, minutes, whole = (int(found[name] or 0) for name in ("h", "min", "s"))
+    part = found["f"] or found["mf"] or ""
+    if found["mf"] is not None:  # "05:07.250", minutes and seconds
+        hours, minutes, whole = 0, hours, minutes
+    if found["half"]:
+        hours = hours % 12 + (12 if found["half"] in "pP" else 0)
+    date = f"1970-01-{1 + hours // 24:02d}" if not _has_date(found) else _iso_date(found, first_is_day)
+    zone = "" if found["zone"] in (None, "UTC") else found["zone"]
+    hours %= 24 if not _has_date(found) else 100
+    return f"{date}T{hours:02d}:{minutes:02d}:{whole:02d}.{part or 0}{zone}"
+
+
+def _iso_date(found: re.Match[str], first_is_day: bool) -> str:
+    if found["y1"]:
+        year, month, day = found["y1"], found["m1"], found["d1"]
+    elif found["y2"]:
+        year, one, other = found["y2"], found["a2"], found["b2"]
+        month, day = (other, one) if first_is_day else (one, other)
+    else:
+        year = found["y3"] or found["y4"]
+        name = (found["m3"] or found["m4"]).lower()[:3]
+        month, day = _MONTHS.get(name, 0), found["d3"] or found["d4"]
+    return f"{2000 + int(year) if len(year) < 3 else int(year):04d}-{int(month):02d}-{int(day):02d}"
+
+
+class Stamped(NamedTuple):
+    """How a column tells the time: its texts, with those of the column `date`, or its days since a date."""
+
+    first_is_day: bool = True
+    epoch: float = 0.0  # s since 1970 (or midnight): what the numbers of the column count from
+    date: int | None = None
+    wraps: float = np.inf  # s at which times without a date begin again
+    days: float | None = None  # the number of the first day, of numbers of days
+
+    def whole(self, values: np.ndarray) -> np.ndarray:
+        """Return the samples of the column in s since `epoch`, past midnight and from numbers of days."""
+        if self.days is not None:
+            return (values - self.days) * DAY
+        for at in np.flatnonzero(np.diff(values) < -0.5 * self.wraps):
+            values[at + 1 :] += self.wraps
+        return values
+
+
+def find_stamps(
+    channels: Sequence[FileChannel], kinds: str, rows: Sequence[Sequence[str]], decimal: str
+) -> tuple[list[FileChannel], dict[int, Stamped]]:
+    """Return the channels, of which those of dates and times count from the first sample, and how each does.
+
+    Args:
+        channels, kinds: of the columns.
+        rows: the first samples, as texts.
+        decimal: the decimal sign.
+    """
+    made, found = list(channels), {}
+    texts = {i: [row[i] for row in rows if i < len(row) and row[i]] for i in range(len(channels))}
+    stamps = [i for i, kind in enumerate(kinds) if kind == "d" and texts[i]]
+    dates = [i for i in stamps if not any(map(has_time, texts[i]))]
+    times = [i for i in stamps if i not in dates and not any(map(has_date, texts[i]))]
+    for i in stamps:
+        near = [k for k in (i - 1, i + 1) if i in times and k in dates]
+        date = near[0] if near else None
+        order = day_first(texts[date if date is not None else i])
+        whole = f"{texts[date][0]} {texts[i][0]}" if date is not None else texts[i][0]
+        try:
+            epoch = _second(whole, bool(order))
+        except ValueError:  # said when it is read
+            epoch = 0.0
+        alone = i in times and date is None
+        wraps = (DAY if any(map(_has_hours, texts[i])) else HOUR) if alone else np.inf
+        found[i] = Stamped(bool(order), epoch, date, wraps)
+        sure = epoch if order is not None else epoch % DAY  # else no date is claimed
+        made[i] = made[i]._replace(stamp=True, epoch=sure)
+    paired = {one.date for one in found.values()}
+    for i in dates:
+        other = i in paired or len(stamps) > 1 or any(is_clock(one) for one in channels if one.numeric)
+        if other and not is_clock(channels[i]):
+            made[i] = made[i]._replace(stamp=False, epoch=0.0, numeric=False)
+            found.pop(i)
+    for i, kind in enumerate(kinds):
+        days = _serial(channels[i], texts[i], decimal) if kind == "n" else None
+        if days is not None:
+            found[i] = Stamped(epoch=days[1], days=days[0])
+            made[i] = made[i]._replace(stamp=True, epoch=days[1], unit="")
+    return made, found
+
+
+def _serial(channel: FileChannel, texts: Sequence[str], decimal: str) -> tuple[float, float] | None:
+    """The first day of numbers of days, and its midnight in s since 1970; None of other numbers."""
+    named = re.search(r"date|datum|stamp|serial|excel", channel.name, re.IGNORECASE) is not None
+    in_days = channel.unit.lower() in ("d", "day", "days")
+    if not (named or in_days or is_clock(channel)) or (channel.unit and not in_days):
+        return None
+    try:
+        numbers = [float(text.replace(decimal, ".")) for text in texts]
+    except ValueError:
+        return None
+    steps = np.diff(numbers)
+    if not numbers or (not (named or in_days) and not np.all(steps <= LONGEST_SERIAL_STEP)):
+        return None
+    for low, high, zero in SERIAL_DAYS:
+        if low < numbers[0] < high and (len(steps) == 0 or np.all(np.abs(steps) < 1.0)):
+            first = float(np.floor(numbers[0]))
+            return first, (first - zero) * DAY
+    return None

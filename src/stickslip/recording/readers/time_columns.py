@@ -1,0 +1,69 @@
+"""Time columns of a table: each serves the columns that follow it."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from .file_units import is_unit, to_si_unit
+from .source import FileChannel, FileContent, Rows, is_clock
+
+LOOKED = 1000  # samples by which time columns are compared
+AGREE = 0.1  # of a step: how far apart two clocks of the same samples may be, by rounding
+_NAMED_FOR = re.compile(r"(time|t|zeit)[ _.-]\w.*|.*\w[ _.-](time|t|zeit)", re.IGNORECASE)
+
+
+def with_clocks(source: FileContent) -> FileContent:
+    """Return the source with the time column of each channel, where there are several.
+
+    A time column without columns behind it is left out if it agrees with the next one, as a date beside the
+    seconds does. If it does not, the channels stay as they are, and the user is asked.
+    """
+    channels = source.channels
+    maybe = [i for i, one in enumerate(channels) if one.numeric and _may_be_time(one)]
+    if len(maybe) < 2 or any(one.clock is not None for one in channels):
+        return source
+    ticks = {
+        i: _seconds(channels[i], values)
+        for i, values in zip(maybe, source.read(maybe, Rows(0, LOOKED)), strict=True)
+    }
+    clocks = [i for i in maybe if is_clock(channels[i]) or _increases(ticks[i])]
+    others = [i for i, one in enumerate(channels) if one.numeric and i not in maybe]
+    served = {i: max((c for c in clocks if c < i), default=clocks[0]) for i in others} if clocks else {}
+    used = [c for c in clocks if c in served.values()]
+    for idle in [c for c in clocks if c not in used]:
+        near = min((c for c in used if c > idle), default=max(used, default=idle))
+        if near == idle or not _agree(ticks[idle], ticks[near]):
+            return source
+    served |= {c: c for c in used}
+    return source._replace(
+        channels=tuple(one._replace(clock=served.get(i)) for i, one in enumerate(channels))
+    )
+
+
+def _may_be_time(channel: FileChannel) -> bool:
+    """Whether a channel is called like a time, or in a unit of time."""
+    unit = to_si_unit(channel.unit).unit if is_unit(channel.unit) else None
+    if channel.unit:
+        return unit == "s"
+    return is_clock(channel) or _NAMED_FOR.fullmatch(channel.name.strip()) is not None
+
+
+def _seconds(channel: FileChannel, values: np.ndarray) -> np.ndarray:
+    return values * to_si_unit(channel.unit).factor if channel.unit else values
+
+
+def _increases(ticks: np.ndarray) -> bool:
+    real = ticks[np.isfinite(ticks)]
+    return real.size > 1 and bool(np.all(np.diff(real) > 0.0))
+
+
+def _agree(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two clocks tell the same times, but for their start."""
+    if one.size < 2:
+        return True
+    step, own = float(np.nanmedian(np.abs(np.diff(other)))), np.abs(np.diff(one))
+    coarse = float(own[own > 0.0].min(initial=np.inf)) if np.any(own == 0.0) else 0.0  # full seconds
+    apart = (one - one[0]) - (other - other[0])
+    return bool(np.all(np.abs(apart) <= AGREE * step + coarse))

@@ -1,0 +1,215 @@
+"""Names, units and the clock of columns, from the lines above the samples."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+
+from .. import RecordingError
+from .fields import COMMENT, SPACE, Signs, split
+from .file_units import in_seconds, is_unit, is_unit_of, is_word, to_si_unit
+from .settings import MARKS, HeaderClock, Settings
+from .source import FileChannel, is_clock
+
+_IN = re.compile(r"(?P<name>\S+( \S+)?) in (?P<unit>\S+)", re.IGNORECASE)
+_OVER_UNIT = re.compile(r"\s/\s(\S+)$")
+# "Zeit/ms" and "Time, s": only of units that look like none but units, for "I/O" and "max/min" are names.
+_TIGHT = re.compile(
+    r"(?P<name>[^/,]*[^/,\s])\s*[/,]\s*(?P<unit>[pnuµμmckMG]?(?:[smVNAWJ]|Hz|Pa|rad)(?:/s)?|sec|deg)\s*"
+)
+# As a row below the names has it: "[ms]", "(ms)", "<ms>", "{ms}", "'ms'", "in ms".
+_UNIT_ALONE = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>|\{([^{}]*)\}|'([^']*)'|in\s+(.+)")
+_HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]{0,60}\]|\([^)]{0,60}\)))?")  # "Time [s]" is one word
+
+
+def header_fields(line: str, delimiter: str, count: int, blank: int) -> list[str]:
+    """The fields of a line above the data, as many as there are columns if it can be read so.
+
+    The last `blank` columns have no samples, and no names where only the data end with delimiters.
+    """
+    mark = COMMENT.match(line)
+    line = line[mark.end() :] if mark else line
+    fields = split(line, delimiter)
+    if count - blank <= len(fields) < count:
+        return [*fields, *[""] * (count - len(fields))]
+    if len(fields) == count + 1 and fields[-1].lower() == "comment":  # of LabVIEW; mostly no row has one
+        return fields[:-1]
+    if len(fields) != count and (
+        mark or delimiter == SPACE
+    ):  # names with blanks in them, or parted otherwise
+        ways = [_HEADER_WORD.findall(line)] if delimiter == SPACE else []
+        ways += [split(line.strip(), sign) for sign in (",", ";", "\t")] if count > 1 else []
+        for other in (*ways, re.split(r"\s{2,}|\t", line.strip())):
+            if len(other) == count:
+                return other
+    return fields
+
+
+def cut(fields: list[str], count: int) -> list[str]:
+    """The fields without blank ones behind the last column."""
+    return fields[:count] if len(fields) > count and not any(fields[count:]) else fields
+
+
+def titles(
+    lines: Sequence[str],
+    above: dict[int, list[str]],
+    kinds: str,
+    signs: Signs,
+    data: dict[int, list[str]],
+    said: Settings,
+) -> list[FileChannel]:
+    """The columns by name and unit, from the fields of the lines above the data; of that, the first line."""
+    rows = {i: fields for i, fields in above.items() if len(fields) == len(kinds) and not _marks(fields)}
+    texts = [i for i, fields in rows.items() if set(signs.kinds(fields)) in ({"s"}, {"s", "e"})]
+    header = texts[-1] if texts else -1
+    for i, fields in rows.items():
+        wrong = [k for k, field in enumerate(fields) if signs.kind(field) not in (kinds[k], "e")]
+        fits = [k for k, field in enumerate(fields) if signs.kind(field) == kinds[k] in ("n", "d")]
+        if i > header and not COMMENT.match(lines[i]) and fits and any(kinds[k] != "e" for k in wrong):
+            name = rows[header][wrong[0]] if texts else str(wrong[0])
+            hint = "" if texts else f" (if the line is no data: skip={i + 1})"
+            if signs.kind(fields[wrong[0]]) == "n":  # most below are words, as with separators of thousands
+                ((i, fields),) = data.items()
+            raise RecordingError(f"line {i + 1}, column {name!r}: {fields[wrong[0]]!r} is not a number{hint}")
+    if not texts or COMMENT.match(lines[header]):
+        numeric = [k for k, kind in enumerate(kinds) if kind in "nd"]
+        for places in (list(range(len(kinds))), numeric, numeric[1:]):
+            if names := said.names(len(places)):
+                named = dict(zip(places, names, strict=True))
+                return _distinct([channel_of(named.get(k, "")) for k in range(len(kinds))])
+    if not texts:
+        return [FileChannel(str(k) if kinds[k] != "e" else "") for k in range(len(kinds))]
+    names, units = _names_and_units(
+        [rows[i] for i in (header - 2, header - 1, header) if i in rows and "s" in signs.kinds(rows[i])]
+    )
+    columns = [channel_of(name) for name in names]
+    return _distinct(
+        [
+            one if one.unit or not unit else FileChannel(name, unit)
+            for one, name, unit in zip(columns, names, units or [""] * len(names), strict=True)
+        ]
+        if units and any(names)
+        else columns
+    )
+
+
+def _marks(fields: Sequence[str]) -> bool:
+    """Whether a line says that the samples begin: "Waveform Data,"."""
+    return re.sub(r"\W|_", "", "".join(fields)).lower() in MARKS
+
+
+def _names_and_units(rows: Sequence[list[str]]) -> tuple[list[str], list[str]]:
+    """The row of names, and the row of units below or above it ([] without one), of the last lines."""
+    for k in range(len(rows) - 1, -1, -1):
+        beside = rows[k - 1] if k else rows[1] if len(rows) > 1 else []
+        units = [_unit_alone(field) for field in rows[k]]
+        if beside and _are_units(units, beside):
+            return beside, units
+    return rows[-1], []
+
+
+def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
+    """Whether a row is of units, one of which may not be known: all are, or half of them below a time."""
+    given = [unit for unit in units if unit]
+    known = sum(map(is_unit, given))
+    clocks = [any(is_clock(channel_of(one)) for one in row) for row in (units, names)]
+    enough = 2 * known >= len(given) if clocks[1] else known == len(given)
+    return bool(given) and known > 0 and enough and not clocks[0] and not all(map(is_unit, names))
+
+
+def _ticks(numbers: Sequence[float], increment: float) -> bool:
+    """Whether numbers are the times that the header counts."""
+    return all(0.99 < (b - a) / increment < 1.01 for a, b in pairwise(numbers))
+
+
+def with_header_clock(
+    channels: list[FileChannel],
+    said: Settings,
+    in_fields: Sequence[HeaderClock],
+    counts: bool,
+    data: Sequence[Sequence[str]],
+    signs: Signs,
+) -> tuple[list[FileChannel], dict[int, HeaderClock]]:
+    """The channels with their clock, where it stands in the header and in no column."""
+    times = [i for i, one in enumerate(channels) if one.numeric and (is_clock(one) or in_seconds(one))]
+    if times and not counts:
+        return channels, {}
+    columns = [i for i, one in enumerate(channels) if one.numeric and i not in times]
+    each = list(in_fields) * len(columns) or said.clocks(len(columns))
+    if not each:
+        return channels, {}
+    steps = [row[columns[0]] for row in data if len(row) > columns[0]]
+    numbers = [float(one.replace(signs.decimal, ".")) for one in steps if signs.kind(one) == "n"]
+    if not counts and len(numbers) > 1 and _ticks(numbers, each[0].increment):
+        timed = channels[columns[0]]._replace(unit="s")
+        return [*channels[: columns[0]], timed, *channels[columns[0] + 1 :]], {}
+    blank = [i for i, one in enumerate(channels) if not one.numeric and is_clock(one)]
+    blank += [0] if not channels[0].numeric and not channels[0].name else []
+    places = [*times[:1], *blank[:1], *range(len(channels), len(channels) + len(columns))]
+    made: dict[HeaderClock, int] = {}
+    for clock in each:
+        made.setdefault(clock, places[len(made)])
+    extra = max(max(made.values()) + 1 - len(channels), 0)
+    found = [*channels, *[FileChannel("")] * extra]
+    for i in made.values():
+        name = found[i].name or ("time" if i == min(made.values()) else f"time ({len(made)})")
+        found[i] = found[i]._replace(name=name, unit="s", numeric=True, clock=i)
+    for i, clock in zip(columns, each, strict=True):
+        found[i] = found[i]._replace(clock=made[clock])
+    return found, {i: clock for clock, i in made.items()}
+
+
+def _unit_alone(field: str) -> str:
+    found = _UNIT_ALONE.fullmatch(field)
+    return found[found.lastindex or 0].strip() if found else field
+
+
+def channel_of(header: str) -> FileChannel:
+    """Return name and unit: "Position [mm]" is in mm, "Force (left)" in none, "u (mVpp)" in an unknown
+    one."""
+    name, unit, certain = _name_and_unit(header)
+    if not name:
+        tight = _TIGHT.fullmatch(header)
+        if tight and is_unit(header) and not (tight["name"] == "t" or _of_one(tight["name"], header)):
+            tight = None  # "N/m"
+        return FileChannel(tight["name"], tight["unit"], header=header) if tight else FileChannel(header)
+    if certain or is_unit_of(name, unit):
+        return FileChannel(name, unit, header=header)
+    return FileChannel(header) if is_word(unit) else FileChannel(header, unit, header=header)
+
+
+def _name_and_unit(header: str) -> tuple[str, str, bool]:
+    """Return the name and the unit in "name [unit]", "name (unit)", "name / unit" or "name in unit".
+
+    The third value says whether the brackets are square. Both texts are empty if the header is none of these.
+    """
+    text = header.rstrip()
+    opening = {"]": "[", ")": "("}.get(text[-1:], "")
+    at = text.rfind(opening) if opening else -1
+    if at > 0 and text[-1] in text[at + 1 : -1]:
+        at = -1
+    over = _OVER_UNIT.search(text)
+    if over and (at < 1 or over.start() < at):
+        return text[: over.start()].rstrip(), over[1], False
+    if at > 0:
+        return text[:at].rstrip(), text[at + 1 : -1].strip(), opening == "["
+    found = _IN.fullmatch(text)
+    return (found["name"], found["unit"], False) if found and is_unit(found["unit"]) else ("", "", False)
+
+
+def _of_one(name: str, unit: str) -> bool:
+    """Whether a unit is one over another of the same kind: "V/mV" is a voltage in mV."""
+    return len(name) == 1 and not to_si_unit(unit).unit
+
+
+def _distinct(columns: Sequence[FileChannel]) -> list[FileChannel]:
+    """Names told apart: "Time", "x", "Time (2)", "x (2)"."""
+    seen: Counter[str] = Counter()
+    result = []
+    for column in columns:
+        seen[column.name] += 1
+        again = column.name and seen[column.name] > 1
+        result.append(column._replace(name=f"{column.name} ({seen[column.name]})") if again else column)
+    return result
