@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import stickslip as ss
+from stickslip.cli import app
 from stickslip.estimate.problem import FitError
 from stickslip.friction import Stribeck
 from stickslip.identify import identify_stribeck
+from stickslip.jobs.analysis.running import AnalysisError, run_file
 from stickslip.recording import RecordingError
 from stickslip.recording.readers import read_points
 
@@ -126,6 +130,32 @@ def test_columns_and_units_are_asked_for(tmp_path: Path) -> None:
     assert identify_stribeck(**found).values["coulomb_force"] == pytest.approx(1.0, rel=1e-4)
     with pytest.raises(RecordingError, match="force is a quantity in N"):
         read_points(path, {"velocity": "a", "force": 1}, {"force": "V"})
+
+
+def test_an_identification_file(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    _table(
+        tmp_path / "a.csv",
+        "velocity (mm/s),friction force (N)",
+        1e3 * V,
+        friction(V) + 0.01 * rng.normal(size=20),
+    )
+    file = tmp_path / "stribeck.yaml"
+    file.write_text("title: Guide\nkind: stribeck\npoints: {file: a.csv}\n")
+    result = CliRunner().invoke(app, ["identify", str(file), "--out", str(tmp_path / "out")])
+    assert result.exit_code == 0, result.output
+    numbers = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert "coulomb_force" in json.dumps(numbers)
+    found = read_points(tmp_path / "a.csv")
+    fit = identify_stribeck(**found)
+    document = run_file(file)
+    low, high = fit.confidence_intervals()["sigma_2"]
+    assert document.numbers["parameters"]["sigma_2"].low == pytest.approx(low)
+    assert document.numbers["parameters"]["sigma_2"].high == pytest.approx(high)
+    assert "steady_friction" in {one.name for section in document.sections for one in section.figures}
+    file.write_text("title: Guide\nkind: stribeck\npoints: {file: a.csv}\nexponant: 1\n")
+    with pytest.raises(AnalysisError, match="exponant"):
+        run_file(file)
 
 
 def test_the_fit_is_saved(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ from .analysis.loops import LoopAnalysis
 from .analysis.moving import MoveFile
 from .analysis.piezo import PiezoAnalysis
 from .analysis.pulled import PulledAnalysis
+from .analysis.stribeck import StribeckAnalysis
 from .analysis.verification import VerificationAnalysis
 from .analysis.walk import WalkAnalysis
 from .campaign.file import CampaignFile, CellsSpec
@@ -52,7 +53,7 @@ class ExportSpec(Strict):
 
 
 Analysis = Annotated[
-    LoopAnalysis | FrequencyAnalysis | PiezoAnalysis | PulledAnalysis | WalkAnalysis,
+    LoopAnalysis | FrequencyAnalysis | PiezoAnalysis | PulledAnalysis | StribeckAnalysis | WalkAnalysis,
     Field(discriminator="kind"),
 ]
 _ANALYSIS: TypeAdapter[Any] = TypeAdapter(Analysis)

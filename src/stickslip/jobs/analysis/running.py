@@ -22,6 +22,7 @@ from .frequency import FrequencyAnalysis
 from .loops import LoopAnalysis
 from .piezo import PiezoAnalysis
 from .pulled import PulledAnalysis
+from .stribeck import StribeckAnalysis
 from .verification import VerificationAnalysis
 from .walk import WalkAnalysis
 
@@ -30,6 +31,7 @@ _Any = Annotated[
     | FrequencyAnalysis
     | PiezoAnalysis
     | PulledAnalysis
+    | StribeckAnalysis
     | VerificationAnalysis
     | WalkAnalysis
     | ComparisonAnalysis,
