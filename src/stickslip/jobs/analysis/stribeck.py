@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from matplotlib.figure import Figure
 from pydantic import Field
 
 from ...estimate.result import Fit
@@ -56,6 +55,7 @@ class StribeckAnalysis(Analysis):
 
     def _document(self, fit: Fit, points: dict[str, np.ndarray]) -> Document:
         law = fit.model
+        without_offset = points["force"] - fit.values.get("offset", 0.0)
         return Document(
             title=self.title,
             summary=(
@@ -71,7 +71,7 @@ class StribeckAnalysis(Analysis):
                         Picture(
                             "steady_friction",
                             "Friction force over velocity, the points and the fitted Stribeck curve.",
-                            svg(_figure(fit, points)),
+                            svg(steady_friction(points["velocity"], without_offset, law)),
                             "Points of friction force over velocity, with a curve through them",
                         ),
                     ),
@@ -88,8 +88,3 @@ class StribeckAnalysis(Analysis):
             },
             citations=cite(*self.citation) if self.citation else "",
         )
-
-
-def _figure(fit: Fit, points: dict[str, np.ndarray]) -> Figure:
-    offset = fit.values.get("offset", 0.0)
-    return steady_friction(points["velocity"], points["force"] - offset, fit.model)
