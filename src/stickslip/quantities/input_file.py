@@ -75,8 +75,20 @@ class Strict(BaseModel):
         return content
 
 
-class RecordFields(Strict):
-    """A part of a file with fields of a record, as `fields_of` makes it; null is the default of a field."""
+class NullIsDefault(Strict):
+    """A part of a file where null is the default of a field."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_null(cls, content: Any) -> Any:
+        if not isinstance(content, dict):
+            return content
+        optional = [name for name, field in cls.model_fields.items() if not field.is_required()]
+        return {key: value for key, value in content.items() if value is not None or key not in optional}
+
+
+class RecordFields(NullIsDefault):
+    """A part of a file with fields of a record, as `fields_of` makes it."""
 
     of_record: ClassVar[tuple[str, ...]] = ()
 
@@ -88,14 +100,6 @@ class RecordFields(Strict):
     def given(self) -> dict[str, Any]:
         """The record's fields that the file gives, by name: arguments of the record."""
         return {name: getattr(self, name) for name in self.of_record if name in self.model_fields_set}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _without_null(cls, content: Any) -> Any:
-        if not isinstance(content, dict):
-            return content
-        optional = [name for name, field in cls.model_fields.items() if not field.is_required()]
-        return {key: value for key, value in content.items() if value is not None or key not in optional}
 
 
 @functools.cache

@@ -17,6 +17,7 @@ from ...design import (
 )
 from ...design.built import Built
 from ...identify.results import model_numbers
+from ...quantities.arguments import arguments_of
 from ...quantities.input_file import yaml_text
 from ...quantities.records import quantities_within
 from ...quantities.units import unit_for
@@ -43,17 +44,14 @@ MOST_ROWS, MOST_POINTS = 30, 12
 STOPPED = "stopped before the end of the search: the best until then"
 
 
-class OptimiseSpec(SearchSpec):
+class OptimiseSpec(
+    SearchSpec, arguments_of(optimise_waveform, "knots", "draws", "quantile", "minimum_speed", "budget")
+):
     """As `optimise_waveform`; a goal is "speed", "ripple", "tip_load", "noise" or one with a number. `draws`
     are taken of the file's `uncertainty`, where it has one."""
 
     goal: Goal | None = None
-    knots: int = 8
     generator: GeneratorSpec | None = None
-    draws: int = 64
-    quantile: Quantity = 0.0
-    minimum_speed: Quantity | None = None
-    budget: int = 2000
 
     def made(self, given: Given) -> Made:
         """Search, and say what was found; raises QuantityError."""
@@ -62,12 +60,7 @@ class OptimiseSpec(SearchSpec):
         found = optimise_waveform(
             given.model,
             goal=goal_of(self.goal, given.model),
-            knots=self.knots,
             uncertainty=given.uncertainty,
-            draws=self.draws,
-            quantile=self.quantile,
-            minimum_speed=self.minimum_speed,
-            budget=self.budget,
             **common,
         )
         value, saw = (Number(one, found.unit) for one in (found.value, found.sawtooth_value))
@@ -90,22 +83,16 @@ class OptimiseSpec(SearchSpec):
         )
 
 
-class FrontSpec(SearchSpec):
+class FrontSpec(SearchSpec, arguments_of(waveform_front, "knots", "points", "generations")):
     """As `design.waveform_front`: drives of which none is better than another in both of two goals."""
 
     goals: list[Goal] = ["speed"]  # noqa: RUF012  # pydantic copies it
-    knots: int = 8
-    points: int = 50
-    generations: int = 80
 
     def made(self, given: Given) -> Made:
         """Search, and say what was found; raises QuantityError."""
         found = waveform_front(
             given.model,
             goals=tuple(goal_of(one, given.model) for one in self.goals),  # type: ignore[arg-type]
-            knots=self.knots,
-            points=self.points,
-            generations=self.generations,
             **self.common(given),
         )
         names = [str(name) for name in found.table if name != "frequency"]
@@ -121,17 +108,15 @@ class FrontSpec(SearchSpec):
         )
 
 
-class ActuatorSpec(SearchSpec):
+class ActuatorSpec(
+    SearchSpec, arguments_of(optimise_actuator, "draws", "minimum_speed", "holding_force", "budget")
+):
     """As `design.optimise_actuator`: `free` are fields with their ranges; `models` are parameter sets by
     name, of which each is searched, in place of the model of the file."""
 
     goal: Goal | None = None
     free: dict[str, list[Quantity]]
     models: dict[str, str] | None = None
-    draws: int = 64
-    minimum_speed: Quantity | None = None
-    holding_force: Quantity | None = None
-    budget: int = 1000
 
     def made(self, given: Given) -> Made:
         """Search, and say what was found; raises QuantityError."""
@@ -141,10 +126,6 @@ class ActuatorSpec(SearchSpec):
             goal=goal_of(self.goal, given.model),
             free=self.free,
             uncertainty=given.uncertainty,
-            draws=self.draws,
-            minimum_speed=self.minimum_speed,
-            holding_force=self.holding_force,
-            budget=self.budget,
             **self.common(given),
         )
         best, goal = found.best, found.goal

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from ...design import Current, Heat, Noise, Scenario, Speed, StepSize, TipLoad
+from ...design import Current, Heat, Noise, Scenario, Speed, StepSize, TipLoad, optimise_waveform
 from ...gate.errors import GateError, damaged
 from ...gate.netcdf import netcdf_columns
 from ...gate.results import results_numbers
 from ...physics.actuator import Actuator
 from ...physics.electronics import OutputStage, Stack
+from ...quantities.arguments import arguments_of
 from ...quantities.input_file import Part, Strict, fields_of
 from ...quantities.progress import Progress
 from ...quantities.units import QuantityError, to_si
@@ -146,25 +147,18 @@ class ScenarioSpec(Strict):
         return Scenario(self.name, factors=factors, **self.change)
 
 
-class SearchSpec(Strict):
+class SearchSpec(arguments_of(optimise_waveform, "max_voltage", "min_voltage", "frequency", "seed")):
     """What all searches for a drive are told; see `optimise_waveform`."""
 
-    max_voltage: Quantity | None = None
-    min_voltage: Quantity | None = None
-    frequency: list[Quantity] | None = None
     limits: LimitsSpec | None = None
     scenarios: list[ScenarioSpec] = Field(default_factory=list)
-    seed: int = 0
 
     def common(self, given: Given) -> dict[str, Any]:
         """Arguments of the call; raises QuantityError."""
         return {
-            "max_voltage": self.max_voltage,
-            "min_voltage": self.min_voltage,
-            "frequency": self.frequency,
+            **self.arguments,
             "output": output_stage(self.limits, None, given.folder),
             "scenarios": [one.scenario() for one in self.scenarios],
-            "seed": self.seed,
             "progress": given.progress,
         }
 

@@ -9,7 +9,7 @@ import xarray as xr
 from pydantic import Field
 
 from ...design import step_map
-from ...quantities.input_file import Strict
+from ...quantities.arguments import arguments_of
 from ...quantities.units import to_si, unit_for
 from ...report import Column, Number, Picture, Section, Table
 from ...report.figures.design import MOST_PANELS, draw_map
@@ -40,7 +40,16 @@ class MapAxisSpec(AxisSpec):
 Values = MapAxisSpec | float | str | list[float | str]
 
 
-class MapSpec(Strict):
+class MapSpec(
+    arguments_of(
+        step_map,
+        "tolerance",
+        direction=list[Literal[1, -1]] | Literal[1, -1],
+        parameters=dict[str, list[float | str] | float | str],
+        quantities=list[Literal["backlash", "ringing", "ripple"]],
+        draws=Annotated[int, Field(ge=40, le=100_000)],
+    )
+):
     """As `step_map`: `drive` as in an experiment file, a sawtooth if left out; `limits` and `generator` are
     its `output`, the drive itself if both are left out."""
 
@@ -48,13 +57,8 @@ class MapSpec(Strict):
     voltage: Values | None = None
     frequency: Values | None = None
     load: Values | None = None
-    direction: list[Literal[1, -1]] | Literal[1, -1] | None = None
-    parameters: dict[str, list[float | str] | float | str] = Field(default_factory=dict)
-    quantities: list[Literal["backlash", "ringing", "ripple"]] = Field(default_factory=list)
     limits: LimitsSpec | None = None
     generator: GeneratorSpec | None = None
-    tolerance: float | str = 1e-10
-    draws: Annotated[int, Field(ge=40, le=100_000)] = 200
 
     def made(self, given: Given) -> Made:
         """Compute and draw it; raises QuantityError."""
@@ -106,14 +110,10 @@ class MapSpec(Strict):
             given.model,
             waveform,
             **axes,
-            direction=self.direction,
-            parameters=self.parameters or None,
-            quantities=self.quantities,
             output=output_stage(self.limits, self.generator, given.folder) if self._behind else None,
-            tolerance=self.tolerance,
             fit=given.uncertainty,
-            draws=self.draws,
             progress=given.progress,
+            **self.arguments,
         )
 
 

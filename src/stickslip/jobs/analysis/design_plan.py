@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from ...design import FreeDrives, Plan, plan_experiment
-from ...quantities.input_file import Part, RecordPart, Strict
+from ...quantities.arguments import arguments_of
+from ...quantities.input_file import Part, RecordPart
 from ...recording.chain import Chain
 from ...recording.readers import read_recording
 from ...report import Column, Number, Picture, Section, Table
@@ -21,23 +22,18 @@ from ...rig.experiment.file import LimitsSpec, PartSpec
 from .design_given import Given, Made, Quantity
 
 
-class PlanSpec(Strict):
+class PlanSpec(arguments_of(plan_experiment, "recordings", "duration", "sample_rate", "over", "seed")):
     """As `plan_experiment`: `goal` is "all", a parameter, or a waveform whose step is to be predicted;
     `noise` a standard deviation, or a recording at rest; `channel` that of the position. With an
     `uncertainty` of the file the plan is the best one where it is worst among its draws."""
 
     free: list[str] = Field(min_length=1)
     goal: PartSpec | str = "all"
-    recordings: int = 3
-    duration: Quantity = 1.6
-    sample_rate: Quantity | None = None
     noise: Quantity | None = None
     limits: LimitsSpec = Field(default_factory=LimitsSpec)
     channel: Annotated[Chain, RecordPart(without=("offset", "scale"))] = Field(default_factory=Chain)
     free_drives: Part[FreeDrives] | None = None
-    over: Literal["worst", "mean"] = "worst"
     like: str | None = None
-    seed: int = 0
 
     def made(self, given: Given) -> Made:
         """Plan, and write what to record; raises QuantityError."""
@@ -47,16 +43,12 @@ class PlanSpec(Strict):
             self.free_drives,
             free=self.free,
             goal=goal,
-            recordings=self.recordings,
-            duration=self.duration,
-            sample_rate=self.sample_rate,
             noise=self._noise(given.folder),
             limits=limits_of(self.limits, given.model),
             chain=self.channel,
             draws=given.uncertainty,
-            over=self.over,
-            seed=self.seed,
             progress=given.progress,
+            **self.arguments,
         )
         files = self._files(plan, given.folder)
         section = Section(

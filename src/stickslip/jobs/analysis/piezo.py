@@ -9,11 +9,12 @@ import xarray as xr
 from pydantic import Field
 
 from ...estimate.result import Fit
-from ...identify.piezo.fit import OBSERVED, identify_piezo
+from ...identify.piezo.fit import identify_piezo
 from ...identify.results import model_numbers
 from ...identify.verification import Requirement, Verification, verify
 from ...parameters import cite
 from ...physics.actuator import Actuator
+from ...quantities.arguments import arguments_of
 from ...quantities.input_file import Seconds, quantity
 from ...quantities.progress import Progress
 from ...quantities.units import near_one, with_prefix
@@ -24,7 +25,20 @@ from .file import Analysis, AnalysisError, RecordingFile, read_parts
 from .model import named_model
 
 
-class PiezoAnalysis(Analysis):
+class PiezoAnalysis(
+    Analysis,
+    arguments_of(
+        identify_piezo,
+        "asymmetric",
+        "creep",
+        "observed",
+        operators=Annotated[int, Field(ge=1)],
+        time_constants=list[Seconds],
+        delay=Seconds,
+        lag=Seconds,
+        rest_voltage=Annotated[float, quantity("V")],
+    ),
+):
     """See the module. Recordings have drive_voltage and the channel `observed`; `operators`, `asymmetric`,
     `creep`, `time_constants`, `delay`, `lag` and `rest_voltage` as for `identify_piezo`: what is left out,
     the recordings decide. `model` is a parameter set or a file into which gain and piezo are put; `require`
@@ -32,14 +46,6 @@ class PiezoAnalysis(Analysis):
 
     kind: Literal["piezo"]
     model: str = ""
-    observed: str = OBSERVED
-    operators: Annotated[int, Field(ge=1)] | None = None
-    asymmetric: bool | None = None
-    creep: bool | None = None
-    time_constants: list[Seconds] = Field(default_factory=list)
-    delay: Seconds | None = None
-    lag: Seconds | None = None
-    rest_voltage: Annotated[float, quantity("V")] | None = None
     require: list[str] = Field(default_factory=list)
     recordings: Annotated[list[RecordingFile], Field(min_length=1)]
 
@@ -54,18 +60,8 @@ class PiezoAnalysis(Analysis):
         if not fitted:
             raise AnalysisError("recordings: none has 'use: fit'")
         progress("fitting hysteresis and creep", 0.1)
+        fit = identify_piezo(fitted, model, **self.arguments)
         known: dict[str, Any] = {"observed": self.observed, "rest_voltage": self.rest_voltage}
-        fit = identify_piezo(
-            fitted,
-            model,
-            operators=self.operators,
-            asymmetric=self.asymmetric,
-            creep=self.creep,
-            time_constants=self.time_constants,
-            delay=self.delay,
-            lag=self.lag,
-            **known,
-        )
         known |= {"delay": fit.values["delay"], "lag": fit.values["lag"]}
         straight = identify_piezo(fitted, operators=1, asymmetric=False, creep=False, **known)
         progress("predicting", 0.7)

@@ -19,6 +19,7 @@ from ...identify.events.pulled import (
     slip_events,
 )
 from ...parameters import cite
+from ...quantities.arguments import arguments_of
 from ...quantities.input_file import fields_of, quantity
 from ...quantities.progress import Progress
 from ...report import Column, Document, Number, Picture, Section, Table
@@ -32,12 +33,11 @@ class PulledRecording(RecordingFile, fields_of(PulledRig, "stiffness", "speed"))
     """A recording of the spring force over the weight (`force_ratio`), and how the slider was pulled."""
 
 
-class PulledAnalysis(Analysis):
+class PulledAnalysis(Analysis, arguments_of(identify_pulled_slider, "tied")):
     """See the module. Exactly one recording is for the fit; `tied` as for `identify_pulled_slider`."""
 
     kind: Literal["pulled_slider"]
     mass: Annotated[float, quantity("kg")]
-    tied: dict[str, str] = {}  # noqa: RUF012  # pydantic copies it
     recordings: list[PulledRecording]
 
     def run(self, folder: Path, progress: Progress) -> Document:
@@ -50,7 +50,7 @@ class PulledAnalysis(Analysis):
         progress(f"fitting {fitted[0].label}", 0.0)
         parts = read_parts(self.recordings, folder)
         data = {r.label: (parts[r.label], PulledRig(self.mass, **r.given)) for r in self.recordings}
-        fit = identify_pulled_slider(*data[fitted[0].label], tied=self.tied)
+        fit = identify_pulled_slider(*data[fitted[0].label], **self.arguments)
         predicted = []
         for i, (label, (recording, rig)) in enumerate(data.items()):
             progress(f"predicting {label}", 0.3 + 0.7 * i / len(data))

@@ -20,6 +20,7 @@ from ...identify.walk.conditions import Conditions, identify_conditions
 from ...identify.walk.friction import identify_friction
 from ...identify.walk.position_channel import walked
 from ...physics.actuator import Actuator
+from ...quantities.arguments import arguments_of
 from ...quantities.progress import Progress, unheard, within
 from ...quantities.units import near_one
 from ...report import Column, Document, Number, Picture, Section, Table
@@ -63,7 +64,9 @@ class WalkFile(Analysis, NamedModel):
     recordings: list[WalkRecording]
 
 
-class WalkAnalysis(WalkFile):
+class WalkAnalysis(
+    WalkFile, arguments_of(identify_friction, "tied", "starts", "hops", "tolerance", noise=float | str)
+):
     """See the module; `tied`, `starts`, `hops`, `tolerance` (of the simulations), and `priors` (value and
     standard deviation) that weigh against `noise`, as for `identify_friction`; what they did is told beside
     a fit without them; `noise` and `tolerance` in the unit of the position. `by` names an attribute of the
@@ -73,11 +76,6 @@ class WalkAnalysis(WalkFile):
     free: list[str]
     bounds: Pairs
     priors: Pairs
-    noise: float | str | None = None
-    tied: dict[str, str] = Field(default_factory=dict)
-    starts: int = 1
-    hops: int = 6
-    tolerance: float | str | None = None
     by: str | None = None
 
     def check(self, folder: Path) -> Actuator:
@@ -102,11 +100,7 @@ class WalkAnalysis(WalkFile):
             "drive": [w for _, w in fitted],
             "bounds": self.bounds or None,
             "priors": self.priors or None,
-            "noise": self.noise,
-            "tied": self.tied,
-            "starts": self.starts,
-            "hops": self.hops,
-            "tolerance": self.tolerance,
+            **self.arguments,
             "progress": partial(within, progress, 0.0, 0.7),
         }
         under, influence = None, ()

@@ -91,7 +91,8 @@ def campaign_document(
         _verification(file, found, bands),
         *additional_sections(found, figures=figures),
     ]
-    fitted = {*file.free, *file.tied, *(p.name for p in (found.stage.parameters if found.stage else ()))}
+    of_stage = found.stage.parameters if found.stage else ()
+    fitted = {*file.free, *(file.tied or ()), *(p.name for p in of_stage)}
     origin = origin_of(friction.model, [one.recording for one in found.gathered], fitted)
     least = float(np.min(seen.table["r_squared"].values))
     errors = seen.table["net_step_error"].values

@@ -251,12 +251,10 @@ def _friction(
         drive=[one.drive for one in fitted],
         begin=None if stage is None else {"delay": stage.values["delay"]},
         bounds=file.bounds,
-        tied=file.tied,
         priors=file.priors,
-        noise=file.noise,
-        hops=file.hops,
         slew_rate=file.known_slew_rate,
         diagnose=diagnose,
+        **file.arguments,
     )
 
 

@@ -8,7 +8,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
 
+from ...identify.walk.friction import identify_friction
 from ...physics.electronics import Filter
+from ...quantities.arguments import arguments_of
 from ...quantities.input_file import InputFileError, Part, Seconds, Strict, explain, load_yaml, quantity
 from ...quantities.records import did_you_mean
 from ...quantities.units import QuantityError
@@ -55,7 +57,7 @@ RecordingSpec = Annotated[
 ]
 
 
-class CampaignFile(NamedModel):
+class CampaignFile(NamedModel, arguments_of(identify_friction, "tied", "hops", noise=float | str)):
     """A whole campaign file.
 
     `experiment` is an experiment file that is recorded first. `model` is a parameter set or a file, whose
@@ -77,11 +79,8 @@ class CampaignFile(NamedModel):
     recordings: Annotated[list[RecordingSpec], Field(min_length=1)]
     model: str = "kang2007"
     free: list[str] = Field(default_factory=lambda: ["sigma_0", "sigma_1", "coulomb_force"], min_length=1)
-    tied: dict[str, str] = Field(default_factory=dict)
     bounds: Pairs
     priors: Pairs
-    noise: float | str | None = None
-    hops: int = 6
     reference: str | None = None
     filter: Part[Filter] | None = None
     slew_rate: Annotated[float, quantity("V/s")] = Field(default_factory=lambda: math.inf)

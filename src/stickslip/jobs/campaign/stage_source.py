@@ -64,7 +64,7 @@ def band_words(file: CampaignFile, found: Found, *, drawn: bool) -> str:
 
 def _asked_for(file: CampaignFile) -> list[str]:
     """The stage's values that the file itself lets the friction's fit find."""
-    return [name for name in STAGE_PARAMETERS if name in (*file.free, *file.tied)]
+    return [name for name in STAGE_PARAMETERS if name in (*file.free, *(file.tied or ()))]
 
 
 def _held_by_steps(file: CampaignFile, found: Found) -> bool:
