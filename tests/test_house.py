@@ -40,7 +40,7 @@ OWNERS = {
     "pooch": {"recording/datasets"},
     "threadpoolctl": {"estimate"},
     "arviz": {"estimate/posterior"},
-    "pydantic": {"quantities/input_file", "jobs", "rig/experiment", "panel"},
+    "pydantic": {"quantities/arguments", "quantities/input_file", "jobs", "rig/experiment", "panel"},
     "yaml": {"quantities/input_file", "gate"},
     "pyvisa": {"rig/scpi"},
     "asammdf": {"recording/readers/mdf"},
