@@ -59,6 +59,15 @@ def test_intervals_hold_the_truth() -> None:
     assert max(held.values()) <= 60
 
 
+def test_a_fall_that_noise_may_have_made_is_doubted() -> None:
+    rng = np.random.default_rng(6)
+    flat = 1.0 + 3.0 * V
+    said = [identify_stribeck(V, flat + 0.01 * rng.normal(size=V.size)).doubts for _ in range(8)]
+    assert sum("do not show that friction falls" in " ".join(one) for one in said) >= 7
+    seen = identify_stribeck(V, friction(V) + 0.01 * rng.normal(size=V.size))
+    assert seen.doubts == ()
+
+
 def test_known_deviations_weigh_the_points() -> None:
     rng = np.random.default_rng(4)
     deviation = np.where(V < 0.01, 0.002, 0.2)

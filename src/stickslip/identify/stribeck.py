@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
+from scipy.special import fdtrc
 
 from ..estimate.blas import single_threaded
 from ..estimate.fit import fit_least_squares
@@ -29,6 +30,7 @@ Array = NDArray[np.float64]
 
 TRIALS = 60  # Stribeck velocities that are tried for the start, over the range of the points
 LEAST_EXCESS = 1e-3  # of the largest force: the smallest start of the excess of stiction
+FALSE_ALARM = 0.01  # chance of noise to show as much of a fall, above which it is doubted
 NEAR_ENDS = 3.0  # a Stribeck velocity within this factor of the slowest or fastest point is hardly known
 UNPREDICTED = "it is of points of steady friction; its model is the law (fit.model) that a simulation takes"
 
@@ -104,7 +106,8 @@ def identify_stribeck(
         sigma_2=max(values["sigma_2"], 0.0),
         exponent=values["exponent"],
     )
-    doubts = _doubts(law, slowest, fastest)
+    chance = _chance(v, f, noise, offset, np.concatenate([np.ravel(one) for one in fit.residuals]))
+    doubts = _unseen(chance) if chance > FALSE_ALARM else _doubts(law, slowest, fastest)
     return replace(
         fit,
         model=law,
@@ -169,6 +172,24 @@ def _start(
     coulomb = max(float(x[0]), 1e-3 * float(np.abs(f).max()))
     shift = float(x[3] - x[4]) if offset else 0.0
     return (coulomb, float(x[1]), float(x[2]), best[2]), shift
+
+
+def _chance(v: Array, f: Array, noise: Array | None, offset: bool, left: Array) -> float:
+    """Chance of noise to lower the squares as much as the fall of the friction with speed did."""
+    weight = np.ones(v.size) if noise is None else 1.0 / noise
+    columns = np.stack([np.sign(v), v, *([np.ones(v.size)] if offset else [])], axis=1) * weight[:, None]
+    without = f * weight - columns @ np.linalg.lstsq(columns, f * weight, rcond=None)[0]
+    with_fall = float(np.sum((left * weight) ** 2))
+    freedom = v.size - columns.shape[1] - 2
+    gain = max(float(np.sum(without**2)) - with_fall, 0.0) / 2.0
+    return float(fdtrc(2, freedom, gain * freedom / max(with_fall, 1e-300)))
+
+
+def _unseen(chance: float) -> tuple[str, ...]:
+    return (
+        f"the points do not show that friction falls with speed (chance of noise to show as much: "
+        f"{chance:.2g}): stiction and Stribeck velocity are not known",
+    )
 
 
 def _doubts(law: Stribeck, slowest: float, fastest: float) -> tuple[str, ...]:
