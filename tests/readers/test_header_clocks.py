@@ -64,6 +64,7 @@ Vertical Units,V,
 Horizontal Units,S,
 Horizontal Scale,1.0E-03,
 Sampling Period,1.000000e-04,
+Firmware,V1.0,
 Time,20-Feb-2020 10:00:00,
 Waveform Data,"""
 # header, delimiter before, between and behind, whether two channels, start

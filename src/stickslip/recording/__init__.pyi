@@ -5,6 +5,7 @@ from .chain import Chain as Chain
 from .exports import save_csv as save_csv
 from .exports import save_matlab as save_matlab
 from .readers import read_frequency_response as read_frequency_response
+from .readers import read_log as read_log
 from .schema import SCALE_UNCERTAINTY as SCALE_UNCERTAINTY
 from .schema import SCHEMA_VERSION as SCHEMA_VERSION
 from .schema import STANDARD_NAMES as STANDARD_NAMES

@@ -1,5 +1,6 @@
 """Readers of the files that measurements come in."""
 
+from .blocks import read_log as read_log
 from .frequency_table import read_frequency_response as read_frequency_response
 from .inspection import Inspection as Inspection
 from .inspection import inspect_file as inspect_file

@@ -15,16 +15,17 @@ from ...quantities.units import with_prefix
 from .. import RecordingError
 from ..shown_drive import drive_begins
 from ..taken_drive import taken_drive
-from .formats import find_format
+from .blocks import read_log
+from .formats import TEXT, find_format
 from .frequency_table import read_frequency_response, response_columns
-from .preview import LOOKED_AT, look
+from .preview import LOOKED_AT, SHOWN, look
 from .reading import read_recording, said
 from .source import FileChannel
 from .uff import ENDINGS as UNIVERSAL
 
 # A pause is a step of the clock longer than this many usual ones.
 PAUSE = 1.5
-LARGE, MOST = 200_000_000, 500_000  # bytes of a file, of which only so many samples are looked at
+LARGE, MOST = 50_000_000, 50_000  # bytes of a file, of which only so many samples are looked at
 WIDEST = 80  # characters of a name in the table of columns
 ROUNDED = 1e-6  # of an interval: what a time may be off by rounding
 
@@ -35,7 +36,8 @@ class Inspection(NamedTuple):
     `columns`: see `preview.look` (none of a recording of ours), ranges of the first samples only where it is
     `cut`; `named`, `units` and `clocks`, as `read_recording` takes them, guessed where the file does not say;
     `recording`, read so, or None with the `problem`; `response`, where the file holds a frequency response
-    instead. Of a `large` file the recording is the first `MOST` samples.
+    instead; `log`, where it holds blocks of "key: value". Of a `large` file the recording is the first
+    `MOST` samples.
     """
 
     path: Path
@@ -49,6 +51,7 @@ class Inspection(NamedTuple):
     problem: str
     response: xr.Dataset | None = None
     large: bool = False
+    log: xr.Dataset | None = None
 
     @property
     def interval(self) -> float:
@@ -95,6 +98,8 @@ class Inspection(NamedTuple):
         part = f" (ranges are of the first {LOOKED_AT} samples)" if self.cut else ""
         part += f"\nThe file is large: what follows is of its first {MOST} samples" if self.large else ""
         lines = [f"{self.path.name}: {self.reader}{part}"]
+        if self.log is not None:
+            return "\n".join([*lines, *_said_of_log(self.log), "", "To read it in Python:", self._call])
         if self.columns:
             lines += _table([["column", "unit", "from", "to", "taken as"], *map(self._row, self.columns)])
         if self.response is not None:
@@ -106,6 +111,8 @@ class Inspection(NamedTuple):
     @property
     def _call(self) -> str:
         name = json.dumps(self.path.name, ensure_ascii=False)
+        if self.log is not None:
+            return f"table = stickslip.recording.read_log({name})"
         read = f"stickslip.recording.read_frequency_response({name})"
         return f"fit = stickslip.identify_frequency({read}, modes=1)"
 
@@ -164,6 +171,8 @@ def inspect_file(path: str | Path) -> Inspection:
     except (ValueError, OSError) as error:
         if path.suffix.lower() in UNIVERSAL and (response := _response(path)[0]) is not None:
             return Inspection(path, "uff", False, [], {}, {}, {}, None, "", response)
+        if (log := _log(path)) is not None:
+            return Inspection(path, "log", False, [], {}, {}, {}, None, "", log=log)
         raise RecordingError(said(path, error)) from error
     if found is None:
         return Inspection(path, "recording", False, [], {}, {}, {}, read_recording(path), "")
@@ -172,6 +181,9 @@ def inspect_file(path: str | Path) -> Inspection:
     if roles:
         response, problem = _response(path)
         return Inspection(path, found["reader"], cut, columns, roles, {}, {}, None, problem, response)
+    words = not all(one["numeric"] for one in columns) and all(one["name"].isdigit() for one in columns)
+    if words and (log := _log(path)) is not None:
+        return Inspection(path, "log", False, [], {}, {}, {}, None, "", log=log)
     large = cut and path.stat().st_size > LARGE
     taken = [one for one in found["columns"] if one["guess"]]
     named = {one["guess"]: one["column"] for one in taken}
@@ -198,6 +210,26 @@ def _roles(columns: list[dict[str, Any]]) -> dict[str, str | int]:
         for role, i in zip(("gain", "phase") if found.polar else ("real", "imag"), pair, strict=True):
             roles[f"{role} {k + 1}" if k else role] = channels[i].name
     return roles
+
+
+def _log(path: Path) -> xr.Dataset | None:
+    """The table of a log in blocks of "key: value"; None of other files."""
+    try:
+        return read_log(path) if find_format(path) == TEXT else None
+    except (ValueError, OSError):
+        return None
+
+
+def _said_of_log(log: xr.Dataset) -> list[str]:
+    count = f"a log of {log.sizes['record']} records"
+    shown = [str(name) for name in log.data_vars]
+    heads = [f"{name} [{unit}]" if (unit := log[name].attrs.get("units")) else name for name in shown]
+    rows = [
+        [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values]
+        for values in zip(*(log[name].values[:SHOWN].tolist() for name in shown), strict=True)
+    ]
+    more = [f"  and {log.sizes['record'] - SHOWN} more"] if log.sizes["record"] > SHOWN else []
+    return [count, *_table([heads, *rows]), *more]
 
 
 def _response(path: Path) -> tuple[xr.Dataset | None, str]:

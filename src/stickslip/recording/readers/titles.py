@@ -73,7 +73,8 @@ def titles(
             if signs.kind(fields[wrong[0]]) == "n":  # most below are words, as with separators of thousands
                 ((i, fields),) = data.items()
             raise RecordingError(f"line {i + 1}, column {name!r}: {fields[wrong[0]]!r} is not a number{hint}")
-    if not texts or COMMENT.match(lines[header]):
+    apart = [i for i, fields in rows.items() if i > header and any(fields) and not COMMENT.match(lines[i])]
+    if not texts or apart or COMMENT.match(lines[header]):
         numeric = [k for k, kind in enumerate(kinds) if kind in "nd"]
         for places in (list(range(len(kinds))), numeric, numeric[1:]):
             if names := said.names(len(places)):
