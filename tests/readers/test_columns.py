@@ -169,3 +169,19 @@ def test_names_in_comments(tmp_path: Path, head: str, delimiter: str) -> None:
     found = ss.read_recording(path)
     assert list(found.data_vars) == ["x", "y"]
     np.testing.assert_allclose(found.y, 2e-9 * K)
+
+
+@pytest.mark.parametrize(
+    "end", [",,\n", ",,", "  ,  , \n", '"","",""\n', ",,\n,,\n\n", "\n\n", " \n", "\x1a", "\x1a\n"]
+)
+def test_blank_rows_at_the_end_are_no_samples(tmp_path: Path, end: str) -> None:
+    path = written(tmp_path / "a.csv", "Time (s),x (um),u (V)", 1e-3 * K, K, 0.1 * K)
+    path.write_text(path.read_text() + end)
+    assert ss.read_recording(path).sizes["time"] == N
+    assert ss.read_recording(path, rows=(10, None)).sizes["time"] == N - 10
+    assert ss.read_recording(path, rows=(10, 20)).sizes["time"] == 10
+    assert ss.read_recording(path, {"x": 1}, sample_rate="1 kHz").sizes["time"] == N
+    assert ss.inspect_file(path).recording is not None
+    path.write_text(path.read_text().rstrip("\x1a\n") + "\n,,\n0.3,1,2\n")
+    with pytest.raises(RecordingError, match="is empty, NaN or infinite"):
+        ss.read_recording(path)

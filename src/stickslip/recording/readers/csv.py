@@ -101,6 +101,8 @@ def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows
             raise
         except (ValueError, OverflowError, pd.errors.ParserError) as error:
             raise _explained(path, layout, indices, error) from error
+    if rows.stop is None or position < rows.stop:  # it has been read to its end
+        filled = max(filled - _blank_rows_at_the_end(path, layout), 0)
     for column in columns:
         column.resize(filled, refcheck=False)
     return [
@@ -212,14 +214,30 @@ def _explained(path: Path, layout: TextLayout, indices: list[int], error: Except
     return RecordingError(f"{error}")
 
 
+def _tail(path: Path, layout: TextLayout) -> list[str]:
+    """The last lines of a file."""
+    with opened(path) as file:
+        file.seek(max(os.fstat(file.fileno()).st_size - (1 << 16), 0))
+        tail = file.read().decode(layout.encoding, errors="replace")
+    return LINE_END.split(layout.rewritten(tail))
+
+
+def _blank_rows_at_the_end(path: Path, layout: TextLayout) -> int:
+    """Number of last rows that hold delimiters and nothing between them, as spreadsheets leave them."""
+    count = 0
+    for line in reversed(_tail(path, layout) if layout.encoding != "utf-16" else []):
+        if layout.is_data(line):
+            if any(layout.split(line)):
+                break
+            count += 1
+    return count
+
+
 def _check_last_line(path: Path, layout: TextLayout) -> None:
     """A file that ends in the middle of a row was cut off, and even its last number may be wrong."""
     if layout.encoding == "utf-16":
         return  # a cut may fall between the bytes of a sign
-    with opened(path) as file:
-        file.seek(max(os.fstat(file.fileno()).st_size - (1 << 16), 0))
-        tail = file.read().decode(layout.encoding, errors="replace")
-    last = LINE_END.split(tail)[-1]  # empty if the file ends with a line end, as most do
+    last = _tail(path, layout)[-1]  # empty if the file ends with a line end, as most do
     fields = layout.split(last)
     if layout.is_data(last) and len(fields) < len(layout.kinds):
         raise RecordingError(

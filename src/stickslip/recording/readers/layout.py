@@ -26,6 +26,7 @@ from .titles import channel_of, cut, header_fields, titles, with_header_clock
 SAMPLE = 100  # lines, at least and spread over the head, that settle the delimiter
 HEADER = 400  # lines in which the settings of an instrument are looked for
 FEW = 20  # rows by which a column of times is known
+END = "\x1a"  # of DOS, by which old programs end a file
 LINE_END = re.compile(r"\r\n|\n|\r")
 
 
@@ -61,7 +62,9 @@ class TextLayout(NamedTuple):
         return bool(line.strip()) and not (self.comment and COMMENT.match(line))
 
     def rewritten(self, text: str) -> str:
-        """Return lines as pandas reads them: "1.0D-03" becomes "1.0e-03", and "1.#QNAN" begins no comment."""
+        """Return lines as pandas reads them: "1.0D-03" becomes "1.0e-03", "1.#QNAN" begins no comment."""
+        if END in text:
+            text = text.replace(END, "")
         if "#" in text:
             text = LIBRARY.sub("nan", text)
             for error in SHEET_ERRORS:
