@@ -37,6 +37,8 @@ TWO_CLOCKS = (
     "t_drive (s);Drive (V);t_stage (s);Slider (um)",
     "X_Value\tDrive [V]\tX_Value\tPosition [um]",
     "CH1 time [s],CH1 [V],CH2 time [s],CH2 [um]",
+    "X_Columns\tMulti\nY_Unit_Label\tVolts\t\tum\t\nX_Dimension\tTime\t\tTime\t\n"
+    "X_Value\tDrive\tX_Value\tPosition\tComment",
 )
 
 
@@ -158,6 +160,7 @@ NAMES = (
     "# Time (s), X (nm), Y (nm)",
     "# 1: Time (s)\n# 2: X (nm)\n# 3: Y (nm)",
     "# Column 0: Time (s)\n# Column 1: X (nm)\n# Column 2: Y (nm)",
+    "%Time (s)\t%X (nm)\t%Y (nm)",
     "# NAME0 = Time (s)\n# NAME1 = X (nm)\n# NAME2 = Y (nm)",
 )
 

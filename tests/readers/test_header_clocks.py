@@ -78,6 +78,14 @@ MAKERS = {
     "rate in a comment": ("# Sample rate: 10 kHz\n# CH1,CH2", "", ",", "", 2, 0.0),
     "rate in samples per second": ("Sample Rate,10 kSa/s\nCH1,CH2", "", ",", "", 2, 0.0),
     "rate with its unit at the key": ("Sampling frequency [kHz]: 10\nCH1;CH2", "", ";", "", 2, 0.0),
+    "Agilent": (
+        "Points,300\nX Increment,1.0e-4\nX Origin,-4e-3\nX Units,s\nY Units,V\nCH1",
+        "",
+        ",",
+        "",
+        1,
+        START,
+    ),
     "interval with a unit": ("dt = 100 us\nt0 = -4 ms\nCH1\tCH2", "", "\t", "", 2, START),
 }
 

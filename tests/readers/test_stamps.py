@@ -102,7 +102,7 @@ def test_a_time_of_day_goes_past_midnight(tmp_path: Path) -> None:
 NAMES = {
     "time in s": 1e-3, "Time in ms": 1.0, "t in us": 1e3, "millis": 1.0, "millis()": 1.0, "micros": 1e3,
     "time_ms": 1.0, "Elapsed time (ms)": 1.0, "ms": 1.0, "Milliseconds": 1.0, "Time, ms": 1.0,
-    "elapsed_us": 1e3,
+    "elapsed_us": 1e3, "in s": 1e-3,
 }  # fmt: skip
 
 

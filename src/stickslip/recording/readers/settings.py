@@ -63,6 +63,8 @@ class Settings(NamedTuple):
     def units(self, width: int) -> list[str]:
         """Return the units of as many columns; one unit is that of all."""
         found = self._said("upward", width) or self.values.get("upward", []) or self.values.get("each", [])
+        if len(found) > width and not any(found[1::2]):  # of LabVIEW, a blank beside each column of times
+            found = found[::2]
         return found * width if len(found) == 1 else found  # blank ones behind it are none
 
     def _said(self, role: str, width: int) -> list[str]:
@@ -132,6 +134,8 @@ def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> Setti
 def _key_and_values(line: str, fields: Sequence[str]) -> tuple[str, list[str]]:
     """A key and its values, from "key,value,value", "key,value,key,value" or "key: value, value"."""
     said = _ASSIGNED.fullmatch(line.strip().strip('"'))
+    if len(fields) == 1 and not said:  # above a single column
+        fields = [part.strip() for part in re.split(r"[,;\t]", line)]
     if not said:
         again = [one for one in fields[2::2] if one]
         repeated = bool(again) and set(again) == {fields[0]}

@@ -13,7 +13,7 @@ from .file_units import in_seconds, is_unit, is_unit_of, is_word, to_si_unit
 from .settings import MARKS, HeaderClock, Settings
 from .source import FileChannel, is_clock
 
-_IN = re.compile(r"(?P<name>\S+( \S+)?) in (?P<unit>\S+)", re.IGNORECASE)
+_IN = re.compile(r"((?P<name>\S+( \S+)?) )?in (?P<unit>\S+)", re.IGNORECASE)
 _OVER_UNIT = re.compile(r"\s/\s(\S+)$")
 # "Zeit/ms" and "Time, s": only of units that look like none but units, for "I/O" and "max/min" are names.
 _TIGHT = re.compile(
@@ -32,6 +32,8 @@ def header_fields(line: str, delimiter: str, count: int, blank: int) -> list[str
     mark = COMMENT.match(line)
     line = line[mark.end() :] if mark else line
     fields = split(line, delimiter)
+    if mark:  # "%Time  %Position"
+        fields = [field.lstrip(mark[1]) for field in fields]
     if count - blank <= len(fields) < count:
         return [*fields, *[""] * (count - len(fields))]
     if len(fields) == count + 1 and fields[-1].lower() == "comment":  # of LabVIEW; mostly no row has one
@@ -197,7 +199,9 @@ def _name_and_unit(header: str) -> tuple[str, str, bool]:
     if at > 0:
         return text[:at].rstrip(), text[at + 1 : -1].strip(), opening == "["
     found = _IN.fullmatch(text)
-    return (found["name"], found["unit"], False) if found and is_unit(found["unit"]) else ("", "", False)
+    return (
+        (found["name"] or text, found["unit"], False) if found and is_unit(found["unit"]) else ("", "", False)
+    )
 
 
 def _of_one(name: str, unit: str) -> bool:
