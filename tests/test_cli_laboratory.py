@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import pty
+import select
 import signal
 import socket
 import subprocess
@@ -105,7 +107,7 @@ def test_record(tmp_path: Path) -> None:
 
 
 def test_record_interrupted(tmp_path: Path) -> None:
-    """In real time it would take three minutes: a Ctrl-C ends it, with what was recorded kept."""
+    """In real time it would take three minutes: whichever signal ends it, what was recorded is kept."""
     long = {"length": 180.0, "interval": 1e-3, "pre_trigger": 0.01}
     content = yaml.safe_load(small(tmp_path).read_text())
     content["runs"].append({**content["runs"][0], "name": "long", "capture": long})
@@ -114,7 +116,7 @@ def test_record_interrupted(tmp_path: Path) -> None:
         tmp_path / "out",
     )
     command = [sys.executable, "-m", "stickslip", "record", str(path), "--out", str(out)]
-    for sign in (signal.SIGINT, signal.SIGTERM):
+    for sign in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         with (
             subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process,
             contextlib.ExitStack() as at_last,
@@ -129,7 +131,31 @@ def test_record_interrupted(tmp_path: Path) -> None:
         said = "Error: interrupted; what was finished is kept, and the same command continues"
         assert rest.strip().splitlines()[-1] == said
     assert {p.stem for p in out.glob("*.nc")} == {"walk_35V", "walk_65V"}
-    assert (out / "experiment.log").read_text().count("stopped: KeyboardInterrupt") == 2
+    assert (out / "experiment.log").read_text().count("stopped: KeyboardInterrupt") == 3
+
+
+def test_a_closed_terminal_ends_a_recording_as_ctrl_c_does(tmp_path: Path) -> None:
+    long = {"length": 20.0, "interval": 1e-3, "pre_trigger": 0.01}
+    content = yaml.safe_load(small(tmp_path).read_text())
+    content["runs"] = [{**content["runs"][0], "name": "long", "capture": long}]
+    path = small(tmp_path, runs=content["runs"], rig={"kind": "virtual", "real_time": True})
+    out = tmp_path / "out"
+    process, terminal = pty.fork()
+    if not process:  # the child, whose terminal it is
+        os.execv(sys.executable, [sys.executable, "-m", "stickslip", "record", str(path), "--out", str(out)])
+    try:
+        end = time.monotonic() + 300.0
+        while not any(int.from_bytes(one.read_bytes()[:8], "little") for one in out.glob(".long_*.samples")):
+            assert time.monotonic() < end
+            if select.select([terminal], [], [], 0.05)[0]:
+                os.read(terminal, 10_000)
+    finally:
+        os.close(terminal)
+        ended = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+    assert ended == 130
+    listed = run("runs", str(out))
+    assert "unfinished/long_35V.nc" in listed.stdout
+    assert not list(out.glob(".*.samples"))
 
 
 def test_record_refuses_in_one_line(tmp_path: Path) -> None:

@@ -164,17 +164,14 @@ def run(
     with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)
         from ..jobs import run_job
-        from ..rig.hosted import stop_all
-        from .interruption import Interruption
 
         def keep(finished: Document) -> None:  # what failed is said when the error arrives here
             with suppress(RequirementError):
                 write(finished, out, begun)
 
-        with Interruption(at_once=stop_all) as interruption:
-            with progress_bar() as progress:
-                document = run_job(file, out, interruption.ending(progress), figures=figures, kept=keep)
-            write(document, out, begun)  # what a step has kept of it too, where somebody has asked to end
+        with progress_bar() as progress:
+            document = run_job(file, out, progress, figures=figures, kept=keep)
+        write(document, out, begun)  # what a step has kept of it too, where somebody has asked to end
 
 
 @app.command()

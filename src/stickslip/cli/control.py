@@ -32,9 +32,7 @@ def _closed_loop(file: Path, out: Path, show_traceback: bool, only_hold: bool) -
     with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)
         from ..jobs.analysis.moving import read_move, run_move
-        from ..rig.hosted import stop_all
-        from .interruption import Interruption
 
-        with Interruption(at_once=stop_all) as interruption, progress_bar() as progress:
-            document = run_move(*read_move(file), out, interruption.ending(progress), only_hold=only_hold)
+        with progress_bar() as progress:
+            document = run_move(*read_move(file), out, progress, only_hold=only_hold)
         write(document, out, begun)

@@ -27,6 +27,7 @@ except ModuleNotFoundError as missing:  # this module is the command's entry: no
 if TYPE_CHECKING:
     from ..quantities.progress import Progress
     from ..report import Document, Number
+    from .interruption import Interruption
 
 app = typer.Typer(
     help="Identify, verify, simulate and design piezoelectric stick-slip actuators from recordings.",
@@ -53,14 +54,21 @@ Traceback = Annotated[
 ]
 
 
+_INTERRUPTIONS: list[Interruption] = []  # of the command that goes on
+
+
 @contextmanager
 def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> Iterator[None]:
     """Say what goes wrong in one line on stderr and by the exit code; a warning is one line too.
+
+    A command that somebody ends is ended as `interruption` says.
 
     Args:
         show_traceback: show where in the program an error arose.
         kept: what a command that is interrupted leaves.
     """
+
+    from .interruption import CODE, Interruption
 
     told = set()  # each once, however many fits of a recording meet it
 
@@ -71,12 +79,16 @@ def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> I
         told.add(text)
 
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), Interruption() as interruption:
             warnings.showwarning = say
-            yield
+            _INTERRUPTIONS.append(interruption)
+            try:
+                yield
+            finally:
+                _INTERRUPTIONS.pop()
     except KeyboardInterrupt:
         typer.echo(f"Error: interrupted; {kept}", err=True)
-        raise typer.Exit(130) from None
+        raise typer.Exit(CODE) from None
     except Exception as error:
         if isinstance(error, BrokenPipeError) and _reader_is_gone():
             raise  # "| head": the command-line library ends quietly
@@ -123,7 +135,14 @@ def _explained(error: Exception) -> str:
 
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """A bar on a terminal, otherwise one line on stderr for each thing that is begun."""
+    """A bar on a terminal, otherwise one line on stderr for each thing that is begun; with it ends a command
+    that somebody has asked to end."""
+    with _shown_progress() as progress:
+        yield _INTERRUPTIONS[-1].ending(progress) if _INTERRUPTIONS else progress
+
+
+@contextmanager
+def _shown_progress() -> Iterator[Progress]:
     if not sys.stderr.isatty():
         said = ""
 

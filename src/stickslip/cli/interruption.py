@@ -1,40 +1,44 @@
-"""Ctrl-C as a wish that is heard at the next safe moment, and cannot get lost on the way.
+"""The one way in which commands end: Ctrl-C, SIGTERM, SIGHUP or a closed terminal is a wish that is heard at
+the next safe moment, and cannot get lost on the way.
 
 While a rig is driven that moment is the next progress: what is recorded is kept, and the output ramps to 0 V.
 At all other times it is now. An exception that a signal raises somewhere in a library may be swallowed there,
 so the first one sets a flag too; the second ends the program at once, after the rig's process has been told
-to stop.
+to stop. A command that was ended so has the exit code 130.
 """
 
 from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
+import sys
+import threading
+from contextlib import suppress
 from types import FrameType, TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from ..quantities.progress import Progress
-from ..rig.driving import is_driving
+if TYPE_CHECKING:
+    from ..quantities.progress import Progress
+
+CODE = 130  # exit code of a command that somebody ended
+_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 class Interruption:
-    """A context in which SIGINT and SIGTERM are such wishes.
+    """A context in which these signals are such wishes; those that the program was told to ignore, as nohup
+    does, are ignored."""
 
-    Args:
-        at_once: called before the program ends at the second one; must return within some seconds.
-    """
-
-    def __init__(self, at_once: Callable[[], None]) -> None:
-        self._at_once = at_once
+    def __init__(self) -> None:
         self.asked = False
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Interruption:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._before[number] = signal.signal(number, self._heard)
+        if threading.current_thread() is threading.main_thread():
+            for number in _SIGNALS:
+                if signal.getsignal(number) is not signal.SIG_IGN:
+                    self._before[number] = signal.signal(number, self._heard)
         return self
 
     def __exit__(
@@ -60,12 +64,37 @@ class Interruption:
         return tell
 
     def _heard(self, number: int, frame: FrameType | None) -> None:
+        if number == getattr(signal, "SIGHUP", None):
+            _leave_terminal()
         if self.asked:
             try:
-                self._at_once()
+                # Only a program that has one could have to stop it.
+                if hosted := sys.modules.get("stickslip.rig.hosted"):
+                    hosted.stop_all()
             finally:
-                os._exit(130)
+                os._exit(CODE)
         self.asked = True
-        if not is_driving():
+        driving = sys.modules.get("stickslip.rig.driving")
+        if driving is None or not driving.is_driving():
             raise KeyboardInterrupt
-        typer.echo("ending, with a ramp to 0 V (once more: at once) ...", err=True)
+        with suppress(OSError):
+            typer.echo("ending, with a ramp to 0 V (once more: at once) ...", err=True)
+
+
+def _leave_terminal() -> None:
+    """What is printed from now on goes nowhere: the terminal is closed, and to write to it is an error."""
+    with suppress(OSError):
+        nowhere = os.open(os.devnull, os.O_RDWR)
+        for stream in (1, 2):
+            if os.isatty(stream) or not _writable(stream):
+                os.dup2(nowhere, stream)
+        os.close(nowhere)
+
+
+def _writable(stream: int) -> bool:
+    """Whether the stream still leads somewhere: one of a terminal that is closed does not."""
+    try:
+        os.write(stream, b"")
+    except OSError:
+        return False
+    return True

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import socket
 import threading
 import time
@@ -46,14 +45,11 @@ def record(
         from ..report.recordings import recordings_document
         from ..rig.experiment import run_experiment
         from ..rig.experiment.running import read_experiment
-        from ..rig.hosted import stop_all
-        from .interruption import Interruption
 
-        with Interruption(at_once=stop_all) as interruption:
-            with progress_bar() as progress:
-                recorded = run_experiment(file, out, interruption.ending(progress))
-            document = recordings_document(read_experiment(file).title, recorded, out / "experiment.log")
-            write(document, out, begun)
+        with progress_bar() as progress:
+            recorded = run_experiment(file, out, progress)
+        document = recordings_document(read_experiment(file).title, recorded, out / "experiment.log")
+        write(document, out, begun)
 
 
 @app.command()
@@ -145,7 +141,6 @@ def twin(
         from ..physics.actuator import load_actuator
         from ..rig.twins import TwinServer, TwinTerminal, make_twin
 
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
         actuator = load_actuator(parameters).replace(external_force=load)
         if name is TwinName.SCPI and pty:
             raise ValueError("--pty: the twin of scpi has no serial port")

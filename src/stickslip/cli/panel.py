@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
+import signal
 import socket
 import sys
 from contextlib import suppress
@@ -63,8 +64,11 @@ def panel(
         typer.echo(f"Panel: {address}")
         if browser:
             _open(address)
+        server = uvicorn.Server(server_config(served))
+        if hasattr(signal, "SIGHUP"):  # as it does itself for the others
+            signal.signal(signal.SIGHUP, server.handle_exit)
         with suppress(KeyboardInterrupt):  # the way in which a panel ends
-            uvicorn.Server(server_config(served)).run(sockets=[listening])
+            server.run(sockets=[listening])
         # The rig was let go, and all processes were ended. Python would wait for the threads of requests that
         # somebody left: a map of the steps of a law of many elements takes minutes.
         sys.stdout.flush()

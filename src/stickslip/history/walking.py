@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
+from ..rig.samples import SAMPLES, recover
 from .describing import NOTES, RECORDINGS
 
 SETS = "parameters"  # the folder of parameter sets that fits were saved as
@@ -25,13 +27,21 @@ class Entry(NamedTuple):
 
 
 def entries(root: str) -> Iterator[Entry]:
-    """Yield the runs of a folder and of those in it, but not hidden ones and those in a study's store."""
+    """Yield the runs of a folder and of those in it, but not hidden ones and those in a study's store.
+
+    Of the samples that a killed program left, a recording is made first: it is a run, too.
+    """
     waiting = [(root, 0)]
     while waiting:
         folder, level = waiting.pop()
         try:
             with os.scandir(folder) as found:
                 there = sorted(found, key=lambda one: one.name)
+            if any(one.name.startswith(".") and one.name.endswith(SAMPLES) for one in there) and recover(
+                Path(folder), 0.0
+            ):
+                with os.scandir(folder) as found:
+                    there = sorted(found, key=lambda one: one.name)
         except OSError as error:
             if folder != root:
                 yield Entry(folder, "folder", 0.0, 0, f"it cannot be listed: {error.strerror}")

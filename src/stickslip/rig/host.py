@@ -49,7 +49,7 @@ class Host:
     def __init__(self, folder: Path) -> None:
         self._folder, self.token = folder, secrets.token_hex(32)
         home = folder / "home.json"
-        self.supervisor = Supervisor(Home.load(home), lambda: self.supervisor.home.save(home))
+        self.supervisor = Supervisor(Home.load(home), lambda: self.supervisor.home.save(home), _log)
         self._lock = threading.Lock()
         self._clients: set[socket.socket] = set()
         self._holder: tuple[socket.socket, str] | None = None
@@ -258,6 +258,13 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
         None if asked.get("plausibility") is None else Plausibility(**asked["plausibility"]),
         None if asked.get("second") is None else _position(asked["second"]),
     )
+
+
+def _log(line: str) -> None:
+    """A line of rig.log."""
+    now = datetime.now().isoformat(sep=" ", timespec="milliseconds")
+    with suppress(OSError):  # a full disk must not end what the process is there for
+        print(f"{now} {line}", file=sys.stderr, flush=True)
 
 
 def main(folder: Path) -> int:

@@ -303,6 +303,8 @@ def _started(folder: Path) -> int:
     """The number of a new process, of a session of its own: what ends the terminal, or a Ctrl-C in it, does
     not reach it."""
     command = [sys.executable, "-m", "stickslip.rig.host", str(folder)]
+    with suppress(OSError):  # what the process before said of its ramps
+        os.replace(folder / "rig.log", folder / "rig.log.before")
     log = os.open(folder / "rig.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     try:
         return os.posix_spawn(

@@ -35,7 +35,7 @@ from .lock import POLL, taken
 from .protocols import Array
 from .recorded import Making
 
-_SUFFIX = ".samples"
+SAMPLES = ".samples"  # at the end of a name
 _HEAD = struct.Struct("<QQ")
 _OVERHEAD = 200_000  # bytes of a recording beside its samples
 KILLED = "the program was killed"
@@ -55,7 +55,7 @@ class Samples:
 
     def __init__(self, target: Path, making: Making, samples: int) -> None:
         self.run_id = secrets.token_hex(8)
-        self.path = target.with_name(f".{target.stem}.{self.run_id}{_SUFFIX}")
+        self.path = target.with_name(f".{target.stem}.{self.run_id}{SAMPLES}")
         self._left = False  # whether the file is to stay
         self._width = len(making.inputs)
         text = making.to_text().encode()
@@ -161,8 +161,8 @@ def recover(folder: Path, most: float = 2.0) -> list[Path]:
     """
     end = time.monotonic() + most
     made = []
-    for path in sorted(folder.glob(f".*{_SUFFIX}")):
-        name, run_id = path.name[1:].removesuffix(_SUFFIX).rpartition(".")[::2]
+    for path in sorted(folder.glob(f".*{SAMPLES}")):
+        name, run_id = path.name[1:].removesuffix(SAMPLES).rpartition(".")[::2]
         if not name or path.is_symlink() or not path.is_file():
             continue
         with suppress(Exception), path.open("rb") as file:  # whatever it holds, others are looked at

@@ -63,10 +63,13 @@ class Supervisor:
     Args:
         home: from where positions count.
         changed: called when a run has ended or home was set, to keep `home`.
+        log: called with a line on each ramp to 0 V.
     """
 
-    def __init__(self, home: Home, changed: Callable[[], None]) -> None:
-        self.home, self._changed = home, changed
+    def __init__(
+        self, home: Home, changed: Callable[[], None], log: Callable[[str], None] = lambda line: None
+    ) -> None:
+        self.home, self._changed, self._log = home, changed, log
         self.rig: Rig | None = None
         self.phase = "idle"
         self.began: float | None = None
@@ -261,6 +264,11 @@ class Supervisor:
                 failure.add_note(f"The stop failed too: {error}")
             failure = failure or error
             self.let_go()  # which a device takes as a reason to stop by itself
+        ended = "its end" if failure is None else str(failure) or type(failure).__name__
+        said = self.stopped.get("failed") or "ramped to 0 V" + (
+            "" if (volts := self.stopped["measured"]) is None else f", the monitor reads {volts:.3g} V"
+        )
+        self._log(f"{ended}: {said}")
         with self._news:
             self.home.origin = getattr(rig, "origin", 0.0)
             if failure is not None:  # its frames hold the rig, with 100 MB and more of samples, in a circle
