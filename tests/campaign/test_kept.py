@@ -139,7 +139,7 @@ def test_an_interrupted_command_says_what_it_keeps(folder: Path, tmp_path: Path)
     ):
         with pytest.MonkeyPatch.context() as patch:
             for name in ("campaign.evaluation", "analysis.walk"):
-                patch.setattr(f"stickslip.{name}.identify_friction", _interrupted)
+                patch.setattr(f"stickslip.jobs.{name}.identify_friction", _interrupted)
             done = CliRunner().invoke(app, [command, str(folder / file), "--out", str(tmp_path / command)])
         assert done.exit_code == 130
         assert done.stderr.splitlines()[-1] == f"Error: interrupted; {said}"
