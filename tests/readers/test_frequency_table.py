@@ -64,6 +64,7 @@ def test_tables_of_bode_plots(tmp_path: Path, name: str) -> None:
     looked = ss.inspect_file(path)
     assert looked.recording is None
     xr.testing.assert_identical(looked.response, found)
+    assert not any("position" in one["guess"] for one in looked.columns)
     assert set(looked.named) in ({"frequency", "gain", "phase"}, {"frequency", "real", "imag"})
     assert "frequency response: 150 frequencies from 10 Hz to 10 kHz" in str(looked)
 

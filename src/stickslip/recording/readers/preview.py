@@ -133,6 +133,8 @@ def _meaning(channel: FileChannel) -> str:
     if whole in STANDARD_NAMES:
         return whole
     said = _dimension(channel.unit)
+    if said in ("rad", "") and re.search(r"\bphase\b|\barg\b", text):  # of a response, not of a rotor
+        return ""
     for pattern, name in _MEANINGS:
         if re.search(pattern, text) and (not said or fits_name(name, said)):
             return name
