@@ -16,6 +16,7 @@ from typing import NamedTuple
 from . import RecordingError
 
 ENVIRONMENT = "STICKSLIP_DATASETS"
+_FILE = Path(__file__).with_name("datasets.toml")
 _BESIDE_CHECKOUT = Path(__file__).resolve().parents[3].parent / "shared" / "datasets"
 
 
@@ -30,7 +31,7 @@ class Dataset(NamedTuple):
 
 DATASETS = {
     name: Dataset(**entry)
-    for name, entry in tomllib.loads((Path(__file__).parent / "datasets.toml").read_text("utf-8")).items()
+    for name, entry in tomllib.loads(_FILE.read_text("utf-8")).items()
 }
 
 
