@@ -29,10 +29,7 @@ class Dataset(NamedTuple):
     files: Mapping[str, str]  # path below `url` -> SHA-256
 
 
-DATASETS = {
-    name: Dataset(**entry)
-    for name, entry in tomllib.loads(_FILE.read_text("utf-8")).items()
-}
+DATASETS = {name: Dataset(**entry) for name, entry in tomllib.loads(_FILE.read_text("utf-8")).items()}
 
 
 def dataset_path(name: str, file: str) -> Path:
