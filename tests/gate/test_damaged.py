@@ -102,7 +102,9 @@ KINDS: dict[str, tuple[Any, str, Callable[[Path], Any], type[Exception]]] = {
     "bench": (toml_of("rig/benches/kang2007-bench.toml"), ".toml", load_bench, ParameterSetError),
     "part": (toml_of("physics/electronics/sets/pd200x4.toml"), ".toml", load_part, ParameterSetError),
     "pair": (toml_of("physics/contact/pairs/sapphire-steel.toml"), ".toml", load_pair, ParameterSetError),
-    "material": (toml_of("physics/contact/materials/sapphire.toml"), ".toml", load_material, ParameterSetError),
+    "material": (
+        toml_of("physics/contact/materials/sapphire.toml"), ".toml", load_material, ParameterSetError
+    ),
     "calibration": (json_of(CALIBRATION), ".json", load_calibration, CalibrationError),
     "verify": (results(), ".json", verified, AnalysisError),
     "draws": (results(), ".json", draws_of_file, AnalysisError),

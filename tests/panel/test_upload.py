@@ -71,7 +71,7 @@ def test_the_time_is_what_the_reader_takes_as_the_time(client: httpx.Client, fol
     look = looked_at(client, "german.csv", GERMAN)
     assert [(one["guess"], one["unit"]) for one in look["columns"]] == [
         ("time", "ms"),
-        ("end_effector_position", "um"),
+        ("end_effector_position", "µm"),
         ("drive_voltage", "V"),
     ]
     taken(client, look).raise_for_status()

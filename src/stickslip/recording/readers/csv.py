@@ -87,7 +87,8 @@ def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows
             for chunk in _chunks(_Lines(path, file, layout), layout, indices, rows.stop):
                 kept = slice(max(rows.start - position, 0), None)
                 position += len(chunk)
-                values = [_numbers(chunk.iloc[kept], layout, i) for i in indices]
+                part = chunk.iloc[kept]
+                values = [_numbers(part, layout, i) for i in indices]
                 end = filled + (len(values[0]) if values else 0)
                 if end > capacity:
                     capacity = int(1.2 * end)

@@ -46,6 +46,12 @@ SPACE = r"\s+"  # as a delimiter
 COMMENT = re.compile(rf"\s*(#(?!{'|'.join(re.escape(one[1:]) for one in SHEET_ERRORS)})|%|//)+")
 
 
+def without_sign(line: str) -> str:
+    """Return a line without the sign of a comment at its begin."""
+    found = COMMENT.match(line)
+    return line[found.end() :] if found else line
+
+
 class Signs(NamedTuple):
     """The decimal sign, and the texts that stand for no number."""
 

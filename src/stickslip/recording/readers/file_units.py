@@ -7,6 +7,7 @@ not agree about is refused by name.
 
 from __future__ import annotations
 
+import functools
 import re
 
 from ...quantities.units import QuantityError
@@ -73,6 +74,7 @@ def to_si_scale(text: str) -> Conversion:
     return conversion.to_si_scale(_meant(text) if isinstance(text, str) else text)
 
 
+@functools.lru_cache(maxsize=10_000)  # a file may have as many columns, and each is asked about several times
 def is_unit(text: str) -> bool:
     """Whether `to_si_unit` knows the unit."""
     return conversion.is_unit(text, to_si_unit)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from ...gate.files import opened
 from ...gate.limits import LIMITS, check_count
 from .. import RecordingError
-from .fields import COMMENT, FORTRAN, LIBRARY, MISSING, SHEET_ERRORS, SPACE, Signs, split
+from .fields import COMMENT, FORTRAN, LIBRARY, MISSING, SHEET_ERRORS, SPACE, Signs, split, without_sign
 from .settings import HeaderClock, find_settings, in_table, with_settings
 from .source import FileChannel
 from .stamps import Stamped, find_stamps
@@ -105,7 +105,7 @@ def find_layout(
         _refuse_thousands([row for row in parts if len(row) == len(kinds)], kinds, signs)
     kinds = _without_settings(parts, kinds, signs)
     width = len(kinds)
-    bare = [COMMENT.sub("", line, 1) for line in lines[skip : skip + HEADER]]
+    bare = [without_sign(line) for line in lines[skip : skip + HEADER]]
     said = find_settings(bare, [split(line, delimiter) for line in bare])
     first = next(
         i for i in data if i - skip not in said.below and _begins(split(lines[i], delimiter), kinds, signs)

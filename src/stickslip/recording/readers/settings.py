@@ -37,6 +37,7 @@ _VALUE = re.compile(r"(?:\w+\s*:\s*)?(?P<number>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*
 _RATE = re.compile(r"(?P<prefix>[kKMGm]?)(Sa?/s(ec)?|S/s|sps|SPS|samples?/s(ec)?)")
 _PLACES = re.compile(r"\W|_")
 _SECONDS = {"S": "s", "Sec": "s", "SEC": "s", "Time": "s"}  # siemens are across no recording
+LONGEST_KEY = 200  # characters
 # Lines that say that the samples begin.
 MARKS = frozenset(["data", "waveformdata", "begindata", "values", "samples", "endheader", "endofheader"])
 
@@ -147,6 +148,8 @@ def _key_and_values(line: str, fields: Sequence[str]) -> tuple[str, list[str]]:
 
 def _role(key: str) -> tuple[str, str]:
     """Return what a key means ("" for nothing), and its unit: "Sample rate [kHz]"."""
+    if len(key) > LONGEST_KEY:
+        return "", ""
     unit = _UNIT.search(key)
     name = key[: unit.start()] if unit and unit.start() else key
     found = KEYS.get(_PLACES.sub("", name).lower(), "")
