@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import re
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
@@ -29,7 +31,8 @@ def library(module: str, kind: str, package: str, extra: str) -> Any:
 
 @contextmanager
 def read_by_library(kind: str) -> Iterator[None]:
-    """Turn every error of a library into one sentence; it reports damage in a dozen ways."""
+    """Turn every error of a library into one sentence, for it reports damage in a dozen ways; and close the
+    files that it leaves open."""
     try:
         yield
     except (RecordingError, GateError, MemoryError):
@@ -37,6 +40,10 @@ def read_by_library(kind: str) -> Iterator[None]:
     except Exception as error:
         said = _OPEN.sub("it", " ".join(str(error).split())) or type(error).__name__
         raise RecordingError(f"not a readable {kind} (cut off or damaged?): {said:.300}") from error
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ResourceWarning)
+            gc.collect()
 
 
 class Signal(NamedTuple):

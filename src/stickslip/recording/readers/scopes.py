@@ -36,19 +36,23 @@ def read_scope(path: Path) -> FileContent:
     with opened(path) as file, read_by_library(_WHAT):
         head = file.read(_HEAD)
         isf = _isf_settings(head, path.stat().st_size)
-        found: Any = wfm.Wfm.from_file(name_of(file))
-        clocks: dict[tuple[float, float, int], list[Signal]] = {}
-        for one in found.channels:
-            if not one.enabled or one.volts is None or not len(one.volts):
-                continue
-            step = float(one.seconds_per_point)
-            clock = float(one.times[0]), step, len(one.volts)
-            unit = _unit(found.parser_name, one.unit, head, isf)
-            name = one.name.replace(" ", "")  # "CH 1", as an oscilloscope's screen has it
-            clocks.setdefault(clock, []).append(Signal(name, unit, len(one.volts), held(one.volts)))
+        clocks = _by_clock(wfm.Wfm.from_file(name_of(file)), head, isf)
     return clocked_source(
         path, "oscilloscope", [Clock(equally_spaced(*said), of) for said, of in clocks.items()], _WHAT
     )
+
+
+def _by_clock(found: Any, head: bytes, isf: dict[str, str]) -> dict[tuple[float, float, int], list[Signal]]:
+    """The signals of a file by their clock: first time and interval, s, and how many samples."""
+    clocks: dict[tuple[float, float, int], list[Signal]] = {}
+    for one in found.channels:
+        if not one.enabled or one.volts is None or not len(one.volts):
+            continue
+        clock = float(one.times[0]), float(one.seconds_per_point), len(one.volts)
+        unit = _unit(found.parser_name, one.unit, head, isf)
+        name = one.name.replace(" ", "")  # "CH 1", as an oscilloscope's screen has it
+        clocks.setdefault(clock, []).append(Signal(name, unit, len(one.volts), held(one.volts)))
+    return clocks
 
 
 def _isf_settings(head: bytes, size: int) -> dict[str, str]:
