@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-from .line import Line, finite
+from .line import Line, finite, need_silence
 from .protocols import RigError
 
 PORT = 50000
@@ -78,13 +78,13 @@ class GcsLine:
             raise RigError(f"{self.name}: {query!r}: not asked, an answer was late or garbage before")
         asked, lines = query.encode("latin-1"), list[str]()
         try:
-            self._need_silence(query)
+            need_silence(self._line, self.name, query)
             self._line.send(asked if len(asked) == 1 else asked + b"\n")
             while not lines or lines[-1].endswith(" "):
                 if len(lines) > _LONGEST:
                     raise RigError(f"{self.name}: the answer to {query} does not end")
                 lines.append(self._line.until(b"\n", asked).decode("latin-1").strip("\r"))
-            self._need_silence(query)
+            need_silence(self._line, self.name, query)
         except RigError:
             self._lost = True
             raise
@@ -99,12 +99,6 @@ class GcsLine:
         except ValueError:
             self._lost = True
             raise RigError(f"{self.name}: {query} is answered by {said[:60]!r}, no number") from None
-
-    def _need_silence(self, query: str) -> None:
-        """Raises RigError where there is more than was asked for."""
-        more = self._line.more()
-        if more:
-            raise RigError(f"{self.name}: {query}: {more[:20]!r} came beside its answer")
 
     def table(self, query: str) -> list[list[float]]:
         """The rows of numbers of a GCS array, as many as its head says."""

@@ -176,6 +176,13 @@ def finite(text: str) -> float:
     return value
 
 
+def need_silence(line: Any, name: str, query: str) -> None:
+    """Raise RigError where an instrument has sent more than it was asked for: it is not known to what."""
+    more = line.more()
+    if more:
+        raise RigError(f"{name}: {query}: {more[:20]!r} came beside its answer")
+
+
 class _Tcp:
     """A connection over TCP."""
 

@@ -11,7 +11,7 @@ import contextlib
 import re
 from typing import Any
 
-from .line import Line
+from .line import Line, need_silence
 from .protocols import RigError
 
 LARGEST_BLOCK = 100_000_000  # bytes
@@ -135,20 +135,14 @@ class ScpiInstrument:
             raise RigError(f"{self.name}: {query}: not asked, an answer was late or garbage before")
         asked = query.encode("latin-1")
         try:
-            self._need_silence(query)
+            need_silence(self._line, self.name, query)
             self._line.send(asked + self._end)
             found = read(asked)
-            self._need_silence(query)
+            need_silence(self._line, self.name, query)
             return found
         except RigError:
             self._lost = True
             raise
-
-    def _need_silence(self, query: str) -> None:
-        """Raises RigError where there is more than was asked for."""
-        more = self._line.more()
-        if more:
-            raise RigError(f"{self.name}: {query}: {more[:20]!r} came beside its answer")
 
 
 class _VisaLine:
