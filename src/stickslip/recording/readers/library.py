@@ -31,8 +31,7 @@ def library(module: str, kind: str, package: str, extra: str) -> Any:
 
 @contextmanager
 def read_by_library(kind: str) -> Iterator[None]:
-    """Turn every error of a library into one sentence, for it reports damage in a dozen ways; and close the
-    files that it leaves open."""
+    """Turn every error of a library into one sentence; it reports damage in a dozen ways."""
     try:
         yield
     except (RecordingError, GateError, MemoryError):
@@ -40,6 +39,13 @@ def read_by_library(kind: str) -> Iterator[None]:
     except Exception as error:
         said = _OPEN.sub("it", " ".join(str(error).split())) or type(error).__name__
         raise RecordingError(f"not a readable {kind} (cut off or damaged?): {said:.300}") from error
+
+
+@contextmanager
+def no_file_left_open() -> Iterator[None]:
+    """Close the files that a library leaves open."""
+    try:
+        yield
     finally:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ResourceWarning)

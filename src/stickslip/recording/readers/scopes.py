@@ -9,7 +9,16 @@ from typing import Any
 
 from ...gate.files import name_of, opened
 from .. import RecordingError
-from .library import Clock, Signal, clocked_source, equally_spaced, held, library, read_by_library
+from .library import (
+    Clock,
+    Signal,
+    clocked_source,
+    equally_spaced,
+    held,
+    library,
+    no_file_left_open,
+    read_by_library,
+)
 from .source import FileContent, add_format
 
 _WHAT = "waveform of an oscilloscope"
@@ -33,7 +42,7 @@ def read_scope(path: Path) -> FileContent:
         RecordingError: RigolWFM is not installed, the file is damaged, or of a kind that RigolWFM misreads.
     """
     wfm = library("RigolWFM.wfm", "waveforms of oscilloscopes", "RigolWFM", "scopes")
-    with opened(path) as file, read_by_library(_WHAT):
+    with opened(path) as file, no_file_left_open(), read_by_library(_WHAT):
         head = file.read(_HEAD)
         isf = _isf_settings(head, path.stat().st_size)
         clocks = _by_clock(wfm.Wfm.from_file(name_of(file)), head, isf)

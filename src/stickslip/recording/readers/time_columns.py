@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from .file_units import is_unit, to_si_unit
+from .file_units import in_seconds, to_si_unit
 from .source import FileChannel, FileContent, Rows, is_clock
 
 LOOKED = 1000  # samples by which time columns are compared
@@ -44,9 +44,8 @@ def with_clocks(source: FileContent) -> FileContent:
 
 def _may_be_time(channel: FileChannel) -> bool:
     """Whether a channel is called like a time, or in a unit of time."""
-    unit = to_si_unit(channel.unit).unit if is_unit(channel.unit) else None
     if channel.unit:
-        return unit == "s"
+        return in_seconds(channel)
     return is_clock(channel) or _NAMED_FOR.fullmatch(channel.name.strip()) is not None
 
 

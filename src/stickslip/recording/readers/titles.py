@@ -21,7 +21,6 @@ _TIGHT = re.compile(
 )
 # As a row below the names has it: "[ms]", "(ms)", "<ms>", "{ms}", "'ms'", "in ms".
 _UNIT_ALONE = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>|\{([^{}]*)\}|'([^']*)'|in\s+(.+)")
-CLOCK_AMONG = 100  # columns; a clock that is not called so stands among the first
 _HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]{0,60}\]|\([^)]{0,60}\)))?")  # "Time [s]" is one word
 
 
@@ -137,11 +136,7 @@ def with_header_clock(
     signs: Signs,
 ) -> tuple[list[FileChannel], dict[int, HeaderClock]]:
     """The channels with their clock, where it stands in the header and in no column."""
-    times = [
-        i
-        for i, one in enumerate(channels)
-        if one.numeric and (is_clock(one) or (i < CLOCK_AMONG and in_seconds(one)))
-    ]
+    times = [i for i, one in enumerate(channels) if one.numeric and (is_clock(one) or in_seconds(one))]
     if times and not counts:
         return channels, {}
     columns = [i for i, one in enumerate(channels) if one.numeric and i not in times]

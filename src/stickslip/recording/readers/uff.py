@@ -12,7 +12,7 @@ import numpy as np
 
 from ...gate.files import name_of, opened
 from .. import RecordingError
-from .library import Clock, Signal, clocked_source, held, library, read_by_library
+from .library import Clock, Signal, clocked_source, held, library, no_file_left_open, read_by_library
 from .source import FileContent, add_format
 
 ENDINGS = (".uff", ".unv", ".uf")
@@ -61,7 +61,7 @@ def data_sets(path: Path) -> list[dict[str, Any]]:
         RecordingError: pyuff is not installed, or the file is damaged.
     """
     pyuff = library("pyuff", "universal files (UFF)", "pyuff", "modal")
-    with opened(path) as file, read_by_library(_WHAT):
+    with opened(path) as file, no_file_left_open(), read_by_library(_WHAT):
         content = pyuff.UFF(name_of(file))
         wanted = [k for k, kind in enumerate(content.get_set_types()) if int(kind) == 58]
         return [content.read_sets(k) for k in wanted]
