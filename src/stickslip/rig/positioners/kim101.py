@@ -13,7 +13,7 @@ from .protocols import Ranges
 
 _HOST, _DEVICE = 0x01, 0x50
 _MOVING = 0b1111 << 4
-_COMPLETED = 0x08D6  # comes whenever a motion ends
+_UNASKED = (0x08D6, 0x08E1)  # end of a motion, and status that another program asked for
 _OLDER = 8  # frames that may stand before an answer
 
 
@@ -126,7 +126,7 @@ class Kim101Client:
                 raise RigError(
                     f"{self._line.device}: 0x{refused:04X} is refused: {content[4:].strip(bytes(1))!r}"
                 )
-            if found != _COMPLETED:
+            if found not in _UNASKED:
                 break
         self._line.fail(f"{asked.decode()} is answered by 0x{found:04X}")
 

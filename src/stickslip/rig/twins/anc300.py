@@ -1,8 +1,9 @@
 """A twin of attocube's ANC300: its console on TCP, with stepping modules (ANM300) and no position sensor.
 
-Made from the commands that the drivers of pymeasure, pylablib and QCoDeS send and the answers they take; the
-words of errors and the time that grounding takes (1 ms) are assumed. Patterns other than the maker's ramp are
-refused, triggers and external inputs are kept without effect.
+Made from the commands that the drivers of pymeasure, pylablib, QCoDeS and EPICS send and the answers they
+take. Assumed: the words of errors, the time that grounding takes (1 ms), the prompt "> " (while lines are
+echoed). Patterns other than the maker's ramp are refused; triggers, external inputs and filters are kept
+without effect.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from .stage import Piece, Stage
 
 PORT = 7230
 _MODES = ("gnd", "inp", "cap", "stp", "off", "stp+", "stp-")
+_PROMPT = "> "
 _GREETING = b"\xff\xfb\x01\xff\xfb\x03attocube ANC300 console\r\nAuthorization code: "
 _SLOW = 1e-3  # s in which the output goes to a new offset, or to ground
 _CAPACITY_TIME = 0.5  # s that a measurement of the capacitance takes
@@ -45,7 +47,9 @@ _SWITCHES = {
     "dci": ("dcin", "off"),
     "tu": ("trigger", "off"),
     "td": ("trigger", "off"),
+    "fil": ("filter", "off"),
 }
+_FILTERS = {"off": "off", "16": "16 Hz", "160": "160 Hz"}  # of an ANM300
 
 
 class ConsoleError(Exception):
@@ -138,7 +142,8 @@ class Anc300:
         name, *rest = line.split()
         if name in ("ver", "getcser", "help"):
             return {
-                "ver": "attocube ANC300 controller version 1.1.0-1304 (a twin by stickslip)",
+                "ver": "attocube ANC300 controller version 1.1.0-1304 (a twin by stickslip)\r\n"
+                "ANC150 compatibillity console",
                 "getcser": "ANC300B-C-0000-0000000",
             }.get(name, "ver getcser getser setm getm setf getf setv getv seta geta geto getc step[udw] stop")
         if not rest or not rest[0].isascii() or not rest[0].isdecimal():
@@ -157,7 +162,9 @@ class Anc300:
         elif verb == "set" and key in _FIELDS and len(rest) == 1:
             module.set(key, rest[0])
         elif verb == "set" and key in _SWITCHES and len(rest) == 1:
-            module.switches[key] = rest[0][:8]
+            if key == "fil" and rest[0] not in _FILTERS:
+                raise ConsoleError("Parameter out of range")
+            module.switches[key] = _FILTERS[rest[0]] if key == "fil" else rest[0][:8]
         elif name in ("setpu", "setpd"):
             if rest != [str(one) for one in (_UP if name == "setpu" else _DOWN)]:
                 raise ConsoleError("Pattern not supported")
@@ -200,8 +207,8 @@ class Anc300:
 
 
 class ConsoleSession:
-    """A connection: the password first, unless it is `known`, then commands; each line is echoed until
-    `echo off`."""
+    """A connection: the password first, unless it is `known`, then commands; until `echo off` each line is
+    echoed, and a prompt follows each answer."""
 
     greeting = _GREETING
 
@@ -218,8 +225,12 @@ class ConsoleSession:
             if not self._known:
                 raise HangUp("wrong password")
             return "*" * len(line) + "\r\nAuthorization success\r\n"
-        line, said = line.strip(), ""
-        echoed = f"{line}\r\n" if self._echo else ""
+        answered = self._answered(line.strip())
+        return answered + _PROMPT if self._echo else answered
+
+    def _answered(self, line: str) -> str:
+        """The echo of a line, and what is said to it."""
+        echoed, said = f"{line}\r\n" if self._echo else "", ""
         if not line:
             return echoed
         try:

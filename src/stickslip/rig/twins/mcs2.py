@@ -1,9 +1,11 @@
 """A twin of SmarAct's MCS2: its ASCII interface on TCP, channels with an incremental position sensor.
 
 Positions are in pm, steps of 65535 and scans from 0 to 65535 are 0 to 100 V. At power-on a position is 0
-wherever the stage is; `:REF` finds the mark in the middle of the travel. Made from what the open driver of
-BLISS (ESRF) sends and takes. Assumed: codes and words of errors other than SCPI's own, the closed loop (steps
-while the error is larger than a step, then the piezo within its stroke, every 2 ms), ideal calibration.
+wherever the stage is; `:REF` finds the mark in the middle of the travel. Made from what the drivers of BLISS
+(ESRF), EPICS and Kamzik3 send and take; codes of errors are those of the maker's public header. Assumed: the
+words of errors other than SCPI's own, the closed loop (steps while the error is larger than a step, then the
+piezo within its stroke, every 2 ms), ideal calibration. Range limits, safe direction, sensor delay and
+thresholds of the loop are kept without effect.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ _TICK = 2e-3  # s of the closed loop
 _WITHIN = 20e-9  # m: the target is reached
 _PATIENCE = 2000  # ticks or bursts of steps in which it must be
 _QUEUE = 20  # errors that are remembered
-_MOVING, _CLOSED, _CALIBRATING, _REFERENCING = 1 << 0, 1 << 1, 1 << 2, 1 << 3
+_MODULE_CHANNELS = 3  # channels of one driver module
+_MOVING, _CLOSED, _REFERENCING = 1 << 0, 1 << 1, 1 << 3
 _SENSOR, _CALIBRATED, _REFERENCED, _END_STOP, _FAILED = 1 << 5, 1 << 6, 1 << 7, 1 << 8, 1 << 11
 _AMPLIFIER, _IN_POSITION = 1 << 18, 1 << 19
 _BACKWARD, _AUTO_ZERO, _ABORT_ON_END_STOP = 1 << 0, 1 << 2, 1 << 3
@@ -43,7 +46,21 @@ _SETTINGS = {
     "SENS:MODE": (1, 0, 2),
     "REF:OPT": (0, 0, 63),
     "SCAN:VEL": (FULL_SCALE, 1, 65_535_000_000),
+    "AMPL": (1, 0, 1),
+    "PTYP": (300, 1, 65_535),
+    "SDIR": (0, 0, 1),
+    "SENS:DEL": (0, 0, 10**6),
+    "RLIM:MIN": (0, -(10**17), 10**17),
+    "RLIM:MAX": (0, -(10**17), 10**17),
+    "INP:THR": (0, 0, 10**12),
+    "INP:DEL": (0, 0, 10**6),
+    "TUN:THR:TRE": (0, 0, 10**12),
 }
+_ALIASES = {"MCLF": "MCLF:CURR", "PTYPE": "PTYP", "PTYP:CODE": "PTYP", "POS:CURR": "POS"}
+_INVALID_PARAMETER, _INVALID_MODULE, _INVALID_CHANNEL = 19, 33, 34
+_SENSOR_DISABLED, _AMPLIFIER_DISABLED, _END_STOP_REACHED = 260, 262, 512
+_TEMPERATURE = "25"  # deg C of channels and modules
+_NUMBER = re.compile(r"([+-]?[0-9]{1,18})(\.[0-9]{0,18})?", re.ASCII)
 _COMMAND = re.compile(r":?([A-Z*][A-Z*:]*?)(\d*)(:[A-Z:]+)?(\?)?(?:\s+(\S.*))?$")
 
 
@@ -77,8 +94,10 @@ class Channel:
     def move(self, value: int) -> None:
         """What the move mode says."""
         mode, stage = self.settings["MMOD"], self.axis.stage
-        if not self.settings["SENS:MODE"]:
-            raise CommandError(259, "Amplifier disabled")
+        if not self.settings["AMPL"]:
+            raise CommandError(_AMPLIFIER_DISABLED, "Amplifier disabled")
+        if mode in (0, 1) and not self.settings["SENS:MODE"]:
+            raise CommandError(_SENSOR_DISABLED, "Sensor disabled")
         self.flags &= _REFERENCED
         if mode in (0, 1):
             now = self.read()
@@ -87,7 +106,7 @@ class Channel:
         elif mode in (2, 3):
             volts = value / FULL_SCALE * FULL + (0.0 if mode == 2 else stage.voltage)
             if not 0.0 <= volts <= FULL:
-                raise CommandError(19, "Invalid parameter")
+                raise CommandError(_INVALID_PARAMETER, "Invalid parameter")
             rate = self.settings["SCAN:VEL"] / FULL_SCALE * FULL
             seconds = max(abs(volts - stage.voltage) / rate, 1e-3)
             self.axis.begin(ramp(stage.voltage, volts, seconds))
@@ -98,14 +117,29 @@ class Channel:
     def reference(self) -> None:
         """Look for the mark in the middle of the travel."""
         self.flags = _REFERENCING
-        self.axis.begin(self._to_mark())
+        self.axis.begin(self._to_mark(), forever=self.settings["HOLD"] < 0)
+
+    def set(self, name: str, value: int) -> None:
+        """Change a setting; without its amplifier a channel stops."""
+        _, low, high = _SETTINGS[name]
+        if not low <= value <= high:
+            raise CommandError(_INVALID_PARAMETER, "Invalid parameter")
+        self.settings[name] = value
+        if name == "AMPL" and not value:
+            self.axis.stop()
+            self.flags &= _REFERENCED
+
+    @property
+    def following_error(self) -> float:
+        """Target less position while the loop is closed, m."""
+        return self.target - self.read() if self.status & _CLOSED else 0.0
 
     @property
     def status(self) -> int:
-        """The bits of the state."""
-        moving = self.axis.moving
+        """The bits of the state. A channel that holds its position is not moving."""
+        moving = self.axis.moving and not self.flags & _IN_POSITION
         bits = self.flags | _SENSOR | _CALIBRATED | (_MOVING if moving else 0)
-        bits |= _AMPLIFIER if self.settings["SENS:MODE"] else 0
+        bits |= _AMPLIFIER if self.settings["AMPL"] else 0
         return bits | (_END_STOP if self.axis.stage.stop_met else 0)
 
     def _to(self, target: float) -> Iterator[Piece]:
@@ -176,6 +210,8 @@ class Mcs2:
         clock, noise = clock or WallClock(), to_si(noise, "m", "noise")
         self.channels = [Channel(stage, clock, noise, seed + i) for i, stage in enumerate(stages)]
         self._errors: deque[tuple[int, str]] = deque(maxlen=_QUEUE)
+        self._modules = math.ceil(len(stages) / _MODULE_CHANNELS)
+        self._emergency_stop = 0
 
     def session(self) -> LineSession:
         """A connection."""
@@ -200,7 +236,12 @@ class Mcs2:
                 return self._of_channel(self._channel(number), rest[1:], bool(query), argument)
             if query and not number:
                 return self._of_device(head + (rest or ""))
-            self._do(head, self._channel(number or "0"), argument)
+            if head == "MOD" and query and rest in (":STAT", ":TEMP"):
+                return self._of_module(number, rest)
+            if head == "DEV" and not number and rest in (":EST:MODE", ":EST:MODE:DEF"):
+                self._set_emergency_stop(_whole(argument))
+            else:
+                self._do(head, self._channel(number or "0"), argument)
         except CommandError as error:
             self._errors.append((error.number, str(error)))
         return ""
@@ -217,13 +258,26 @@ class Mcs2:
             "DEV:SNUM": "MCS2-00000000",
             "DEV:NAME": "twin",
             "DEV:STAT": "0",
+            "DEV:NOBM": str(self._modules),
+            "DEV:EST:MODE": str(self._emergency_stop),
             "MOD:STAT": "1",
         }
         if name not in said:
             raise CommandError(-113, "Undefined header")
         return said[name]
 
+    def _of_module(self, number: str, name: str) -> str:
+        if int(number[:6]) >= self._modules:
+            raise CommandError(_INVALID_MODULE, "Invalid module index")
+        return "1" if name == ":STAT" else _TEMPERATURE
+
+    def _set_emergency_stop(self, mode: int) -> None:
+        if not 0 <= mode <= 2:
+            raise CommandError(_INVALID_PARAMETER, "Invalid parameter")
+        self._emergency_stop = mode
+
     def _of_channel(self, channel: Channel, name: str, query: bool, argument: str | None) -> str:
+        name = _ALIASES.get(name, name)
         if query:
             if name in channel.settings:
                 return str(channel.settings[name])
@@ -231,8 +285,14 @@ class Mcs2:
                 "POS": lambda: str(round(1e12 * channel.read())),
                 "POS:TARG": lambda: str(round(1e12 * channel.target)),
                 "STAT": lambda: str(channel.status),
-                "PTYPE": lambda: "300",
-                "PTYP": lambda: "300",
+                "ERR": lambda: str(_END_STOP_REACHED if channel.status & _FAILED else 0),
+                "FERR": lambda: str(round(1e12 * channel.following_error)),
+                "TEMP": lambda: _TEMPERATURE,
+                "PTYP:NAME": lambda: '"SL...S1SS"',
+                "TUN:BASE:UNIT": lambda: "2",
+                "TUN:BASE:RES": lambda: "-12",
+                "DIAG:CLF:MAX": lambda: "0",
+                "DIAG:CLF:AVER": lambda: "0",
             }
             if name not in said:
                 raise CommandError(-113, "Undefined header")
@@ -241,10 +301,7 @@ class Mcs2:
         if name == "POS":
             channel.set_position(1e-12 * value)
         elif name in channel.settings:
-            _, low, high = _SETTINGS[name]
-            if not low <= value <= high:
-                raise CommandError(19, "Invalid parameter")
-            channel.settings[name] = value
+            channel.set(name, value)
         else:
             raise CommandError(-113, "Undefined header")
         return ""
@@ -267,7 +324,7 @@ class Mcs2:
     def _channel(self, number: str) -> Channel:
         index = int(number[:6])
         if index >= len(self.channels):
-            raise CommandError(34, "Invalid channel index")
+            raise CommandError(_INVALID_CHANNEL, "Invalid channel index")
         return self.channels[index]
 
 
@@ -286,8 +343,11 @@ class LineSession:
 
 
 def _whole(argument: str | None) -> int:
+    """The whole number nearest to an argument: EPICS writes all of them with a fraction."""
     if argument is None:
         raise CommandError(-109, "Missing parameter")
-    if not re.fullmatch(r"[+-]?[0-9]{1,18}", argument.strip(), re.ASCII):
+    found = _NUMBER.fullmatch(argument.strip())
+    if found is None:
         raise CommandError(-104, "Data type error")
-    return int(argument)
+    whole, fraction = found.groups()
+    return int(whole) if fraction is None else round(float(argument))

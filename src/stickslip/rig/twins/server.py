@@ -14,6 +14,7 @@ from ...quantities.units import QuantityError
 from ..protocols import RigError
 
 IDLE = 600.0  # s until a silent program is let go
+_POLL = 0.05  # s after which a session is asked whether it says something by itself
 
 
 class HangUp(Exception):
@@ -21,7 +22,10 @@ class HangUp(Exception):
 
 
 class Session(Protocol):
-    """One connection; `greeting` is what the device says first."""
+    """One connection; `greeting` is what the device says first.
+
+    A session whose device also speaks by itself has a method `unasked`, which returns what is due.
+    """
 
     greeting: bytes
 
@@ -76,16 +80,26 @@ class _Connection(socketserver.BaseRequestHandler):
             return
         try:
             with suppress(OSError, HangUp, RigError):
-                self.request.settimeout(IDLE)
                 session = self.server.twin.session()
+                self.request.settimeout(IDLE)
                 self.request.sendall(session.greeting)
-                while data := self.request.recv(65536):
-                    answer = session.feed(data)
-                    if answer:
-                        self.request.sendall(answer)
+                while (answer := self._answer(session)) is not None:
+                    self.request.sendall(answer)
         finally:
             self.server.twin.leave()
             self.server.held.release()
+
+    def _answer(self, session: Session) -> bytes | None:
+        """What is to be sent next; None when the program has left, or has long been silent."""
+        unasked = getattr(session, "unasked", None)
+        pause = IDLE if unasked is None else _POLL
+        for _ in range(round(IDLE / pause)):
+            if select.select([self.request], [], [], pause)[0]:
+                data = self.request.recv(65536)
+                return session.feed(data) if data else None
+            if unasked is not None and (said := unasked()):
+                return said
+        return None
 
 
 class TwinTerminal:
@@ -110,10 +124,11 @@ class TwinTerminal:
         """Answer until `shutdown`."""
         session = self._session()
         while not self._ended.is_set():
-            if not select.select([self._ours], [], [], poll_interval)[0]:
-                continue
             try:
-                answer = session.feed(os.read(self._ours, 65536))
+                if select.select([self._ours], [], [], min(poll_interval, _POLL))[0]:
+                    answer = session.feed(os.read(self._ours, 65536))
+                else:
+                    answer = session.unasked() if hasattr(session, "unasked") else b""
             except (HangUp, RigError):
                 answer, session = b"", self._session()
             while answer:
