@@ -91,8 +91,9 @@ from .design import optimise_waveform as optimise_waveform
 from .design import step_map as step_map
 from .design import plan_experiment as plan_experiment
 
-# Pictures, files whose steps do all of this, studies of many members, code for others
+# Reports, pictures, files whose steps do all of this, studies of many members, code for others
 from .report.figures.plotting import plot as plot
+from .report import view as view
 from .jobs import run_job as run_job
 from .study import run_study as run_study
 from .export import export_c as export_c

@@ -41,7 +41,7 @@ def test_friction_loops_are_predicted_better_than_the_known_marks(tmp_path: Path
         content["laws"] = [one for one in content["laws"] if one.get("label", one["law"]) in looked_at]
 
     document = run_file(edited("friction_loops.yaml", tmp_path, fewer_laws))
-    found = {name: n["r_squared_predicted"].value for name, n in document.numbers.items()}
+    found = {name: n["verification_r_squared"].value for name, n in document.numbers["models"].items()}
     assert tuple(found) == looked_at
     assert max(found.values()) >= 0.998
     assert found["Maxwell slip, 2 elements"] > 0.9963 > found["Dahl"] > 0.9864
@@ -153,17 +153,18 @@ def test_laws_are_ranked_on_loops_of_a_file(tmp_path: Path) -> None:
     said: list[str] = []
     document = run_file(tmp_path / "loops.yaml", lambda doing, done: said.append(f"{doing} {done:g}"))
     assert said == ["fitting Coulomb 0", "fitting two elements 0.5"]
-    assert document.summary.startswith("two elements predicts best: r² ")
-    found = document.numbers["two elements"]
+    assert document.summary.startswith("two elements predicts recordings that no fit has seen best: r² ")
+    found = document.numbers["models"]["two elements"]
     assert found["parameters"]["stiffness_1"].low < 4e4 < found["parameters"]["stiffness_1"].high
-    assert found["r_squared_predicted"].value > 0.999 > document.numbers["Coulomb"]["r_squared"].value
-    assert [p.name for p in document.pictures()] == ["law_ranking", "friction_loop", "friction_over_time"]
+    assert found["verification_r_squared"].value > 0.999
+    assert document.numbers["models"]["Coulomb"]["r_squared"].value < 0.999
+    assert [p.name for p in document.pictures()] == ["models", "friction_loop", "friction_over_time"]
 
     file["laws"][1]["free"] = ["stiffness_1", "stiffness_2", "strength_1"]
     file["laws"][1]["tied"] = {"strength_2": "0.75 * strength_1"}
     (tmp_path / "loops.yaml").write_text(yaml.safe_dump(file), "utf-8")
     tied = run_file(tmp_path / "loops.yaml")
-    found = tied.numbers["two elements"]
+    found = tied.numbers["models"]["two elements"]
     assert found["tied"] == {"strength_2": "0.75 * strength_1"}
     ends = found["parameters"]
     assert ends["strength_2"].low < 0.9 < ends["strength_2"].high

@@ -175,7 +175,7 @@ def test_on_request_it_samples_follows_profiles_and_compares_models(folder: Path
     page = (out / "report.html").read_text("utf-8")
     for words in ("Intervals without linearisation", "Choice of model", "the usual choice", "R-hat"):
         assert words in page, words
-    assert {p.name for p in (out / "figures").iterdir()} >= {"campaign-posterior.svg", "campaign-models.svg"}
+    assert {p.name for p in (out / "figures").iterdir()} >= {"campaign-posterior.svg", "models.svg"}
     wrong = run(written(folder, "wrong.yaml", model_choice=["Lugre"]), "--no-figures", "--out", str(out))
     assert wrong.exit_code == 2
     assert "there is no 'Lugre'" in wrong.stderr

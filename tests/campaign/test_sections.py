@@ -17,7 +17,7 @@ from stickslip.estimate.problem import Residuals
 from stickslip.identify.candidates import Comparison
 from stickslip.identify.walk.compare import walk_candidates
 from stickslip.jobs.analysis.alignment import Aligned
-from stickslip.jobs.analysis.comparison import conclusion, named
+from stickslip.jobs.analysis.comparison import named
 from stickslip.jobs.campaign.additional import Additional
 from stickslip.jobs.campaign.additional_sections import additional_numbers, additional_sections
 from stickslip.jobs.campaign.features import feature_numbers, features_of, features_section
@@ -25,6 +25,7 @@ from stickslip.quantities.units import QuantityError
 from stickslip.recording import make_recording
 from stickslip.report import Number
 from stickslip.report.figures.posterior import posterior_corner
+from stickslip.report.views.comparison import conclusion
 
 T = np.linspace(0.0, 1.0, 200)
 Y = 1.0 + 2.0 * T + 0.05 * np.random.default_rng(0).standard_normal(T.size)
@@ -108,7 +109,7 @@ def test_the_conclusion_follows_from_the_numbers(rmse: dict[str, float], words: 
     )
     (section,) = additional_sections(what, figures=True)
     assert section.tables[0].rows[0][0] == min(rmse, key=rmse.__getitem__)  # the best first
-    assert section.figures[0].name == "campaign-models"
+    assert section.figures[0].name == "models"
 
 
 def test_models_are_chosen_by_name() -> None:

@@ -189,9 +189,9 @@ def test_friction_loops(tmp_path: Path, flip: float) -> None:
     assert (first["use"], last["use"], first["end"]) == ("fit", "verify", last["start"])
     done = run_said(made.output, "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output
-    found = numbers(tmp_path / "out")["Dahl"]
+    found = numbers(tmp_path / "out")["models"]["Dahl"]
     assert found["parameters"]["sigma_0"]["value"] == pytest.approx(1e5, rel=0.02)
-    assert found["r_squared_predicted"]["value"] > 0.999
+    assert found["verification_r_squared"]["value"] > 0.999
 
 
 def test_an_inverted_sensor_is_said_and_put_right(tmp_path: Path) -> None:
@@ -239,7 +239,7 @@ def test_of_several_friction_loops_the_first_is_fitted(tmp_path: Path) -> None:
     assert "reference_normal_force" not in said
     done = run("identify", made.files[0], "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output
-    assert numbers(tmp_path / "out")["Dahl"]["parameters"]["coulomb_force"]["unit"] == "N m"
+    assert numbers(tmp_path / "out")["models"]["Dahl"]["parameters"]["coulomb_force"]["unit"] == "N m"
 
 
 def test_a_piezo_with_its_stage(tmp_path: Path) -> None:

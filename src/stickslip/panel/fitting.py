@@ -28,7 +28,6 @@ from ..identify.walk.friction import identify_friction
 from ..identify.walk.joint import jointly
 from ..identify.walk.position_channel import CHANNEL, OBSERVED
 from ..identify.walk.walks import Varied, observed
-from ..jobs.analysis.walk import UsedWalk, walk_document
 from ..jobs.campaign.hysteresis import Hysteresis, hysteresis_in
 from ..jobs.campaign.hysteresis_section import hysteresis_section
 from ..physics.actuator import Actuator
@@ -37,6 +36,7 @@ from ..recording import RecordingError
 from ..recording.chain import Chain
 from ..recording.readers import read_recording
 from ..report import write_report
+from ..report.walks import UsedWalk, walk_document
 from .fit_request import FitRequest
 from .folder import Folder
 from .sets import Sets

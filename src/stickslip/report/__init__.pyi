@@ -10,4 +10,6 @@ from .document import Table as Table
 from .pdf import PdfError as PdfError
 from .pdf import find_browser as find_browser
 from .pdf import write_pdf as write_pdf
+from .viewing import document_of as document_of
+from .viewing import view as view
 from .writing import write_report as write_report

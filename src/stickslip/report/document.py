@@ -6,6 +6,7 @@ All values are in SI; the prefixes that people like to read are chosen when the 
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -178,6 +179,19 @@ class Document:
             if names.count(name) > 1:
                 raise DocumentError(f"two pictures have the name {name!r}")
 
+    def __str__(self) -> str:
+        from .text import document_text
+
+        return document_text(self)
+
+    def _repr_html_(self) -> str:
+        """The report in a frame of its own, whose style no other cell of a notebook shares."""
+        from .circumstances import circumstances
+        from .html import report_html
+
+        page = html.escape(report_html(self, circumstances(), beside=False))
+        return f'<iframe srcdoc="{page}" style="width: 100%; height: 40rem; border: 0"></iframe>'
+
     def pictures(self) -> tuple[Picture, ...]:
         """All pictures, in order."""
         return tuple(p for section in _flat(self.sections) for p in section.figures)
@@ -185,6 +199,27 @@ class Document:
     def tables(self) -> tuple[Table, ...]:
         """All tables, in order."""
         return tuple(t for section in _flat(self.sections) for t in section.tables)
+
+
+def joined(*documents: Document) -> Document:
+    """The first document with the summaries, sections and numbers of the others after its own."""
+    first = documents[0]
+    together: dict[str, Any] = {"summary": " ".join(filter(None, (one.summary for one in documents)))}
+    for name in ("sections", "highlights", "assumptions", "failures"):
+        together[name] = tuple(part for one in documents for part in getattr(one, name))
+    for name in ("numbers", "files"):
+        together[name] = {key: part for one in documents for key, part in getattr(one, name).items()}
+    citations = "\n\n".join(dict.fromkeys(one.citations for one in documents if one.citations))
+    interrupted = any(one.interrupted for one in documents)
+    return replace(first, citations=citations, interrupted=interrupted, **together)
+
+
+def begun_by(document: Document, text: str) -> Document:
+    """The document with a paragraph at the head of its first section; as it is without a text."""
+    if not text:
+        return document
+    head, *others = document.sections
+    return replace(document, sections=[replace(head, paragraphs=(text, *head.paragraphs)), *others])
 
 
 def in_turns(part: Any) -> Any:

@@ -21,8 +21,8 @@ from .figures.scale import Scale, scale_for
 _EMPTY = "–"
 
 
-def report_html(document: Document, made: Circumstances) -> str:
-    """The text of report.html."""
+def report_html(document: Document, made: Circumstances, *, beside: bool = True) -> str:
+    """The text of report.html; it names the results.json that is `beside` it."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent, encoding="utf-8"),
         autoescape=True,
@@ -37,7 +37,9 @@ def report_html(document: Document, made: Circumstances) -> str:
         "body": table_body,
         "heads": table_heads,
     }
-    return environment.get_template("template.html.j2").render(document=document, made=asdict(made))
+    return environment.get_template("template.html.j2").render(
+        document=document, made=asdict(made), beside=beside
+    )
 
 
 def _joined(value: Any) -> Any:

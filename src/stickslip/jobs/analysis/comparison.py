@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 from pydantic import Field, field_validator
 
-from ...identify.candidates import Candidate, Comparison
+from ...identify.candidates import Candidate
 from ...identify.walk.asked import check_asked
 from ...identify.walk.compare import compare_walks, walk_candidates
 from ...identify.walk.position_channel import walked
@@ -18,19 +18,14 @@ from ...physics.actuator import Actuator
 from ...quantities.input_file import InputFileError
 from ...quantities.progress import Progress
 from ...quantities.records import did_you_mean
-from ...quantities.units import QuantityError, near_one, with_prefix
-from ...report import Column, Document, Number, Picture, Section, Table
-from ...report.figures.identification import law_ranking
-from ...report.figures.style import svg
+from ...quantities.units import QuantityError
+from ...report import Document
+from ...report.document import begun_by
 from ...report.origin import origin_of
+from ...report.viewing import view
 from .file import read_parts
 from .loops import LawChoice
 from .walk import WalkFile
-
-# The usual choice for such actuators [kang2007, ch. 3], its steady friction constant.
-USUAL = "LuGre"
-# Errors on what was not fitted that differ by less are the same.
-SAME = 0.01
 
 
 class ComparisonAnalysis(WalkFile):
@@ -72,21 +67,11 @@ class ComparisonAnalysis(WalkFile):
             unseen_drive=[w for _, w in data["verify"]],
             progress=progress,
         )
-        section = choice_section(found, sum(d.sizes["time"] for d, _ in data["fit"]), True)
-        best = found.verifications[found.best]
         origin = origin_of(model, parts.values())
-        return Document(
-            title=self.title,
-            summary=f"{found.best} predicts walks that no fit has seen best: r² {near_one(best.r_squared)}, "
-            f"rms error {with_prefix(best.rmse, best.unit)}.",
-            sections=[Section("Models", paragraphs=(self.notes,), sections=[section])]
-            if self.notes
-            else [section],
-            highlights=[("r² of the best on unseen walks", Number(best.r_squared, ""))],
-            numbers={"best": found.best, "models": choice_numbers(found)},
-            assumptions=origin.assumptions,
-            citations=origin.citations,
+        document = replace(
+            view(found, self.title), assumptions=origin.assumptions, citations=origin.citations
         )
+        return begun_by(document, self.notes)
 
 
 def candidates_of(model: Actuator) -> list[Candidate]:
@@ -151,102 +136,3 @@ def checked_laws(
             except QuantityError as error:
                 raise QuantityError(f"{field}: {law.label}: {error}") from error
     return laws
-
-
-def choice_numbers(choice: Comparison) -> dict[str, Any]:
-    """For results.json, by law."""
-    table = choice.table
-    return {
-        str(law): {
-            key: Number(float(table[key].sel(law=law)), str(table[key].attrs["units"]))
-            for key in ("r_squared", "verification_r_squared", "verification_rmse", "aic", "bic")
-        }
-        for law in table["law"].values
-    }
-
-
-def _plain(number: float) -> str:
-    return f"{number:,.0f}" if abs(number) >= 100.0 else f"{number:.3g}"
-
-
-def conclusion(choice: Comparison) -> str:
-    """Whether the usual choice holds, in numbers."""
-    table = choice.table
-    rmse, bic = table["verification_rmse"], table["bic"] - table["bic"].min()
-    best, least = choice.best, float(rmse.min())
-    own = float(rmse.sel(law=USUAL)) / least - 1.0
-    simplest = str(bic.idxmin("law").item())
-    seen = (
-        f"By the error on walks that were not fitted {best} is best, "
-        f"{with_prefix(least, rmse.attrs['units'])}; by BIC {simplest}. "
-        f"{USUAL}, the usual choice, is {_plain(100 * own)} % above the least error and "
-        f"{_plain(float(bic.sel(law=USUAL)))} above the least BIC"
-    )
-    rivals = [
-        str(law)
-        for law in table["law"].values
-        if law != USUAL and float(rmse.sel(law=law)) < least * (1 + SAME) and float(bic.sel(law=law)) < 10.0
-    ]
-    if own >= SAME or float(bic.sel(law=USUAL)) >= 10.0:
-        return f"{seen}: these recordings do not confirm it."
-    if rivals:
-        return f"{seen}: confirmed, though these recordings cannot tell it from {', '.join(rivals)}."
-    return f"{seen}: confirmed."
-
-
-def choice_section(choice: Comparison, n_data: int, figures: bool) -> Section:
-    """The ranking, and whether the usual choice holds."""
-    table = choice.table
-    order = np.argsort(table["verification_rmse"].values)
-    laws = [str(law) for law in table["law"].values]
-    lowest = {key: float(table[key].min()) for key in ("aic", "bic")}
-    rows = []
-    for i in order:
-        fit = choice.fits[laws[i]]
-        rows.append(
-            (
-                laws[i],
-                int(table["n_parameters"][i]),
-                *(float(table[k][i]) for k in ("r_squared", "verification_r_squared", "verification_rmse")),
-                *(float(table[k][i]) - lowest[k] for k in ("aic", "bic")),
-                fit.doubt,
-            )
-        )
-    columns = (
-        Column("model"),
-        Column("fitted", ""),
-        Column("r², fitted", "", 6),
-        Column("r², not fitted", "", 6),
-        Column("rms error, not fitted", str(table["verification_rmse"].attrs["units"]), 4),
-        Column("AIC above least", "", 4),
-        Column("BIC above least", "", 4),
-        Column("remark"),
-    )
-    pictures = []
-    if figures:
-        labels = [f"{law} ({int(n)})" for law, n in zip(laws, table["n_parameters"].values, strict=True)]
-        pictures.append(
-            Picture(
-                "campaign-models",
-                "What each model leaves unexplained of the walk it was fitted to, and of the others.",
-                svg(
-                    law_ranking(
-                        labels,
-                        table["r_squared"].values,
-                        table["verification_r_squared"].values,
-                        None if not math.isfinite(lowest["bic"]) else table["bic"].values,
-                    )
-                ),
-                "One minus r squared of each model, on a logarithmic scale, and its BIC",
-            )
-        )
-    return Section(
-        "Choice of model",
-        paragraphs=(
-            f"All models fitted alike to the same walk ({n_data} samples), with delay and offset free, and "
-            "judged on the walks that none has seen.",
-            *((conclusion(choice),) if USUAL in choice.fits else ()),
-        ),
-        tables=(Table("Models by their error on walks that were not fitted.", columns, rows),),
-        figures=pictures,
-    )

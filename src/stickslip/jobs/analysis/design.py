@@ -18,6 +18,7 @@ of two goals, the actuator itself, the recordings that would tell most of it.
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -29,9 +30,10 @@ from ...quantities.input_file import explain, load_yaml
 from ...quantities.progress import Progress, within
 from ...quantities.units import QuantityError
 from ...report import Document, Section
+from ...report.document import joined
 from ...report.origin import origin_of
 from .design_drives import ActuatorSpec, FrontSpec, OptimiseSpec
-from .design_given import Array, Given, Made, draws_of_file
+from .design_given import Array, Given, draws_of_file
 from .design_map import MapSpec
 from .design_plan import PlanSpec
 from .file import Analysis, AnalysisError
@@ -63,7 +65,7 @@ class DesignAnalysis(Analysis, ModelOrFit):
         model = self.load_model(folder)
         draws, origin = self._draws(folder), origin_of(model, [])
         parts = {name: getattr(self, name) for name in PARTS if getattr(self, name) is not None}
-        made: dict[str, Made] = {}
+        made: dict[str, Document] = {}
         failures: list[str] = []
         stopped = ""
         for i, (name, spec) in enumerate(parts.items()):
@@ -81,23 +83,22 @@ class DesignAnalysis(Analysis, ModelOrFit):
                     raise
                 stopped = f"{name}: stopped before anything was found"
             else:
-                stopped = made[name].stopped
+                stopped = "; ".join(f"{name}: {one}" for one in made[name].failures)
             if stopped:
                 left = [f"not begun: {', '.join(list(parts)[i + 1 :])}"] if i + 1 < len(parts) else []
                 failures += [stopped, *left]
                 break
-        notes = [Section("Notes", paragraphs=(self.notes,))] if self.notes else []
-        return Document(
+        notes = (Section("Notes", paragraphs=(self.notes,)),) if self.notes else ()
+        whole = joined(*made.values())
+        return replace(
+            whole,
             title=self.title,
-            summary=" ".join(one.said for one in made.values()),
-            sections=[*notes, *(one.section for one in made.values())],
-            highlights=[highlight for one in made.values() for highlight in one.highlights],
+            sections=(*notes, *whole.sections),
             numbers={**{name: one.numbers for name, one in made.items()}, "model": model_numbers(model)},
             assumptions=origin.assumptions,
             citations=origin.citations,
             failures=failures,
             interrupted=bool(stopped),
-            files={name: text for one in made.values() for name, text in one.files.items()},
         )
 
     def _draws(self, folder: Path) -> dict[str, Array] | None:

@@ -3,7 +3,6 @@ generator, conditions; and what each part comes to."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,7 +20,6 @@ from ...quantities.arguments import arguments_of
 from ...quantities.input_file import Part, Strict, fields_of
 from ...quantities.progress import Progress
 from ...quantities.units import QuantityError, to_si
-from ...report import Number, Section
 from ...rig import load_bench
 from ...rig.experiment.laboratory import own_file
 from .file import AnalysisError
@@ -40,18 +38,6 @@ class Given(NamedTuple):
     uncertainty: dict[str, Array] | None
     folder: Path
     progress: Progress
-
-
-class Made(NamedTuple):
-    """What a part has come to: its section, what to say of it in a sentence, numbers, files, and what is left
-    undone, where it was stopped."""
-
-    section: Section
-    said: str
-    numbers: Mapping[str, Any]
-    highlights: Sequence[tuple[str, Number]] = ()
-    files: Mapping[str, str] = {}
-    stopped: str = ""
 
 
 class GoalSpec(Strict):
@@ -204,8 +190,3 @@ def _drawn(path: Path) -> dict[str, Array]:
     if not found:
         raise AnalysisError(f"{path}: no parameter has a standard error")
     return found
-
-
-def arrays(values: Mapping[str, tuple[Any, str]]) -> dict[str, Any]:
-    """Arrays with their units, for results.json."""
-    return {name: {"value": np.asarray(one), "unit": unit} for name, (one, unit) in values.items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,15 +14,17 @@ from pydantic import Discriminator, Field, Tag
 from ...estimate.influence import prior_influence
 from ...identify.candidates import Candidate, Comparison
 from ...identify.loops.compare import compare_laws
-from ...identify.verification import verify
+from ...identify.verification import Verification, verify
 from ...parameters import cite
 from ...quantities import registry
 from ...quantities.input_file import Strict, quantity
 from ...quantities.progress import Progress
-from ...report import Column, Document, Number, Picture, Section, Table
-from ...report.figures.identification import fit_with_residuals, friction_loop, law_ranking
+from ...report import Document, Picture, Section
+from ...report.document import begun_by
+from ...report.figures.identification import fit_with_residuals, friction_loop
 from ...report.figures.style import svg
-from ...report.fits import fit_numbers, parameter_table
+from ...report.viewing import view
+from ...report.views.comparison import choice_section
 from .file import Analysis, AnalysisError, RecordingFile, read_parts
 from .priors import with_priors
 
@@ -104,39 +107,22 @@ class LoopAnalysis(Analysis):
         return recording.assign(friction_force=flipped.assign_attrs(recording["friction_force"].attrs))
 
     def _document(self, data: dict[str, list[xr.Dataset]], results: Comparison) -> Document:
-        best, best_fit = results.best, results.fits[results.best]
-        score = results.verifications[best].r_squared
+        best, unseen = results.best, data["verify"][0]
+        base, of_best = view(results, self.title), view(results.fits[best])
+        parameters = Section(
+            f"{best}: parameters and prediction",
+            tables=of_best.sections[0].tables,
+            figures=_prediction_pictures(best, verify(results.fits[best], unseen), unseen),
+        )
         span = _spans([data["fit"][0], *data["verify"]])
-        return Document(
-            title=self.title,
-            summary=(
-                f"{best} predicts best: r² {score:.4f} on the part that no fit has "
-                f"seen (fitted and predicted: {span})."
-            ),
-            sections=(
-                Section(
-                    "Laws compared",
-                    paragraphs=(self.notes,) if self.notes else (),
-                    tables=(_laws_table(results, self.marks),),
-                    figures=(_ranking_picture(results, self.marks),),
-                ),
-                Section(
-                    f"{best}: parameters and prediction",
-                    tables=(parameter_table("Identified parameters.", best_fit),),
-                    figures=_prediction_pictures(results, data["verify"][0]),
-                ),
-            ),
-            highlights=(("r² of predicted friction", Number(score, "")),),
-            numbers={
-                label: {
-                    **fit_numbers(fit, "N"),
-                    "r_squared_predicted": Number(results.verifications[label].r_squared, ""),
-                    "rmse_predicted": Number(results.verifications[label].rmse, "N"),
-                }
-                for label, fit in results.fits.items()
-            },
+        ranking = replace(choice_section(results, self.marks), title="Laws compared")
+        document = replace(
+            base,
+            summary=f"{base.summary} Fitted and predicted: {span}.",
+            sections=(ranking, parameters),
             citations=cite(*self.citation) if self.citation else "",
         )
+        return begun_by(document, self.notes)
 
 
 def _spans(parts: list[xr.Dataset]) -> str:
@@ -150,58 +136,9 @@ def _spans(parts: list[xr.Dataset]) -> str:
     return ", ".join(f"{text(start)} to {text(end)} s" for start, end in ends)
 
 
-def _laws_table(results: Comparison, marks: dict[str, float]) -> Table:
-    return Table(
-        "Friction laws, fitted on one part of the measurement and verified on another.",
-        (
-            Column("law"),
-            Column("parameters", "", 3),
-            Column("r², fitted", "", 5),
-            Column("r², predicted", "", 5),
-            Column("rms error, predicted", "N", 3),
-            Column("AIC", "", 6),
-            Column("BIC", "", 6),
-            Column("converged"),
-        ),
-        [
-            (
-                label, fit.n_estimated, fit.r_squared, verification.r_squared, verification.rmse,
-                fit.aic, fit.bic, "yes" if fit.converged else "NO",
-            )
-            for label, fit, verification in _rows(results)
-        ],
-        notes="Information criteria are those of the fit. "
-        + " ".join(f"Known mark: {what}, {value:g}." for what, value in marks.items()),
-    )  # fmt: skip
-
-
-def _rows(results: Comparison) -> list[tuple[str, Any, Any]]:
-    """Of each law its label, fit and verification."""
-    return [(label, fit, results.verifications[label]) for label, fit in results.fits.items()]
-
-
-def _ranking_picture(results: Comparison, marks: dict[str, float]) -> Picture:
-    rows = _rows(results)
-    return Picture(
-        "law_ranking",
-        "What each law leaves unexplained.",
-        svg(
-            law_ranking(
-                [f"{label} ({fit.n_estimated})" for label, fit, _ in rows],
-                [fit.r_squared for _, fit, _ in rows],
-                [verification.r_squared for _, _, verification in rows],
-                [fit.bic for _, fit, _ in rows],
-                marks,
-            )
-        ),
-        "One minus r² of each law, where it was fitted and where it predicts",
-    )
-
-
-def _prediction_pictures(results: Comparison, unseen: xr.Dataset) -> tuple[Picture, Picture]:
+def _prediction_pictures(best: str, found: Verification, unseen: xr.Dataset) -> tuple[Picture, Picture]:
     """Of the best law on a recording that its fit has not seen: over the position, and over time."""
-    best = results.best
-    predicted = verify(results.fits[best], unseen).predictions[0]
+    predicted = found.predictions[0]
     last = slice(-len(predicted["time"]) // 4, None)
     return (
         Picture(

@@ -17,6 +17,7 @@ from ...quantities.units import with_prefix
 from ...report import Column, Document, Number, Picture, Section, Table
 from ...report.figures.control import approach, closed_loop
 from ...report.figures.style import svg
+from ...report.views.control import tuning_document
 from ...rig import Plausibility
 from .move_model import Aim
 
@@ -49,12 +50,15 @@ def move_document(
     said += f"{aim.said(found.rms)} rms."
     if mover.remark:
         said += f" {mover.remark[0].upper()}{mover.remark[1:]}."
+    of_loop = tuning_document(tuning, aim.unit)
+    (loop,) = of_loop.sections
+    limited = f"{recording.attrs['limited_updates']} updates were kept within the limits"
     return Document(
         title=file.title,
         summary=said,
         sections=[
             _course(file, aim, mover, recording, found),
-            _loop(tuning, aim.unit, recording),
+            replace(loop, points=(*loop.points, limited)),
             _believed(beliefs, aim.unit),
         ],
         highlights=[
@@ -74,7 +78,7 @@ def move_document(
             "lost_steps": Number(mover.lost, ""),
             "greatest_voltage": Number(float(recording[DRIVE].values.max()), "V"),
             "limited_updates": Number(int(recording.attrs["limited_updates"]), ""),
-            "tuning": _tuning_numbers(tuning, aim.unit),
+            "tuning": of_loop.numbers,
             "model": model_numbers(plant),
         },
         assumptions=[f"{field} = {words}" for field, words in plant.assumptions.items()],
@@ -94,17 +98,6 @@ def _failures(aim: Aim, mover: Mover, found: Settling) -> list[str]:
     if aim.hold_within is not None and not found.rms <= aim.hold_within:
         failures.append(f"the hold is {aim.said(found.rms)} rms, above {aim.said(aim.hold_within)}")
     return failures
-
-
-def _tuning_numbers(tuning: Tuning, unit: str) -> dict[str, Number]:
-    return {
-        "integral": Number(tuning.pid.integral, f"V/({unit} s)"),
-        "sensitivity": Number(tuning.margins.sensitivity, ""),
-        "gain_margin": Number(tuning.margins.gain_margin, ""),
-        "phase_margin": Number(tuning.margins.phase_margin, "rad"),
-        "crossover": Number(tuning.margins.crossover, "Hz"),
-        "models": Number(tuning.models, ""),
-    }
 
 
 def _course(file: MoveFile, aim: Aim, mover: Mover, recording: xr.Dataset, found: Settling) -> Section:
@@ -154,21 +147,6 @@ def _said_steps(aim: Aim, recording: xr.Dataset, found: Settling) -> str:
     if step < 2.0 * min(found.windows):
         return ""
     return f"The sensor reads in steps of {aim.said(step)}: what is finer is said of its readings alone."
-
-
-def _loop(tuning: Tuning, unit: str, recording: xr.Dataset) -> Section:
-    filters = [f"notch at {with_prefix(n.frequency, 'Hz')}, width {n.width:g}" for n in tuning.notches]
-    if tuning.low_pass is not None:
-        filters.append(f"low-pass at {with_prefix(tuning.low_pass.corner, 'Hz')}")
-    return Section(
-        "The loop",
-        points=[
-            f"integral gain {tuning.pid.integral:.4g} V/({unit} s)",
-            *filters,
-            f"over {tuning.models} model{'s' * (tuning.models > 1)}: {tuning.margins.report()}",
-            f"{recording.attrs['limited_updates']} updates were kept within the limits",
-        ],
-    )
 
 
 def _believed(beliefs: Plausibility, unit: str) -> Section:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -18,13 +17,12 @@ from ...identify.walk.prediction import Predictor
 from ...quantities.input_file import Seconds, explain, load_yaml
 from ...quantities.progress import Progress
 from ...quantities.records import did_you_mean
-from ...quantities.units import QuantityError, near_one, with_prefix
+from ...quantities.units import QuantityError
 from ...recording.chain import Chain
 from ...recording.readers import inspect_file
-from ...report import Column, Document, Number, Picture, Section, Table
-from ...report.figures.identification import fit_with_residuals
-from ...report.figures.style import svg
+from ...report import Document
 from ...report.origin import origin_of
+from ...report.viewing import view
 from ...waveform.signal import Waveform
 from .alignment import POSITION, aligned, aligned_by_itself, on_level, said_drives
 from .file import Analysis, AnalysisError, read_parts
@@ -48,7 +46,8 @@ class VerificationAnalysis(Analysis, ModelOrFit):
 
     def run(self, folder: Path, progress: Progress) -> Document:
         """Predict everything."""
-        requirements = [Requirement.parse(text) for text in self.require]
+        for text in self.require:
+            Requirement.parse(text)
         predictor, chain = self._predictor(folder)
         progress("reading", 0.0)
         parts = read_parts(self.recordings, folder)
@@ -64,45 +63,35 @@ class VerificationAnalysis(Analysis, ModelOrFit):
             found = _verified(predictor, chain, parts, drives)
         else:
             found = verify(predictor, list(parts.values()), drive=drives)
-        failures = [*found.unmet(requirements), *found.statements]
-        least = min(found.table["r_squared"].values)
-        said = (
-            f"{len(parts)} recording{'s' * (len(parts) > 1)} predicted, nothing fitted: r² {near_one(least)} "
-            f"or more, rms error {with_prefix(found.rmse, found.unit, 3)}."
-        )
-        if requirements:
-            count = len(requirements)
-            all_of_them = f"ll of the {count} requirements" if count > 1 else "ll that is required is"
-            said += f" {'NOT a' if found.unmet(requirements) else 'A'}{all_of_them} met."
-        sentences = (*found.statements, *found.remarks, *found.taken)
-        said += "".join(f" {text[0].upper()}{text[1:]}." for text in sentences)
         progress("drawing", 0.6)
+        return self._document(found, predictor, parts)
+
+    def _document(
+        self, found: Verification, predictor: Predictor, parts: Mapping[str, xr.Dataset]
+    ) -> Document:
+        """The view of the verification, with what is required of it."""
+        unmet = found.unmet([Requirement.parse(text) for text in self.require])
+        made, count = view(found, self.title), len(self.require)
         origin = origin_of(predictor.model, parts.values())
-        return Document(
-            title=self.title,
+        said = made.summary
+        if count:
+            all_of_them = f"ll of the {count} requirements" if count > 1 else "ll that is required is"
+            said += f" {'NOT a' if unmet else 'A'}{all_of_them} met."
+        (section,) = made.sections
+        points = [*(f"required: {text}" for text in self.require), *section.points]
+        notes = (self.notes,) if self.notes else ()
+        return replace(
+            made,
             summary=said,
-            sections=[
-                Section(
-                    "Recordings",
-                    paragraphs=(self.notes,) if self.notes else (),
-                    points=[*(f"required: {text}" for text in self.require), *found.taken],
-                    tables=(verification_table(found),),
-                    figures=prediction_pictures(found),
-                )
-            ],
-            highlights=[
-                ("least r²", Number(float(least), "")),
-                ("rms error", Number(found.rmse, found.unit)),
-            ],
+            sections=[replace(section, paragraphs=notes, points=points)],
             numbers={
-                "verification": verification_numbers(found),
+                **made.numbers,
                 "model": model_numbers(predictor.model),
                 "required": list(self.require),
-                "drives": list(found.taken),
             },
             assumptions=origin.assumptions,
             citations=origin.citations,
-            failures=failures,
+            failures=[*unmet, *made.failures],
         )
 
     def _predictor(self, folder: Path) -> tuple[Predictor, Chain]:
@@ -229,69 +218,3 @@ def _entry(file: Path, named: Mapping[str, str], units: Mapping[str, str]) -> tu
     guessed = [f"{name} from {columns[name]!r}" for name in columns if name not in named]
     guessed += [f"{name} in {unit}" for name, unit in said.items() if unit and name not in units]
     return entry, f"Read from {file.name} without being told: {', '.join(guessed)}." if guessed else ""
-
-
-def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
-    """r², rms error and the error of the net step, one row for each recording."""
-    table = found.table
-    rows = []
-    for i, name in enumerate(table["recording"].values):
-        r_squared, rmse, step, error = (
-            float(table[key][i]) for key in ("r_squared", "rmse", "net_step", "net_step_error")
-        )
-        role = (roles[i],) if roles else ()
-        known = math.isfinite(step)
-        rows.append(
-            (
-                str(name),
-                *role,
-                r_squared,
-                rmse,
-                step if known else None,
-                100.0 * error if known else None,
-            )
-        )
-    columns = [
-        Column("r²", "", 5),
-        Column("rms error", found.unit, 3),
-        Column("net step, measured", found.unit),
-    ]
-    role = [Column("role")] if roles else []
-    return Table(
-        "Measured and predicted.",
-        (Column("recording"), *role, *columns, Column("error of the net step", "%", 2)),
-        rows,
-        notes="r² = (SST − SSE)/SST; the net step is the displacement per period of the drive.",
-    )
-
-
-def verification_numbers(found: Verification) -> dict[str, Any]:
-    """The same for results.json, by recording."""
-    table = found.table
-    return {
-        str(name): {
-            key: Number(float(table[key][i]), str(table[key].attrs["units"])) for key in table.data_vars
-        }
-        for i, name in enumerate(table["recording"].values)
-    }
-
-
-def prediction_pictures(found: Verification) -> list[Picture]:
-    """Measured, predicted and the residual of the first recordings."""
-    return [
-        Picture(
-            f"prediction_{i + 1}",
-            f"{good.name}: end-effector position, measured and predicted.",
-            svg(
-                fit_with_residuals(
-                    p["time"].values,
-                    p["measured"].values,
-                    p["predicted"].values,
-                    name="end-effector position",
-                    unit=found.unit,
-                )
-            ),
-            "Position over time, data under the model, and the residuals below",
-        )
-        for i, (good, p) in enumerate(zip(found.recordings[:MOST_PICTURES], found.predictions, strict=False))
-    ]

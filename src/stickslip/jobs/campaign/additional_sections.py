@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...identify.walk.bayes import Posterior
 from ...identify.walk.position_channel import CHANNEL
 from ...report import Column, Number, Picture, Section, Table
 from ...report.figures.posterior import posterior_corner
 from ...report.figures.style import svg
-from ..analysis.comparison import choice_numbers, choice_section
+from ...report.views.comparison import choice_numbers, choice_section
+from ...report.views.posterior import posterior_numbers, posterior_table
 from .evaluation import Found
 from .stage import unit_of
 
@@ -24,7 +24,7 @@ def additional_numbers(found: Found) -> dict[str, Any]:
         }
     if more.posterior is not None:
         numbers["posterior"] = {
-            **_estimates(more.posterior),
+            **posterior_numbers(more.posterior),
             "converged": more.posterior.converged,
             "message": more.posterior.message,
         }
@@ -39,18 +39,8 @@ def additional_sections(found: Found, *, figures: bool) -> list[Section]:
     if more.profiles is not None or more.posterior is not None:
         sections.append(_without_linearisation(found, figures))
     if more.choice is not None:
-        sections.append(choice_section(more.choice, found.friction.recordings[0].n_data, figures))
+        sections.append(choice_section(more.choice))
     return sections
-
-
-def _estimates(posterior: Posterior) -> dict[str, Number]:
-    found = {}
-    for name in map(str, posterior.summary["parameter"].values):
-        row = posterior.summary.sel(parameter=name)
-        ends = float(row["low"]), float(row["high"])
-        unit = posterior.samples[name].attrs["units"]
-        found[name] = Number(float(row["mean"]), unit, *ends, float(row["sd"]))
-    return found
 
 
 def _without_linearisation(found: Found, figures: bool) -> Section:
@@ -68,7 +58,7 @@ def _without_linearisation(found: Found, figures: bool) -> Section:
         said.append("Profile likelihood: each value is fixed, and all others fitted again.")
     if more.posterior is not None:
         columns.append(Column("posterior"))
-        of.append(_estimates(more.posterior))
+        of.append(posterior_numbers(more.posterior))
         prior = "those of the stage have the estimate and covariance of the steps as prior"
         said.append(
             "Posterior: by importance sampling and chains, the prior flat within the bounds of the fit (in "
@@ -76,7 +66,7 @@ def _without_linearisation(found: Found, figures: bool) -> Section:
             f"{prior if found.stage else 'the stage is taken as known'}. "
             f"{more.posterior.message[0].upper()}{more.posterior.message[1:]}."
         )
-        tables.append(_chain(more.posterior))
+        tables.append(posterior_table(more.posterior))
         if figures:
             pictures.append(
                 Picture(
@@ -103,18 +93,3 @@ def _without_linearisation(found: Found, figures: bool) -> Section:
     return Section(
         "Intervals without linearisation", paragraphs=said, tables=(first, *tables), figures=pictures
     )
-
-
-def _chain(posterior: Posterior) -> Table:
-    columns = (
-        Column("parameter"),
-        Column("mean [95 %, highest density]"),
-        Column("R-hat", "", 4),
-        Column("effective samples", "", 3),
-        Column("in the tails", "", 3),
-    )
-    rows = []
-    for name, number in _estimates(posterior).items():
-        row = posterior.summary.sel(parameter=name)
-        rows.append((name, number, *(float(row[k]) for k in ("r_hat", "ess", "ess_tail"))))
-    return Table("The posterior of all that was sampled.", columns, rows)

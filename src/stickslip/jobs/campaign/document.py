@@ -21,10 +21,10 @@ from ...report.fits import fit_numbers, lack_numbers, parameter_table
 from ...report.origin import origin_of
 from ...report.piezo import hysteresis_numbers
 from ...report.recordings import recorded_assumptions
+from ...report.views.verification import verification_numbers
 from ...rig.experiment import Recorded
 from ..analysis.alignment import POSITION, Aligned, said_drives, said_to_drift
 from ..analysis.priors import with_priors
-from ..analysis.verification import verification_numbers
 from .additional_sections import additional_numbers, additional_sections
 from .bands import walk_bands
 from .evaluation import Found

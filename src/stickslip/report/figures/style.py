@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import io
 import re
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, ParamSpec, TypeVar
 
@@ -155,6 +156,8 @@ def svg(figure: Figure) -> str:
     with context(_STYLE, after_reset=True):
         # Not `savefig`, which draws twice: the first time for a layout that the second makes again.
         FigureCanvasSVG(figure).print_svg(target, metadata={"Date": None, "Creator": None})
+    if "matplotlib.pyplot" in sys.modules:  # or a notebook would show it below its cell too
+        sys.modules["matplotlib.pyplot"].close(figure)
     text = target.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
     return text[text.index("<svg") :].strip()

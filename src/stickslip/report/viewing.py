@@ -1,0 +1,38 @@
+"""One way to show a result: `view` makes the document that reports, notebooks and terminals show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import singledispatch
+from importlib import import_module
+from typing import Any
+
+from ..quantities.units import QuantityError
+from .document import Document
+
+
+def view(result: Any, title: str = "") -> Document:
+    """Return the document of a result: a summary, sections with tables and figures, and every number.
+
+    A notebook shows it as a page, ``print`` as text; `report.write_report` writes it as ``report.html`` and
+    ``results.json``.
+
+    Args:
+        result: a `Fit`, a `Verification`, a `Comparison` of models, `Conditions` or a `Posterior`; what
+            `step_map`, `plan_experiment`, `optimise_waveform`, `waveform_front`, `optimise_actuator` and
+            `tune` return; a recording, a trajectory or a frequency response.
+        title: of the document; left out, that of the kind of result.
+
+    Raises:
+        QuantityError: there is no view of this type.
+    """
+    import_module(f"{__package__}.views")  # each module of it registers what it shows
+    made = document_of(result)
+    return replace(made, title=title) if title else made
+
+
+@singledispatch
+def document_of(result: Any) -> Document:
+    """The document of a result by its type; ``document_of.register`` adds a type of one's own."""
+    known = sorted(kind.__name__ for kind in document_of.registry if kind is not object)
+    raise QuantityError(f"there is no view of {type(result).__name__}: there are views of {', '.join(known)}")

@@ -1,0 +1,54 @@
+"""View of a fit."""
+
+from __future__ import annotations
+
+from ...estimate.result import Fit
+from ...identify.results import model_numbers
+from ...physics.actuator import Actuator
+from ...quantities.units import near_one
+from ..document import Column, Document, Picture, Section, Table
+from ..figures.fits import called, draw_fit
+from ..figures.style import svg
+from ..fits import estimates, fit_numbers, parameter_table
+from ..viewing import document_of
+
+MOST_DRAWN = 8  # recordings in one figure
+
+
+@document_of.register
+def fit_document(fit: Fit) -> Document:
+    """Parameters with their intervals, and each recording beside the model."""
+    count, unit = len(fit.recordings), fit.recordings[0].unit
+    sentences = [*fit.failures, *(one.sentence for one in fit.systematics), *fit.remarks]
+    numbers = fit_numbers(fit, unit)
+    if isinstance(fit.model, Actuator):
+        numbers["model"] = model_numbers(fit.model)
+    return Document(
+        title="Identification",
+        summary=f"{len(fit.parameters)} parameters fitted to {count} recording{'s' * (count > 1)}: r² "
+        f"{near_one(fit.r_squared)}." + "".join(f" {text[0].upper()}{text[1:]}." for text in sentences),
+        sections=(
+            Section("Parameters", tables=(parameter_table("Identified parameters.", fit),)),
+            Section("Recordings", tables=(goodness_table(fit),), figures=_pictures(fit)),
+        ),
+        highlights=list(estimates(fit).items()),
+        numbers=numbers,
+        failures=fit.failures,
+    )
+
+
+def goodness_table(fit: Fit) -> Table:
+    """r² and rms error, one row for each recording."""
+    columns = (Column("recording"), Column("r²", "", 5), Column("rms error", fit.recordings[0].unit, 3))
+    rows = [(one.name, one.r_squared, one.rmse) for one in fit.recordings]
+    return Table("Coefficient of determination, rms error.", columns, rows)
+
+
+def _pictures(fit: Fit) -> list[Picture]:
+    """The recordings beside the model, where they are over time and few."""
+    over_time = all(t.size and t.size == r.size for t, r in zip(fit.times, fit.residuals, strict=True))
+    if not over_time or len(fit.recordings) > MOST_DRAWN:
+        return []
+    name = called(fit.observed)
+    caption = f"{name[0].upper()}{name[1:]}, measured and by the model, and the residuals."
+    return [Picture("fit", caption, svg(draw_fit(fit).flat[0].figure), f"{name} over time, and residuals")]

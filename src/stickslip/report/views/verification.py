@@ -1,0 +1,106 @@
+"""View of a verification: measured and predicted, one row for each recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from ...identify.verification import Verification
+from ...quantities.units import near_one, with_prefix
+from ..document import Column, Document, Number, Picture, Section, Table
+from ..figures.identification import fit_with_residuals
+from ..figures.style import svg
+from ..viewing import document_of
+
+MOST_PICTURES = 8
+
+
+@document_of.register
+def verification_document(found: Verification) -> Document:
+    """What was predicted, and how far off it is."""
+    count, least = len(found.recordings), float(min(found.table["r_squared"].values))
+    sentences = (*found.statements, *found.remarks, *found.taken)
+    return Document(
+        title="Verification",
+        summary=f"{count} recording{'s' * (count > 1)} predicted, nothing fitted: r² {near_one(least)} "
+        f"or more, rms error {with_prefix(found.rmse, found.unit, 3)}."
+        + "".join(f" {text[0].upper()}{text[1:]}." for text in sentences),
+        sections=(
+            Section(
+                "Recordings",
+                points=found.taken,
+                tables=(verification_table(found),),
+                figures=prediction_pictures(found),
+            ),
+        ),
+        highlights=(("least r²", Number(least, "")), ("rms error", Number(found.rmse, found.unit))),
+        numbers={"verification": verification_numbers(found), "drives": list(found.taken)},
+        failures=found.statements,
+    )
+
+
+def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
+    """r², rms error and the error of the net step, one row for each recording."""
+    table = found.table
+    rows = []
+    for i, name in enumerate(table["recording"].values):
+        r_squared, rmse, step, error = (
+            float(table[key][i]) for key in ("r_squared", "rmse", "net_step", "net_step_error")
+        )
+        role = (roles[i],) if roles else ()
+        known = math.isfinite(step)
+        rows.append(
+            (
+                str(name),
+                *role,
+                r_squared,
+                rmse,
+                step if known else None,
+                100.0 * error if known else None,
+            )
+        )
+    columns = [
+        Column("r²", "", 5),
+        Column("rms error", found.unit, 3),
+        Column("net step, measured", found.unit),
+    ]
+    role = [Column("role")] if roles else []
+    return Table(
+        "Measured and predicted.",
+        (Column("recording"), *role, *columns, Column("error of the net step", "%", 2)),
+        rows,
+        notes="r² = (SST − SSE)/SST; the net step is the displacement per period of the drive.",
+    )
+
+
+def verification_numbers(found: Verification) -> dict[str, Any]:
+    """The same for results.json, by recording."""
+    table = found.table
+    return {
+        str(name): {
+            key: Number(float(table[key][i]), str(table[key].attrs["units"])) for key in table.data_vars
+        }
+        for i, name in enumerate(table["recording"].values)
+    }
+
+
+def prediction_pictures(found: Verification) -> list[Picture]:
+    """Measured, predicted and the residual of the first recordings."""
+    return [
+        Picture(
+            f"prediction_{i + 1}",
+            f"{good.name}: end-effector position, measured and predicted.",
+            svg(
+                fit_with_residuals(
+                    p["time"].values,
+                    p["measured"].values,
+                    p["predicted"].values,
+                    name="end-effector position",
+                    unit=found.unit,
+                )
+            ),
+            "Position over time, data under the model, and the residuals below",
+        )
+        for i, (good, p) in enumerate(zip(found.recordings[:MOST_PICTURES], found.predictions, strict=False))
+    ]

@@ -1,0 +1,114 @@
+"""The report of a fit to walks: its parameters, and every walk, fitted or not, beside the prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal, NamedTuple
+
+import xarray as xr
+
+from ..estimate.result import Fit
+from ..identify.results import model_numbers
+from ..identify.verification import verify
+from ..physics.actuator import Actuator
+from ..quantities.progress import Progress, unheard
+from ..quantities.units import near_one
+from ..waveform.signal import Waveform
+from .document import Column, Document, Number, Picture, Section, Table
+from .figures.identification import fit_with_residuals
+from .figures.style import svg
+from .fits import estimates, fit_numbers, parameter_table
+from .origin import origin_of
+
+_ROLE = {"fit": "fitted", "verify": "predicted"}
+
+
+class UsedWalk(NamedTuple):
+    """A recording of a walk, fitted or to be predicted, and its drive (None: as recorded)."""
+
+    use: Literal["fit", "verify"]
+    recording: xr.Dataset
+    drive: Waveform | None = None
+
+
+def walk_document(
+    title: str,
+    fit: Fit,
+    model: Actuator,
+    walks: Mapping[str, UsedWalk],
+    notes: str = "",
+    progress: Progress = unheard,
+) -> Document:
+    """The report of a fit: its parameters, and each recording, by name, beside what the model predicts.
+
+    `model` is that from which the fit began: what it assumes and cites is told.
+    """
+    rows, pictures, numbers = [], [], {}
+    unit = fit.recordings[0].unit
+    taken, failures = [], list(fit.failures)
+    for i, (label, walk) in enumerate(walks.items()):
+        progress(f"predicting {label}", i / len(walks))
+        seen = verify(fit, walk.recording.assign_attrs(title=label), drive=walk.drive)
+        good, shown = seen.recordings[0], seen.predictions[0]
+        taken += seen.taken
+        failures += seen.statements if walk.use == "verify" else ()
+        rows.append((label, walk.use, good.r_squared, good.rmse))
+        numbers[f"recording_{i + 1}"] = {
+            "r_squared": Number(good.r_squared, "", note=label),
+            "rmse": Number(good.rmse, unit),
+        }
+        drawn = fit_with_residuals(
+            shown["time"].values,
+            shown["measured"].values,
+            shown["predicted"].values,
+            name="end-effector position",
+            unit=unit,
+        )
+        pictures.append(
+            Picture(
+                f"walk_{i + 1}",
+                f"{label}: end-effector position, measured and {_ROLE[walk.use]}.",
+                svg(drawn),
+                "Position over time, data under the model, and the residuals below",
+            )
+        )
+    unseen = [r[2] for r in rows if r[1] == "verify"]
+    verified = ""
+    if unseen:
+        verified = f" On {len(unseen)} that it has not seen, r² is {near_one(min(unseen))} or more."
+    fitted = len(rows) - len(unseen)
+    scales = [one.sentence for one in fit.systematics]
+    origin = origin_of(
+        model, [walk.recording for walk in walks.values()], [p.name for p in fit.shown if not p.fixed]
+    )
+    columns = Column("recording"), Column("role"), Column("r²", "", 5), Column("rms error", unit, 3)
+    return Document(
+        title=title,
+        summary=f"{len(fit.parameters)} parameters fitted to {fitted} recording{'s' if fitted > 1 else ''}: "
+        f"r² {near_one(fit.r_squared)}."
+        + verified
+        + "".join(f" {text[0].upper()}{text[1:]}." for text in (*failures, *scales, *fit.remarks)),
+        sections=(
+            Section(
+                "Parameters",
+                tables=(parameter_table("Identified parameters.", fit),),
+                paragraphs=(notes,) if notes else (),
+            ),
+            Section(
+                "Recordings",
+                points=taken,
+                tables=(Table("Coefficient of determination, rms error.", columns, rows),),
+                figures=pictures,
+            ),
+        ),
+        highlights=list(estimates(fit).items()),
+        numbers={
+            **fit_numbers(fit, unit),
+            "recordings": numbers,
+            "drives": taken,
+            "model": model_numbers(fit.model),
+        },
+        assumptions=origin.assumptions,
+        citations=origin.citations,
+        failures=failures,
+    )
