@@ -131,6 +131,15 @@ def twin(
     travel: Annotated[str, typer.Option(help="From end stop to end stop, with its unit.")] = "4 mm",
     axes: Annotated[int, typer.Option(help="Stages on it; the NV200 has one.", min=1, max=4)] = 3,
     seed: Annotated[int, typer.Option(help="Of scatter, noise and position at power-on.", min=0)] = 0,
+    temperature: Annotated[str, typer.Option(help="Of the stages, 1 K to 300 K.")] = "300 K",
+    regular: Annotated[
+        bool,
+        typer.Option(
+            "--regular",
+            help="Steps and end stops exactly as the model says. Without it those of a positioner (mcs2, "
+            "anc300, kim101) scatter, differ by direction, relax and give as on published stages.",
+        ),
+    ] = False,
     pty: Annotated[
         bool, typer.Option("--pty", help="On a pseudo terminal: a serial port (anc300, kim101).")
     ] = False,
@@ -139,14 +148,19 @@ def twin(
     """Serve a twin of a controller, with stages behind it that move by the model, until Ctrl-C."""
     with errors_in_one_line(show_traceback):
         from ..physics.actuator import load_actuator
+        from ..physics.temperature import at_temperature
+        from ..rig import REGULAR, Irregularity
         from ..rig.twins import TwinServer, TwinTerminal, make_twin
 
         actuator = load_actuator(parameters).replace(external_force=load)
+        actuator = at_temperature(actuator, temperature)
         if name is TwinName.SCPI and pty:
             raise ValueError("--pty: the twin of scpi has no serial port")
         if name is TwinName.SCPI:
             return serve_pair(actuator, travel, seed, host, port)
-        made = make_twin(name.value, actuator, axes=axes, travel=travel, seed=seed)
+        exact = regular or name is TwinName.NV200
+        steps = REGULAR if exact else Irregularity()
+        made = make_twin(name.value, actuator, axes=axes, travel=travel, irregularity=steps, seed=seed)
         with TwinTerminal(made) if pty else TwinServer(made, host, port) as server:
             typer.echo(server.where)
             server.serve_forever()

@@ -14,6 +14,8 @@ from .home import Home as Home
 from .hosted import HostedRig as HostedRig
 from .hosted import Link as Link
 from .hosted import folder_of as folder_of
+from .irregularity import REGULAR as REGULAR
+from .irregularity import Irregularity as Irregularity
 from .limits import LimitError as LimitError
 from .limits import Limits as Limits
 from .measurement import measure as measure

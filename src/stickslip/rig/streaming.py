@@ -16,6 +16,7 @@ from ..physics.electronics.amplifier import limits
 from ..physics.electronics.charging import charged, rest
 from ..simulation.ticks import Motion
 from .bench import Bench
+from .irregularity import Slips
 from .protocols import RigError
 from .remanence import Remanence
 from .sensing import OVERSAMPLED, Sensing
@@ -34,6 +35,7 @@ class Stream:
         offset: V, of the output at number 0, and `per_unit` V for the number 1.
         tolerance: m, of the simulation.
         remanence: the state of the piezo, where it is not annealed.
+        slips: what is irregular from step to step, if anything is.
     """
 
     def __init__(
@@ -46,6 +48,7 @@ class Stream:
         per_unit: float,
         tolerance: float,
         remanence: Remanence | None = None,
+        slips: Slips | None = None,
     ) -> None:
         if abs(bench.sample_rate - bench.dac.update_rate) > 1e-9 * bench.sample_rate:
             raise RigError(
@@ -59,7 +62,7 @@ class Stream:
         self._amplifier, self._volts = rest(first), first
         self._bounds, self._target, self._slope = np.array([0.0, self._tick]), np.zeros(1), np.zeros(1)
         self._motion = Motion(actuator, voltage=first, tolerance=tolerance, remanence=remanence)
-        self._monitor = first
+        self._monitor, self._slips = first, slips
         self._sensors: list[tuple[bool, Sensing] | None] = []
         for name in inputs:
             mounted = None if name == "drive" else bench.sensors[name]
@@ -80,7 +83,12 @@ class Stream:
     @property
     def slid(self) -> float:
         """End-effector from stage, m."""
-        return self._motion.position - self._motion.stage_position
+        return self.position - self._motion.stage_position
+
+    @property
+    def position(self) -> float:
+        """End-effector, m."""
+        return self._motion.position + (0.0 if self._slips is None else self._slips.offset)
 
     @property
     def remanence(self) -> Remanence | None:
@@ -101,6 +109,8 @@ class Stream:
             self._volts = float(given[-1])
             self._motion.follow(times, given)
         self._monitor = target
+        if self._slips is not None:
+            self._slips.step(self._motion.position - self._motion.stage_position, self._tick)
         return self.readings()
 
     def readings(self) -> list[float]:
@@ -122,7 +132,7 @@ class Stream:
 
     def _now(self) -> tuple[float, float, float, float]:
         motion = self._motion
-        return motion.position, motion.velocity, motion.stage_position, motion.stage_velocity
+        return self.position, motion.velocity, motion.stage_position, motion.stage_velocity
 
     def _amplified(self, number: float) -> float:
         """What the amplifier aims at, V."""

@@ -21,6 +21,7 @@ import numpy as np
 
 from ..physics.actuator import Actuator
 from ..quantities.records import Quantity, quantities, record
+from .irregularity import REGULAR, Irregularity, Slips
 
 _OWN, _SLOW = 1, 2  # streams of random numbers of a series
 
@@ -49,15 +50,17 @@ class Variation(NamedTuple):
 
 
 class Repeats(NamedTuple):
-    """Where a rig is in its runs: how they vary, the seed of the series, and the number of the next run."""
+    """Where a rig is in its runs: how they vary, the seed of the series, and the number of the next run;
+    `irregularity` is what differs from step to step."""
 
     variation: Variation = Variation()
     series: int = 0
     number: int = 0
+    irregularity: Irregularity = REGULAR
 
     def factors(self, run: int = 0) -> tuple[float, float]:
         """Of friction and stiffness, `run` runs from the next one."""
-        return _factors(*self._replace(number=self.number + run))
+        return _factors(self.variation, self.series, self.number + run)
 
     def actuator(self, actuator: Actuator, run: int = 0) -> Actuator:
         """The actuator with the contact of that run; the same where nothing varies."""
@@ -69,6 +72,12 @@ class Repeats(NamedTuple):
         units = {name: one.unit for name, one in quantities(type(law)).items() if one.unit in scale}
         changed = {name: _times(getattr(law, name), scale[unit]) for name, unit in units.items()}
         return actuator.replace(friction=law._replace(**changed))
+
+    def slips(self, actuator: Actuator, run: int = 0) -> Slips | None:
+        """Return what is irregular in that run; None where nothing is."""
+        if self.irregularity.none or actuator.clamped:
+            return None
+        return Slips(self.irregularity, actuator, (self.series, self.number + run))
 
     def told(self, actuator: Actuator, runs: int = 1, after: int = 0) -> dict[str, str]:
         """What a recording says of the contact of its runs, averaged or one, in its attribute `contact`,
@@ -87,13 +96,20 @@ class Repeats(NamedTuple):
 
     def document(self) -> dict[str, Any]:
         """As JSON."""
-        return {**self._asdict(), "variation": self.variation._asdict()}
+        return {
+            **self._asdict(),
+            "variation": self.variation._asdict(),
+            "irregularity": self.irregularity._asdict(),
+        }
 
     @classmethod
     def of_document(cls, found: dict[str, Any]) -> Repeats:
         """What `document` gave; the default of what is missing."""
         return cls(
-            Variation(**found.get("variation", {})), int(found.get("series", 0)), int(found.get("number", 0))
+            Variation(**found.get("variation", {})),
+            int(found.get("series", 0)),
+            int(found.get("number", 0)),
+            Irregularity(**found["irregularity"]) if "irregularity" in found else REGULAR,
         )
 
 

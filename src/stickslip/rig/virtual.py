@@ -11,6 +11,7 @@ import numpy as np
 
 from ..physics.actuator import Actuator
 from ..physics.electronics import adc_output, amplifier_output, dac_output, filtered
+from ..physics.temperature import at_temperature
 from ..quantities import registry
 from ..quantities.records import of_kind
 from ..quantities.units import QuantityError
@@ -43,7 +44,7 @@ class VirtualRig:
         bench: the instruments.
         seed: of all noise: the same seed, the same recording, bit for bit. Each run after the first has noise
             of its own.
-        repeats: how the contact differs from run to run; by default it does not.
+        repeats: how the contact differs from run to run and from step to step; by default it does not.
         real_time: hand out samples no sooner than a real rig would.
         tolerance: m, of the simulation.
 
@@ -77,7 +78,7 @@ class VirtualRig:
         of_kind(bench, Bench, "bench")
         _check_sensors(actuator, bench)
         # The limits of the drive are the gate's; a converter's step beside 0 V is no error.
-        self.actuator = actuator.replace(
+        self.actuator = at_temperature(actuator, repeats.irregularity.temperature).replace(
             min_voltage=-math.inf, max_voltage=math.inf, piezo=simplified(actuator.piezo)
         )
         self._remanence: Remanence | None = None  # of the piezo; None: it is annealed
@@ -159,6 +160,7 @@ class VirtualRig:
         stream = Stream(
             *(actuator, self.bench, inputs, seed, self._offset, self._per_unit, self._tolerance),
             self._remanence,
+            self._repeats.slips(self.actuator, self._runs),
         )
         self._runs += 1
         self._given, self._stream, self._running = [], stream, True
@@ -295,6 +297,10 @@ class VirtualRig:
         )
         if moved.outcome != COMPLETE:
             raise RigError(f"the simulation of the actuator {moved.outcome}")
+        slips = self._repeats.slips(self.actuator, self._runs)
+        if slips is not None:
+            slid = moved.samples[:, SLIDER] - moved.samples[:, STAGE]
+            moved.samples[:, SLIDER] += slips.follow(slid, np.full(slid.size, 1.0 / rate))
         at = moved.samples[::OVERSAMPLING]
         self._slid = at[:, SLIDER] - at[:, STAGE]
         rows = []

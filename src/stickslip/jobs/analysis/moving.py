@@ -184,7 +184,7 @@ def run_move(
         bench,
         seed=file.rig.seed,
         real_time=file.rig.real_time,
-        repeats=Repeats(file.rig.variation, file.rig.seed, file.rig.first_run),
+        repeats=Repeats(file.rig.variation, file.rig.seed, file.rig.first_run, file.rig.irregularity),
     )
     can, rate = rig.capabilities, rig.capabilities.update_rate
     progress("tuning the loop", 0.0)

@@ -159,7 +159,7 @@ def _repeats(file: ExperimentFile) -> Repeats:
     """Of a file's first run."""
     if not isinstance(file.rig, VirtualRigSpec):
         return Repeats()
-    return Repeats(file.rig.variation, file.rig.seed, file.rig.first_run)
+    return Repeats(file.rig.variation, file.rig.seed, file.rig.first_run, file.rig.irregularity)
 
 
 def _in_name(value: float | str) -> str:

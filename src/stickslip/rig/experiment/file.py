@@ -20,6 +20,7 @@ from ...quantities.input_file import Part, Seconds, Strict, fields_of
 from ...quantities.registry import own_path
 from ...waveform.signal import shape
 from .. import Capture, Limits, Trigger, Variation
+from ..irregularity import REGULAR, Irregularity
 
 Quantity = float | str
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}$")]
@@ -44,7 +45,9 @@ Shape = Annotated[str, AfterValidator(_known), Field(json_schema_extra=_shapes)]
 
 class VirtualRigSpec(Strict):
     """The virtual rig: a bench by name or file, the seed of its noise and of what varies from run to run; in
-    real time, or as fast as it can; `variation` is from run to run.
+    real time, or as fast as it can; `variation` is from run to run, `irregularity` from step to step
+    (``irregularity: {}``: as measured on published stages; every step is as the equations say where it is
+    left out).
 
     `first_run` is how many runs it made before those of this file: noise and variation go on from there.
     """
@@ -54,6 +57,7 @@ class VirtualRigSpec(Strict):
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     real_time: bool = False
     variation: Part[Variation] = Field(default_factory=Variation)
+    irregularity: Part[Irregularity] = Field(default=REGULAR)
     first_run: Annotated[int, Field(ge=0, lt=10**6)] = 0
 
 

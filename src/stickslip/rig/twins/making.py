@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ...physics.actuator import Actuator
 from ...quantities.units import QuantityError, to_si
+from ..irregularity import REGULAR, Irregularity
 from ..variation import Variation
 from .anc300 import Anc300
 from .axis import Clock
@@ -23,6 +26,7 @@ def make_twin(
     axes: int = 1,
     travel: float | str = 4e-3,
     variation: Variation = MEASURED,
+    irregularity: Irregularity = REGULAR,
     seed: int = 0,
     clock: Clock | None = None,
 ) -> Nv200 | Mcs2 | Anc300 | Kim101:
@@ -34,7 +38,8 @@ def make_twin(
         axes: up to 4; the NV200 has one.
         travel: m, from end stop to end stop.
         variation: of the contact, from piece to piece of the motion.
-        seed: of variation, noise, and where the end-effectors are at power-on.
+        irregularity: of steps and end stops, and the temperature; by default there is none.
+        seed: of variation, irregularity, noise, and where the end-effectors are at power-on.
         clock: what time it is; by default the time of day.
 
     Raises:
@@ -45,7 +50,8 @@ def make_twin(
         raise QuantityError(f"{name!r} is no twin; there are {', '.join(TWINS)}")
     if not 1 <= axes <= MOST_AXES:
         raise QuantityError(f"axes = {axes} must be 1 to {MOST_AXES}")
-    stages = [Stage(actuator, travel=travel, variation=variation, seed=seed + 1000 * i) for i in range(axes)]
+    of: dict[str, Any] = {"travel": travel, "variation": variation, "irregularity": irregularity}
+    stages = [Stage(actuator, **of, seed=seed + 1000 * i) for i in range(axes)]
     if name == "nv200":
         return Nv200(stages[0], seed=seed, clock=clock)
     if name == "mcs2":

@@ -1,9 +1,9 @@
 r"""A stick-slip stage that is moved piece by piece: the physics behind the protocol of a twin.
 
 Its state (stage, end-effector, bristle, hysteresis and creep of the piezo) goes on from piece to piece, so
-steps differ as the contact varies, a load makes them differ by direction, and a held voltage creeps. While
-the voltage is held for long, the stage follows the creep so slowly that the end-effector sticks to it:
-:math:`\Delta x = \Delta y = C\,\Delta u_{piezo}`.
+steps differ as the contact varies and as `irregularity` says, a load makes them differ by direction, and a
+held voltage creeps. While the voltage is held for long, the stage follows the creep so slowly that the
+end-effector sticks to it: :math:`\Delta x = \Delta y = C\,\Delta u_{piezo}`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...physics.actuator import Actuator
+from ...physics.temperature import at_temperature
 from ...quantities.units import QuantityError, to_si
 from ...simulation.drives import table_precision
 from ...simulation.models import SLIDER, STAGE
@@ -21,6 +22,7 @@ from ...simulation.state import State
 from ...simulation.trajectory import COMPLETE, follow_model
 from ...waveform.sampled import Sampled
 from ...waveform.signal import value_at
+from ..irregularity import REGULAR, Irregularity, beyond_end
 from ..protocols import Array, RigError
 from ..remanence import annealed, from_state, remembers, simplified
 from ..variation import Repeats, Variation
@@ -60,9 +62,10 @@ class Stage:
         actuator: what moves; its voltage range is the controller's to keep.
         travel: m, from end stop to end stop; positions count from the middle.
         variation: of the contact from piece to piece.
-        seed: of the variation, and of where the end-effector is at power-on.
+        irregularity: of steps and end stops, and the temperature; by default there is none.
+        seed: of variation and irregularity, and of where the end-effector is at power-on.
 
-    An end stop holds the end-effector where it is met; the stage slips on below it.
+    An end stop holds the end-effector where it is met, but for what it gives; the stage slips on below it.
     """
 
     def __init__(
@@ -71,6 +74,7 @@ class Stage:
         *,
         travel: float | str = 4e-3,
         variation: Variation = MEASURED,
+        irregularity: Irregularity = REGULAR,
         seed: int = 0,
     ) -> None:
         travel = to_si(travel, "m", "travel")
@@ -83,13 +87,15 @@ class Stage:
             raise QuantityError(
                 "a twin's piezo has PrandtlIshlinskii and Creep, or none: others keep no state"
             )
+        actuator = at_temperature(actuator, irregularity.temperature)
         self.actuator = actuator.replace(min_voltage=-math.inf, max_voltage=math.inf, piezo=None)
         self._piezo = piezo
         self._remanence = None if piezo is None else annealed(piezo, 0.0)
-        self._repeats, self._pieces = Repeats(variation, seed), 0
+        self._repeats, self._pieces = Repeats(variation, seed, 0, irregularity), 0
+        self._slips, self._give = self._repeats.slips(actuator), irregularity.end_give
         self.end = 0.5 * travel
         start = float(np.random.default_rng(seed).uniform(-0.5, 0.5)) * self.end
-        self._state = State(end_effector_position=start)
+        self._state, self._away = State(end_effector_position=start), start
         self.voltage, self.elongation, self.position = 0.0, 0.0, start
         self.stop_met = 0  # -1, 1: the end stop that holds it
 
@@ -117,16 +123,21 @@ class Stage:
             raise RigError(f"the simulation of the twin's actuator {moved.outcome}")
         y, w, x, s = moved.samples[-1, :4].tolist()
         before, path = (self.elongation, self.position), moved.samples[:, SLIDER]
-        self.stop_met = int(np.sign(x)) if abs(x) >= self.end else 0
-        if self.stop_met:
-            x, s = math.copysign(self.end, x), 0.0
+        if self._slips is not None:
+            offset, seconds = self._slips.offset, np.diff(samples, prepend=0.0)
+            slid = path - moved.samples[:, STAGE] - self._away
+            path = path + (self._slips.follow(slid, seconds) - offset)
+        path = beyond_end(self.position, path, self.end, self._give)
+        self._away += float(path[-1]) - x  # from where the equations alone have the end-effector
+        self.stop_met = int(np.sign(path[-1])) if abs(path[-1]) >= self.end else 0
+        x, s = float(path[-1]), 0.0 if self.stop_met else s
         self._state = State(0.0, y, w, x, s, tuple(moved.samples[-1, 5:].tolist()))
         self.voltage, self.elongation, self.position = float(piece.volts[-1]), y, x
         return Path(
             np.append(0.0, samples),
             value_at(given, np.append(0.0, samples)),
             np.append(before[0], moved.samples[:, STAGE]),
-            np.clip(np.append(before[1], path), -self.end, self.end),
+            np.append(before[1], path),
         )
 
     def rest(self, seconds: float) -> None:
@@ -135,11 +146,23 @@ class Stage:
         if settling > 0.0:
             self.play(Piece(np.array([settling]), np.array([self.voltage]), np.array([settling])))
         left = seconds - settling
+        if left > 0.0 and self._slips is not None:
+            before = self._slips.offset
+            slid = self.position - self.elongation - self._away
+            self._shift(self._slips.step(slid, left) - before)
         if left > 0.0 and self._piezo is not None and self._remanence is not None:
             held = Sampled(np.array([0.0, left]), np.full(2, self.voltage)).drive(left)
             crept, self._remanence = from_state(self._piezo, self._remanence, held, left, math.inf)
             levels = value_at(crept, np.array([0.0, left]))
             moved = self.actuator.gain * float(levels[1] - levels[0])
-            y, x = self.elongation + moved, float(np.clip(self.position + moved, -self.end, self.end))
-            self._state = self._state._replace(stage_position=y, end_effector_position=x)
-            self.elongation, self.position = y, x
+            self.elongation += moved
+            self._state = self._state._replace(stage_position=self.elongation)
+            self._shift(moved)
+            self._away -= moved  # it went with the stage
+
+    def _shift(self, way: float) -> None:
+        """The end-effector goes on by a way [m] at rest, up to the end stops."""
+        x = float(beyond_end(self.position, np.array([self.position + way]), self.end, self._give)[0])
+        self._away += x - self.position
+        self._state = self._state._replace(end_effector_position=x)
+        self.position = x

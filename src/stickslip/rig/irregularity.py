@@ -1,0 +1,149 @@
+r"""Irregular steps of real stages: scatter, direction, noise of the threshold, relaxation, soft end stops,
+cold.
+
+The equations of an actuator do not contain its position, so what a slip goes too far or too short only shifts
+what comes after it. The slip s is the plastic part of the sliding displacement q, a play of half width w, the
+deflection at which the contact yields:
+
+.. math:: s_k = \min(\max(s_{k-1}, q_k - w), q_k + w).
+
+Slip number n goes :math:`f\,(1 + \sigma e_n)` times as far, with :math:`f = \sqrt{1 + d}` forward and
+:math:`1/\sqrt{1 + d}` backward, after it has lost :math:`\xi_n = C\,\sigma_V e'_n` of its way (a threshold
+that is :math:`\sigma_V e'_n` higher; a lower one adds to the way). A slip never goes backward. The seat of
+the slider gives by r on the way, and comes back with a time constant after a stop,
+
+.. math:: \dot r = (R\,\mathrm{sign}\,\dot s - r)\,\frac{|\dot s|}{10 R} - \frac{r}{\tau}.
+
+An end stop gives by G at most: pushed on by u, the end-effector goes :math:`G\,(1 - e^{-u/G})` beyond it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..friction import elements
+from ..physics.actuator import Actuator
+from ..physics.temperature import KELVIN, ROOM
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError
+from ..simulation.strain import strained
+
+Array = NDArray[np.float64]
+
+_APART = 0.5e-3  # s without slip after which a new slip begins
+_BUILDING = 10.0  # relaxations of way until the seat has given; assumed
+_STREAM = 3  # of random numbers, beside those of `variation`
+
+
+@record
+class Irregularity(NamedTuple):
+    """What makes real steps differ. Values that are left out are those of published stages:
+
+    scatter 5 % (attocube's catalogue); forward over backward 1.28, the geometric mean of 1.02 and 1.08 (a
+    rolling drive) and 1.5 and 1.65 (two axes of a KIM101); relaxation 0.29 um and end stops that give by 41
+    um (SmarAct MCS2). Threshold noise and the time of the relaxation are assumed: users only report that
+    steps near the threshold vary much.
+    """
+
+    scatter: Annotated[float, Quantity("", "σ", "scatter of single slips", minimum=0, maximum=0.5)] = 0.05
+    direction: Annotated[
+        float, Quantity("", "d", "steps forward over backward, less 1", minimum=-0.9, maximum=9)
+    ] = 0.28
+    threshold_noise: Annotated[float, Quantity("V", "σ_V", "scatter of the threshold voltage", minimum=0)] = (
+        0.5
+    )
+    relaxation: Annotated[float, Quantity("m", "R", "relaxation after a stop", minimum=0)] = 0.29e-6
+    relaxation_time: Annotated[float, Quantity("s", "τ", "time constant of the relaxation", above=0)] = 0.1
+    end_give: Annotated[float, Quantity("m", "G", "way that end stops give", minimum=0)] = 41e-6
+    temperature: Annotated[float, KELVIN] = ROOM
+
+    @property
+    def none(self) -> bool:
+        """Whether every slip goes as the equations say."""
+        return not (self.scatter or self.direction or self.threshold_noise or self.relaxation)
+
+
+REGULAR = Irregularity(0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+class Slips:
+    """What slips go too far or too short: `offset` [m] is the sum, and what the seat has given by now.
+
+    Args:
+        of: how irregular.
+        actuator: whose contact slips.
+        seed: of the scatter.
+
+    Raises:
+        QuantityError: a relaxation of an actuator that turns.
+    """
+
+    def __init__(self, of: Irregularity, actuator: Actuator, seed: tuple[int, ...] = (0,)) -> None:
+        if actuator.rotary and of.relaxation:
+            raise QuantityError("Irregularity.relaxation is a length: set it to 0 for an actuator that turns")
+        self._of, law = of, actuator.friction
+        self._width = float(np.abs(strained(law, math.inf)).max()) if elements(law) else 0.0
+        ratio = math.sqrt(1.0 + of.direction)
+        self._ratios = {1: ratio, -1: 1.0 / ratio}
+        self._gap_noise = abs(actuator.gain) * of.threshold_noise
+        self._random = np.random.default_rng([*seed, _STREAM])
+        self._slipped, self._still, self._way = 0.0, math.inf, 0
+        self._factor, self._gap = 1.0, 0.0
+        self._shift, self._seat = 0.0, 0.0
+
+    @property
+    def offset(self) -> float:
+        """m."""
+        return self._shift + self._seat
+
+    def step(self, slid: float, seconds: float) -> float:
+        """Return the offset [m] at a sliding displacement [m], `seconds` after the one before."""
+        at = min(max(self._slipped, slid - self._width), slid + self._width)
+        went = at - self._slipped
+        if went != 0.0:
+            way = 1 if went > 0.0 else -1
+            if way != self._way or self._still > _APART:
+                self._begin(way)
+            self._slipped, self._still = at, 0.0
+            self._slip(way, abs(went))
+        else:
+            self._still += seconds
+        if self._seat != 0.0:
+            self._seat *= math.exp(-seconds / self._of.relaxation_time)
+        return self.offset
+
+    def follow(self, slid: Array, seconds: Array) -> Array:
+        """Return the offsets [m] at sliding displacements [n], each so many seconds after the one before."""
+        return np.array([self.step(q, dt) for q, dt in zip(slid.tolist(), seconds.tolist(), strict=True)])
+
+    def _begin(self, way: int) -> None:
+        """Draw how far the slip goes that begins."""
+        scatter, gap = self._random.standard_normal(2)
+        self._way, self._gap = way, self._gap_noise * gap
+        self._factor = self._ratios[way] * max(1.0 + self._of.scatter * scatter, 0.0)
+
+    def _slip(self, way: int, went: float) -> None:
+        """Shift by what a part of a slip [m] differs, and have the seat give."""
+        lost = math.copysign(min(went, abs(self._gap)), self._gap)
+        self._gap -= lost
+        self._shift += way * (self._factor * (went - lost) - went)
+        most = self._of.relaxation
+        if most:
+            self._seat += (way * most - self._seat) * -math.expm1(-went / (_BUILDING * most))
+
+
+def beyond_end(before: float, raw: Array, end: float, give: float) -> Array:
+    """Return where end stops at -end and end [m], that give, let a path [n] get, m, which begins at
+    `before`."""
+    found = raw.copy()
+    for side in (-1.0, 1.0):
+        edge = max(side * before, end)
+        pushed = np.maximum(side * raw - edge, 0.0)
+        left = give - (edge - end)  # what the stop still gives
+        further = left * -np.expm1(-pushed / give) if give > 0.0 else 0.0 * pushed
+        found = np.where(pushed > 0.0, side * (edge + further), found)
+    return found
