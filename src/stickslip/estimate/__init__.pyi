@@ -2,6 +2,7 @@ from .fit import fit_least_squares as fit_least_squares
 from .goodness import Goodness as Goodness
 from .influence import PriorInfluence as PriorInfluence
 from .influence import prior_influence as prior_influence
+from .judgement import Judgement as Judgement
 from .lack import Lack as Lack
 from .parameter import Parameter as Parameter
 from .posterior import Posterior as Posterior

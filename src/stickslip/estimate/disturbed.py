@@ -62,7 +62,7 @@ def lack_beside_faults(fit: Fit) -> tuple[Lack, ...]:
     sizes = [r.size for r in fit.residuals]
     parts = np.split(left, np.cumsum(sizes)[:-1])
     names = [one.name for one in fit.recordings]
-    found = lacks_of(parts, fit.known, names, len(fit.parameters) / left.size)
+    found = lacks_of(parts, fit.known, names, len(fit.parameters) / left.size, fit.judgement)
     # Less than all is left: what was explained before is explained still.
     return tuple(now if was.seen else was for was, now in zip(fit.lack, found, strict=True))
 

@@ -14,12 +14,8 @@ if TYPE_CHECKING:
     from .parameter import Parameter
     from .result import Fit
 
-# An interval over more than a decade, or over more than half of the allowed range, says almost nothing.
-WIDE_RATIO = 10.0
-WIDE_SHARE = 0.5
 # What is linearised over so much is not to be trusted.
 LOOSE_RATIO, LOOSE_SHARE = 3.0, 0.2
-INDISTINGUISHABLE = 0.99
 
 
 def loosest(fit: Fit, apart: Collection[str]) -> str | None:
@@ -29,7 +25,7 @@ def loosest(fit: Fit, apart: Collection[str]) -> str | None:
     among = [p.name for p in fit.parameters if p.name not in apart]
     known = {p.name for p in fit.parameters if p.prior is not None}
     loose = [name for name in _wider(fit, LOOSE_RATIO, LOOSE_SHARE) if name in among]
-    lost = [name for name in _wider(fit, WIDE_RATIO, WIDE_SHARE) if name in among]
+    lost = [name for name in _wider(fit, fit.judgement.wide_ratio, fit.judgement.wide_share) if name in among]
     one = lost or loose
     return one[0] if len(one) == 1 and len(among) > 1 and one[0] not in known else None
 
@@ -62,7 +58,7 @@ def undetermined(fit: Fit) -> tuple[str, ...]:
 
     From the 95 % intervals and correlations, so linearised; empty if all is well.
     """
-    sentences, named = [], _wider(fit, WIDE_RATIO, WIDE_SHARE)
+    sentences, named = [], _wider(fit, fit.judgement.wide_ratio, fit.judgement.wide_share)
     intervals = fit.confidence_intervals()
     for p, side in zip(fit.parameters, fit.uncertainty.bounded, strict=True):
         low, high = intervals[p.name]
@@ -72,7 +68,7 @@ def undetermined(fit: Fit) -> tuple[str, ...]:
         elif side:
             bound = with_prefix(p.lower if side < 0 else p.upper, p.unit, 3)
             sentences.append(f"{p.name} ended at its bound {bound}, and {as_well}")
-    strong = np.abs(fit.correlation.to_numpy()) > INDISTINGUISHABLE
+    strong = np.abs(fit.correlation.to_numpy()) > fit.judgement.indistinguishable
     names = np.array([p.name for p in fit.parameters])
     determined = ~np.isin(names, named)
     n_groups, group = connected_components(strong & determined & determined[:, None], directed=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from .covariance import Uncertainty
-from .identifiability import WIDE_RATIO
+from .judgement import DEFAULT
 from .parameter import Parameter
 
 
@@ -33,7 +33,7 @@ def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: floa
     low, high = max(p.value(q - below), p.least), min(p.value(q + above), p.most)
     if p.limits is not None:
         # Linearised over so much, or held back there, an end says only that the data give none.
-        wide = high >= WIDE_RATIO * low if p.log else high - low >= p.upper - p.lower
+        wide = high >= DEFAULT.wide_ratio * low if p.log else high - low >= p.upper - p.lower
         low = p.least if bounded[i] < 0 or (wide and low < p.lower) else low
         high = p.most if bounded[i] > 0 or (wide and high > p.upper) else high
     return min(low, value), max(high, value)

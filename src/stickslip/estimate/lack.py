@@ -28,11 +28,8 @@ from scipy.ndimage import uniform_filter1d
 from scipy.special import chdtrc, fdtrc, ndtri
 
 from .drift import drift
+from .judgement import DEFAULT, Judgement
 
-# Of a right model, for one fit: the chance that it is said to lack.
-FALSE_ALARM = 0.005
-# Less than so much more than the noise is no lack: delays stand in for filters, polynomials for curves.
-LEAST_RATIO = 1.1
 # Noise that leaves a level of the converter more often than this shows its whole variance at rest.
 MOST_HIDDEN = 0.3
 # At least so many samples at rest, an eighth of which is the longest time over which differences are taken.
@@ -82,17 +79,19 @@ class Lack(NamedTuple):
         chance: of a right model to leave as much or more, times how many comparisons there are; the smallest
             of those that tell that it lacks.
         against: what the ratio is by.
+        judgement: thresholds beyond which the model lacks something.
     """
 
     name: str
     ratio: float
     chance: float
     against: str
+    judgement: Judgement = DEFAULT
 
     @property
     def seen(self) -> bool:
         """Whether the model does not explain the recording."""
-        return self.chance < FALSE_ALARM and self.ratio >= LEAST_RATIO
+        return self.chance < self.judgement.false_alarm and self.ratio >= self.judgement.lack_ratio
 
     @property
     def statement(self) -> str:
@@ -115,7 +114,9 @@ class _Compared(NamedTuple):
     against: str
 
 
-def lack_of_fit(residuals: Array, known: KnownNoise, name: str, n_fitted: float = 0.0) -> Lack:
+def lack_of_fit(
+    residuals: Array, known: KnownNoise, name: str, n_fitted: float = 0.0, judgement: Judgement = DEFAULT
+) -> Lack:
     """What the residuals [n] of one recording say of the model.
 
     Args:
@@ -123,6 +124,7 @@ def lack_of_fit(residuals: Array, known: KnownNoise, name: str, n_fitted: float 
         known: of the noise.
         name: of the recording.
         n_fitted: how many parameters were fitted to it.
+        judgement: thresholds beyond which the model lacks something.
     """
     r = np.asarray(residuals, dtype=float)
     if known.straightened and known.at_rest >= FEWEST_AT_REST:
@@ -136,24 +138,30 @@ def lack_of_fit(residuals: Array, known: KnownNoise, name: str, n_fitted: float 
     ]
     found = [one for one in made if one is not None]
     if not found:
-        return Lack(name, math.nan, 1.0, "")
+        return Lack(name, math.nan, 1.0, "", judgement)
     found = [one._replace(chance=min(1.0, one.chance * len(found))) for one in found]
-    seen = [one for one in found if one.chance < FALSE_ALARM and one.ratio >= LEAST_RATIO]
+    seen = [one for one in found if one.chance < judgement.false_alarm and one.ratio >= judgement.lack_ratio]
     told = max(seen, key=lambda one: one.ratio) if seen else found[0]
-    return Lack(name, told.ratio, min([one.chance for one in seen] or [told.chance]), told.against)
+    chance = min([one.chance for one in seen] or [told.chance])
+    return Lack(name, told.ratio, chance, told.against, judgement)
 
 
 def lacks_of(
-    residuals: Sequence[Array], known: Sequence[KnownNoise], names: Sequence[str], share: float
+    residuals: Sequence[Array],
+    known: Sequence[KnownNoise],
+    names: Sequence[str],
+    share: float,
+    judgement: Judgement = DEFAULT,
 ) -> tuple[Lack, ...]:
     """Return what each recording says of the model, with the chance that any of them does; see `lack_of_fit`.
 
     Args:
         residuals, known, names: of each recording.
         share: how many parameters were fitted, over the number of data.
+        judgement: thresholds beyond which the model lacks something.
     """
     parts = zip(residuals, known, names, strict=True)
-    found = [lack_of_fit(r, one, name, share * r.size) for r, one, name in parts]
+    found = [lack_of_fit(r, one, name, share * r.size, judgement) for r, one, name in parts]
     return tuple(one._replace(chance=min(1.0, len(found) * one.chance)) for one in found)
 
 

@@ -23,6 +23,7 @@ from .goodness import Goodness, pooled_r_squared, pooled_rmse
 from .identifiability import undetermined
 from .interval import interval
 from .jitter import Scatter, jitter_of
+from .judgement import DEFAULT, Judgement
 from .lack import KnownNoise, Lack, lacks_of
 from .minima import APART, Minimum, bound, relabelled
 from .parameter import Parameter, Values
@@ -70,6 +71,7 @@ class Fit:
         noise: standard deviation that each recording's data were weighted with, one number or shape (n,), in
             their unit; empty where none was given.
         loss, loss_scale, exchangeable: see `Problem`.
+        judgement: thresholds by which the values are doubted.
     """
 
     parameters: tuple[Parameter, ...]
@@ -106,6 +108,15 @@ class Fit:
     exchangeable: tuple[tuple[str, ...], ...] = ()
     unpredicted: str = ""
     systematics: tuple[Systematic, ...] = ()
+    judgement: Judgement = DEFAULT
+
+    def judged(self, **thresholds: float) -> Fit:
+        """The same fit, judged by other thresholds: see `Judgement`.
+
+        Raises:
+            QuantityError: there is no such threshold, or it is out of range.
+        """
+        return replace(self, judgement=Judgement(**{**self.judgement._asdict(), **thresholds}))
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
@@ -287,7 +298,7 @@ class Fit:
             return ()
         share = (self.n_data - self.degrees_of_freedom) / max(self.n_data, 1)
         quiet = [one.narrowed(r) for one, r in zip(self.jitter, self.residuals, strict=True)]
-        return lacks_of(quiet, self.known, [g.name for g in self.recordings], share)
+        return lacks_of(quiet, self.known, [g.name for g in self.recordings], share, self.judgement)
 
     @property
     def at_bounds(self) -> tuple[str, ...]:

@@ -12,9 +12,6 @@ from .systematic import systematic_numbers
 if TYPE_CHECKING:
     from .result import Fit
 
-# Neighbouring residuals that correlate this much are no white noise.
-CORRELATED = 0.3
-
 
 def as_text(fit: Fit, level: float) -> str:
     """A text table of values with units and intervals, goodness of fit, and what is not determined."""
@@ -43,7 +40,9 @@ def as_text(fit: Fit, level: float) -> str:
     if fit.minima:
         lines.append(fit.other_minima)
     lines += [*(one.sentence for one in fit.lack if one.seen), *fit.doubts]
-    if not fit.correlated and any(abs(g.lag_one_correlation) > CORRELATED for g in fit.recordings):
+    if not fit.correlated and any(
+        abs(g.lag_one_correlation) > fit.judgement.correlated for g in fit.recordings
+    ):
         lines.append(
             "the residuals are correlated, which these intervals do not allow for: they are too narrow"
         )
@@ -93,7 +92,18 @@ def as_dict(fit: Fit, level: float) -> dict[str, Any]:
         "message": fit.message,
         "starts": fit.starts,
         "starts_agreeing": fit.starts_agreeing,
-        "lack_of_fit": [{**one._asdict(), "seen": one.seen, "sentence": one.sentence} for one in fit.lack],
+        "judgement": fit.judgement._asdict(),
+        "lack_of_fit": [
+            {
+                "name": one.name,
+                "ratio": one.ratio,
+                "chance": one.chance,
+                "against": one.against,
+                "seen": one.seen,
+                "sentence": one.sentence,
+            }
+            for one in fit.lack
+        ],
         "disturbances": [{**one._asdict(), "sentence": one.sentence} for one in fit.disturbances],
         "failures": list(fit.failures),
         "systematics": [

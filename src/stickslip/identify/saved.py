@@ -13,6 +13,7 @@ from ..estimate.advice import Advice
 from ..estimate.covariance import Uncertainty
 from ..estimate.disturbances import Disturbance
 from ..estimate.goodness import Goodness
+from ..estimate.judgement import Judgement
 from ..estimate.lack import KnownNoise
 from ..estimate.minima import Minimum
 from ..estimate.parameter import Parameter
@@ -40,7 +41,7 @@ from .walk.static import StaticPrediction
 FORMAT = "stickslip fit"
 _TYPES: tuple[type, ...] = (
     Actuator, Advice, AmplitudeModel, Chain, Disturbance, Filter, Uncertainty, KnownNoise, Minimum,
-    Parameter, Fit, Goodness, LoopPrediction, ModalModel, Piezo, PiezoPrediction, Predictor,
+    Parameter, Fit, Goodness, Judgement, LoopPrediction, ModalModel, Piezo, PiezoPrediction, Predictor,
     StaticPrediction, StepPrediction, Systematic,
 )  # fmt: skip
 

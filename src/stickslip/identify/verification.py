@@ -14,6 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..estimate.goodness import Goodness, goodness, pooled_r_squared, pooled_rmse
+from ..estimate.judgement import DEFAULT
 from ..estimate.lack import Lack, lack_of_fit
 from ..estimate.problem import FitError
 from ..estimate.result import Fit
@@ -347,6 +348,7 @@ def verify(
     drives = drives_of(drive, found)
     goods, predictions, steps, lacks, taken = [], [], [], [], []
     fitted = fit.recordings[0].unit if isinstance(fit, Fit) else ""
+    judgement = fit.judgement if isinstance(fit, Fit) else DEFAULT
     for recording, waveform, name in zip(found, drives, names, strict=True):
         measured = channel(recording, fit.observed, name)
         unit = str(recording[fit.observed].attrs.get("units", ""))
@@ -360,7 +362,7 @@ def verify(
         time = recording["time"].values
         seen = SeenDrive.of(recording, waveform, own=fit.observed == "end_effector_position")
         known = known_noise(seen.recording, measured, seen.whole)
-        lacks.append(lack_of_fit(predicted - measured, known, name))
+        lacks.append(lack_of_fit(predicted - measured, known, name, judgement=judgement))
         since = seen.recording["time"].values
         steps.append((net_step(since, measured, seen.repeats), net_step(since, predicted, seen.repeats)))
         taken += [f"drive of {name}: {seen.said}"] if seen.said else []

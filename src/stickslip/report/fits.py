@@ -12,6 +12,7 @@ from ..estimate.lack import Lack
 from ..estimate.result import Fit
 from ..estimate.systematic import systematic_numbers
 from .document import Column, Number, Table
+from .thresholds import threshold_numbers
 
 
 def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:
@@ -110,6 +111,7 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
         },
         "undetermined": list(fit.undetermined),
         "lack_of_fit": lack_numbers(fit.lack),
+        "judgement": threshold_numbers(fit.judgement),
         "disturbances": {
             f"disturbance_{i}": disturbance_numbers(one) for i, one in enumerate(fit.disturbances, start=1)
         },

@@ -19,6 +19,7 @@ from .figures.identification import fit_with_residuals
 from .figures.style import svg
 from .fits import estimates, fit_numbers, parameter_table
 from .origin import origin_of
+from .thresholds import judgement_section
 
 _ROLE = {"fit": "fitted", "verify": "predicted"}
 
@@ -100,6 +101,7 @@ def walk_document(
                 tables=(Table("Coefficient of determination, rms error.", columns, rows),),
                 figures=pictures,
             ),
+            judgement_section(fit.judgement),
         ),
         highlights=list(estimates(fit).items()),
         numbers={

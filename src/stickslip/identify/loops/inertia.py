@@ -27,7 +27,6 @@ from scipy.ndimage import uniform_filter1d
 from ...estimate.coloured import with_inherited
 from ...estimate.covariance import decomposed
 from ...estimate.fit import fit_least_squares
-from ...estimate.lack import FALSE_ALARM
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError, Residuals
 from ...estimate.result import Fit
@@ -158,7 +157,7 @@ def _doubts(fit: Fit) -> tuple[str, ...]:
     """What no body has, said with what makes it appear; the friction's sign as surely as a lack of fit."""
     if fit.values["mass"] < 0.0:
         return ("the mass is negative: the force or the position has the wrong sign",)
-    if fit.confidence_intervals(1.0 - 2.0 * FALSE_ALARM)["viscous"][1] < 0.0:
+    if fit.confidence_intervals(1.0 - 2.0 * fit.judgement.false_alarm)["viscous"][1] < 0.0:
         return ("viscous friction is negative: the position is late, or another force drives the body",)
     return ()
 

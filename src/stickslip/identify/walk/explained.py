@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from ...estimate.disturbed import lack_beside_faults, left_beside_faults
-from ...estimate.lack import LEAST_RATIO, Lack, left_over
+from ...estimate.lack import Lack, left_over
 from ...estimate.marginal import values_at
 from ...estimate.minima import Minimum, still_fits
 from ...estimate.parameter import Values
@@ -96,7 +96,9 @@ def explained(
     at: dict[str, Any] = {**settings, "begin": {name: ahead.get(name, begin[name]) for name in begin}}
     start = with_values(fit.model, own_values(ahead))
     known = identify_friction(walks, start, free, hops=0, **at)
-    if known.cost > LEAST_RATIO**2 * loose.cost:  # it may have ended in a local minimum of its own
+    if (
+        known.cost > loose.judgement.lack_ratio**2 * loose.cost
+    ):  # it may have ended in a local minimum of its own
         law = loose.model.friction
         others = [
             identify_friction(walks, fit.model, free, **settings),

@@ -12,11 +12,11 @@ from ...control import WINDOWS, Mover, Settling, Tuning
 from ...identify.recorded.levels import converter_step
 from ...identify.results import model_numbers
 from ...physics.actuator import Actuator
-from ...quantities.records import quantities
 from ...quantities.units import with_prefix
 from ...report import Column, Document, Number, Picture, Section, Table
 from ...report.figures.control import approach, closed_loop
 from ...report.figures.style import svg
+from ...report.thresholds import thresholds_table
 from ...report.views.control import tuning_document
 from ...rig import Plausibility
 from .move_model import Aim
@@ -150,17 +150,5 @@ def _said_steps(aim: Aim, recording: xr.Dataset, found: Settling) -> str:
 
 
 def _believed(beliefs: Plausibility, unit: str) -> Section:
-    rows = []
-    for name, quantity in quantities(Plausibility).items():
-        own = quantity if unit == "m" else quantity.turned()
-        rows.append([name, Number(getattr(beliefs, name), own.unit), own.meaning])
-    return Section(
-        "What is believed of the sensor",
-        tables=(
-            Table(
-                "Beyond any of these the run stops. A move's file can set each in `plausibility`.",
-                (Column("threshold"), Column("value"), Column("meaning")),
-                rows,
-            ),
-        ),
-    )
+    said = "Beyond any of these the run stops. A move's file can set each in `plausibility`."
+    return Section("What is believed of the sensor", tables=(thresholds_table(beliefs, said, unit),))

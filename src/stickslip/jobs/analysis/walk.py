@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -9,12 +10,14 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from ...estimate.influence import prior_influence
+from ...estimate.judgement import Judgement
 from ...identify.walk.asked import check_asked
 from ...identify.walk.conditions import identify_conditions
 from ...identify.walk.friction import identify_friction
 from ...identify.walk.position_channel import walked
 from ...physics.actuator import Actuator
 from ...quantities.arguments import arguments_of
+from ...quantities.input_file import Part
 from ...quantities.progress import Progress, within
 from ...report import Document
 from ...report.document import joined
@@ -59,13 +62,15 @@ class WalkAnalysis(
     """See the module; `tied`, `starts`, `hops`, `tolerance` (of the simulations), and `priors` (value and
     standard deviation) that weigh against `noise`, as for `identify_friction`; what they did is told beside
     a fit without them; `noise` and `tolerance` in the unit of the position. `by` names an attribute of the
-    recordings (voltage, temperature, ...) for each value of which they are fitted alone too."""
+    recordings (voltage, temperature, ...) for each value of which they are fitted alone too. `judgement` has
+    thresholds of the statements on the fit."""
 
     kind: Literal["walk"]
     free: list[str]
     bounds: Pairs
     priors: Pairs
     by: str | None = None
+    judgement: Part[Judgement] | None = None
 
     def check(self, folder: Path) -> Actuator:
         """Check what is asked for before a recording is read; returns the model."""
@@ -98,6 +103,8 @@ class WalkAnalysis(
         else:
             under = identify_conditions([d for d, _ in fitted], model, self.free, self.by, **options)
             fit = under.together
+        if self.judgement is not None:
+            fit = replace(fit, judgement=self.judgement)
         if self.priors:
             progress("fitting without the priors", 0.0)
             options |= {"priors": None, "diagnose": False}

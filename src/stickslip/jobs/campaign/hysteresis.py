@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ...estimate.lack import LEAST_RATIO
 from ...estimate.result import Fit
 from ...identify.piezo.fit import identify_piezo
 from ...identify.piezo.left_out import spread, without_parts
@@ -36,7 +35,7 @@ class Hysteresis(NamedTuple):
     @property
     def needed(self) -> bool:
         """Whether a stage without hysteresis does not explain the recordings."""
-        return self.straight_leaves >= LEAST_RATIO
+        return self.straight_leaves >= self.fit.judgement.lack_ratio
 
     @property
     def sentence(self) -> str:

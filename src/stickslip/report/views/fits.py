@@ -10,6 +10,7 @@ from ..document import Column, Document, Picture, Section, Table
 from ..figures.fits import called, draw_fit
 from ..figures.style import svg
 from ..fits import estimates, fit_numbers, parameter_table
+from ..thresholds import judgement_section
 from ..viewing import document_of
 
 MOST_DRAWN = 8  # recordings in one figure
@@ -30,6 +31,7 @@ def fit_document(fit: Fit) -> Document:
         sections=(
             Section("Parameters", tables=(parameter_table("Identified parameters.", fit),)),
             Section("Recordings", tables=(goodness_table(fit),), figures=_pictures(fit)),
+            judgement_section(fit.judgement),
         ),
         highlights=list(estimates(fit).items()),
         numbers=numbers,

@@ -1,0 +1,44 @@
+"""Thresholds by which a fit is judged: when a model lacks something, when a value is not determined."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from ..quantities.records import Quantity, record
+
+
+@record
+class Judgement(NamedTuple):
+    """Thresholds of the statements on a fit.
+
+    ``fit.judgement`` holds those that were used, ``fit.judged(false_alarm=0.001)`` judges again by others.
+    How often statements with these values are right is measured in the benchmarks "Detection of a wrong
+    model" and "Coverage of the intervals".
+    """
+
+    false_alarm: Annotated[
+        float,
+        Quantity("", "α", "chance that a right model is said to lack something", above=0, maximum=0.5),
+    ] = 0.005
+    lack_ratio: Annotated[
+        float, Quantity("", "q_l", "residual over noise below which a model lacks nothing", minimum=1)
+    ] = 1.1
+    wide_ratio: Annotated[
+        float,
+        Quantity("", "q_w", "upper over lower end of an interval that does not determine a value", above=1),
+    ] = 10.0
+    wide_share: Annotated[
+        float,
+        Quantity("", "r_w", "share of its range beyond which an interval is too wide", above=0, maximum=1),
+    ] = 0.5
+    indistinguishable: Annotated[
+        float,
+        Quantity("", "ρ_i", "correlation above which parameters are hard to tell apart", above=0, maximum=1),
+    ] = 0.99
+    correlated: Annotated[
+        float,
+        Quantity("", "ρ_r", "correlation of neighbouring residuals of no white noise", above=0, maximum=1),
+    ] = 0.3
+
+
+DEFAULT = Judgement()

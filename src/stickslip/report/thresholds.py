@@ -1,0 +1,34 @@
+"""Thresholds of a decision in a report: their values with what each means."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..quantities.records import quantities
+from .document import Column, Number, Section, Table
+
+
+def thresholds_table(policy: Any, caption: str, unit: str = "m") -> Table:
+    """A row for each threshold of a record such as `Judgement` or `Plausibility`.
+
+    Args:
+        policy: the thresholds.
+        caption: what follows beyond them.
+        unit: of positions, m or rad.
+    """
+    rows = []
+    for name, quantity in quantities(type(policy)).items():
+        own = quantity if unit == "m" else quantity.turned()
+        rows.append((name, Number(getattr(policy, name), own.unit), own.meaning))
+    return Table(caption, (Column("threshold"), Column("value"), Column("meaning")), rows)
+
+
+def threshold_numbers(policy: Any) -> dict[str, Number]:
+    """The same for results.json."""
+    return {name: Number(getattr(policy, name), q.unit) for name, q in quantities(type(policy)).items()}
+
+
+def judgement_section(judgement: Any) -> Section:
+    """By which thresholds a fit was judged."""
+    said = "Thresholds of the statements on the fit. fit.judged(...) judges it by others."
+    return Section("How the fit was judged", tables=(thresholds_table(judgement, said),))
