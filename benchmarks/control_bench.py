@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stickslip.control import Regulator, Requirement, Stepping, StepSizes, Tuning, tune
+from stickslip.control import MarginRequirement, Regulator, Stepping, StepSizes, Tuning, tune
 from stickslip.physics.actuator import Actuator, load_actuator
 from stickslip.physics.electronics import Interferometer
 from stickslip.rig import Bench, Limits, load_bench
@@ -62,5 +62,5 @@ def ours(tuning: Tuning) -> Regulator:
 def loop() -> tuple[Actuator, Tuning, StepSizes]:
     """The set, the loop that is tuned on it and its corners, and its steps."""
     base = load_actuator(SET)
-    tuning = tune(base, RATE, Requirement(), posterior=corners(base), delay=2)
+    tuning = tune(base, RATE, MarginRequirement(), posterior=corners(base), delay=2)
     return base, tuning, StepSizes.of_model(base.replace(piezo=None), RATE, WALK.frequency, TOP)

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip.jobs.analysis.alignment import Aligned, aligned
-from stickslip.jobs.campaign.evaluation import Found, evaluate
+from stickslip.jobs.campaign.evaluation import CampaignResult, evaluate
 from stickslip.jobs.campaign.file import CampaignFile, read_campaign
 from stickslip.physics.actuator import Actuator, load_actuator
 from stickslip.physics.piezo import Creep, Piezo, PrandtlIshlinskii
@@ -96,7 +96,7 @@ def record(known: Example, truth: Actuator, seed: int) -> list[Aligned]:
     return found
 
 
-def noticed(found: Found) -> bool:
+def noticed(found: CampaignResult) -> bool:
     """Whether a campaign says that its models do not explain their recordings."""
     assert found.stage is not None
     return any(one.seen for one in (*found.stage.lack, *found.friction.lack, *found.everything.lacks))

@@ -9,7 +9,7 @@ import pytest
 
 from stickslip.friction import Coulomb, LuGre, MaxwellSlip, NormalForce, force
 from stickslip.physics.actuator import Actuator, PulledSlider
-from stickslip.simulation.models import Contact, resting_state, system
+from stickslip.simulation.models import RelativeLoad, resting_state, system
 from stickslip.waveform.drive import constant
 
 M, K, C, T = 0.0998, 1.1e6, 340.0, 0.11  # kg, N/m, N s/m, N/V
@@ -102,11 +102,11 @@ def test_normal_force_of_a_plant() -> None:
 
 
 def test_normal_force_of_a_run() -> None:
-    assert Contact(1.3).system(ACTUATOR) == system(ACTUATOR, normal=1.3)
-    assert Contact(1.3, constant(1.6)).system(ACTUATOR) == system(ACTUATOR, normal=1.3, loaded=True)
+    assert RelativeLoad(1.3).system(ACTUATOR) == system(ACTUATOR, normal=1.3)
+    assert RelativeLoad(1.3, constant(1.6)).system(ACTUATOR) == system(ACTUATOR, normal=1.3, loaded=True)
     of = system(ACTUATOR, normal=1.3)
-    np.testing.assert_array_equal(Contact(1.3).rest(of, U), resting_state(of, U))
-    np.testing.assert_array_equal(Contact(1.3, constant(1.6)).rest(of, U), resting_state(of, U, 1.6))
+    np.testing.assert_array_equal(RelativeLoad(1.3).rest(of, U), resting_state(of, U))
+    np.testing.assert_array_equal(RelativeLoad(1.3, constant(1.6)).rest(of, U), resting_state(of, U, 1.6))
 
 
 def test_no_plant_of_anything_else() -> None:

@@ -16,7 +16,7 @@ import pytest
 from public_names import everything
 
 from stickslip.identify.frequency.modal import modal_response
-from stickslip.parameters.load import Entry
+from stickslip.parameters.load import SetEntry
 from stickslip.physics.actuator import load_actuator
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -62,7 +62,7 @@ def test_parameter_set(run: Callable, tmp_path: Path) -> None:
         f"friction.{name}" for name in ("sigma_0", "sigma_1", "sigma_2", "stiction_force")
     }
     described = "".join(re.findall(r"^\| (.*?) \|", text, re.MULTILINE))
-    assert set(re.findall(r"`(\w+)`", described)) == set(Entry._fields)
+    assert set(re.findall(r"`(\w+)`", described)) == set(SetEntry._fields)
 
 
 def test_verification(run: Callable) -> None:

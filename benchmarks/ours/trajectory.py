@@ -10,7 +10,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip.engine.binding import ComposedPlant, DriveTable, integrate
-from stickslip.simulation.models import Contact
+from stickslip.simulation.models import RelativeLoad
 
 from .. import problems
 from ..worker import Case, serve
@@ -22,7 +22,7 @@ MAX_STEPS = 1_000_000
 
 
 def _engine(problem: str, drive: Any, tolerance: float) -> Callable[[], np.ndarray]:
-    contact = Contact()
+    contact = RelativeLoad()
     of, table = contact.system(actuator(problem)), drive.drive(DURATION)
     times = np.arange(problems.PERIODS * problems.SAMPLES + 1) / 1e3
     start = contact.rest(of, 0.0)

@@ -13,10 +13,10 @@ import xarray as xr
 from stickslip.control import (
     LowPass,
     MarginError,
+    MarginRequirement,
     Notch,
     Pid,
     Regulator,
-    Requirement,
     check_margins,
     simulate_control,
     tune,
@@ -91,7 +91,7 @@ def test_the_poles_say_what_the_simulation_does() -> None:
 
 def test_the_quickest_loop_that_keeps_its_margins_on_all_models() -> None:
     others = [KANG.replace(natural_frequency=k * KANG.natural_frequency) for k in (0.9, 1.1)]
-    wanted = Requirement(max_sensitivity=1.6)
+    wanted = MarginRequirement(max_sensitivity=1.6)
     alone, all_of_them = tune(KANG, RATE, wanted), tune(KANG, RATE, wanted, posterior=others)
     assert all_of_them.models == 3
     assert all_of_them.margins.crossover < alone.margins.crossover
@@ -109,7 +109,7 @@ def test_gains_that_are_unstable_on_one_model_are_refused() -> None:
     with pytest.raises(MarginError, match="over 1 models: the closed loop is unstable"):
         check_margins(gains, KANG)
     with pytest.raises(MarginError, match="no integral gain keeps"):
-        tune(KANG, RATE, Requirement(phase_margin=math.pi))
+        tune(KANG, RATE, MarginRequirement(phase_margin=math.pi))
 
 
 def test_draws_of_a_posterior_are_models() -> None:

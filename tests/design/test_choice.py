@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stickslip.design.choice import Goal, chosen, criterion, score, together
+from stickslip.design.choice import PlanGoal, chosen, criterion, score, together
 from stickslip.design.information import Seen, covariance, stacked
 from stickslip.estimate.coloured import Coloured, scores
 
@@ -57,7 +57,7 @@ def test_choice_is_the_best_of_all_sets(over: Any, which: str) -> None:
     """Exchanges of one at a time need not find it: they do where it is looked for here."""
     own = np.array([True, True, True, False])
     gradients = None if which == "all" else np.tile([0.0, 1.0, 0.0, 0.0], (3, 1))
-    best, goal = 0, Goal("", own, gradients)
+    best, goal = 0, PlanGoal("", own, gradients)
     for seed in range(4):
         of = some(3, 6, 4, seed)
         taken = chosen(of, goal, over, 3)
@@ -78,7 +78,7 @@ def test_choice_is_the_best_of_all_sets(over: Any, which: str) -> None:
 def test_the_best_pair_for_one_parameter_is_found_among_many(seed: int) -> None:
     """What tells most of it alone is seldom in that pair: begun with that alone, a plan's interval was 2.6
     times as wide as need be."""
-    of, goal = some(1, 40, 4, seed), Goal("", np.array([True] * 4), np.array([[0.0, 1.0, 0.0, 0.0]]))
+    of, goal = some(1, 40, 4, seed), PlanGoal("", np.array([True] * 4), np.array([[0.0, 1.0, 0.0, 0.0]]))
     pairs = itertools.combinations_with_replacement(range(40), 2)
     least = min(float(score(together(of, pair), goal, "worst")) for pair in pairs)
     assert float(score(together(of, chosen(of, goal, "worst", 2)), goal, "worst")) == pytest.approx(least)
@@ -90,7 +90,7 @@ def test_a_set_that_tells_together_what_none_tells_alone() -> None:
     a = np.swapaxes(j, -1, -2) @ j
     of, goal = (
         Seen(a, a, np.ones((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))),
-        Goal("", np.ones(4, bool), None),
+        PlanGoal("", np.ones(4, bool), None),
     )
     found = float(score(together(of, chosen(of, goal, "worst", 4)), goal, "worst"))
     every = (score(together(of, one), goal, "worst") for one in itertools.combinations(range(6), 4))
@@ -101,7 +101,7 @@ def test_criterion_is_the_error_of_the_wanted_number() -> None:
     of = some(2, 3, 4, 5)
     spread = covariance(of)
     gradients = np.array([[1.0, -2.0, 0.0, 0.5], [0.3, 0.0, 1.0, 1.0]])
-    found = criterion(of, Goal("", np.ones(4, dtype=bool), gradients))
+    found = criterion(of, PlanGoal("", np.ones(4, dtype=bool), gradients))
     for d, c in itertools.product(range(2), range(3)):
         direct = gradients[d] @ spread[d, c] @ gradients[d]
         assert np.exp(2.0 * found[d, c]) == pytest.approx(direct)
@@ -112,7 +112,7 @@ def test_worst_of_the_draws_counts() -> None:
     a = np.array([[1e6, 1.0, 1e2], [1.0, 1e6, 1e2]])[..., None, None] * np.eye(2)
     length = np.ones((2, 3))
     of = Seen(a, a, length, length, length)
-    goal = Goal("all", np.array([True, True]), None)
+    goal = PlanGoal("all", np.array([True, True]), None)
     assert chosen(of, goal, "worst", 1) == [2]
     assert chosen(of, goal, "mean", 1) == [0]
     assert sorted(chosen(of, goal, "worst", 2)) == [0, 1]
@@ -150,9 +150,11 @@ def test_goal_needs_only_what_it_depends_on() -> None:
         ([2.0, 0.0, 1.0], np.sqrt(2.0)),
         ([1.0, 1e-3, 0.0], np.inf),
     ):
-        assert np.exp(criterion(of, Goal("", own, np.array([gradient]))))[0] == pytest.approx(error)
-    assert criterion(of, Goal("", own, None))[0] == np.inf
-    assert criterion(of, Goal("", np.array([True, False, True]), None))[0] == pytest.approx(0.5 * np.log(0.5))
+        assert np.exp(criterion(of, PlanGoal("", own, np.array([gradient]))))[0] == pytest.approx(error)
+    assert criterion(of, PlanGoal("", own, None))[0] == np.inf
+    assert criterion(of, PlanGoal("", np.array([True, False, True]), None))[0] == pytest.approx(
+        0.5 * np.log(0.5)
+    )
 
 
 def test_time_counts() -> None:
@@ -160,7 +162,7 @@ def test_time_counts() -> None:
     a = np.array([[2.0, 1.0]])[..., None, None] * np.eye(2)
     length = np.array([[3.0, 1.0]])
     of = Seen(a, a, length, length, length)
-    assert chosen(of, Goal("all", np.array([True, True]), None), "worst", 1) == [1]
+    assert chosen(of, PlanGoal("all", np.array([True, True]), None), "worst", 1) == [1]
     assert chosen(
-        of._replace(duration=length**0.5), Goal("all", np.array([True, True]), None), "worst", 1
+        of._replace(duration=length**0.5), PlanGoal("all", np.array([True, True]), None), "worst", 1
     ) == [0]

@@ -13,7 +13,7 @@ import stickslip as ss
 from stickslip import design
 from stickslip.design import Scenario
 from stickslip.design.front import selected, unbeaten
-from stickslip.design.moving import Moved
+from stickslip.design.moving import PeriodicMotions
 from stickslip.design.scenarios import conditions_of
 from stickslip.estimate import Posterior
 from stickslip.rig import VirtualRig, load_bench
@@ -279,6 +279,6 @@ def test_heat_is_that_of_the_account():
     shape = design.polygons.Polygons(
         np.array([[0.0, 0.3, 0.6, 0.8]]), np.array([[0.0, 90.0, 40.0, 70.0]]), np.array([2e-3])
     )
-    heat = design.Heat(stack).of(shape, Moved(*np.zeros((2, 1, 1))))
+    heat = design.Heat(stack).of(shape, PeriodicMotions(*np.zeros((2, 1, 1))))
     account = ss.physics.electronics.electrical(shape.one(0), stack, 400 * 2e-3)
     assert float(heat[0, 0]) == pytest.approx(float(account.mean_loss), rel=5e-3)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import stickslip as ss
 from stickslip.design import FreeDrives, Plan, planning
 from stickslip.design.candidates import there_and_back
-from stickslip.design.information import Space, covariance, seen
+from stickslip.design.information import FitSpace, covariance, seen
 from stickslip.estimate.coloured import Coloured
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.tied import Ties
@@ -46,12 +46,12 @@ def planned(candidates: Any = FEW, **how: Any) -> Plan:
     return ss.plan_experiment(how.pop("model", ACTUATOR), candidates, **(given | how))
 
 
-def space(model: ss.Actuator, names: list[str]) -> Space:
+def space(model: ss.Actuator, names: list[str]) -> FitSpace:
     """With delay and offset."""
     of = model._asdict() | model.friction._asdict()
     own = [Parameter(n, of[n], 0.0) for n in names]
     more = [Parameter("delay", 0.0, log=False), Parameter("offset", 0.0, log=False)]
-    return Space((*own, *more), Ties([*own, *more]))
+    return FitSpace((*own, *more), Ties([*own, *more]))
 
 
 def position(model: ss.Actuator, drive: Any, times: Array, delay: float = 0.0) -> Array:
@@ -253,7 +253,7 @@ def test_tied_values_move_together() -> None:
     free = Parameter("sigma_0", 1.399e6, 0.0)
     follows = Parameter("sigma_1", tied=f"{34.9 / math.sqrt(1.399e6)!r} * sqrt(sigma_0)", unit="")
     found = seen(
-        ACTUATOR, walk, "one", Space((free,), Ties([free, follows])), ss.recording.Chain(), None
+        ACTUATOR, walk, "one", FitSpace((free,), Ties([free, follows])), ss.recording.Chain(), None
     ).normal
     along = np.array([1.0, 0.5])
     assert found[0, 0] == pytest.approx(along @ both[:2, :2] @ along, rel=1e-6)

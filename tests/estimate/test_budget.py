@@ -7,7 +7,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.estimate import budget
-from stickslip.estimate.budget import Budget
+from stickslip.estimate.budget import EvaluationBudget
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Problem, Residuals
@@ -40,7 +40,7 @@ def fitted(measured: np.ndarray, noise: float, clock: Clock, starts: int = 5):
         clock.now += 1e-3
         return values["a"] * np.sin(values["w"] * TIME) - measured
 
-    found = Budget.of([measured], [noise])
+    found = EvaluationBudget.of([measured], [noise])
     parameters = [Parameter("a", 0.1, 1e-3, 10.0), Parameter("w", 9.0, 1.0, 40.0)]
     problem = Problem([Residuals(residuals, measured)], parameters)
     problem.budget = found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.estimate.covariance import LOSSES, Noise, covariance
+from stickslip.estimate.covariance import LOSSES, NoiseLevel, covariance
 
 
 @pytest.mark.parametrize("apart", [1e-3, 1e-12])
@@ -15,7 +15,7 @@ def test_nearly_alike_coordinates_under_correlated_noise(apart: float) -> None:
     rng = np.random.default_rng(0)
     common, other = rng.standard_normal((2, 400))
     residuals = np.convolve(rng.standard_normal(419), np.ones(20), mode="valid")
-    noise = Noise(398, loss=LOSSES["linear"], correlated=[400])
+    noise = NoiseLevel(398, loss=LOSSES["linear"], correlated=[400])
     alike = covariance(np.column_stack([common + apart * other, common - apart * other]), residuals, noise)
     apart_from = covariance(np.column_stack([common, other]), residuals, noise)
     # a + b moves the residuals by `common`, (a - b) apart by `other`.

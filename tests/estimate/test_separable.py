@@ -10,7 +10,7 @@ import pytest
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.separable import Design, Linear, _root, separable
+from stickslip.estimate.separable import Design, SeparableRecording, _root, separable
 
 T = np.linspace(0, 3, 80)
 RATE = Parameter("rate", 0.5, 1e-2, 1e2, "1/s")
@@ -39,7 +39,8 @@ def recordings(seed: int):
 def test_equals_the_full_problem(known: bool, correlated: bool) -> None:
     noise, ys = recordings(1)
     linear = [
-        Linear(y, noise, ((f"a{i}", "m"), (f"b{i}", "m")), f"run {i}", "m") for i, y in enumerate(ys, 1)
+        SeparableRecording(y, noise, ((f"a{i}", "m"), (f"b{i}", "m")), f"run {i}", "m")
+        for i, y in enumerate(ys, 1)
     ]
     designs = lambda p: [design(p)] * 2  # noqa: E731
     fit = fit_least_squares(
@@ -71,7 +72,7 @@ def test_equals_the_full_problem(known: bool, correlated: bool) -> None:
 def test_parameter_at_a_bound_leaves_finite_coefficients() -> None:
     noise, ys = recordings(2)
     slow = Parameter("rate", 0.3, 1e-2, 0.5, "1/s")
-    linear = [Linear(ys[0], noise, (("a", "m"), ("b", "m")), "run", "m")]
+    linear = [SeparableRecording(ys[0], noise, (("a", "m"), ("b", "m")), "run", "m")]
     fit = fit_least_squares(separable(linear, lambda p: [design(p)], [slow, FREQUENCY]))
     assert fit.values["rate"] == pytest.approx(0.5)
     assert math.isnan(fit.standard_errors["rate"])

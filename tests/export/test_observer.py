@@ -13,7 +13,7 @@ from export.building import FLOAT, QUICK, C, compiled, output
 from friction.samples import ALL, name
 from stickslip.export import ExportError, export_c, gain
 from stickslip.export.gain import observer_gain
-from stickslip.export.linear import Contact, Method, contacts
+from stickslip.export.linear import ContactSlopes, Method, contacts
 from stickslip.physics.electronics import Amplifier
 
 KANG = ss.load_actuator("kang2007")
@@ -171,8 +171,10 @@ def test_a_clamped_end_effector_is_part_of_the_stage(law: Any, stage: dict[str, 
 
 def test_a_step_without_a_stable_gain_is_named(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a contact that throws its errors up by more the longer the step is."""
-    wild = Contact(KANG.friction.sigma_0, -1e4, 1.0, 0.0)
-    monkeypatch.setattr(gain, "contacts", lambda law, h, mobility: ([Contact(1e6, 30.0, 1.0), wild], 0.5))
+    wild = ContactSlopes(KANG.friction.sigma_0, -1e4, 1.0, 0.0)
+    monkeypatch.setattr(
+        gain, "contacts", lambda law, h, mobility: ([ContactSlopes(1e6, 30.0, 1.0), wild], 0.5)
+    )
     monkeypatch.setattr(gain, "_RUNS_AWAY", math.inf)
     with pytest.raises(ExportError, match=r"no gain at step = 0\.\d+ s that is stable .*: step = \S+ s does"):
         export_c(KANG, tmp_path / "c", step=1e-3)

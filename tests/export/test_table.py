@@ -76,7 +76,8 @@ def test_a_constant_is_one_line() -> None:
 def test_too_many_lines_are_refused_before_all_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Any] = []
     monkeypatch.setattr(
-        "stickslip.export.table.Line", lambda *line: made.append(line) or type("", (), {"steps": line[0]})
+        "stickslip.export.table.TableLine",
+        lambda *line: made.append(line) or type("", (), {"steps": line[0]}),
     )
     noise = Sampled(np.arange(200_001) * H, RANDOM.normal(size=200_001))
     with pytest.raises(QuantityError, match=r"motion = .* more than 20000 lines .* 2\.\d+ s of 20 s: give"):

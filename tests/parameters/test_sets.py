@@ -8,7 +8,7 @@ import pytest
 
 from stickslip.friction import Coulomb, LuGre
 from stickslip.parameters import (
-    Entry,
+    SetEntry,
     available_sets,
     cite,
     load_friction,
@@ -102,11 +102,11 @@ def test_changli1999_differs_from_kang2007_in_friction_alone() -> None:
 
 
 def test_an_entry_in_another_unit() -> None:
-    assert Entry(2.0, "um").to("m") == 2e-6
+    assert SetEntry(2.0, "um").to("m") == 2e-6
     with pytest.raises(ValueError, match="which is no m"):
-        Entry(2.0, "V").to("m")
+        SetEntry(2.0, "V").to("m")
     with pytest.raises(ValueError, match="has no unit"):
-        Entry(2.0).to("m")
+        SetEntry(2.0).to("m")
 
 
 def test_cite_a_set_by_name() -> None:

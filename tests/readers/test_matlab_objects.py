@@ -73,12 +73,12 @@ def test_objects_are_read_by_mat_io(file: Path) -> None:
 
 def test_units_of_a_table_are_read(tmp_path: Path) -> None:
     """mat-io does not write them: they are in its attributes, as it reads them."""
-    from stickslip.recording.readers.matlab_objects import Table, _table
+    from stickslip.recording.readers.matlab_objects import MatlabTable, _table
 
     frame = _frame(_spans(), x=MICRONS)
     frame.attrs["varUnits"] = ["um"]
     made = _table(frame)
-    assert isinstance(made, Table)
+    assert isinstance(made, MatlabTable)
     assert (made.time, made.columns["x"].unit, made.columns["Time"].unit) == ("Time", "um", "s")
 
 

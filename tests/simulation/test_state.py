@@ -12,7 +12,7 @@ import xarray as xr
 from benchmarks.random_actuators import Member, member
 
 import stickslip as ss
-from stickslip.simulation.models import Contact
+from stickslip.simulation.models import RelativeLoad
 from stickslip.simulation.state import placed
 
 KANG = ss.load_actuator("kang2007")
@@ -206,9 +206,9 @@ def test_a_law_without_a_bound_takes_what_another_left() -> None:
 
 def begun(model: Any, z: Any) -> Any:
     """The deflections with which a trajectory of the model begins in a state."""
-    of = Contact().system(model)
+    of = RelativeLoad().system(model)
     state = ss.simulation.State(bristle_deflections=tuple(z.tolist()))
-    return placed(state, of, Contact(), 0.0)[of.bodies : of.inner]
+    return placed(state, of, RelativeLoad(), 0.0)[of.bodies : of.inner]
 
 
 def test_with_a_sample_rate_it_goes_on_at_the_same_instants() -> None:

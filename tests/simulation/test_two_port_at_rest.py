@@ -10,7 +10,7 @@ import reference
 import stickslip as ss
 from stickslip.physics.piezo import MaxwellCapacitor, Piezo
 from stickslip.simulation import two_port
-from stickslip.simulation.models import Contact
+from stickslip.simulation.models import RelativeLoad
 from stickslip.simulation.plant.system import state_size
 from stickslip.waveform.drive import constant
 
@@ -31,8 +31,8 @@ def test_nothing_moves_and_the_elements_give_the_voltage(seed: int) -> None:
     load = 0.0 if clamped else float(random.uniform(-0.4, 0.4))
     one = KANG.replace(piezo=Piezo(port), external_force=load, clamped=clamped)
     volts = float(random.uniform(-60.0, 100.0))
-    of = Contact().system(one)
-    q = Contact().rest(of, volts)
+    of = RelativeLoad().system(one)
+    q = RelativeLoad().rest(of, volts)
     still = plants.motion(of.plant, (1.0, 1.0), q, (volts, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0))[0]
     assert np.abs(still).max() < 1e-9 * KANG.natural_frequency**2 * KANG.gain * 100.0
 
@@ -57,7 +57,7 @@ def test_stops_are_the_last_element_of_any_plant() -> None:
     element = two_port.element_of(one, 3)
     assert element is not None
     assert (len(element.velocity), len(element.push)) == (3, 3)
-    of = Contact().system(one)
+    of = RelativeLoad().system(one)
     alone = of.plant._replace(elements=of.plant.elements[-1:])
     both = np.zeros((2, state_size(of.plant)))
     two_port.settle(of.plant, both[0], of.inner, 40.0)

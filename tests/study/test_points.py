@@ -13,7 +13,7 @@ import study_functions
 from stickslip.quantities.units import QuantityError
 from stickslip.study import Draws, Grid, Own, Random, Range, SteadySteps, Study
 from stickslip.study.description import described, differences, identity
-from stickslip.study.layout import Layout, Variable, cut, usual
+from stickslip.study.layout import Layout, StudyVariable, cut, usual
 
 KANG = ss.load_actuator("kang2007")
 SAW = ss.Sawtooth(65.0, 5.0)
@@ -114,7 +114,7 @@ def test_points_that_cannot_be(points, message: str) -> None:
 
 
 def test_tasks_cover_all_members_once() -> None:
-    variable = Variable("value", ("a", "b", "c"), (), "float64", {})
+    variable = StudyVariable("value", ("a", "b", "c"), (), "float64", {})
     layout = Layout(("a", "b", "c"), (5, 4, 7), cut((5, 4, 7), 20), (variable,))
     assert layout.task == (1, 2, 7)
     covered = np.zeros(layout.shape, int)

@@ -36,7 +36,7 @@ BenchName = Annotated[
 ]
 
 
-class Mode(StrEnum):
+class FmuKind(StrEnum):
     """What an FMU is."""
 
     PLANT = "plant"
@@ -70,7 +70,7 @@ def export_as_fmu(
     source: ModelArgument,
     out: Folder = Path("out/fmu"),
     fmi: Annotated[int, typer.Option(help="Version of the standard, 2 or 3.")] = 2,
-    mode: Annotated[Mode, typer.Option(help="What goes in and out.")] = Mode.PLANT,
+    mode: Annotated[FmuKind, typer.Option(help="What goes in and out.")] = FmuKind.PLANT,
     step: StepSize = "20 us",
     compiler: Annotated[str, typer.Option(help='Makes the binary; "" leaves it out.')] = "gcc",
     bench: BenchName = "",

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..physics.actuator import Actuator
 
 
-class Kind(StrEnum):
+class FileKind(StrEnum):
     """Kinds of input files."""
 
     JOB = "job"
@@ -180,15 +180,15 @@ def serve_pair(actuator: Actuator, travel: str, seed: int, host: str, port: int)
 
 
 @app.command()
-def schema(kind: Annotated[Kind, typer.Argument(help="Kind of file.")] = Kind.JOB) -> None:
+def schema(kind: Annotated[FileKind, typer.Argument(help="Kind of file.")] = FileKind.JOB) -> None:
     """Print the JSON Schema of files, for editors: of jobs, or of one of the kinds that a step may be."""
-    if kind is Kind.JOB:
+    if kind is FileKind.JOB:
         from ..jobs.file import json_schema
-    elif kind is Kind.EXPERIMENT:
+    elif kind is FileKind.EXPERIMENT:
         from ..rig.experiment.file import json_schema
-    elif kind is Kind.CAMPAIGN:
+    elif kind is FileKind.CAMPAIGN:
         from ..jobs.campaign.file import json_schema
-    elif kind is Kind.DESIGN:
+    elif kind is FileKind.DESIGN:
         from ..jobs.analysis.design import json_schema
     else:
         from ..jobs.analysis.running import json_schema

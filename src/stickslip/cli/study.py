@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 from .frame import CONTINUES, Traceback, app, errors_in_one_line, progress_bar
 
 if TYPE_CHECKING:
-    from ..study import State
+    from ..study import StudyState
 
 
 class _FileOrCommand(TyperGroup):
@@ -107,7 +107,7 @@ def _show(store: Path) -> None:
         raise StudyError(state.damage)
 
 
-def _lines(state: State) -> list[str]:
+def _lines(state: StudyState) -> list[str]:
     from ..study.running import duration, pace
 
     lines = [f"{state.title}: {state.done:,} of {state.tasks:,} tasks, {state.members:,} members"]

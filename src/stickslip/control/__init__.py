@@ -32,8 +32,8 @@ from .simulated import simulate_control as simulate_control
 from .steps import Steps as Steps
 from .steps import StepSizes as StepSizes
 from .tuning import MarginError as MarginError
+from .tuning import MarginRequirement as MarginRequirement
 from .tuning import Margins as Margins
-from .tuning import Requirement as Requirement
 from .tuning import Tuning as Tuning
 from .tuning import check_margins as check_margins
 from .tuning import tune as tune

@@ -39,7 +39,7 @@ class MarginError(ValueError):
 
 
 @record
-class Requirement(NamedTuple):
+class MarginRequirement(NamedTuple):
     """What the loop must keep on every model."""
 
     max_sensitivity: Annotated[float, Quantity("", "M_S", "greatest sensitivity", above=1, maximum=100)] = 1.7
@@ -47,7 +47,7 @@ class Requirement(NamedTuple):
     phase_margin: Annotated[float, Quantity("rad", "φ_m", "phase margin", minimum=0)] = math.radians(45.0)
 
 
-DEFAULT = Requirement()
+DEFAULT = MarginRequirement()
 
 
 class Margins(NamedTuple):
@@ -164,7 +164,7 @@ def _from_curve(opened: OpenLoop, factor: float) -> Margins:
 def check_margins(
     regulator: Regulator,
     model: Actuator,
-    requirement: Requirement = DEFAULT,
+    requirement: MarginRequirement = DEFAULT,
     *,
     posterior: Posterior | Sequence[Actuator] | None = None,
     output: OutputStage | None = None,
@@ -179,7 +179,7 @@ def check_margins(
             `simulation.sticking`.
     """
     of_kind(regulator, Regulator, "regulator")
-    of_kind(requirement, Requirement, "requirement")
+    of_kind(requirement, MarginRequirement, "requirement")
     stage = OutputStage(regulator.rate) if output is None else of_kind(output, OutputStage, "output")
     check_rate(regulator, stage.update_rate)
     loops = [sampled_loop(one, stage, delay=delay) for one in models_of(model, posterior)]
@@ -191,7 +191,7 @@ def check_margins(
     return found
 
 
-def _wrong(found: Margins, wanted: Requirement) -> str:
+def _wrong(found: Margins, wanted: MarginRequirement) -> str:
     if not found.stable:
         return "the closed loop is unstable"
     said = []
@@ -208,7 +208,7 @@ def _wrong(found: Margins, wanted: Requirement) -> str:
 def tune(
     model: Actuator,
     output: OutputStage | float | str,
-    requirement: Requirement = DEFAULT,
+    requirement: MarginRequirement = DEFAULT,
     *,
     posterior: Posterior | Sequence[Actuator] | None = None,
     delay: int = 1,
@@ -231,7 +231,7 @@ def tune(
         QuantityError: the rate or the delay is out of range, the actuator's gain is not above 0 (those of a
             `Pid` are not below), or the requirement none; see `simulation.sticking`.
     """
-    of_kind(requirement, Requirement, "requirement")
+    of_kind(requirement, MarginRequirement, "requirement")
     stage, models = output_of(output), models_of(model, posterior)
     hertz = RATE.check(stage.update_rate, "output.update_rate")
     loops = [sampled_loop(one, stage, delay=delay) for one in models]
@@ -268,7 +268,7 @@ def _greatest(
     notches: tuple[Notch, ...],
     low_pass: LowPass | None,
     loops: list[Loop],
-    requirement: Requirement,
+    requirement: MarginRequirement,
 ) -> float:
     """The greatest integral gain, V/(m s), that keeps the margins; 0 if none does."""
     unit = Regulator(Pid(1.0), rate, notches=notches, low_pass=low_pass)
@@ -283,7 +283,7 @@ def _greatest(
     return low
 
 
-def _keeps(opened: OpenLoop, gain: float, requirement: Requirement) -> bool:
+def _keeps(opened: OpenLoop, gain: float, requirement: MarginRequirement) -> bool:
     """Whether a loop does with so much gain; most that do not are told by the response that is at hand."""
     if _wrong(_from_curve(opened, gain), requirement):
         return False

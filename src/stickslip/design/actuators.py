@@ -19,10 +19,10 @@ from .limits import Allowed, allowed, frequencies
 from .moving import exactly, moved
 from .polygons import Array, sawtooths
 from .sawtooth import best_sawtooth
-from .scenarios import Conditions, Scenario, Uncertainty, conditions_of, own
+from .scenarios import Scenario, ScenarioTable, Uncertainty, conditions_of, own
 from .search import SHORTFALL, Index, Judge, Task, robust
 from .searched import Searched
-from .space import Space, built, check_conditions, space_of
+from .space import DesignSpace, built, check_conditions, space_of
 from .waveforms import check_counts, check_model, check_moves, least_of
 
 # Of a candidate: rise, frequency and swing of its sawtooth come first.
@@ -120,7 +120,7 @@ def _of(output: Any, name: str, models: Mapping[str, Actuator]) -> OutputStage |
 
 
 def _allowed(
-    space: Space,
+    space: DesignSpace,
     low: float | None,
     high: float | None,
     output: OutputStage | None,
@@ -136,10 +136,10 @@ class _Search(NamedTuple):
     """Of one model; `minimum_speed` [m/s], `holding_force` [N]; `scale` of the goal."""
 
     name: str
-    space: Space
+    space: DesignSpace
     goal: Any
     allowed: Allowed
-    conditions: Conditions
+    conditions: ScenarioTable
     minimum_speed: float
     holding_force: float
     threads: int | None

@@ -14,8 +14,8 @@ from ..estimate.shown import preformatted
 from ..physics.actuator import Actuator
 from ..quantities.units import unit_for, with_prefix
 from ..waveform.periodic import Sawtooth
-from .scenarios import Conditions
-from .space import Space, built
+from .scenarios import ScenarioTable
+from .space import DesignSpace, built
 
 Array = NDArray[np.float64]
 # Nearer to an end of its range, in parts of that, a number is at the end.
@@ -28,10 +28,10 @@ class Built(NamedTuple):
     search was `interrupted` (Ctrl-C): then it is the best until then."""
 
     name: str
-    space: Space
+    space: DesignSpace
     found: Array
     waveform: Sawtooth
-    conditions: Conditions
+    conditions: ScenarioTable
     values: Array
     speeds: Array
     before: Array
@@ -156,7 +156,7 @@ def _frame(index: str, labels: Sequence[str], columns: dict[str, Array]) -> Any:
     return xr.Dataset(data, coords={index: list(labels)}).to_dataframe()
 
 
-def _ends(space: Space, found: Array) -> list[str]:
+def _ends(space: DesignSpace, found: Array) -> list[str]:
     """The end of its range that each number is at, or nothing."""
     shares = space.shares(found)
     return ["low" if s < AT_END else "high" if s > 1.0 - AT_END else "" for s in shares.tolist()]

@@ -21,7 +21,7 @@ MOST_BEGINS = 64
 UNTOLD = 1e6
 
 
-class Goal(NamedTuple):
+class PlanGoal(NamedTuple):
     """What is to be known best: `name`, in words; `own`, which coordinates are of the actuator; `gradients`
     [draws, k] of the one number that is wanted by the coordinates, None: all of them together (D-optimal)."""
 
@@ -30,7 +30,7 @@ class Goal(NamedTuple):
     gradients: Array | None
 
 
-def criterion(of: Seen, goal: Goal) -> Array:
+def criterion(of: Seen, goal: PlanGoal) -> Array:
     """Logarithm of the expected standard error of the goal [...]; the first axis is that of the draws.
 
     For all parameters together it is that of their geometric mean, correlations allowed for. Infinite where
@@ -52,7 +52,7 @@ def criterion(of: Seen, goal: Goal) -> Array:
         return np.where(lost, np.inf, 0.5 * np.log(np.maximum(variance, 0.0)))
 
 
-def score(of: Seen, goal: Goal, over: Over) -> Array:
+def score(of: Seen, goal: PlanGoal, over: Over) -> Array:
     """What a choice lowers: the `criterion` at equal time, over the draws [draws, ...]."""
     found = criterion(of, goal) + 0.5 * np.log(of.duration)
     # Of sets that do not tell the goal, that is nearest which leaves the fewest combinations untold.
@@ -62,7 +62,7 @@ def score(of: Seen, goal: Goal, over: Over) -> Array:
     return np.max(found, axis=0) if over == "worst" else np.mean(found, axis=0)
 
 
-def chosen(of: Seen, goal: Goal, over: Over, count: int) -> list[int]:
+def chosen(of: Seen, goal: PlanGoal, over: Over, count: int) -> list[int]:
     """Which candidates [draws, candidates] make the best set of so many; one may be taken several times.
 
     The first ones of those that tell the goal: the sets of one, two, ... in their order are good ones too.
@@ -76,14 +76,14 @@ def chosen(of: Seen, goal: Goal, over: Over, count: int) -> list[int]:
     return _ordered(of, goal, over, min(found, key=lambda taken: _of(of, goal, over, taken)))
 
 
-def _added(of: Seen, goal: Goal, over: Over, taken: list[int], count: int) -> list[int]:
+def _added(of: Seen, goal: PlanGoal, over: Over, taken: list[int], count: int) -> list[int]:
     """So many, each the best beside those before it."""
     while len(taken) < count:
         taken = [*taken, _best(of, goal, over, taken)]
     return taken
 
 
-def _exchanged(of: Seen, goal: Goal, over: Over, taken: list[int]) -> list[int]:
+def _exchanged(of: Seen, goal: PlanGoal, over: Over, taken: list[int]) -> list[int]:
     """One after the other exchanged for a better one, until none is."""
     for _ in range(MOST_ROUNDS):
         before = list(taken)
@@ -97,7 +97,7 @@ def _exchanged(of: Seen, goal: Goal, over: Over, taken: list[int]) -> list[int]:
     return taken
 
 
-def _ordered(of: Seen, goal: Goal, over: Over, taken: Sequence[int]) -> list[int]:
+def _ordered(of: Seen, goal: PlanGoal, over: Over, taken: Sequence[int]) -> list[int]:
     """The same, each time the one next that tells most beside those before it."""
     left, order = list(taken), []
     while left:
@@ -115,11 +115,11 @@ def together(of: Seen, taken: Sequence[int]) -> Seen:
     return found
 
 
-def _of(of: Seen, goal: Goal, over: Over, taken: Sequence[int]) -> float:
+def _of(of: Seen, goal: PlanGoal, over: Over, taken: Sequence[int]) -> float:
     return float(score(together(of, taken), goal, over))
 
 
-def _best(of: Seen, goal: Goal, over: Over, beside: Sequence[int]) -> int:
+def _best(of: Seen, goal: PlanGoal, over: Over, beside: Sequence[int]) -> int:
     """The candidate that is best beside some; of those alike, the first."""
     if not beside:
         return int(np.argmin(score(of, goal, over)))

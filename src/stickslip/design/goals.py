@@ -17,7 +17,7 @@ from ..physics.electronics import Stack
 from ..physics.electronics.cycles import half_cycles
 from ..quantities.records import Quantity, did_you_mean, record
 from ..quantities.units import QuantityError
-from .moving import Moved
+from .moving import PeriodicMotions
 from .polygons import Polygons
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ class Goal(Protocol):
     @property
     def moves(self) -> bool: ...
 
-    def of(self, shapes: Polygons, moved: Moved) -> Array: ...
+    def of(self, shapes: Polygons, moved: PeriodicMotions) -> Array: ...
 
 
 @record
@@ -55,7 +55,7 @@ class Speed(NamedTuple):
     def sign(self) -> float:
         return self.direction
 
-    def of(self, shapes: Polygons, moved: Moved) -> Array:
+    def of(self, shapes: Polygons, moved: PeriodicMotions) -> Array:
         return moved.steps / shapes.period[:, None]
 
 
@@ -71,7 +71,7 @@ class StepSize(NamedTuple):
     def direction(self) -> float:
         return -1.0 if self.size < 0.0 else 1.0
 
-    def of(self, shapes: Polygons, moved: Moved) -> Array:
+    def of(self, shapes: Polygons, moved: PeriodicMotions) -> Array:
         return np.abs(moved.steps - self.size)
 
 
@@ -83,7 +83,7 @@ class Current(NamedTuple):
 
     label, unit, sign, moves = "peak current", "A", -1.0, False
 
-    def of(self, shapes: Polygons, moved: Moved) -> Array:
+    def of(self, shapes: Polygons, moved: PeriodicMotions) -> Array:
         peak = self.capacitance * np.abs(shapes.slopes()).max(axis=1)
         return np.broadcast_to(peak[:, None], moved.steps.shape)
 
@@ -95,7 +95,7 @@ class Heat(NamedTuple):
 
     label, unit, sign, moves = "heat", "W", -1.0, False
 
-    def of(self, shapes: Polygons, moved: Moved) -> Array:
+    def of(self, shapes: Polygons, moved: PeriodicMotions) -> Array:
         lost = np.zeros(len(shapes.period))
         for i, volts in enumerate(shapes.volts):
             around = np.roll(volts, -int(np.argmax(volts)))
@@ -109,7 +109,7 @@ class Ripple(NamedTuple):
 
     label, unit, sign, moves, extras = "ripple", "m", -1.0, False, ("ripple",)
 
-    def of(self, shapes: Polygons, moved: Moved) -> Array:
+    def of(self, shapes: Polygons, moved: PeriodicMotions) -> Array:
         return moved.ripple
 
 

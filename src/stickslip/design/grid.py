@@ -27,7 +27,7 @@ AXES = {
 }
 
 
-class Grid(NamedTuple):
+class MapGrid(NamedTuple):
     """`axes`: values over each name, SI, arrays (1-D) or single numbers; `columns` of the members, over all
     points, that of the frequency varying slowest, in the order `dims`; `about`: attributes of each axis."""
 
@@ -57,7 +57,7 @@ def grid_of(
     waveform: Waveform | None,
     axes: Mapping[str, Any],
     parameters: Mapping[str, ArrayLike] | None,
-) -> Grid:
+) -> MapGrid:
     """The grid over what is given.
 
     Args:
@@ -87,7 +87,7 @@ def grid_of(
     count = mesh[0].size if mesh else 1
     at = {name: array.ravel() for name, array in zip(dims, mesh, strict=True)}
     at |= {name: np.full(count, float(a)) for name, a in found.items() if not a.ndim}
-    return Grid(waveform, found, dims, _columns(model, waveform, at, count), about)
+    return MapGrid(waveform, found, dims, _columns(model, waveform, at, count), about)
 
 
 def _axis(name: str, quantity: Quantity, values: Any) -> Array:

@@ -35,7 +35,7 @@ ROUNDING = 1e-6
 Array = NDArray[np.float64]
 
 
-class Space(NamedTuple):
+class FitSpace(NamedTuple):
     """What a fit searches for: `parameters`, those of the channel among them, and what is tied to them."""
 
     parameters: tuple[Parameter, ...]
@@ -89,7 +89,7 @@ def stacked(several: Sequence[Seen], axis: int = 0) -> Seen:
 
 
 def seen(
-    model: Actuator, walk: PlannedWalk, name: str, space: Space, chain: Chain, noise: Coloured | None
+    model: Actuator, walk: PlannedWalk, name: str, space: FitSpace, chain: Chain, noise: Coloured | None
 ) -> Seen:
     """What a recording tells, at the values of a model.
 

@@ -26,7 +26,7 @@ from ..simulation.steady_members import CONVERGED
 from ..simulation.trajectory import checked_tolerance
 from ..study.drawn import drawn_parameters
 from ..waveform.signal import Waveform
-from .grid import AXES, Grid, grid_of
+from .grid import AXES, MapGrid, grid_of
 from .solving import NOT_COMPUTED, STATUS, Solved, ends, intervals, solved
 from .stored import Stored, solved_in_store
 
@@ -199,7 +199,7 @@ def _stored(store: Any, scheduler: str | None, extras: tuple[str, ...]) -> Store
     return Stored(Path(store), scheduler)
 
 
-def _drawn(fit: Any, model: Actuator, grid: Grid, draws: int, seed: int) -> dict[str, Array]:
+def _drawn(fit: Any, model: Actuator, grid: MapGrid, draws: int, seed: int) -> dict[str, Array]:
     drawn = drawn_parameters(fit, model, whole(draws, "draws", 40, 100_000), seed)  # 95 % intervals
     for name in drawn:
         if name in grid.columns:
@@ -207,12 +207,12 @@ def _drawn(fit: Any, model: Actuator, grid: Grid, draws: int, seed: int) -> dict
     return drawn
 
 
-def _demand(grid: Grid, stack: Stack, output: OutputStage | None) -> dict[str, Array]:
+def _demand(grid: MapGrid, stack: Stack, output: OutputStage | None) -> dict[str, Array]:
     count = next(iter(grid.columns.values())).size
     return electrical_demand(grid.waveform, grid.columns, stack, count, output)
 
 
-def _dataset(grid: Grid, found: Solved, values: Mapping[str, Array], tolerance: float) -> xr.Dataset:
+def _dataset(grid: MapGrid, found: Solved, values: Mapping[str, Array], tolerance: float) -> xr.Dataset:
     dims, order = grid.dims, [name for name in grid.axes if name in grid.dims]
     coords = {
         name: ((name,) if name in dims else (), axis, grid.about[name]) for name, axis in grid.axes.items()

@@ -24,16 +24,16 @@ REPORTED = (1e-11, 1e-12, 1e-10, 1e-9, 1e-8)
 REPORTED_STATIC = (1e-9, 1e-10, 1e-8)
 
 
-class Moved(NamedTuple):
+class PeriodicMotions(NamedTuple):
     """Of drives under conditions [n, conditions], m: net step; ripple (see `design.motion`), where it is
     asked for. NaN: there is no periodic motion."""
 
     steps: Array
     ripple: Array
 
-    def of(self, i: int) -> Moved:
+    def of(self, i: int) -> PeriodicMotions:
         """One drive."""
-        return Moved(*(column[i][None] for column in self))
+        return PeriodicMotions(*(column[i][None] for column in self))
 
 
 def moved(
@@ -43,7 +43,7 @@ def moved(
     threads: int | None = None,
     own: Mapping[str, Array] | None = None,
     extras: tuple[str, ...] = (),
-) -> Moved:
+) -> PeriodicMotions:
     """By polygons, under conditions [conditions]; what differs from polygon to polygon is its `own`
     [n, conditions]."""
     n, own = len(shapes.period), own or {}
@@ -58,7 +58,7 @@ def moved(
     varied |= {name: np.tile(column, n) for name, column in columns.items()}
     varied |= {name: column.ravel() for name, column in own.items()}
     found = _solved(model, shapes.one(0), varied, SEARCHED, threads, extras)
-    return Moved(*(column.reshape(n, conditions) for column in found))
+    return PeriodicMotions(*(column.reshape(n, conditions) for column in found))
 
 
 def exactly(
@@ -67,10 +67,10 @@ def exactly(
     columns: Mapping[str, Array],
     threads: int | None = None,
     extras: tuple[str, ...] = (),
-) -> Moved:
+) -> PeriodicMotions:
     """As `moved`, of any periodic waveforms, to what is reported."""
     conditions = max([1, *(c.size for c in columns.values())])
-    rows = Moved(*np.full((2, len(drives), conditions), np.nan))
+    rows = PeriodicMotions(*np.full((2, len(drives), conditions), np.nan))
     members = columns or {"external_force": np.array([model.external_force])}
     for i, drive in enumerate(drives):
         for tolerance in REPORTED if elements(model.friction) else REPORTED_STATIC:
@@ -90,9 +90,9 @@ def _solved(
     tolerance: float,
     threads: int | None,
     extras: tuple[str, ...],
-) -> Moved:
+) -> PeriodicMotions:
     """Of each member."""
     found = solved(model, drive, members, tolerance, 1.0, threads, None, unheard, extras)
     if found.interrupted:
         raise KeyboardInterrupt
-    return Moved(found.steps, found.beside.get("ripple", np.full(found.steps.size, np.nan)))
+    return PeriodicMotions(found.steps, found.beside.get("ripple", np.full(found.steps.size, np.nan)))

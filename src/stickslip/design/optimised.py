@@ -18,7 +18,7 @@ from ..simulation import simulate
 from ..waveform.knots import PeriodicKnots
 from ..waveform.periodic import Sawtooth
 from ..waveform.sampled import Sampled
-from .scenarios import NOMINAL, Conditions
+from .scenarios import NOMINAL, ScenarioTable
 
 Array = NDArray[np.float64]
 # Periods after which the motion is taken to repeat, in the picture; points of one.
@@ -54,7 +54,7 @@ class OptimisedWaveform:
     sawtooth_value: float
     goal: Any
     model: Actuator
-    conditions: Conditions
+    conditions: ScenarioTable
     values: Array
     sawtooth_values: Array
     speeds: Array

@@ -21,7 +21,7 @@ from ..rig import Limits
 from ..waveform import Rest
 from ..waveform import Sequence as Parts
 from ..waveform.signal import Waveform
-from .choice import Goal, criterion, together
+from .choice import PlanGoal, criterion, together
 from .information import BEFORE, Array, Seen, covariance
 from .starting import Start
 
@@ -117,7 +117,7 @@ def of_choice(
     every: Seen,
     taken: Sequence[int],
     default: Seen,
-    goal: Goal,
+    goal: PlanGoal,
     limits: Limits,
     left_out: dict[str, str],
 ) -> Plan:
@@ -189,7 +189,7 @@ def _half_widths(
     }
 
 
-def _gain(every: Seen, default: Seen, goal: Goal) -> Array:
+def _gain(every: Seen, default: Seen, goal: PlanGoal) -> Array:
     """How many times smaller the error of the goal is by each candidate [n] than by the default."""
     usual = criterion(default, goal)[0] + 0.5 * math.log(float(default.duration[0]))
     with np.errstate(over="ignore", invalid="ignore"):

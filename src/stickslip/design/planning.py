@@ -22,7 +22,7 @@ from ..simulation.steady_derivatives import steady_step_derivatives
 from ..waveform import Sawtooth
 from ..waveform.signal import Waveform
 from .candidates import beyond, refused, sawtooths, walks_of
-from .choice import Goal, Over, chosen, criterion, score
+from .choice import Over, PlanGoal, chosen, criterion, score
 from .free_drives import FreeDrives, searched
 from .information import Seen, covariance, seen, stacked
 from .plan import Plan, of_choice
@@ -151,22 +151,22 @@ def _limits_of(model: Any) -> Limits:
     )
 
 
-def _goal(goal: str | Waveform, starts: Sequence[Start]) -> Goal:
+def _goal(goal: str | Waveform, starts: Sequence[Start]) -> PlanGoal:
     space, free = starts[0].space, starts[0].free
     if isinstance(goal, str):
         if goal == ALL:
-            return Goal(ALL, space.own, None)
+            return PlanGoal(ALL, space.own, None)
         if goal not in free:
             raise QuantityError(
                 f"goal = {goal!r} is not free{did_you_mean(goal, [ALL, *free])}: it may be {ALL!r}, a "
                 f"waveform, {', '.join(free)}"
             )
         one = np.array([float(name == goal) for name in space.names])
-        return Goal(goal, space.own, np.tile(one, (len(starts), 1)))
+        return PlanGoal(goal, space.own, np.tile(one, (len(starts), 1)))
     if not hasattr(goal, "drive"):
         raise QuantityError(f"goal = {goal!r:.60} must be {ALL!r}, the name of a parameter, or a waveform")
     rows = [_of_step(one, goal) for one in starts]
-    return Goal(f"steady step of {goal!r}", space.own, np.array(rows))
+    return PlanGoal(f"steady step of {goal!r}", space.own, np.array(rows))
 
 
 def _of_step(at: Start, waveform: Waveform) -> np.ndarray:
@@ -205,7 +205,11 @@ def _named(candidates: Any, begin: Start, limits: Limits, duration: float) -> di
 
 
 def _simulated(
-    named: Mapping[str, PlannedWalk], starts: Sequence[Start], goal: Goal, limits: Limits, progress: Progress
+    named: Mapping[str, PlannedWalk],
+    starts: Sequence[Start],
+    goal: PlanGoal,
+    limits: Limits,
+    progress: Progress,
 ) -> tuple[dict[str, Seen], dict[str, str]]:
     """What candidates tell at all draws [draws], and why others cannot be taken.
 
@@ -260,7 +264,7 @@ def _search(
     named: dict[str, PlannedWalk],
     found: dict[str, Seen],
     starts: Sequence[Start],
-    goal: Goal,
+    goal: PlanGoal,
     limits: Limits,
     over: Over,
     seed: int,
@@ -285,7 +289,7 @@ def _search(
     named[called] = walk
 
 
-def _foremost(found: Mapping[str, Seen], goal: Goal) -> list[str]:
+def _foremost(found: Mapping[str, Seen], goal: PlanGoal) -> list[str]:
     """Names of those that tell most: half by the goal, the others by each parameter in turn."""
     names = list(found)
     if len(names) <= MOST_FOLLOWED:
@@ -304,7 +308,7 @@ def _foremost(found: Mapping[str, Seen], goal: Goal) -> list[str]:
     return [names[i] for i in sorted(list(kept)[:MOST_FOLLOWED])]
 
 
-def _without_unseen(every: Seen, goal: Goal, begin: Start) -> Goal:
+def _without_unseen(every: Seen, goal: PlanGoal, begin: Start) -> PlanGoal:
     """The goal without parameters that no candidate tells, nor all of them together; raises QuantityError
     where nothing is left of it."""
     total = Seen(*(one.sum(axis=1) for one in every))

@@ -64,7 +64,7 @@ class Scenario:
         return f"Scenario({self.name!r}, factors={dict(self.factors)}, {dict(self.values)})"
 
 
-class Conditions(NamedTuple):
+class ScenarioTable(NamedTuple):
     """Names of all conditions; those of the columns that vary, with one value for each condition."""
 
     names: tuple[str, ...]
@@ -80,7 +80,7 @@ def conditions_of(
     uncertainty: Uncertainty | None,
     draws: int,
     seed: int,
-) -> Conditions:
+) -> ScenarioTable:
     """The model as it is, and every scenario, each with the model's values and with those of every draw.
 
     Raises:
@@ -106,7 +106,7 @@ def conditions_of(
         )
     for one in found:  # what is out of range is said before anything is searched
         with_values(model, {key: value for key, value in one.items() if key not in SCALES})
-    return Conditions(tuple(name or NOMINAL for name in names), columns)
+    return ScenarioTable(tuple(name or NOMINAL for name in names), columns)
 
 
 def _scenario(given: Scenario | Mapping[str, Any]) -> Scenario:

@@ -15,11 +15,11 @@ from ..quantities.units import QuantityError, unit_for, with_prefix
 from ..waveform.signal import Waveform
 from .goals import direction_of, extras_of, swings_of
 from .limits import Allowed
-from .moving import Moved, exactly, moved
+from .moving import PeriodicMotions, exactly, moved
 from .optimised import OptimisedWaveform
 from .polygons import Array, Polygons, knots, sawtooths, starts
 from .sawtooth import best_sawtooth
-from .scenarios import Conditions
+from .scenarios import ScenarioTable
 from .search import DOING, SHORTFALL, Best, Index, Judge, Task, robust
 
 # Of the scale of the goal: what the search keeps above the sawtooth, for coarser steps and the generator; and
@@ -37,7 +37,7 @@ class Searched(NamedTuple):
     model: Actuator
     goal: Any
     allowed: Allowed
-    conditions: Conditions
+    conditions: ScenarioTable
     minimum_speed: float
     quantile: float
     threads: int | None
@@ -95,11 +95,11 @@ class Searched(NamedTuple):
 
         return found
 
-    def moved(self, shapes: Polygons, columns: Mapping[str, Array]) -> Moved:
+    def moved(self, shapes: Polygons, columns: Mapping[str, Array]) -> PeriodicMotions:
         """As far as the goal asks."""
         return moved(self.model, shapes, columns, self.threads, extras=extras_of(self.goal))
 
-    def merits(self, shapes: Polygons, moved: Moved) -> Array:
+    def merits(self, shapes: Polygons, moved: PeriodicMotions) -> Array:
         """More is better; below the least speed they are worse than anything above it."""
         merits = self.goal.sign * self.goal.of(shapes, moved)
         if self.minimum_speed:
@@ -182,7 +182,7 @@ class Searched(NamedTuple):
         drives: list[Waveform],
         played: list[Waveform],
         at_piezo: list[Waveform],
-        found: Moved,
+        found: PeriodicMotions,
         k: int,
         saw: int,
         spent: int,

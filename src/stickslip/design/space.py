@@ -14,7 +14,7 @@ from ..quantities.records import Quantity, did_you_mean, quantities_within
 from ..quantities.units import QuantityError
 from ..simulation.members import SCALES
 from ..simulation.varied import element_of, free_names, with_values
-from .scenarios import Conditions, own
+from .scenarios import ScenarioTable, own
 
 Array = NDArray[np.float64]
 STIFFNESS = "stage_stiffness"
@@ -23,7 +23,7 @@ FREQUENCY = "natural_frequency"
 WIDE = 3.0
 
 
-class Space(NamedTuple):
+class DesignSpace(NamedTuple):
     """`names` of the numbers, and their ends `low` and `high` [n], SI.
 
     "load" is the normal force over its reference. With "stage_stiffness", or "stage_mass" alone, the natural
@@ -84,7 +84,7 @@ class Space(NamedTuple):
         return self.model.stage_stiffness if name == STIFFNESS else own(self.model, name)
 
 
-def space_of(model: Actuator, free: Mapping[str, Any]) -> Space:
+def space_of(model: Actuator, free: Mapping[str, Any]) -> DesignSpace:
     """The ranges of a model.
 
     Raises:
@@ -99,10 +99,10 @@ def space_of(model: Actuator, free: Mapping[str, Any]) -> Space:
         why = "the stage is static" if model.static else f"{FREQUENCY} [rad/s] is free"
         raise QuantityError(f"free[{STIFFNESS!r}] [N/m] does nothing: {why}")
     low, high = np.array(ends).T
-    return Space(model, tuple(free), low, high)
+    return DesignSpace(model, tuple(free), low, high)
 
 
-def built(space: Space, values: Array) -> Actuator:
+def built(space: DesignSpace, values: Array) -> Actuator:
     """The actuator with these values [names]; its friction at the reference normal force."""
     fields = {name: float(value[0]) for name, value in space.fields(values[None]).items() if name != "load"}
     return with_values(space.model, fields)
@@ -134,7 +134,7 @@ def _quantity(model: Actuator, name: str) -> Quantity:
     return known.get(element[0] if element else name) or Quantity("", "", name, above=0)
 
 
-def check_conditions(space: Space, conditions: Conditions) -> None:
+def check_conditions(space: DesignSpace, conditions: ScenarioTable) -> None:
     """Raises QuantityError for a condition that changes a number in proportion to nothing."""
     for name in {*space.fields(space.given[None])} & {*conditions.columns}:
         if own(space.model, name) == 0.0:

@@ -28,7 +28,7 @@ from ..quantities.units import QuantityError, optional_si, unit_for
 from ..recording.chain import Chain
 from ..simulation.varied import free_names, with_values
 from ..study.drawn import draws_in_si
-from .information import Space
+from .information import FitSpace
 
 SAMPLE_RATE = 2e3  # Hz, where nothing says another
 # Of the posterior of a fit, and at most of draws that are given.
@@ -45,7 +45,7 @@ class Start:
     """
 
     model: Actuator
-    space: Space
+    space: FitSpace
     chain: Chain
     sample_rate: float
     noise: float
@@ -62,7 +62,7 @@ class Start:
         moved = tuple(_moved(p, own.get(p.name, p.start)) for p in self.space.parameters)
         every = self.space.ties({**{p.name: p.start for p in moved}, **own})
         return replace(
-            self, model=with_values(self.model, own_values(every)), space=Space(moved, self.space.ties)
+            self, model=with_values(self.model, own_values(every)), space=FitSpace(moved, self.space.ties)
         )
 
 
@@ -110,7 +110,7 @@ def start(
 
 def _space(
     model: Actuator, fit: Fit | None, free: Sequence[str] | None, channel: Sequence[str], chain: Chain
-) -> Space:
+) -> FitSpace:
     known = {p.name: p for p in fit.parameters} if fit is not None else {}
     beside = fit.ties.beside if fit is not None else ()
     names = list(free) if free is not None and not isinstance(free, str) else free
@@ -133,7 +133,7 @@ def _space(
     more = [Parameter(n, zero[n][0], unit=zero[n][1], log=False) for n in dict.fromkeys(channel)]
     parameters = (*own, *more)
     others = [p for p in beside if p.tied or p.fixed]
-    return Space(parameters, Ties([*parameters, *others]))
+    return FitSpace(parameters, Ties([*parameters, *others]))
 
 
 def _parameter(model: Actuator, name: str) -> Parameter:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from ..quantities.records import Quantity, record
 from ..quantities.units import QuantityError
-from .moving import Moved
+from .moving import PeriodicMotions
 from .polygons import Polygons
 
 Array = NDArray[np.float64]
@@ -141,7 +141,7 @@ class TipLoad(NamedTuple):
         """
         return cls(mass=model.stage_mass, **_stage_of(model))
 
-    def of(self, shapes: Polygons, moved: Moved) -> Array:
+    def of(self, shapes: Polygons, moved: PeriodicMotions) -> Array:
         along = least_acceleration(shapes, abs(self.gain), self.natural_frequency, self.damping_ratio)
         tension = self.mass * np.maximum(-along, 0.0)
         return np.broadcast_to(tension[:, None], moved.steps.shape)
@@ -167,7 +167,7 @@ class Noise(NamedTuple):
         """
         return cls(**_stage_of(model))
 
-    def of(self, shapes: Polygons, moved: Moved) -> Array:
+    def of(self, shapes: Polygons, moved: PeriodicMotions) -> Array:
         count = audible(shapes)
         harmonics = acceleration(shapes, self.gain, self.natural_frequency, self.damping_ratio, count)
         heard = a_weighting(np.arange(1, count + 1) / shapes.period[:, None]) * np.abs(harmonics)

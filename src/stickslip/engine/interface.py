@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from .translator import BOOL, INT, KEYWORDS, REAL, Array, Record, Translation, TranslationError, record_type
 
 
-class Signature(NamedTuple):
+class CallSignature(NamedTuple):
     """A role as C has it: kinds and names of its values, names of what it writes, and what it returns."""
 
     values: tuple[tuple[str, str], ...]
@@ -41,12 +41,14 @@ class Interface(NamedTuple):
     numbers: Callable[[Record], dict[str, int]]
     inputs: Callable[[str], list[tuple[Any, ...]]]
 
-    def signature(self, role: str) -> Signature:
+    def signature(self, role: str) -> CallSignature:
         """Return what a role takes after the row of parameters, and what it gives."""
         words = [tuple(word.rsplit(" ", 1)) for word in self.arguments[role].split(", ") if word]
         values = tuple((kind, name) for kind, name in words if not name.startswith("*"))
         results = tuple(name[1:] for _, name in words if name.startswith("*"))
-        return Signature(values, results, "void" if results else "int" if role in self.whole else "real_t")
+        return CallSignature(
+            values, results, "void" if results else "int" if role in self.whole else "real_t"
+        )
 
     def packaged(self, classes: list[type]) -> str:
         """The C of some of the package's records, and the table of them that the library gives."""

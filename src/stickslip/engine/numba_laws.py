@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from ._abi import ffi
-from .interface import Interface, Signature, numbers
+from .interface import CallSignature, Interface, numbers
 from .law_struct import begun
 from .translator import BOOL, INT, Array, Record
 
@@ -55,7 +55,7 @@ def _raises(function: Any, seen: set[Any]) -> bool:
     return any(_raises(one, seen) for one in functions)
 
 
-def _compiled(signature: Signature, function: Any, record: Any, kind: Record) -> Any:
+def _compiled(signature: CallSignature, function: Any, record: Any, kind: Record) -> Any:
     """One role as a C function, which makes the record from the row of parameters."""
     import numba
 

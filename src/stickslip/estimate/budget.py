@@ -24,7 +24,7 @@ FEWEST = 60
 
 
 @dataclass
-class Budget:
+class EvaluationBudget:
     """What all searches of one identification share.
 
     Attributes:
@@ -41,7 +41,9 @@ class Budget:
     _lowest: float = field(default=math.inf, init=False)
 
     @classmethod
-    def of(cls, measured: Sequence[NDArray[np.float64]], white: Sequence[float], unit: float = 1.0) -> Budget:
+    def of(
+        cls, measured: Sequence[NDArray[np.float64]], white: Sequence[float], unit: float = 1.0
+    ) -> EvaluationBudget:
         """Return the budget for recordings.
 
         Args:

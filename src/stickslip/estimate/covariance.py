@@ -30,7 +30,7 @@ LOSSES: dict[str, Loss] = {
 }
 
 
-class Noise(NamedTuple):
+class NoiseLevel(NamedTuple):
     """What is assumed of the weighted residuals.
 
     Attributes:
@@ -72,7 +72,7 @@ def uncertainty(
     residuals: np.ndarray,
     coordinates: np.ndarray,
     bounds: tuple[np.ndarray, np.ndarray],
-    noise: Noise,
+    noise: NoiseLevel,
 ) -> Uncertainty:
     """What the end of a fit says about its coordinates.
 
@@ -81,7 +81,7 @@ def uncertainty(
         residuals: over their noise, shape (n,).
         coordinates: where the fit ended, shape (k,).
         bounds: lower and upper, each of shape (k,); may be infinite.
-        noise: see `Noise`.
+        noise: see `NoiseLevel`.
     """
     lower, upper = bounds
     slope = jacobian.T @ (residuals * noise.loss((residuals / noise.scale) ** 2)[1])
@@ -107,7 +107,7 @@ def uncertainty(
     return Uncertainty(spread, bounded, push, released)
 
 
-def covariance(jacobian: np.ndarray, residuals: np.ndarray, noise: Noise) -> np.ndarray:
+def covariance(jacobian: np.ndarray, residuals: np.ndarray, noise: NoiseLevel) -> np.ndarray:
     """Covariance of the coordinates if none has a bound, shape (k, k); arguments as in `uncertainty`.
 
     A direction in which the data say nothing gives the coordinates in it an infinite variance.

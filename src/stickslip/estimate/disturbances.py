@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..quantities.units import with_prefix
-from .hum import Line, lines
+from .hum import HumLine, lines
 from .jitter import scatter
 from .jumps import events
 from .lack import KnownNoise
@@ -114,7 +114,7 @@ class Disturbance(NamedTuple):
         if self.kind == "jump":
             return (times >= self.when).astype(float)[:, None]
         if self.kind == "hum":
-            return Line(self.frequency, 0.0).shape_at(times)
+            return HumLine(self.frequency, 0.0).shape_at(times)
         if self.kind == "spikes":
             return np.eye(times.size)[:, np.isin(times, self.spikes)]
         if self.kind in ("burst", "freeze"):

@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike
 
 from ..quantities.progress import Progress, unheard
 from .blas import single_threaded
-from .covariance import LOSSES, Noise, uncertainty
+from .covariance import LOSSES, NoiseLevel, uncertainty
 from .goodness import goodness
 from .minima import Minimum, still_fits
 from .parameter import Parameter, Values
 from .problem import FitError, Problem, Residuals
 from .result import Fit
-from .search import End, Options, Searches, SearchState
+from .search import End, Options, SearchResults, SearchState
 
 # How often an end of a search that is no limit is moved outwards, by a factor `REACH` each: 30^4 in all.
 WIDENED = 3
@@ -73,14 +73,14 @@ def fit_least_squares(
         raise FitError(f"starts = {starts} must be at least 1")
     problem = described if isinstance(described, Problem) else Problem(described, parameters, **about)
     options = Options(begin, starts, hops, seed, central, tolerance, settled, max_evaluations, progress, each)
-    searches = Searches(problem, options)
+    searches = SearchResults(problem, options)
     searches.run()
     _search_beyond(searches)
     fit = problem.completed(_described(searches))
     return fit if problem.budget is None else problem.budget.told(fit)
 
 
-def _search_beyond(searches: Searches) -> None:
+def _search_beyond(searches: SearchResults) -> None:
     """Search on beyond those ends of the search that are no limits, while one holds the best fit back."""
     problem = searches.problem
     for _ in range(WIDENED):
@@ -119,9 +119,9 @@ def _held_back(problem: Problem, end: End) -> dict[int, int]:
     return {i: side for i, side in found.items() if bounded[i] == side}
 
 
-def _assumed(problem: Problem) -> Noise:
+def _assumed(problem: Problem) -> NoiseLevel:
     sizes = problem.sizes if problem.correlated else ()
-    return Noise(
+    return NoiseLevel(
         problem.degrees_of_freedom, problem.noise_known, LOSSES[problem.loss], problem.loss_scale, sizes
     )
 
@@ -131,7 +131,7 @@ def _variance(problem: Problem, best: End) -> float:
     return (1.0 if problem.noise_known else best.cost / problem.degrees_of_freedom) or 1.0
 
 
-def _described(searches: Searches) -> Fit:
+def _described(searches: SearchResults) -> Fit:
     """The lowest end of the searches as a fit, with the others that the data do not reject."""
     problem, best = searches.problem, searches.best
     assumed = _assumed(problem)
@@ -189,7 +189,7 @@ def _described(searches: Searches) -> Fit:
     return fit.with_minima(others)
 
 
-def _minimum(end: End, excess: float, searches: Searches, assumed: Noise) -> Minimum:
+def _minimum(end: End, excess: float, searches: SearchResults, assumed: NoiseLevel) -> Minimum:
     problem = searches.problem
     tangent = problem.slope(end.q) * problem.scale
     r = problem.residuals(end.q) * problem.scale

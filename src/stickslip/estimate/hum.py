@@ -24,7 +24,7 @@ OF_MEDIAN = math.log(2.0)
 Array = NDArray[np.float64]
 
 
-class Line(NamedTuple):
+class HumLine(NamedTuple):
     """Cycles per sample, and amplitude in the unit of the residuals."""
 
     frequency: float
@@ -40,7 +40,7 @@ class Line(NamedTuple):
         return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def lines(residuals: Array, period: float = 0.0, at_rest: int = 0) -> list[Line]:
+def lines(residuals: Array, period: float = 0.0, at_rest: int = 0) -> list[HumLine]:
     """Return the lines that stand out of the noise beside them.
 
     Args:
@@ -61,7 +61,7 @@ def lines(residuals: Array, period: float = 0.0, at_rest: int = 0) -> list[Line]
     return found
 
 
-def _strongest(r: Array, period: float, at_rest: int) -> Line | None:
+def _strongest(r: Array, period: float, at_rest: int) -> HumLine | None:
     power = np.abs(np.fft.rfft(r * np.hanning(r.size))) ** 2
     number = np.arange(WIDE + BESIDE + 1, power.size - WIDE - BESIDE - 1)
     if number.size < 4 * BESIDE or not np.any(power > 0.0):
@@ -91,11 +91,11 @@ def _usual(power: Array) -> Array:
     return np.asarray(np.exp(0.5 * (np.roll(medians, shift) + np.roll(medians, -shift))) / OF_MEDIAN)
 
 
-def _refined(r: Array, number: int) -> Line:
+def _refined(r: Array, number: int) -> HumLine:
     """The line near this number of cycles in the residuals that describes most of them."""
 
     def left(cycles: float) -> tuple[float, Array]:
-        basis = Line(cycles / r.size, 0.0).shape(r.size)
+        basis = HumLine(cycles / r.size, 0.0).shape(r.size)
         sizes = np.linalg.lstsq(basis, r, rcond=None)[0]
         return float(np.sum((r - basis @ sizes) ** 2)), np.asarray(sizes, dtype=float)
 
@@ -103,10 +103,10 @@ def _refined(r: Array, number: int) -> Line:
     found: Any = minimize_scalar(
         lambda c: left(c)[0], bounds=limits, method="bounded", options={"xatol": 1e-3}
     )
-    return Line(float(found.x) / r.size, float(np.hypot(*left(float(found.x))[1])))
+    return HumLine(float(found.x) / r.size, float(np.hypot(*left(float(found.x))[1])))
 
 
-def _shown(rest: Array, line: Line) -> bool:
+def _shown(rest: Array, line: HumLine) -> bool:
     """Whether samples at rest hold at least half of a line."""
     if rest.size * line.frequency < 2.0:
         return False

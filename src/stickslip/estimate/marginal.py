@@ -50,7 +50,7 @@ class Held(NamedTuple):
     log_weight: float
 
 
-class Mixture(NamedTuple):
+class WeightedPoints(NamedTuple):
     """Mean and covariance of all coordinates, the fixed one last; and how many points share the weight."""
 
     mean: Array
@@ -65,7 +65,7 @@ def points(parameter: Parameter) -> Array:
     return low + (high - low) * (share if parameter.log else share**2)
 
 
-def mixture(fits: Sequence[Held]) -> Mixture:
+def mixture(fits: Sequence[Held]) -> WeightedPoints:
     """The average over fits whose fixed coordinates go one way."""
     at = np.array([fit.at for fit in fits])
     widths = np.abs(np.gradient(at)) if at.size > 1 else np.ones(1)
@@ -77,7 +77,7 @@ def mixture(fits: Sequence[Held]) -> Mixture:
     mean = weights @ q
     covariance = np.einsum("i,ij,ik->jk", weights, q - mean, q - mean)
     covariance[:-1, :-1] += np.einsum("i,ijk->jk", weights, np.array([fit.covariance for fit in fits]))
-    return Mixture(mean, covariance, float(1.0 / np.sum(weights**2)))
+    return WeightedPoints(mean, covariance, float(1.0 / np.sum(weights**2)))
 
 
 Hold = Callable[[float, Values], tuple[Fit, Fit]]

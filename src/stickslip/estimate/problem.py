@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .budget import Budget
+from .budget import EvaluationBudget
 from .covariance import LOSSES
 from .lack import KnownNoise
 from .parameter import Parameter, Values
@@ -108,7 +108,7 @@ class Problem:
         span = np.where(np.isfinite(self.upper - self.lower), self.upper - self.lower, 1.0)
         self.typical = np.where(self.start != 0, np.abs(self.start), span)
         self.evaluations = 0
-        self.budget: Budget | None = None  # what searches of the same recordings share
+        self.budget: EvaluationBudget | None = None  # what searches of the same recordings share
         self.after: Callable[[], None] = lambda: None  # called after each evaluation
         self.last: tuple[bytes, np.ndarray] = (b"", np.empty(0))
         self.best_cost, self.best = math.inf, self.start

@@ -73,7 +73,7 @@ class _Settled(Exception):
     """At the coordinates that it carries."""
 
 
-class Searches:
+class SearchResults:
     """The searches of one fit, and where each of them `ends`."""
 
     def __init__(self, problem: Problem, options: Options) -> None:

@@ -17,14 +17,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from .covariance import Noise, Uncertainty, covariance
+from .covariance import NoiseLevel, Uncertainty, covariance
 from .parameter import Parameter, Values
 from .problem import Problem, Residuals
 from .result import Fit
 from .tied import Ties
 
 
-class Linear(NamedTuple):
+class SeparableRecording(NamedTuple):
     """One recording and the names of its own linear coefficients.
 
     Attributes:
@@ -66,7 +66,7 @@ class _Solved(NamedTuple):
 
 
 def separable(
-    recordings: Sequence[Linear],
+    recordings: Sequence[SeparableRecording],
     designs: Callable[[Values], Sequence[Design]],
     parameters: Sequence[Parameter],
     **about: Any,
@@ -117,7 +117,7 @@ def separable(
     return problem
 
 
-def _solve(recording: Linear, design: Design, before: _Solved | None) -> _Solved:
+def _solve(recording: SeparableRecording, design: Design, before: _Solved | None) -> _Solved:
     """The factors of the recording before are kept if its weighted design is the same, as of channels that
     count alike."""
     noise = 1.0 if recording.noise is None else recording.noise
@@ -129,7 +129,9 @@ def _solve(recording: Linear, design: Design, before: _Solved | None) -> _Solved
     return _Solved(design, weights, q, r, np.linalg.solve(r, q.T @ (weights * recording.measured)))
 
 
-def _with_coefficients(fit: Fit, ties: Ties, recordings: Sequence[Linear], solutions: list[_Solved]) -> Fit:
+def _with_coefficients(
+    fit: Fit, ties: Ties, recordings: Sequence[SeparableRecording], solutions: list[_Solved]
+) -> Fit:
     """The fit with its coefficients and all covariances among them and the searched parameters."""
     added = [
         Parameter(name, float(x), -math.inf, math.inf, unit, log=False)
@@ -157,7 +159,7 @@ def _with_coefficients(fit: Fit, ties: Ties, recordings: Sequence[Linear], solut
 
 
 def _white(
-    fit: Fit, recordings: Sequence[Linear], solutions: list[_Solved], tangents: list[np.ndarray]
+    fit: Fit, recordings: Sequence[SeparableRecording], solutions: list[_Solved], tangents: list[np.ndarray]
 ) -> np.ndarray:
     """Covariance of everything, block by block: no matrix of all data by all coefficients is made."""
     k = len(fit.parameters)
@@ -183,7 +185,7 @@ def _root(covariance: np.ndarray) -> np.ndarray:
 
 
 def _correlated(
-    fit: Fit, recordings: Sequence[Linear], solutions: list[_Solved], tangents: list[np.ndarray]
+    fit: Fit, recordings: Sequence[SeparableRecording], solutions: list[_Solved], tangents: list[np.ndarray]
 ) -> np.ndarray:
     """Covariance of everything from the full Jacobian, the residuals correlated within each recording."""
     linear = np.asarray(block_diag(*[s.weights[:, None] * s.design.matrix for s in solutions]))
@@ -193,7 +195,7 @@ def _correlated(
     ]
     free = np.ones(full.shape[1], dtype=bool)
     free[: len(fit.parameters)] = fit.uncertainty.bounded == 0
-    noise = Noise(fit.degrees_of_freedom, fit.noise_known, correlated=[r.size for r in residuals])
+    noise = NoiseLevel(fit.degrees_of_freedom, fit.noise_known, correlated=[r.size for r in residuals])
     joint = np.full((free.size, free.size), np.nan)
     joint[np.ix_(free, free)] = covariance(full[:, free], np.concatenate(residuals), noise)
     return joint

@@ -8,7 +8,7 @@ from typing import Any
 from xml.etree import ElementTree as xml
 
 from .._version import __version__
-from .variables import MEASURED, Variable
+from .variables import MEASURED, ModelVariable
 
 # Base units of what occurs; a unit without them is only a name.
 _BASE = {
@@ -23,7 +23,7 @@ _BASE = {
 
 
 def model_description(
-    version: int, identifier: str, token: str, title: str, made: str, found: list[Variable], step: float
+    version: int, identifier: str, token: str, title: str, made: str, found: list[ModelVariable], step: float
 ) -> str:
     """The text of modelDescription.xml.
 
@@ -101,7 +101,7 @@ def build_description(identifier: str) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + xml.tostring(root, encoding="unicode") + "\n"
 
 
-def _units(root: xml.Element, found: list[Variable]) -> None:
+def _units(root: xml.Element, found: list[ModelVariable]) -> None:
     units = sorted({v.unit for v in found if v.unit} | {"s"})
     group = xml.SubElement(root, "UnitDefinitions")
     for unit in units:
@@ -115,7 +115,7 @@ def _number(value: float) -> str:
     return repr(math.copysign(sys.float_info.max, value)) if math.isinf(value) else repr(float(value))
 
 
-def _attributes(variable: Variable) -> dict[str, str]:
+def _attributes(variable: ModelVariable) -> dict[str, str]:
     made = {"name": variable.name, "valueReference": str(variable.reference), "causality": variable.causality,
             "description": variable.description}  # fmt: skip
     if variable.causality == "parameter":
@@ -127,7 +127,7 @@ def _attributes(variable: Variable) -> dict[str, str]:
     return made
 
 
-def _start(variable: Variable) -> dict[str, Any]:
+def _start(variable: ModelVariable) -> dict[str, Any]:
     if variable.causality == "output" or variable.start is None:
         return {}
     if variable.boolean:
@@ -135,13 +135,13 @@ def _start(variable: Variable) -> dict[str, Any]:
     return {"start": _number(float(variable.start))}
 
 
-def _scalar_2(names: xml.Element, variable: Variable) -> None:
+def _scalar_2(names: xml.Element, variable: ModelVariable) -> None:
     scalar = xml.SubElement(names, "ScalarVariable", _attributes(variable))
     unit = {"unit": variable.unit} if variable.unit and not variable.boolean else {}
     xml.SubElement(scalar, "Boolean" if variable.boolean else "Real", {**unit, **_start(variable)})
 
 
-def _variable_3(names: xml.Element, variable: Variable) -> None:
+def _variable_3(names: xml.Element, variable: ModelVariable) -> None:
     unit = {"unit": variable.unit} if variable.unit and not variable.boolean else {}
     kind = "Boolean" if variable.boolean else "Float64"
     xml.SubElement(names, kind, {**_attributes(variable), **unit, **_start(variable)})

@@ -20,7 +20,7 @@ Y, W, X, S, Z, MORE = range(6)
 _FASTEST = 1e4
 
 
-class Contact(NamedTuple):
+class ContactSlopes(NamedTuple):
     """Slopes of a contact, its bristles taken as one: F = force_z z + force_v v, dz/dt = a v + b z.
 
     `rests` is the true rest of a law without presliding, which holds v = 0.
@@ -65,7 +65,7 @@ class Method:
         self.speed[[i + 1 for i in self.stage]], self.speed[S] = 1.0, -1.0
         self.motion, self.push = a, push
 
-    def after(self, contact: Contact) -> Matrix:
+    def after(self, contact: ContactSlopes) -> Matrix:
         """What becomes of a small error of the state within a step, shape (size, size)."""
         a, push, start = self.motion.copy(), self.push, np.eye(self.size)
         if self.kinematic:  # the stage is where its input is, whatever it was
@@ -84,7 +84,7 @@ class Method:
         return np.asarray(expm(a * self.h) @ start, np.float64)
 
 
-def contacts(law: Any, h: float, mobility: float) -> tuple[list[Contact], float]:
+def contacts(law: Any, h: float, mobility: float) -> tuple[list[ContactSlopes], float]:
     """In which states a contact can be: sticking at some deflections, sliding at some speeds; and about the
     force that it holds, N.
 
@@ -96,10 +96,10 @@ def contacts(law: Any, h: float, mobility: float) -> tuple[list[Contact], float]
     parts = [element(law, i) for i in range(max(elements(law), 1))]
     if elements(law) == 0:
         most = max(breakaway(law), 1e-6)
-        made = [Contact(rests=True)]
+        made = [ContactSlopes(rests=True)]
         for v in (share * mobility * most * h for share in (0.03, 0.3, 3.0, 30.0)):
             slope = (rate(law, 1.001 * v, 1.0)[0] - rate(law, 0.999 * v, 1.0)[0]) / (0.002 * v)
-            made.append(Contact(0.0, slope))
+            made.append(ContactSlopes(0.0, slope))
         return made, most
     far = [_still(one, 1e-9) for one in parts]
     longest = max(far)
@@ -125,7 +125,7 @@ def _still(one: Any, v: float) -> float:
     return high
 
 
-def _slopes(parts: list[Any], at: list[float], v: float, rest: bool) -> Contact:
+def _slopes(parts: list[Any], at: list[float], v: float, rest: bool) -> ContactSlopes:
     """Of all elements as one, at rest on the way to v [m/s], or sliding at v."""
     force_z = force_v = taken = given = 0.0
     for one, z in zip(parts, at, strict=True):
@@ -137,4 +137,4 @@ def _slopes(parts: list[Any], at: list[float], v: float, rest: bool) -> Contact:
         force_v += (force - rate(one, other, z)[0]) / (v - other)
         taken += stiffness * (dz - rate(one, other, z)[1]) / (v - other)
         given += stiffness * (dz - rate(one, v, z - d)[1]) / d
-    return Contact(force_z, force_v, taken / force_z, given / force_z)
+    return ContactSlopes(force_z, force_v, taken / force_z, given / force_z)

@@ -21,7 +21,7 @@ _MOST_LINES = 20_000
 _SHORT, _AT_ONCE, _LONG = 64, 4096, 65536
 
 
-class Line(NamedTuple):
+class TableLine(NamedTuple):
     """So many steps from one value to another."""
 
     steps: int
@@ -32,7 +32,7 @@ class Line(NamedTuple):
 class Played(NamedTuple):
     """The lines of one period (of everything, without one) and how often they are played."""
 
-    lines: list[Line]
+    lines: list[TableLine]
     repeats: int
     unit: str
     between: bool = False  # a jump lies between two steps, and is played over one
@@ -98,17 +98,17 @@ class _Steps(NamedTuple):
     under: NDArray[np.float64]
 
 
-def _lines(begin: NDArray[Any], end: NDArray[Any], tolerance: float) -> list[Line]:
+def _lines(begin: NDArray[Any], end: NDArray[Any], tolerance: float) -> list[TableLine]:
     """As few lines as a greedy search finds, each as long as one can be; cut off above `_MOST_LINES`."""
     then = np.append(begin[1:], end[-1])
     steps = _Steps(begin, end, np.maximum(end, then), np.minimum(end, then))
-    made: list[Line] = []
+    made: list[TableLine] = []
     first = 0
     likely, ahead = 8, 16  # above the length of the next line, and from how many begins on, by the last ones
 
     def add(length: int) -> None:
         nonlocal first
-        made.append(Line(length, float(begin[first]), float(end[first + length - 1])))
+        made.append(TableLine(length, float(begin[first]), float(end[first + length - 1])))
         first += length
 
     while first < begin.size and len(made) <= _MOST_LINES:

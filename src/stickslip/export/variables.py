@@ -15,7 +15,7 @@ Mode = Literal["plant", "observer", "feedforward"]
 MEASURED = "measured_position"  # what an observer, and nothing else, takes
 
 
-class Variable(NamedTuple):
+class ModelVariable(NamedTuple):
     """One variable; `c` is its place in an fmi_data."""
 
     name: str
@@ -47,7 +47,9 @@ _OUTPUTS = (
 _INPUTS, _FIRST_OUTPUT, _FIRST_PARAMETER = 1, 100, 1000
 
 
-def variables(found: Exported, chain: SignalChain, mode: Mode, step: float, rest: float) -> list[Variable]:
+def variables(
+    found: Exported, chain: SignalChain, mode: Mode, step: float, rest: float
+) -> list[ModelVariable]:
     """All variables of a mode; references 1.. are inputs, 100.. outputs, 1000.. parameters."""
     made = [*_inputs(found.model, mode, step, rest), *_outputs(found.model, chain, mode)]
     # The gain of an observer is for its step, which therefore cannot be set.
@@ -55,7 +57,7 @@ def variables(found: Exported, chain: SignalChain, mode: Mode, step: float, rest
     return [one._replace(unit=unit_for(found.model, one.unit)) for one in made]
 
 
-def _inputs(model: Any, mode: Mode, step: float, rest: float) -> list[Variable]:
+def _inputs(model: Any, mode: Mode, step: float, rest: float) -> list[ModelVariable]:
     drive = ("voltage", "V", "Drive voltage") if isinstance(model, Actuator) else (
         "spring_end", "m", "Position of the spring's far end")  # fmt: skip
     wanted = {
@@ -77,17 +79,17 @@ def _inputs(model: Any, mode: Mode, step: float, rest: float) -> list[Variable]:
     }[mode]
     starts = [0.0 if mode == "feedforward" else rest, 0.0, 0.0]
     return [
-        Variable(name, _INPUTS + i, f"input[{i}]", "input", unit, words, starts[i])
+        ModelVariable(name, _INPUTS + i, f"input[{i}]", "input", unit, words, starts[i])
         for i, (name, unit, words) in enumerate(wanted)
     ]
 
 
-def _outputs(model: Any, chain: SignalChain, mode: Mode) -> list[Variable]:
+def _outputs(model: Any, chain: SignalChain, mode: Mode) -> list[ModelVariable]:
     first = _FIRST_OUTPUT
     if mode == "feedforward":
         return [
-            Variable("voltage", first, "voltage", "output", "V", "Drive voltage for the wanted motion"),
-            Variable("would_slide", first + 1, "would_slide", "output", "",
+            ModelVariable("voltage", first, "voltage", "output", "V", "Drive voltage for the wanted motion"),
+            ModelVariable("would_slide", first + 1, "would_slide", "output", "",
                      "Whether the wanted motion needs more force than friction holds", False),
         ]  # fmt: skip
     known = list(_OUTPUTS)
@@ -96,14 +98,14 @@ def _outputs(model: Any, chain: SignalChain, mode: Mode) -> list[Variable]:
     if chain.sensor is not None:
         known.append(("sensor_output", chain.sensor.unit, "Output of the sensor on the end-effector"))
     return [
-        Variable(name, first + i, f"outputs.{name}", "output", unit, words)
+        ModelVariable(name, first + i, f"outputs.{name}", "output", unit, words)
         for i, (name, unit, words) in enumerate(known)
     ]
 
 
-def _parameters(found: Exported, step: float) -> list[Variable]:
+def _parameters(found: Exported, step: float) -> list[ModelVariable]:
     made = [
-        Variable("step", _FIRST_PARAMETER, "step", "parameter", "s",
+        ModelVariable("step", _FIRST_PARAMETER, "step", "parameter", "s",
                  "Longest internal step; a communication step is divided into equal ones", step)
     ]  # fmt: skip
     for name, value in exported_values(found.model).items():
@@ -118,12 +120,12 @@ def _parameters(found: Exported, step: float) -> list[Variable]:
             c = f"parameters.model.{place}{f'[{i}]' if several else ''}"
             number = one if isinstance(one, bool) else float(one)
             made.append(
-                Variable(name + index, _FIRST_PARAMETER + len(made), c, "parameter", unit, said, number)
+                ModelVariable(name + index, _FIRST_PARAMETER + len(made), c, "parameter", unit, said, number)
             )
     return made
 
 
-def variables_h(found: list[Variable], mode: Mode, token: str, step: float, rest: float) -> str:
+def variables_h(found: list[ModelVariable], mode: Mode, token: str, step: float, rest: float) -> str:
     """The text of fmi_variables.h."""
     accessors = []
     for kind, boolean in (("real", False), ("boolean", True)):

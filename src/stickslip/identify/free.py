@@ -22,7 +22,7 @@ TYPICAL_SPEED = 1e-3
 Bounds = Mapping[str, tuple[float | str, float | str]]
 
 
-class Linear(NamedTuple):
+class LinearBounds(NamedTuple):
     """Bounds of a parameter that is searched for on a linear scale, positive ones too; without both, it has
     its usual ones."""
 
@@ -30,7 +30,7 @@ class Linear(NamedTuple):
     upper: float = math.inf
 
 
-class Searched(NamedTuple):
+class SearchRange(NamedTuple):
     """Ends of a search that are no limits, with the shift of its logarithm; see `Parameter`."""
 
     lower: float
@@ -39,7 +39,7 @@ class Searched(NamedTuple):
     log: bool = True
 
     @classmethod
-    def of(cls, bounds: Bounds, name: str) -> Searched | None:
+    def of(cls, bounds: Bounds, name: str) -> SearchRange | None:
         """Return those of a parameter, if it has such."""
         found: Any = bounds.get(name)
         return found if isinstance(found, cls) else None
@@ -77,7 +77,7 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
     Without bounds it is searched for within a factor `REACH` of the start first, and then as far as the law
     allows: down to zero, where it may be zero. A damping that starts at zero has the size of the law's force
     at `TYPICAL_SPEED`. The scale is logarithmic, unless bounds reach down to zero or
-    below, or are `Linear`.
+    below, or are `LinearBounds`.
 
     Raises:
         QuantityError: it starts at zero without bounds and its size is not known, or the bounds are wrong.
@@ -91,10 +91,10 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
         ends = (ratio.lower, ratio.upper)
         return linear(name, "", start, ends, bounds, (ratio.lower, ratio.most))
     unit = turned(quantity.unit) if turns else quantity.unit
-    given, straight = given_bounds(bounds, name, unit), isinstance(bounds.get(name), Linear)
+    given, straight = given_bounds(bounds, name, unit), isinstance(bounds.get(name), LinearBounds)
     least = max(quantity.minimum or 0.0, quantity.above or 0.0)
     most = math.inf if quantity.maximum is None else quantity.maximum
-    if (ends := Searched.of(bounds, name)) is not None:
+    if (ends := SearchRange.of(bounds, name)) is not None:
         return Parameter(
             name, start, ends.lower, ends.upper, unit, log=ends.log, shift=ends.shift, limits=(least, most)
         )
@@ -157,7 +157,7 @@ class Said(NamedTuple):
 
 def said_of(
     free: Sequence[str | Parameter],
-    known: Known,
+    known: NamedValues,
     bounds: Bounds | None = None,
     priors: Bounds | None = None,
     tied: Mapping[str, str] | None = None,
@@ -178,7 +178,7 @@ def said_of(
     return said
 
 
-def _say(said: Said, p: Parameter, known: Known) -> None:
+def _say(said: Said, p: Parameter, known: NamedValues) -> None:
     if p.name in known.names and p.unit and with_unit(f"1 {p.unit}") != with_unit(f"1 {known.of(p.name)[1]}"):
         raise QuantityError(f"{p.name} is given in {p.unit}, but is in {known.of(p.name)[1] or '1'}")
     if any(p.name in others for others in (said.bounds, said.priors, said.tied)):
@@ -194,23 +194,23 @@ def _say(said: Said, p: Parameter, known: Known) -> None:
         said.free.append(p.name)
         said.values[p.name] = p.start
         if p.limits is not None:
-            said.bounds[p.name] = Searched(p.lower, p.upper, p.shift, p.log)
+            said.bounds[p.name] = SearchRange(p.lower, p.upper, p.shift, p.log)
         elif not p.log:
-            said.bounds[p.name] = (Squared if p.square else Linear)(p.lower, p.upper)
+            said.bounds[p.name] = (Squared if p.square else LinearBounds)(p.lower, p.upper)
         elif math.isfinite(low):
             said.bounds[p.name] = (p.lower, p.upper)
         if p.prior is not None:
             said.priors[p.name] = p.prior
 
 
-class Known(NamedTuple):
+class NamedValues(NamedTuple):
     """Values that a fit could have, free or not, by name: each with its unit."""
 
     names: Sequence[str]
     of: Callable[[str], tuple[float, str]]
 
 
-def known_of(model: Any, others: Mapping[str, tuple[float, str]], turns: bool = False) -> Known:
+def known_of(model: Any, others: Mapping[str, tuple[float, str]], turns: bool = False) -> NamedValues:
     """Those of a model, and others besides; see `parameter`."""
 
     def of(name: str) -> tuple[float, str]:
@@ -220,10 +220,10 @@ def known_of(model: Any, others: Mapping[str, tuple[float, str]], turns: bool = 
         unit = quantity.unit if quantity else ""
         return value, turned(unit) if turns else unit
 
-    return Known([*free_names(model), *others], of)
+    return NamedValues([*free_names(model), *others], of)
 
 
-def beside(free: Sequence[str], tied: Mapping[str, str], known: Known) -> list[Parameter]:
+def beside(free: Sequence[str], tied: Mapping[str, str], known: NamedValues) -> list[Parameter]:
     """The parameters beside the free ones: those that are tied, and fixed ones that they need.
 
     Args:
@@ -262,7 +262,7 @@ def with_ties(parameters: Sequence[Parameter], tied: Mapping[str, str] | None) -
     """
     tied = tied or {}
     own = {p.name: p for p in parameters}
-    known = Known(list(own), lambda name: (own[name].start, own[name].unit))
+    known = NamedValues(list(own), lambda name: (own[name].start, own[name].unit))
     found = {p.name: p for p in beside([n for n in own if n not in tied], tied, known)}
     return [found.get(p.name, p) for p in parameters]
 
@@ -294,7 +294,7 @@ def linear(
 ) -> Parameter:
     """Return a parameter on a linear scale, within its bounds; without any, searched for between the ends
     first, and then within the limits."""
-    found = Searched.of(bounds, name)
+    found = SearchRange.of(bounds, name)
     given = given_bounds(bounds, name, unit) if found is None else None
     if given is not None:
         start, square = min(max(start, given[0]), given[1]), Squared.are(bounds, name)
@@ -306,7 +306,7 @@ def linear(
 def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
     """Those of one parameter in SI, if it has any; QuantityError unless the lower comes first."""
     given = bounds.get(name)
-    if given is None or (isinstance(given, Linear) and given == Linear()):
+    if given is None or (isinstance(given, LinearBounds) and given == LinearBounds()):
         return None
     low, high = (
         to_si(x, unit, f"{end} bound of {name}") for x, end in zip(given[:2], ("lower", "upper"), strict=True)

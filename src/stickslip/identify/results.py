@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..friction import NormalForce
-from ..parameters.load import Entry, build
+from ..parameters.load import SetEntry, build
 from ..physics.actuator import Actuator, StageModes
 from ..physics.piezo import Piezo
 from ..quantities import registry
@@ -112,11 +112,11 @@ def _made(record_type: Any, fields: Any, where: str, turns: bool = False, **give
     return build(record_type, entries, where, turns, **given)
 
 
-def _entries(fields: Any, where: str) -> dict[str, Entry]:
+def _entries(fields: Any, where: str) -> dict[str, SetEntry]:
     """Values and units, as those of a parameter set: `build` converts them."""
     if not isinstance(fields, Mapping):
         raise QuantityError(f"{where} = {fields!r:.60} must hold fields with their values and units")
     return {
-        k: Entry(v.get("value", math.nan), v.get("unit", "")) if isinstance(v, Mapping) else Entry(v)
+        k: SetEntry(v.get("value", math.nan), v.get("unit", "")) if isinstance(v, Mapping) else SetEntry(v)
         for k, v in fields.items()
     }

@@ -25,7 +25,7 @@ from .analysis.verification import VerificationAnalysis
 from .analysis.walk import WalkAnalysis, WalkFile
 from .campaign.checking import check_campaign
 from .campaign.file import CampaignFile
-from .file import Job, Step, checked
+from .file import Job, JobStep, checked
 
 # Below these, keys are a user's own words, and a "file" is no recording.
 _FREE = {"options", "variables", "fields", "columns", "units", "rename"}
@@ -58,7 +58,7 @@ def check_job(job: Job, out: Path) -> None:
         made |= {_absolute(out / one) for one in _made_by(step.kind, spec, number, own)}
 
 
-def _check_files(step: Step, spec: Any, made: set[str], out: Path) -> None:
+def _check_files(step: JobStep, spec: Any, made: set[str], out: Path) -> None:
     folder = step.path.parent
     for place, text in _files(step.content):
         _check_there(place, text, [folder, out], made, out)

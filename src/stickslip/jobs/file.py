@@ -94,7 +94,7 @@ class JobFile(Strict):
     steps: Annotated[list[StepSpec], Field(min_length=1)]
 
 
-class Step(NamedTuple):
+class JobStep(NamedTuple):
     """One step: what to do, what the file says of it, and the file that says it; `inside`, where in it,
     "steps.0.record.", or "" of a file that is one step."""
 
@@ -109,7 +109,7 @@ class Job(NamedTuple):
 
     title: str
     notes: str
-    steps: tuple[Step, ...]
+    steps: tuple[JobStep, ...]
 
 
 def read_job(path: Path) -> Job:
@@ -121,8 +121,8 @@ def read_job(path: Path) -> Job:
     content = load_yaml(path)
     if "steps" not in content:
         kind = _kind_of(content, path)
-        checked(Step(kind, content, path))
-        return Job(str(content.get("title", "")), "", (Step(kind, content, path),))
+        checked(JobStep(kind, content, path))
+        return Job(str(content.get("title", "")), "", (JobStep(kind, content, path),))
     for i, step in enumerate(content["steps"] if isinstance(content["steps"], list) else ()):
         for name in step if isinstance(step, dict) else ():
             if name not in STEPS:
@@ -153,17 +153,17 @@ def _refuse_missing(spec: Any, before: set[str], where: str) -> None:
         raise InputFileError(f"{where}: recordings: 'cells', and nothing is recorded before it")
 
 
-def _step(number: int, said: Any, path: Path) -> Step:
+def _step(number: int, said: Any, path: Path) -> JobStep:
     if not isinstance(said, dict) or len(said) != 1:
         raise InputFileError(f"{path}: steps.{number}: a step is exactly one of {', '.join(STEPS)}")
     ((kind, content),) = said.items()
     if isinstance(content, str) and kind != "export":
         other = path.parent / content
-        return Step(kind, load_yaml(other), other)
+        return JobStep(kind, load_yaml(other), other)
     if not isinstance(content, dict):
         raise InputFileError(f"{path}: steps.{number}.{kind}: a file, or what it would say")
     titled = {"title": kind, **content} if kind != "export" else content
-    return Step(kind, titled, path, f"steps.{number}.{kind}.")
+    return JobStep(kind, titled, path, f"steps.{number}.{kind}.")
 
 
 def _kind_of(content: Content, path: Path) -> str:
@@ -179,7 +179,7 @@ def _kind_of(content: Content, path: Path) -> str:
     return {"verification": "verify", "comparison": "compare", "design": "design"}.get(str(kind), "identify")
 
 
-def checked(step: Step, where: str = "") -> Any:
+def checked(step: JobStep, where: str = "") -> Any:
     """What a step says, as a record; raises InputFileError."""
     content = step.content
     try:

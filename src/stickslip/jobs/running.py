@@ -27,7 +27,7 @@ from .analysis.moving import run_move
 from .analysis.running import run_analysis
 from .campaign.running import campaign_of
 from .checking import check_job
-from .file import Content, ExportSpec, Job, Step, checked, read_job
+from .file import Content, ExportSpec, Job, JobStep, checked, read_job
 
 
 def run_job(
@@ -76,7 +76,7 @@ def run_job(
     return joined(job.title, job.notes, documents)
 
 
-def _done(running: _Running, number: int, step: Step, progress: Progress) -> Document:
+def _done(running: _Running, number: int, step: JobStep, progress: Progress) -> Document:
     try:
         return running.do(number, step, progress)
     except (QuantityError, ParameterSetError) as error:
@@ -108,7 +108,7 @@ class _Running:
         self.experiment: tuple[Any, Path] | None = None
         self.results: Path | None = None
 
-    def do(self, number: int, step: Step, progress: Progress) -> Document:
+    def do(self, number: int, step: JobStep, progress: Progress) -> Document:
         spec = checked(step._replace(content=_found(step.content, step.path.parent, self.out)))
         folder = step.path.parent
         if step.kind == "record":

@@ -26,11 +26,11 @@ from ..gate.files import opened
 from ..quantities.input_file import Strict
 from ..recording import RecordingError
 from ..recording.readers.process import Reader
-from ..study.layout import Variable
+from ..study.layout import StudyVariable
 from ..study.local import processors
-from ..study.picture import Picture, Statistic, pictured, study_picture
+from ..study.picture import Statistic, StudyPicture, pictured, study_picture
 from ..study.running import duration, pace
-from ..study.state import State, study_state
+from ..study.state import StudyState, study_state
 from ..study.store import Store
 from .folder import STORE, Folder, FolderError
 from .journal import Journal
@@ -192,7 +192,7 @@ def _row(studies: Studies, files: list[str], name: str) -> dict[str, Any]:
     return {"name": name, "file": own[0] if own else "", "runs": studies.runs(name)}
 
 
-def _said(found: State, runs: bool, fault: str) -> dict[str, Any]:
+def _said(found: StudyState, runs: bool, fault: str) -> dict[str, Any]:
     """The state of a study in words."""
     task = found.members / found.tasks / found.rate  # s
     lately = time.time() - found.last < max(QUIET, MISSED * task)  # not, where either is NaN
@@ -213,13 +213,13 @@ def _said(found: State, runs: bool, fault: str) -> dict[str, Any]:
     }
 
 
-def _state(manifest: Path) -> tuple[State, dict[str, list[dict[str, str]]]]:
+def _state(manifest: Path) -> tuple[StudyState, dict[str, list[dict[str, str]]]]:
     """The state of a store, and what a picture of it can be over."""
     varied, results = ([_about(one) for one in some.values()] for some in pictured(Store(manifest.parent)))
     return study_state(manifest.parent), {"varied": varied, "results": results}
 
 
-def _about(variable: Variable) -> dict[str, str]:
+def _about(variable: StudyVariable) -> dict[str, str]:
     return {"name": variable.name, "unit": str(variable.about.get("units", ""))}
 
 
@@ -227,5 +227,5 @@ def _stop(manifest: Path) -> None:
     Store(manifest.parent).stop()
 
 
-def _picture(manifest: Path, words: tuple[str, str, str, Statistic]) -> Picture:
+def _picture(manifest: Path, words: tuple[str, str, str, Statistic]) -> StudyPicture:
     return study_picture(manifest.parent, *words)

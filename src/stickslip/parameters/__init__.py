@@ -6,9 +6,9 @@ from .citations import cite as cite
 from .citations import keys_in as keys_in
 from .citations import print_citations as print_citations
 from .citations import references as references
-from .load import Entry as Entry
 from .load import ParameterSet as ParameterSet
 from .load import ParameterSetError as ParameterSetError
+from .load import SetEntry as SetEntry
 from .load import available_sets as available_sets
 from .load import build as build
 from .load import friction_of as friction_of

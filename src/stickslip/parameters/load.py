@@ -41,7 +41,7 @@ class ParameterSetError(QuantityError):
     """A parameter file cannot be found or read, or a value in it is wrong; names file and field."""
 
 
-class Entry(NamedTuple):
+class SetEntry(NamedTuple):
     """One value of a parameter set and where it comes from."""
 
     value: float | bool | list[float]
@@ -57,11 +57,11 @@ class Entry(NamedTuple):
         return to_si(_with_unit(self.value, self.unit, unit), unit)
 
 
-class Part(NamedTuple):
+class PiezoPart(NamedTuple):
     """A part of a piezo as read: the name of its model, and its values."""
 
     model: str
-    values: dict[str, Entry]
+    values: dict[str, SetEntry]
 
 
 class ParameterSet(NamedTuple):
@@ -72,20 +72,20 @@ class ParameterSet(NamedTuple):
     title: str
     citations: tuple[str, ...]
     kind: str
-    values: dict[str, Entry]
+    values: dict[str, SetEntry]
     law: str
-    friction: dict[str, Entry]
-    reported: dict[str, Entry]
-    piezo: dict[str, Part]
-    modes: dict[str, Entry]
-    normal_force: dict[str, Entry]
+    friction: dict[str, SetEntry]
+    reported: dict[str, SetEntry]
+    piezo: dict[str, PiezoPart]
+    modes: dict[str, SetEntry]
+    normal_force: dict[str, SetEntry]
 
     @property
     def rotary(self) -> bool:
         """Whether it is of what turns: its values are in rad, N m and kg m^2."""
         return "rotary" in self.values and self.values["rotary"].value is True
 
-    def entries(self) -> dict[str, Entry]:
+    def entries(self) -> dict[str, SetEntry]:
         """All values that go into the record, those of friction as "friction.sigma_0"."""
         found = self.values | {f"friction.{name}": entry for name, entry in self.friction.items()}
         for name, part in self.piezo.items():
@@ -204,12 +204,12 @@ def _checked(name: str, file: Path, content: dict[str, Any]) -> ParameterSet:
     )
 
 
-def read_entries(file: Path, prefix: str, tables: dict[str, Any]) -> dict[str, Entry]:
+def read_entries(file: Path, prefix: str, tables: dict[str, Any]) -> dict[str, SetEntry]:
     """The tables of values [prefix + key] of a file, checked; raises ParameterSetError."""
     return {key: _entry(f"{file}: [{prefix}{key}]", table) for key, table in tables.items()}
 
 
-def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, Part]:
+def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, PiezoPart]:
     """``[piezo.hysteresis]`` and ``[piezo.creep]``, each with the name of its model."""
     parts = {}
     for name, content in table.items():
@@ -221,7 +221,7 @@ def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, Part]:
         values = dict(content)
         model = str(values.pop("model", ""))
         _known(registry.piezos, model, file, f"[piezo.{name}] model")
-        parts[name] = Part(model, read_entries(file, f"piezo.{name}.", values))
+        parts[name] = PiezoPart(model, read_entries(file, f"piezo.{name}.", values))
     return parts
 
 
@@ -249,14 +249,14 @@ def _run(kind: registry.Kind, name: str, file: Path, field: str) -> Any:
         raise ParameterSetError(f"{file}: {field} = {name!r}: {error}") from error
 
 
-def _entry(where: str, table: Any) -> Entry:
+def _entry(where: str, table: Any) -> SetEntry:
     if not isinstance(table, dict):
         raise ParameterSetError(f"{where} = {table!r} must be a table with a value, a unit and a source")
     for key, given in table.items():
-        if key not in Entry._fields:
-            known = ", ".join(Entry._fields)
+        if key not in SetEntry._fields:
+            known = ", ".join(SetEntry._fields)
             raise ParameterSetError(
-                f"{where} has an unknown key {key}{did_you_mean(key, Entry._fields)}; known: {known}"
+                f"{where} has an unknown key {key}{did_you_mean(key, SetEntry._fields)}; known: {known}"
             )
         wanted = bool if key == "assumed" else str
         if key != "value" and not isinstance(given, wanted):
@@ -268,7 +268,7 @@ def _entry(where: str, table: Any) -> Entry:
         raise ParameterSetError(
             f"{where} value = {table['value']!r} must be a number; its unit goes into unit"
         )
-    entry = Entry(**table)
+    entry = SetEntry(**table)
     if entry.assumed and not entry.reason:
         raise ParameterSetError(f"{where} is assumed but gives no reason")
     if entry.reason and not entry.assumed:
@@ -294,7 +294,7 @@ def _numbers(value: Any, unit: str, field: str) -> Any:
 
 
 def build(
-    record_type: type[T], entries: dict[str, Entry], where: str, turns: bool = False, **given: Any
+    record_type: type[T], entries: dict[str, SetEntry], where: str, turns: bool = False, **given: Any
 ) -> T:
     """A record from the entries of a parameter set.
 

@@ -36,7 +36,7 @@ MOST_FITTED = 100_000  # samples that a waveform is fitted to, one in so many of
 MOST_SAMPLES = 2000  # at which a begin is looked for, one in so many of them all
 
 
-class Shown(NamedTuple):
+class RecognisedDrive(NamedTuple):
     """A recognised waveform: when [s] it begins in the recording, the waveform from there on, and what the
     channel differs from it by beside its jumps, V rms."""
 
@@ -98,7 +98,7 @@ def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
     return begin, difference(begin)
 
 
-def shown_drive(recording: xr.Dataset) -> Shown | None:
+def shown_drive(recording: xr.Dataset) -> RecognisedDrive | None:
     """Recognise the waveform in a recording's channel drive_voltage; None where it is not a usual one."""
     if "drive_voltage" not in recording or recording.sizes["time"] < 3:
         return None
@@ -257,9 +257,9 @@ class _Fitted(NamedTuple):
         within = 0.005 * float(np.ptp(volts)) if name == "offset" else _ROUND * abs(value)
         return of(_roundest(value, within, lambda one: of(one).residual <= most))
 
-    def shown(self, start: float) -> Shown:
+    def shown(self, start: float) -> RecognisedDrive:
         """Return the same in the time of a recording that begins at `start`."""
-        return Shown(start + self.begin, self.shape, self.residual)
+        return RecognisedDrive(start + self.begin, self.shape, self.residual)
 
 
 def _residual(one: _Fitted) -> float:

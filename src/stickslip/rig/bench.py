@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 
 from ..gate.errors import GateError, damaged
 from ..gate.paths import inside
-from ..parameters import Entry, ParameterSetError, build, named_file, read_entries, read_toml
+from ..parameters import ParameterSetError, SetEntry, build, named_file, read_entries, read_toml
 from ..physics.electronics import (
     Adc,
     Amplifier,
@@ -226,7 +226,7 @@ class _Reading:
             raise ParameterSetError(f"{self.file}: [{key}] is missing")
         return table
 
-    def _entries(self, prefix: str, tables: dict[str, Any]) -> dict[str, Entry]:
+    def _entries(self, prefix: str, tables: dict[str, Any]) -> dict[str, SetEntry]:
         entries = read_entries(self.file, prefix, tables)
         for field, entry in entries.items():
             if entry.assumed:

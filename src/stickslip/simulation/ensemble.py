@@ -127,7 +127,7 @@ def simulate_ensemble(
         wanted = sample_times(waveform, duration, rate, times, numbers=max(count, 10))
         duration = float(wanted[-1])
     end = run_time(waveform, duration)
-    task = _Task(
+    task = _EnsembleTask(
         model,
         waveform,
         None if own_tables(model, waveform, varied) else tables(model, waveform, end, periodic=False),
@@ -168,7 +168,7 @@ def simulate_ensemble(
     return labelled_for(model, _dataset(model, waveform, varied, found, wanted).assign(demand))
 
 
-class _Task(NamedTuple):
+class _EnsembleTask(NamedTuple):
     """`tables`: of the drive of all members, by the tolerance, or None; `end` [s]: of all members, or
     None."""
 
@@ -197,7 +197,7 @@ def _gpu(model: Actuator, times: NDArray[np.float64]) -> Any:
     return None
 
 
-def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> Block:
+def _block(task: _EnsembleTask, columns: Mapping[str, NDArray[np.float64]]) -> Block:
     found, reasons = _refined(task, columns)
     status, net = found.outcomes.astype(np.int8), found.net
     net[status == REFUSED] = np.nan
@@ -219,7 +219,7 @@ class _Runs(NamedTuple):
 
 
 def _run(
-    task: _Task, of: Members, rows: NDArray[np.int64], outcomes: Any, tolerance: float, careful: bool
+    task: _EnsembleTask, of: Members, rows: NDArray[np.int64], outcomes: Any, tolerance: float, careful: bool
 ) -> _Runs:
     """These members once, with steps whose local errors are in proportion to the tolerance; `careful`: see
     `engine.binding.integrate`."""
@@ -241,7 +241,7 @@ def _run(
     return _Runs(outcomes, reached, steps, net, positions, np.full(rows.size, np.nan))
 
 
-def _refined(task: _Task, columns: Columns) -> tuple[_Runs, list[str]]:
+def _refined(task: _EnsembleTask, columns: Columns) -> tuple[_Runs, list[str]]:
     """Each member until smaller steps and finer tables change it by no more than the tolerance, as
     `refinement.refined`; and why members are refused."""
     level = LOOSE * task.tolerance

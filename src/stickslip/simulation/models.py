@@ -220,7 +220,7 @@ def _stage(model: Any, mech: Mechanism) -> tuple[tuple[Mode, ...], tuple[float, 
     return tuple(modes), tuple(pushes)
 
 
-class Contact(NamedTuple):
+class RelativeLoad(NamedTuple):
     """The normal force of a run over its reference: a constant factor, and what varies on top of it, if
     anything."""
 
@@ -354,7 +354,7 @@ def refuse_places(model: Actuator | PulledSlider) -> None:
         )
 
 
-def contact_load(load: Waveform | float, end: float) -> Contact:
+def contact_load(load: Waveform | float, end: float) -> RelativeLoad:
     """The normal force over its reference, as far as `end` [s].
 
     Raises:
@@ -364,5 +364,5 @@ def contact_load(load: Waveform | float, end: float) -> Contact:
     if not (0.0 <= low <= high < math.inf):
         raise QuantityError(f"load from {low:g} to {high:g} is out of range: it must be >= 0 and finite")
     if isinstance(load, int | float) or low == high:
-        return Contact(low)
-    return Contact(1.0, by_periods(load.drive(end), getattr(load, "period", None), end))
+        return RelativeLoad(low)
+    return RelativeLoad(1.0, by_periods(load.drive(end), getattr(load, "period", None), end))

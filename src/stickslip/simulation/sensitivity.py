@@ -27,7 +27,7 @@ from ..waveform.pieces import with_breaks
 from ..waveform.signal import Waveform
 from .drives import Driven, checked_drive, table_precision
 from .errors import SimulationError, SimulationWarning
-from .models import Contact, System, contact_load
+from .models import RelativeLoad, System, contact_load
 from .neighbour_drives import DIFFERENCE, beside, breaks_apart, longer
 from .plant.system import values_of
 from .state import row_of
@@ -43,7 +43,7 @@ from .varied import (
 )
 
 # At the normal force for which the parameters hold.
-REFERENCE = Contact()
+REFERENCE = RelativeLoad()
 # Parts of the initial state, and their units; and any row of it, which only this module asks for.
 INITIAL = {
     "initial_stage_position": "m",
@@ -61,7 +61,7 @@ LEAST_DAMPING = 1e-3
 DAMPING = ("N s/m", turned("N s/m"))
 
 
-class Moved(NamedTuple):
+class NeighbouringModels(NamedTuple):
     """A model, what it is to the solver, the neighbours of it that differ in one value each (their numbers
     and states), and by how much; `drives`: their drives, where any differs, and their `periods` (0: none),
     else None, as `itself`, that of the waveform in their segments. Where the normal force jumps, at `breaks`
@@ -115,13 +115,13 @@ def moved(
     names: Sequence[str],
     state: NDArray[np.float64],
     before: float | None,
-    contact: Contact = REFERENCE,
+    contact: RelativeLoad = REFERENCE,
     waveform: Waveform | None = None,
     end: float = 0.0,
     slipping: Collection[int] = (),
     settled: bool = False,
     tolerance: float = 1e-9,
-) -> Moved:
+) -> NeighbouringModels:
     """Neighbours of a model in the state given; with `before`, each rests under that drive by itself. With a
     `waveform`, followed up to `end` [s], names may be fields of it, and what has it rests under its own; its
     period, after many, if `settled`; tables are for the tolerance [m]. The rows `slipping` of the state are
@@ -180,7 +180,7 @@ def moved(
             periods.append(period)
     breaks = np.zeros(0) if itself is None else breaks_apart(contact.table, itself, end)
     n = len(names)  # of none, the tables have their columns all the same
-    return Moved(
+    return NeighbouringModels(
         model,
         of,
         np.array(values) if n else np.empty((0, values_of(of.plant).shape[1])),
@@ -210,7 +210,7 @@ def _with_law(of: System, law: Any) -> System:
 
 
 def follow_moved(
-    of: Moved,
+    of: NeighbouringModels,
     drive: Drive,
     state: NDArray[np.float64],
     times: NDArray[np.float64],

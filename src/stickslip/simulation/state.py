@@ -19,7 +19,7 @@ from ..quantities.units import QuantityError
 from ..waveform.drive import Drive, evaluate
 from ..waveform.pieces import SLIVER
 from .errors import SimulationWarning
-from .models import Contact, System
+from .models import RelativeLoad, System
 
 # Over a law's bound, a deflection may be beyond it by the errors of a trajectory, and as far as contacts
 # differ from one run to the next.
@@ -133,7 +133,7 @@ def row_of(of: System, part: str) -> int | None:
     return first + offset if first is not None else None
 
 
-def placed(state: State, of: System, contact: Contact, before: float) -> NDArray[np.float64]:
+def placed(state: State, of: System, contact: RelativeLoad, before: float) -> NDArray[np.float64]:
     """As the solver takes it; `before`, the drive that it rests under where it does not say.
 
     Raises:

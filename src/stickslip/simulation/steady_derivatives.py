@@ -20,7 +20,7 @@ from .plant.system import speeds
 from .sensitivity import (
     BY_ROW,
     INITIAL,
-    Moved,
+    NeighbouringModels,
     checked_names,
     follow_moved,
     internal,
@@ -73,10 +73,10 @@ def steady_step_derivatives(
     whole = contact.system(model)
     slipping = _on_bounds(whole, orbit.state, drive)
 
-    def neighbours_of(state: Array, names: Sequence[str]) -> Moved:
+    def neighbours_of(state: Array, names: Sequence[str]) -> NeighbouringModels:
         return moved(model, names, state, None, contact, endless(waveform), period, slipping, True, tolerance)
 
-    def last_states(of: Moved, state: Array, tolerance: float) -> tuple[Array, Array]:
+    def last_states(of: NeighbouringModels, state: Array, tolerance: float) -> tuple[Array, Array]:
         """After a period from the state, and its derivatives."""
         last = state.copy()
         _, _, by = follow_moved(of, drive, last, times, tolerance, load=contact.table, over_period=True)

@@ -52,7 +52,7 @@ BLOCK = 64
 Beside = Callable[[Members, Columns, Orbits, NDArray[np.int8]], dict[str, NDArray[np.float64]]]
 
 
-class _Task(NamedTuple):
+class _SteadyTask(NamedTuple):
     """`tables`: of the drive of all members, by the tolerance, or None."""
 
     model: Actuator
@@ -158,7 +158,7 @@ def orbit_blocks(
     refuse_places(model)
     own = output is not None or own_tables(model, waveform, columns)
     by_tolerance = None if own else tables(model, waveform, period, periodic=True)
-    task = _Task(model, waveform, by_tolerance, load, tolerance, beside, output)
+    task = _SteadyTask(model, waveform, by_tolerance, load, tolerance, beside, output)
     size = block_size(model, waveform, columns, period, BLOCK, output)
     return in_blocks(lambda part: _block(task, part), columns, size, threads)
 
@@ -173,7 +173,7 @@ def _common_period(period: float, columns: Mapping[str, NDArray[np.float64]]) ->
     return float(1.0 / own[0] if "frequency" in columns else own[0])
 
 
-def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> OrbitBlock:
+def _block(task: _SteadyTask, columns: Mapping[str, NDArray[np.float64]]) -> OrbitBlock:
     of, found = _orbits(task, columns, task.tolerance)
     if tabulated(task.model.piezo):
         of, again = _orbits(task, columns, FINER * task.tolerance, of.states)
@@ -196,7 +196,7 @@ def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> OrbitBloc
 
 
 def _orbits(
-    task: _Task, columns: Columns, tolerance: float, states: NDArray[np.float64] | None = None
+    task: _SteadyTask, columns: Columns, tolerance: float, states: NDArray[np.float64] | None = None
 ) -> tuple[Members, Orbits]:
     """Members whose drives are tabulated for a tolerance [m], and their orbits, looked for from the states or
     from rest."""

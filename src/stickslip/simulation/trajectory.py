@@ -32,7 +32,7 @@ from ..waveform.signal import Waveform
 from .channels import energy_account, of_stack, variables_of
 from .drives import refuse_no_waveform, tables
 from .errors import SimulationError, SimulationWarning
-from .models import Contact, System, classic, contact_load
+from .models import RelativeLoad, System, classic, contact_load
 from .refinement import LOOSE, refined
 from .state import REST, State, as_text, maker, placed, taken_up
 
@@ -149,7 +149,7 @@ def simulate(
     return labelled_for(model, made)
 
 
-class Followed(NamedTuple):
+class FollowedTrajectory(NamedTuple):
     """A trajectory without labels, up to where it could be followed; `outcome` is COMPLETE or says why not.
 
     `samples` [times, columns]: stage position and velocity, end-effector's position and velocity, friction
@@ -172,9 +172,9 @@ class Followed(NamedTuple):
     final: State | None = None
 
 
-class _Run(NamedTuple):
+class _TrajectoryRun(NamedTuple):
     """What the solver made of a task under the table `drive`: samples in the plant's own layout, and the rest
-    as `Followed`."""
+    as `FollowedTrajectory`."""
 
     drive: Drive
     samples: NDArray[np.float64]
@@ -195,7 +195,7 @@ class _Task(NamedTuple):
     of: System
     plant: ComposedPlant
     tables: Callable[[float], Drive]
-    contact: Contact
+    contact: RelativeLoad
     start: NDArray[np.float64]
     times: NDArray[np.float64]
     energy: bool
@@ -204,7 +204,7 @@ class _Task(NamedTuple):
     resume: NDArray[np.float64]
     anew: bool
 
-    def run(self, tolerance: float, careful: bool = False) -> _Run:
+    def run(self, tolerance: float, careful: bool = False) -> _TrajectoryRun:
         """With steps whose local errors are in proportion to the tolerance, as that of the drive's table;
         `careful`: see `engine.binding.integrate`."""
         times, q, drive = self.times, self.start.copy(), self.tables(tolerance)
@@ -216,16 +216,16 @@ class _Task(NamedTuple):
             *(self.max_steps, times, samples, resume, work if self.energy else None),
         )
         place = float(q[self.of.slider])
-        return _Run(drive, samples, work, outcome, reached, steps, rejected, resume, place)
+        return _TrajectoryRun(drive, samples, work, outcome, reached, steps, rejected, resume, place)
 
-    def distance(self, one: _Run, other: _Run) -> float:
+    def distance(self, one: _TrajectoryRun, other: _TrajectoryRun) -> float:
         """The largest difference of the end-effector's position, m; NaN where one does not reach the end."""
         if one.outcome != DONE or other.outcome != DONE:
             return math.nan
         column = self.of.slider
         return float(np.abs(one.samples[:, column] - other.samples[:, column]).max())
 
-    def followed(self, run: _Run, error: float = math.nan) -> Followed:
+    def followed(self, run: _TrajectoryRun, error: float = math.nan) -> FollowedTrajectory:
         """As far as it goes, with what it may be off."""
         samples, work = classic(self.of, run.samples, run.drive, self.times), run.work
         times, start, text = self.times, np.zeros(0), COMPLETE
@@ -246,7 +246,7 @@ class _Task(NamedTuple):
             before[0, : self.start.size] = self.start
             start = classic(self.of, before, run.drive, np.array([self.begins or -1.0]))[0]
         counts = run.steps, run.rejected, run.resume, error
-        return Followed(times, samples, work, start, run.drive, text, *counts)
+        return FollowedTrajectory(times, samples, work, start, run.drive, text, *counts)
 
 
 def follow_model(
@@ -260,7 +260,7 @@ def follow_model(
     max_steps: int = 20_000_000,
     check: bool = False,
     begin: State | None = None,
-) -> Followed:
+) -> FollowedTrajectory:
     """What `simulate` does, without labels and warnings: for what is drawn many times a second. Without
     `check` one run, whose error is usually a tenth of the tolerance and is not estimated."""
     end = float(times[-1])
@@ -299,7 +299,7 @@ def follow_model(
     return made._replace(final=_final(of, made, maker(of, table, contact.drive, tolerance, end)))
 
 
-def _final(of: System, run: Followed, by: str) -> State:
+def _final(of: System, run: FollowedTrajectory, by: str) -> State:
     last, law = run.samples[-1].tolist(), 5 + of.internal
     resume = tuple(run.resume.tolist())
     y, w, x, s = last[:4]

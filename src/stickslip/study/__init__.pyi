@@ -1,5 +1,5 @@
 from .comparing import Compared as Compared
-from .comparing import Comparison as Comparison
+from .comparing import StudyComparison as StudyComparison
 from .comparing import compare_studies as compare_studies
 from .comparing import merge_studies as merge_studies
 from .design import Study as Study
@@ -19,6 +19,6 @@ from .reading import open_study as open_study
 from .running import Estimate as Estimate
 from .running import estimate_study as estimate_study
 from .running import run_study as run_study
-from .state import State as State
+from .state import StudyState as StudyState
 from .state import stop_study as stop_study
 from .state import study_state as study_state

@@ -102,7 +102,7 @@ def run_on_cluster(
         time.sleep(0.5)
 
 
-class _Running:
+class _RunningShare:
     """A task with the scheduler: what stands for its result, and since when it is there [s]."""
 
     def __init__(self, number: int, future: Future) -> None:
@@ -118,8 +118,8 @@ def _run(
     heard: Callable[[Done], None],
 ) -> bool:
     """Return whether all tasks are done; False if the scheduler was lost."""
-    answers: queue.Queue[_Running] = queue.Queue()
-    running: dict[Any, _Running] = {}
+    answers: queue.Queue[_RunningShare] = queue.Queue()
+    running: dict[Any, _RunningShare] = {}
     slots, asked = 0, 0.0
     while len(tasks.done) + len(tasks.failed) < count:
         if store.must_end():
@@ -160,19 +160,19 @@ def _give(
     client: Client,
     what: Callable[[int], None],
     numbers: list[int],
-    running: dict[Any, _Running],
-    answers: queue.Queue[_Running],
+    running: dict[Any, _RunningShare],
+    answers: queue.Queue[_RunningShare],
     workers: list[str] | None = None,
 ) -> None:
     # The name of each is new: a result of before is none now.
     keys = [f"{uuid.uuid4().hex[:8]}-{number}" for number in numbers]
     futures = client.map(what, numbers, key=keys, pure=False, workers=workers) if numbers else []
     for number, key, future in zip(numbers, keys, futures, strict=True):
-        running[key] = one = _Running(number, future)
+        running[key] = one = _RunningShare(number, future)
         future.add_done_callback(lambda _, one=one: answers.put(one))
 
 
-def _late(client: Client, running: dict[Any, _Running], tasks: Tasks) -> list[tuple[int, list[str]]]:
+def _late(client: Client, running: dict[Any, _RunningShare], tasks: Tasks) -> list[tuple[int, list[str]]]:
     """Tasks that take too long, each with the workers that have no such task: one may hang."""
     newest: dict[int, float] = {}
     for one in running.values():
@@ -188,7 +188,7 @@ def _late(client: Client, running: dict[Any, _Running], tasks: Tasks) -> list[tu
     return [(number, others) for number in late if others]
 
 
-def _take(one: _Running | None, layout: Layout, tasks: Tasks, heard: Callable[[Done], None]) -> None:
+def _take(one: _RunningShare | None, layout: Layout, tasks: Tasks, heard: Callable[[Done], None]) -> None:
     if one is None:
         return
     if one.future.status in ("cancelled", "lost"):  # with its scheduler

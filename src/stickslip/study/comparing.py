@@ -19,7 +19,7 @@ from .reading import blocks, open_study
 from .store import Store
 
 
-class Comparison(NamedTuple):
+class StudyComparison(NamedTuple):
     """Difference of one variable between two stores: how many members differ, the largest difference in its
     unit (NaN where no two numbers differ), and how many members have a number in one store only."""
 
@@ -38,7 +38,7 @@ class Compared(NamedTuple):
     only_first: int
     only_second: int
     both: int
-    variables: list[Comparison]
+    variables: list[StudyComparison]
 
     @property
     def equal(self) -> bool:
@@ -89,7 +89,9 @@ def compare_studies(
                     greatest[name] = max(greatest.get(name, 0.0), float(numbers.max()))
                 alone[name] += int(((np.isnan(x) != np.isnan(y)).any(axis=extra) & both).sum())
         progress("comparing", (i + 1) / a.layout.tasks)
-    found = [Comparison(n, units[n], members[n], greatest.get(n, float("nan")), alone[n]) for n in members]
+    found = [
+        StudyComparison(n, units[n], members[n], greatest.get(n, float("nan")), alone[n]) for n in members
+    ]
     first_only, second_only, both = counts.tolist()
     return Compared(differences(a.description, b.description), first_only, second_only, both, found)
 

@@ -20,7 +20,7 @@ from .chunks import MOST_METADATA_BYTES, part_beside
 from .description import identity
 from .errors import StudyError
 from .layout import TEXT, Layout, check_layout, layout_text
-from .points import Axis
+from .points import StudyAxis
 from .sealing import file_hash, sealed
 from .store import FORMAT
 
@@ -29,7 +29,7 @@ def create(
     path: str | os.PathLike[str],
     description: Mapping[str, Any],
     layout: Layout,
-    axes: list[Axis],
+    axes: list[StudyAxis],
     inner: Mapping[str, xr.DataArray],
     title: str,
 ) -> None:
@@ -68,7 +68,7 @@ def _metadata(
     path: Path,
     manifest: dict[str, Any],
     layout: Layout,
-    axes: list[Axis],
+    axes: list[StudyAxis],
     inner: Mapping[str, xr.DataArray],
     title: str,
 ) -> None:

@@ -13,10 +13,10 @@ import xarray as xr
 
 from ..quantities.units import QuantityError
 from .errors import StudyError
-from .layout import TEXT, Layout, Variable, cut, usual
+from .layout import TEXT, Layout, StudyVariable, cut, usual
 from .measures import Columns, Measure, as_dataset, one_by_one
 from .own import OwnFunction, own_function
-from .points import Axis, Part, axes_of
+from .points import Part, StudyAxis, axes_of
 
 # What a user's summary adds to the status.
 SUMMARY_FAILED = "summary_failed"
@@ -59,7 +59,7 @@ class Study:
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @cached_property
-    def axes(self) -> list[Axis]:
+    def axes(self) -> list[StudyAxis]:
         """What varies along each dimension; raises QuantityError."""
         return axes_of(self.points, self.measure.read)
 
@@ -114,9 +114,9 @@ class Study:
         if not set(made) - set(_STATUS) or (self.summary is not None and set(made["reason"].values) - {""}):
             raise StudyError(f"the first two members fail: {made['reason'].values[0]}")
         known = [axis for axis in self.axes if axis.drawn is not None]
-        varied = [Variable(n, (a.dim,), (), "float64", a.about[n]) for a in known for n in a.names]
+        varied = [StudyVariable(n, (a.dim,), (), "float64", a.about[n]) for a in known for n in a.names]
         found = [
-            Variable(
+            StudyVariable(
                 str(name),
                 self.dims,
                 tuple((str(dim), int(one.sizes[dim])) for dim in one.dims if dim != "member"),

@@ -19,7 +19,7 @@ MOST_TASKS = 10_000_000  # tasks of a study: files of one folder; each is looked
 MOST_CHUNK_BYTES = 128_000_000  # bytes of a chunk, twice `LARGEST`: a reader needs this memory twice
 
 
-class Variable(NamedTuple):
+class StudyVariable(NamedTuple):
     """A result (or what varies). `dims`: of the study, then `inner` ones with their sizes, such as time;
     `dtype`: of NumPy, or "text"; `about`: attributes."""
 
@@ -42,7 +42,7 @@ class Layout(NamedTuple):
     dims: tuple[str, ...]
     shape: tuple[int, ...]
     task: tuple[int, ...]
-    variables: tuple[Variable, ...]
+    variables: tuple[StudyVariable, ...]
 
     @property
     def members(self) -> int:
@@ -70,22 +70,22 @@ class Layout(NamedTuple):
             for dim, i, part, size in zip(self.dims, at, self.task, self.shape, strict=True)
         }
 
-    def chunk(self, variable: Variable) -> tuple[int, ...]:
+    def chunk(self, variable: StudyVariable) -> tuple[int, ...]:
         """The shape of its chunks, which those at the end have too, filled up."""
         part = dict(zip(self.dims, self.task, strict=True))
         return (*(part[dim] for dim in variable.dims), *(size for _, size in variable.inner))
 
-    def size(self, variable: Variable) -> int:
+    def size(self, variable: StudyVariable) -> int:
         """Bytes of a chunk in memory."""
         one = 8 if variable.dtype == TEXT else np.dtype(variable.dtype).itemsize
         return one * math.prod(self.chunk(variable))
 
-    def whole(self, variable: Variable) -> tuple[int, ...]:
+    def whole(self, variable: StudyVariable) -> tuple[int, ...]:
         """The shape of the variable."""
         size = dict(zip(self.dims, self.shape, strict=True))
         return (*(size[dim] for dim in variable.dims), *(count for _, count in variable.inner))
 
-    def key(self, variable: Variable, number: int) -> str:
+    def key(self, variable: StudyVariable, number: int) -> str:
         """The file of a task's chunk, relative to the store."""
         at = dict(zip(self.dims, np.unravel_index(number, self.counts), strict=True))
         return "/".join(
@@ -161,7 +161,7 @@ def check_layout(layout: Layout) -> None:
         raise ValueError("its statuses have no meanings")
 
 
-def _variables(listed: list[dict[str, Any]]) -> Iterator[Variable]:
+def _variables(listed: list[dict[str, Any]]) -> Iterator[StudyVariable]:
     for one in listed:
         inner = tuple((str(dim), int(size)) for dim, size in one["inner"])
-        yield Variable(**{**one, "dims": tuple(one["dims"]), "inner": inner})
+        yield StudyVariable(**{**one, "dims": tuple(one["dims"]), "inner": inner})

@@ -17,7 +17,7 @@ from ..gate.errors import damaged
 from ..quantities.units import QuantityError
 from .chunks import ChunkError
 from .errors import StudyError
-from .layout import Variable
+from .layout import StudyVariable
 from .store import Store
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ WIDE = 5.0  # greatest over least, from which on an axis is logarithmic
 _QUANTILES = {"median": 0.5, "tenth": 0.1, "nine_tenths": 0.9, "least": 0.0, "greatest": 1.0}
 
 
-class Picture(NamedTuple):
+class StudyPicture(NamedTuple):
     """`cells` [up, across] between the edges, NaN where there is no member; `log`, whether the edges are
     evenly apart by their ratios, across and up; `members` that it is of, and how many of the tasks that are
     done were `read` and were found `damaged`."""
@@ -44,7 +44,7 @@ class Picture(NamedTuple):
     damaged: int
 
 
-def pictured(store: Store) -> tuple[dict[str, Variable], dict[str, Variable]]:
+def pictured(store: Store) -> tuple[dict[str, StudyVariable], dict[str, StudyVariable]]:
     """What varies, and the results that are one number of each member, by name.
 
     Raises:
@@ -63,7 +63,7 @@ def pictured(store: Store) -> tuple[dict[str, Variable], dict[str, Variable]]:
 
 def study_picture(
     path: str | os.PathLike[str], result: str, across: str, up: str = "", statistic: Statistic = "median"
-) -> Picture:
+) -> StudyPicture:
     """A result of a study over one or two of the values that vary.
 
     Args:
@@ -100,7 +100,7 @@ def study_picture(
     shown = np.where(complete[there], 0.0, 1.0) if failing else values[result]
     found = _of_cells(flat, shown, math.prod(shape), statistic if up else "count").reshape(shape)
     log = _log(edges[0]), _log(edges[1])
-    return Picture(edges[0], edges[1], found, log, int(there.sum()), done, read, damaged)
+    return StudyPicture(edges[0], edges[1], found, log, int(there.sum()), done, read, damaged)
 
 
 def _at_random(store: Store) -> set[str]:
@@ -111,7 +111,7 @@ def _at_random(store: Store) -> set[str]:
         return {name for one in parts for name in one.get("ranges", {})}
 
 
-def _coordinates(store: Store) -> dict[str, tuple[Variable, Array]]:
+def _coordinates(store: Store) -> dict[str, tuple[StudyVariable, Array]]:
     """What varies along one dimension of the study."""
     found = store.coordinates()
     return {
@@ -122,7 +122,7 @@ def _coordinates(store: Store) -> dict[str, tuple[Variable, Array]]:
 
 
 def _columns(
-    store: Store, names: list[str], known: dict[str, tuple[Variable, Array]]
+    store: Store, names: list[str], known: dict[str, tuple[StudyVariable, Array]]
 ) -> tuple[dict[str, Array], int, int, int]:
     """Columns of members that are computed; how many tasks are done, were read, are damaged."""
     layout = store.layout

@@ -84,7 +84,7 @@ class Draws:
 Part = Grid | Random | Draws
 
 
-class Axis(NamedTuple):
+class StudyAxis(NamedTuple):
     """Some names along one dimension. `values` are of all its points, [names, size]; without them
     `drawn(start, stop)` gives those of some, [names, stop - start]."""
 
@@ -100,13 +100,13 @@ class Axis(NamedTuple):
         return self.values[:, start:stop] if self.drawn is None else self.drawn(start, stop)  # type: ignore[index]
 
 
-def axes_of(parts: Part | Sequence[Part], read: Read) -> list[Axis]:
+def axes_of(parts: Part | Sequence[Part], read: Read) -> list[StudyAxis]:
     """The axes of a study, in order.
 
     Raises:
         QuantityError: a name or a value that cannot be; names the part and the name.
     """
-    found: list[Axis] = []
+    found: list[StudyAxis] = []
     for part in [parts] if isinstance(parts, Part) else parts:
         if isinstance(part, Grid):
             found += [_grid_axis(name, values, read) for name, values in part.values.items()]
@@ -128,23 +128,25 @@ def axes_of(parts: Part | Sequence[Part], read: Read) -> list[Axis]:
     return found
 
 
-def _grid_axis(name: str, values: ArrayLike, read: Read) -> Axis:
+def _grid_axis(name: str, values: ArrayLike, read: Read) -> StudyAxis:
     column, about = read(name, values)
     if np.unique(column).size != column.size:
         raise QuantityError(f"grid: {name} has the same value twice")
-    return Axis(name, (name,), column.size, {name: about}, column[None, :])
+    return StudyAxis(name, (name,), column.size, {name: about}, column[None, :])
 
 
-def _draws_axis(part: Draws, read: Read) -> Axis:
+def _draws_axis(part: Draws, read: Read) -> StudyAxis:
     columns = {name: read(name, values) for name, values in part.values.items()}
     sizes = {name: column.size for name, (column, _) in columns.items()}
     if len(set(sizes.values())) != 1:
         raise QuantityError(f"draws must be arrays of one length; there are {sizes or 'none'}")
     stacked = np.stack([column for column, _ in columns.values()])
-    return Axis(part.dim, tuple(columns), stacked.shape[1], {n: a for n, (_, a) in columns.items()}, stacked)
+    return StudyAxis(
+        part.dim, tuple(columns), stacked.shape[1], {n: a for n, (_, a) in columns.items()}, stacked
+    )
 
 
-def _random_axis(part: Random, read: Read) -> Axis:
+def _random_axis(part: Random, read: Read) -> StudyAxis:
     if part.method not in get_args(Method):
         raise QuantityError(f"random: there are {', '.join(get_args(Method))}, not {part.method!r}")
     if isinstance(part.members, bool) or not (isinstance(part.members, int) and part.members > 0):
@@ -177,7 +179,7 @@ def _random_axis(part: Random, read: Read) -> Axis:
         at = begin + width * sequence.numbers(start, stop)
         return np.where(which, np.exp(np.where(which, at, 0.0)), at)
 
-    return Axis("member", tuple(about), part.members, about, None, drawn)
+    return StudyAxis("member", tuple(about), part.members, about, None, drawn)
 
 
 class _Sequence:

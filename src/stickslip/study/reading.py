@@ -16,7 +16,7 @@ from xarray.core import indexing
 
 from .chunks import ChunkError
 from .errors import StudyError
-from .layout import TEXT, Variable
+from .layout import TEXT, StudyVariable
 from .store import Store
 
 
@@ -59,7 +59,7 @@ def blocks(store: Store) -> Iterator[tuple[dict[str, slice], xr.Dataset]]:
 class _Results(BackendArray):
     """Results of one variable, of the tasks that are `done`."""
 
-    def __init__(self, store: Store, variable: Variable, done: NDArray[np.bool_]) -> None:
+    def __init__(self, store: Store, variable: StudyVariable, done: NDArray[np.bool_]) -> None:
         self._store, self._variable, self._done = store, variable, done
         self.shape = store.layout.whole(variable)
         self.dtype = np.dtype(object if variable.dtype == TEXT else variable.dtype)

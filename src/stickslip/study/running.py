@@ -113,7 +113,7 @@ def run_study(
         raise QuantityError(f"shard = {shard[0]}/{shard[1]}: k of k/n is from 1 to n")
     there = prepared(study, store)
     todo = _todo(there, shard, progress)
-    heard = _Told(there.layout, len(todo), progress)
+    heard = _ToldProgress(there.layout, len(todo), progress)
     if todo and scheduler is not None:
         from .cluster import run_on_cluster
 
@@ -173,7 +173,7 @@ def _todo(store: Store, shard: tuple[int, int] | None, progress: Progress) -> li
     return [number for number in mine if not done[number]]
 
 
-class _Told:
+class _ToldProgress:
     """Tells the progress of a run, now and then."""
 
     def __init__(self, layout: Layout, tasks: int, progress: Progress) -> None:

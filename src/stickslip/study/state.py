@@ -18,7 +18,7 @@ LATELY = 300.0
 DAMAGED = "damaged"
 
 
-class State(NamedTuple):
+class StudyState(NamedTuple):
     """`done` of `tasks`; members in all, and those computed by their status; members per second lately, NaN
     where nothing was written lately; `left` [s], of the rest at this rate; `last` [s, Unix time], when
     something was written, NaN: never; `damage`: what is wrong with a task that is done, or "". Of
@@ -39,7 +39,7 @@ class State(NamedTuple):
         return self.done == self.tasks
 
 
-def study_state(path: str | os.PathLike[str]) -> State:
+def study_state(path: str | os.PathLike[str]) -> StudyState:
     """How far a study is.
 
     Raises:
@@ -70,7 +70,7 @@ def study_state(path: str | os.PathLike[str]) -> State:
     rate = float("nan")
     if lately.size > 1 and np.ptp(lately) > 0.0 and now - lately.max() < LATELY:
         rate = each * (lately.size - 1) / float(np.ptp(lately))
-    return State(
+    return StudyState(
         store.title,
         layout.tasks,
         int(done.sum()),

@@ -42,7 +42,7 @@ from .chunks import (
 )
 from .description import differences, identity
 from .errors import StudyDiffers, StudyError
-from .layout import TEXT, Layout, Variable, layout_of, layout_text
+from .layout import TEXT, Layout, StudyVariable, layout_of, layout_text
 from .sealing import SEAL, checks_of, file_hash, key_of, store_seal, task_seal
 
 FORMAT = 2
@@ -209,7 +209,11 @@ class Store:
                 raise
 
     def _filled(
-        self, number: int, variable: Variable, found: xr.Dataset, varied: Mapping[str, NDArray[np.float64]]
+        self,
+        number: int,
+        variable: StudyVariable,
+        found: xr.Dataset,
+        varied: Mapping[str, NDArray[np.float64]],
     ) -> NDArray[Any]:
         """Return a variable's part of the results of a task, filled up to the shape of a chunk."""
         layout, place = self.layout, self.layout.place(number)
@@ -229,7 +233,7 @@ class Store:
         )
         return whole
 
-    def read(self, number: int, variable: Variable) -> NDArray[Any]:
+    def read(self, number: int, variable: StudyVariable) -> NDArray[Any]:
         """Numbers or texts of a task, over the variable's dimensions; raises ChunkError."""
         data, place = self._content(variable, number), self.layout.place(number)
         if variable.dtype == TEXT:
@@ -251,7 +255,7 @@ class Store:
             data = _chunk(variable.name, other.path, other.layout.key(variable, number), size)
             write_chunk(self._written(variable, number), data)
 
-    def _content(self, variable: Variable, number: int) -> bytes:
+    def _content(self, variable: StudyVariable, number: int) -> bytes:
         """Return the content of a chunk that is where it belongs, texts packed; raises ChunkError."""
         size = None if variable.dtype == TEXT else self.layout.size(variable)
         data = _chunk(variable.name, self.path, self.layout.key(variable, number), size)
@@ -274,7 +278,7 @@ class Store:
         except ChunkError as error:
             raise ChunkError(f"{name} {error}") from None
 
-    def coordinates(self) -> dict[str, tuple[Variable, NDArray[np.float64]]]:
+    def coordinates(self) -> dict[str, tuple[StudyVariable, NDArray[np.float64]]]:
         """What varies and is known beforehand: values of grids and draws, and coordinates of the results'
         own, such as time; raises StudyError."""
         self.check_known()
@@ -284,10 +288,12 @@ class Store:
         except (ChunkError, ValueError, LookupError, TypeError, AttributeError) as error:
             raise StudyError(f"{self.path}: its coordinates are damaged: {error}") from None
 
-    def _coordinate(self, name: str) -> tuple[Variable, NDArray[np.float64]]:
+    def _coordinate(self, name: str) -> tuple[StudyVariable, NDArray[np.float64]]:
         about = load_json(plain_bytes(self.path, f"{name}/zarr.json"), name)
         shape = tuple(map(int, about["shape"]))
-        found = Variable(name, tuple(map(str, about["dimension_names"])), (), "float64", about["attributes"])
+        found = StudyVariable(
+            name, tuple(map(str, about["dimension_names"])), (), "float64", about["attributes"]
+        )
         sizes = dict(zip(self.layout.dims, self.layout.shape, strict=True))
         if shape != tuple(sizes.get(dim, n) for dim, n in zip(found.dims, shape, strict=True)):
             raise ChunkError(f"{name} has the shape {shape}")
@@ -323,10 +329,10 @@ class Store:
                 if time.time() - file.stat().st_mtime > ABANDONED:
                     file.unlink()
 
-    def _file(self, variable: Variable, number: int) -> Path:
+    def _file(self, variable: StudyVariable, number: int) -> Path:
         return self.path / self.layout.key(variable, number)
 
-    def _written(self, variable: Variable, number: int) -> Path:
+    def _written(self, variable: StudyVariable, number: int) -> Path:
         """Return the file of a chunk that is written or removed; raises StudyError for a folder elsewhere."""
         folder, _, name = self.layout.key(variable, number).rpartition("/")
         return self._place(folder) / name

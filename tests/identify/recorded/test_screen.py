@@ -14,7 +14,7 @@ import stickslip as ss
 from identify.step_system import step_recording
 from stickslip.identify.events.pulled import PulledRig, identify_pulled_slider
 from stickslip.identify.loops.inertia import identify_inertia
-from stickslip.identify.recorded.screen import Moved, refuse_loop, refuse_noise, refuse_walk
+from stickslip.identify.recorded.screen import PositionUnderDrive, refuse_loop, refuse_noise, refuse_walk
 from stickslip.recording import RecordingError, make_recording
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 
@@ -142,7 +142,7 @@ def test_random_healthy_recordings_pass() -> None:
             step = float(np.ptp(x)) / random.choice([4, 30, 300])
             x = step * np.round(x / step)
         model = MODEL.replace(gain=MODEL.gain * float(np.exp(random.uniform(-1.0, 1.0))))
-        refuse_walk(Moved("walk", "end_effector_position", "m", time, x, u), model)
+        refuse_walk(PositionUnderDrive("walk", "end_effector_position", "m", time, x, u), model)
         amplitude = float(np.exp(random.uniform(np.log(5e-7), np.log(1e-3))))  # half a bristle's, and more
         _, x, force = loop(random, float(np.exp(random.uniform(np.log(1e-4), np.log(0.3)))), amplitude)
         refuse_loop(x, force, "loop", ("position", "friction_force"))

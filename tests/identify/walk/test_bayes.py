@@ -20,7 +20,7 @@ from stickslip.friction import Coulomb
 from stickslip.identify.walk.bayes import curvature_adjustment, posterior
 from stickslip.identify.walk.displacement import Displacement
 from stickslip.identify.walk.friction import identify_friction
-from stickslip.identify.walk.likelihood import Members, Sums, eliminated
+from stickslip.identify.walk.likelihood import SimulatedWalks, Sums, eliminated
 from stickslip.identify.walk.walks import Varied, observed
 from stickslip.physics.actuator import load_actuator
 from stickslip.simulation import simulate
@@ -202,7 +202,7 @@ def test_all_members_at_once_are_as_far_off_as_each_alone() -> None:
     model, recording = walk(load_actuator("kang2007").friction)
     motion = Displacement(recording, DRIVE, "walk", model, 1e-11)
     measured = recording["end_effector_position"].values
-    members = Members([motion, motion], [measured, measured + 1e-8], model, (1e-4, 1e-5))
+    members = SimulatedWalks([motion, motion], [measured, measured + 1e-8], model, (1e-4, 1e-5))
     random = np.random.default_rng(5)
     own = {
         "sigma_0": 1.399e6 * np.exp(0.1 * random.standard_normal(6)),
@@ -215,7 +215,7 @@ def test_all_members_at_once_are_as_far_off_as_each_alone() -> None:
         one = {name: float(column[m]) for name, column in own.items()}
         r = observed(motion, Varied(model), {**one, "delay": delay[m], "offset": offset[m]}) - measured
         assert found[m] == pytest.approx(r @ r + (r - 1e-8) @ (r - 1e-8), rel=1e-3)
-    alone = Members([motion], [measured], model, (1e-4, 0.0))
+    alone = SimulatedWalks([motion], [measured], model, (1e-4, 0.0))
     r = motion.position(model, 1e-4) - measured
     assert alone({}, 2).chi_squared(alone.weights(delay[:2]), np.zeros(2)) == pytest.approx(r @ r, rel=1e-3)
 
@@ -229,7 +229,7 @@ def test_delay_and_offset_are_integrated_out(prior: tuple[float, float] | None) 
         Parameter("offset", 0.0, -9.0, 9.0, log=False, prior=prior),
     ]
 
-    class OfSines(Members):
+    class OfSines(SimulatedWalks):
         def __init__(self) -> None:
             self.nodes, self.grid = np.linspace(-0.3, 0.3, 7), np.linspace(-0.3, 0.3, 301)
 

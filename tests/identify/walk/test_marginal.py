@@ -11,7 +11,7 @@ from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import FitError
 from stickslip.estimate.result import Fit
 from stickslip.identify.walk.displacement import Displacement
-from stickslip.identify.walk.likelihood import Members
+from stickslip.identify.walk.likelihood import SimulatedWalks
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
 SAW = ss.Sawtooth(amplitude=65.0, frequency=5.0, periods=4)
@@ -161,7 +161,7 @@ def test_importance_sampling_finds_the_same_spread(monkeypatch) -> None:
     sigma_0, force, delay = np.exp(q[:, 0]), np.exp(q[:, 1]), q[:, 2]
     values = {"sigma_0": sigma_0, "sigma_1": np.exp(held_at), "coulomb_force": force, "delay": delay}
     motion = Displacement(recording, SAW, "walk", fit.model, 3e-10)
-    members = Members([motion], [recording["end_effector_position"].values], fit.model, (0.0, 1e-4))
+    members = SimulatedWalks([motion], [recording["end_effector_position"].values], fit.model, (0.0, 1e-4))
     own = {name: column for name, column in values.items() if name != "delay"}
     misfit = members(own, delay.size).chi_squared(members.weights(delay), np.zeros(delay.size))
     log_posterior = -0.5 * misfit / fit.rmse**2 - log_proposal

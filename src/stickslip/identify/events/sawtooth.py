@@ -12,7 +12,7 @@ from scipy.ndimage import uniform_filter1d
 
 from ..recorded.channels import channel, names_of, refuse_clipped, unit_of
 from .mean_step import degrees_of_freedom, mean_step
-from .slips import Slips, slips_of
+from .slips import SlipEvents, slips_of
 from .vibration import vibration_of
 
 POSITION = "end_effector_position"
@@ -127,7 +127,7 @@ def _mean(t: Array, x: Array, first: float, last: float) -> float:
     return float(x[i:j].mean()) if j > i else math.nan
 
 
-def _steps(t: Array, x: Array, slips: Slips) -> dict[str, Any]:
+def _steps(t: Array, x: Array, slips: SlipEvents) -> dict[str, Any]:
     """Peak, valley and steps of each slip."""
     p = slips.period
     ends = np.append(slips.time[1:], t[-1])
@@ -152,7 +152,7 @@ def _steps(t: Array, x: Array, slips: Slips) -> dict[str, Any]:
     }
 
 
-def _walk(t: Array, x: Array, slips: Slips, steps: dict[str, Array], number: int) -> dict[str, float]:
+def _walk(t: Array, x: Array, slips: SlipEvents, steps: dict[str, Array], number: int) -> dict[str, float]:
     """One walk's numbers."""
     own = slips.walk == number
     time, peak, p = slips.time[own], steps["peak"][own], slips.period
@@ -207,7 +207,7 @@ def _asymmetry(walks: list[dict[str, float]]) -> float:
     return float(np.mean(backward) / np.mean(forward)) - 1.0
 
 
-def _spectrum(t: Array, x: Array, slips: Slips) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def _spectrum(t: Array, x: Array, slips: SlipEvents) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Frequencies and amplitudes of the mean motion in the quarter of a period after the slips, less the line
     through its second half; NaN where there are fewer than two slips."""
     interval = float(np.median(np.diff(t)))

@@ -24,7 +24,7 @@ IRREGULAR = 0.25
 Array = NDArray[np.float64]
 
 
-class Slips(NamedTuple):
+class SlipEvents(NamedTuple):
     """Instants [s] of slips in the position, ascending; +1 or -1, where the position jumps; when each walk's
     number; the period [s], and how late the position is behind the drive [s] (NaN without a drive)."""
 
@@ -36,11 +36,11 @@ class Slips(NamedTuple):
     inverted: bool
 
 
-def slips_of(t: Array, x: Array, u: Array | None, where: str) -> Slips:
+def slips_of(t: Array, x: Array, u: Array | None, where: str) -> SlipEvents:
     """The slips of a recording: time [n] s, position [n] m and, if it is known, drive [n] V."""
     if u is None:
         time, sign, period = _in_position(t, x, where)
-        return Slips(time, sign, _walks(time, sign, period), period, np.nan, False)
+        return SlipEvents(time, sign, _walks(time, sign, period), period, np.nan, False)
     change = np.diff(u)
     at = np.flatnonzero(np.abs(change) > JUMP * np.ptp(u))
     at = at[np.diff(at, prepend=-2) > 1] + 1
@@ -55,7 +55,7 @@ def slips_of(t: Array, x: Array, u: Array | None, where: str) -> Slips:
     refuse_coarse(t, period, where)
     delay, side = _delay(t, x, t[at], jump, period)
     kept = t[at] + delay < t[-1]
-    return Slips(t[at][kept] + delay, side * jump[kept], walk[kept], period, delay, side < 0)
+    return SlipEvents(t[at][kept] + delay, side * jump[kept], walk[kept], period, delay, side < 0)
 
 
 def _walks(time: Array, sign: NDArray[np.int64], period: float) -> NDArray[np.int64]:

@@ -11,7 +11,7 @@ import scipy
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from .slips import Slips
+from .slips import SlipEvents
 
 # Of a period, after a slip: where the ring is looked for. A fast one decays soon; a slow one needs time for
 # its cycles; and the body may slide at first. The first window that shows a ring is taken.
@@ -33,7 +33,7 @@ FREQUENCY_ERROR, DECAY_ERROR = 0.03, 0.15
 Array = NDArray[np.float64]
 
 
-class Window(NamedTuple):
+class VibrationWindow(NamedTuple):
     """What follows the slips in a part of the period, without trend: time [n] from its beginning [s], the
     mean over the slips [n], the standard deviation of that mean's samples, and the trend's basis [n, 3]."""
 
@@ -58,7 +58,7 @@ class Window(NamedTuple):
         return self.mean - b @ np.linalg.lstsq(b, self.mean, rcond=None)[0]
 
 
-def vibration_of(t: Array, x: Array, slips: Slips) -> dict[str, float]:
+def vibration_of(t: Array, x: Array, slips: SlipEvents) -> dict[str, float]:
     """Amplitude, frequency [Hz] and decay [1/s] of the mean ring after the slips, and how long after them
     `vibration_start` [s] it has that amplitude; NaN where no window shows a ring, and for a decay that is not
     known within 15 % (one standard error), or of a ring that lasts until the next slip."""
@@ -75,7 +75,9 @@ def vibration_of(t: Array, x: Array, slips: Slips) -> dict[str, float]:
     return dict.fromkeys(NAMES, math.nan)
 
 
-def _window(t: Array, x: Array, slips: Slips, begin: float, end: float, interval: float) -> Window | None:
+def _window(
+    t: Array, x: Array, slips: SlipEvents, begin: float, end: float, interval: float
+) -> VibrationWindow | None:
     """The mean motion in a part of the periods; None where fewer than two slips have it undisturbed."""
     count = int((end - begin) * slips.period / interval)
     if count < 8:
@@ -91,10 +93,10 @@ def _window(t: Array, x: Array, slips: Slips, begin: float, end: float, interval
     mean = pieces.mean(axis=0)
     free = (len(pieces) - 1) * (count - trend.shape[1])
     noise = math.sqrt(float(np.sum((pieces - mean) ** 2)) / free / len(pieces))
-    return Window(np.arange(count) * interval, mean, noise, trend)
+    return VibrationWindow(np.arange(count) * interval, mean, noise, trend)
 
 
-def _starts(window: Window, interval: float) -> list[Array]:
+def _starts(window: VibrationWindow, interval: float) -> list[Array]:
     """Angular frequencies of the highest peaks of the spectrum, each with some decays."""
     padded = 4 * window.time.size
     spectrum = np.abs(np.fft.rfft(window.mean, padded))
@@ -106,7 +108,7 @@ def _starts(window: Window, interval: float) -> list[Array]:
     return [np.array([w, part / window.time[-1]]) for w, part in product(angular, (1.0, 4.0, 16.0))]
 
 
-def _ring(window: Window, interval: float) -> tuple[float, float, float] | None:
+def _ring(window: VibrationWindow, interval: float) -> tuple[float, float, float] | None:
     """Amplitude, frequency and decay of the ring in a window; None where it does not show one."""
     n, span, power = window.time.size, window.time[-1], float(window.mean @ window.mean)
     unexplained = [(float(np.sum(window.left(q) ** 2)), q) for q in _starts(window, interval)]

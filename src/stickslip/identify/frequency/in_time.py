@@ -22,7 +22,7 @@ from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
-from ...estimate.separable import Design, Linear, separable
+from ...estimate.separable import Design, SeparableRecording, separable
 from ...quantities.progress import Progress, unheard
 from ...quantities.units import to_si
 from ..free import with_ties
@@ -160,7 +160,7 @@ def identify_in_time(
     for o, measured in enumerate(in_rows(np.moveaxis(response, 0, -1)), 1):
         channels = [""] if n_inputs * n_outputs == 1 else [f"[{o},{i}]" for i in range(1, n_inputs + 1)]
         coefficients = tuple((name + channel, unit) for name in [*names, "remainder"] for channel in channels)
-        recordings.append(Linear(measured, None, coefficients, f"output {o}", unit.split("/")[0]))
+        recordings.append(SeparableRecording(measured, None, coefficients, f"output {o}", unit.split("/")[0]))
     poles = list(zip(start.natural_frequency, start.damping_ratio, strict=True))
     parameters = pole_parameters(poles, (np.pi / (n_samples * sample), np.pi * sample_rate))
     problem = separable(recordings, designs, with_ties(parameters, tied), correlated=correlated)

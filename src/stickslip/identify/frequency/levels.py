@@ -15,7 +15,7 @@ from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
-from ...estimate.separable import Design, Linear, separable
+from ...estimate.separable import Design, SeparableRecording, separable
 from ...quantities.progress import Progress, unheard, within
 from ...quantities.units import to_si
 from .amplitude import ALIKE, AmplitudeModel, law, law_by_exponent
@@ -23,7 +23,7 @@ from .modal import (
     ANY,
     LINES_IN_SEARCH,
     UNPREDICTED,
-    Kind,
+    ModalForm,
     ModalModel,
     delay_parameter,
     identify_frequency,
@@ -84,7 +84,7 @@ def identify_levels(
     order = np.argsort(volts)
     volts, levels = volts[order], [_with_channels(responses[i]) for i in order]
     _check(levels, volts)
-    kind = Kind(complex_modes, remainder)
+    kind = ModalForm(complex_modes, remainder)
     progress("fitting the level in the middle", 0.0)
     middle = levels[len(levels) // 2]
     found = identify_frequency(middle, modes, complex_modes=complex_modes, remainder=remainder).model
@@ -149,7 +149,7 @@ def _check(levels: Sequence[xr.Dataset], volts: Array) -> None:
         raise FitError("the responses have no deviations: they need more realisations or periods")
 
 
-def _softening(levels: Sequence[xr.Dataset], poles: Array, kind: Kind) -> Array:
+def _softening(levels: Sequence[xr.Dataset], poles: Array, kind: ModalForm) -> Array:
     """Of all natural frequencies alike, the logarithm of their shift at each level from the middle one.
 
     Modes of two levels are not paired one by one: fitted alone, each level has its own idea of the weak ones.
@@ -164,7 +164,7 @@ def _softening(levels: Sequence[xr.Dataset], poles: Array, kind: Kind) -> Array:
     return shifts
 
 
-def _left(level: xr.Dataset, poles: Array, shift: float, kind: Kind) -> float:
+def _left(level: xr.Dataset, poles: Array, shift: float, kind: ModalForm) -> float:
     """What modes of shifted frequencies leave of the responses, all lines alike."""
     level = level.isel(frequency=slice(None, None, max(1, level.sizes["frequency"] // LINES_IN_SEARCH)))
     shifted = np.append(poles[:-1].reshape(-1, 2) * [np.exp(shift), 1.0], poles[-1])
@@ -177,7 +177,7 @@ class _Levels:
     """The least squares over all levels: rows level by level, columns at the reference, then slopes."""
 
     def __init__(
-        self, levels: Sequence[xr.Dataset], volts: Array, poles: Array, exponent: Parameter, kind: Kind
+        self, levels: Sequence[xr.Dataset], volts: Array, poles: Array, exponent: Parameter, kind: ModalForm
     ) -> None:
         self.levels, self.kind, self.volts = levels, kind, volts
         self.amplitude = float(np.exp(np.mean(np.log(volts))))
@@ -204,7 +204,7 @@ class _Levels:
                 found.append(steep.starting_at(value))
         return found
 
-    def recordings(self) -> list[Linear]:
+    def recordings(self) -> list[SeparableRecording]:
         """One for each channel, of all levels."""
         unit = self.levels[0]["response"].attrs["units"]
         single = self.outputs.size * self.inputs.size == 1
@@ -218,7 +218,7 @@ class _Levels:
                 for what in ("response", "deviation")
             )
             found.append(
-                Linear(
+                SeparableRecording(
                     np.concatenate([real_over_imaginary(one) for one in measured]),
                     np.concatenate([np.tile(one / np.sqrt(2), 2) for one in deviation]),
                     tuple((name + label, unit) for name in names),

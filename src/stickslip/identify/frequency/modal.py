@@ -26,7 +26,7 @@ from ...estimate.lack import Lack
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
-from ...estimate.separable import Design, Linear, separable
+from ...estimate.separable import Design, SeparableRecording, separable
 from ...physics.state_space import StateSpace
 from ...quantities.progress import Progress, unheard
 from ...quantities.units import to_si
@@ -151,7 +151,7 @@ def identify_frequency(
     response, remarks = _with_deviation(response, noise_known)
     if not np.all(response["deviation"] > 0):
         raise FitError("the responses have no deviations: they need more realisations or periods")
-    kind = Kind(complex_modes, remainder)
+    kind = ModalForm(complex_modes, remainder)
     starts, delay = _found(response, given, kind) if isinstance(given, int) else given
     options: dict[str, Any] = {"noise_known": noise_known, "correlated": correlated, "progress": progress}
     options["tied"] = tied
@@ -177,7 +177,7 @@ def _with_deviation(response: xr.Dataset, noise_known: bool) -> tuple[xr.Dataset
     return response.assign(deviation=equal), (said,)
 
 
-def _unseen(fit: Fit, response: xr.Dataset, kind: Kind) -> tuple[str, ...]:
+def _unseen(fit: Fit, response: xr.Dataset, kind: ModalForm) -> tuple[str, ...]:
     """A sentence on the modes that noise may have made.
 
     Raises:
@@ -218,7 +218,7 @@ def starts_of(
     return [(to_si(frequency, "Hz", "modes"), damping) for frequency, damping in modes], 0.0
 
 
-def _found(response: xr.Dataset, n_modes: int, kind: Kind) -> tuple[list[tuple[float, float]], float]:
+def _found(response: xr.Dataset, n_modes: int, kind: ModalForm) -> tuple[list[tuple[float, float]], float]:
     """Starts of so many modes, and of the delay: each mode explains most of what those before it left.
 
     All lines count alike here: weighed by their deviations, quiet bands would be served before large motion.
@@ -255,7 +255,7 @@ def _delays(frequency: np.ndarray, measured: np.ndarray, n_modes: int) -> list[f
     return [float(np.clip(slope - share * by_modes, -longest, longest)) for share in TURNED]
 
 
-class Kind(NamedTuple):
+class ModalForm(NamedTuple):
     """Which coefficients a model has beside the gains."""
 
     complex_modes: bool
@@ -269,7 +269,7 @@ class Kind(NamedTuple):
 
 
 def _fit(
-    response: xr.Dataset, starts: Sequence[tuple[float, float]], delay: float, kind: Kind, **options: Any
+    response: xr.Dataset, starts: Sequence[tuple[float, float]], delay: float, kind: ModalForm, **options: Any
 ) -> Fit:
     frequency = response["frequency"].to_numpy()
     outputs, inputs = response["output"].to_numpy(), response["input"].to_numpy()
@@ -287,7 +287,7 @@ def _fit(
         measured = response["response"].to_numpy()[:, o, i]
         deviation = response["deviation"].to_numpy()[:, o, i]
         recordings.append(
-            Linear(
+            SeparableRecording(
                 real_over_imaginary(measured),
                 np.tile(deviation / math.sqrt(2), 2),
                 tuple((name + channel, unit) for name in kind.names(len(starts))),
@@ -321,7 +321,7 @@ def pole_parameters(starts: Sequence[tuple[float, float]], ends: tuple[float, fl
     return parameters
 
 
-def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: Kind) -> ModalModel:
+def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: ModalForm) -> ModalModel:
     """Of a fit whose coefficients come after the poles and the delay, whose `names` are given."""
     *poles, delay = (fit.values[name] for name in names)
     rest = np.array([fit.values[p.name] for p in fit.parameters if p.name not in names])
@@ -330,7 +330,7 @@ def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: 
     )
 
 
-def modal_model(poles: np.ndarray, coefficients: np.ndarray, kind: Kind) -> ModalModel:
+def modal_model(poles: np.ndarray, coefficients: np.ndarray, kind: ModalForm) -> ModalModel:
     """The record of natural frequency and damping ratio of each mode, then the delay, and of the coefficients
     (names of `kind`, outputs, inputs)."""
     n_modes = len(poles) // 2
@@ -357,7 +357,7 @@ def real_over_imaginary(values: np.ndarray) -> np.ndarray:
     return np.concatenate([np.real(values), np.imag(values)])
 
 
-def modal_design(frequency: np.ndarray, values: np.ndarray, kind: Kind) -> Design:
+def modal_design(frequency: np.ndarray, values: np.ndarray, kind: ModalForm) -> Design:
     """Real over imaginary parts of the modes' responses, and their derivatives by poles and delay."""
     omega, zeta, delay = values[0:-1:2], values[1:-1:2], values[-1]
     s = 2j * np.pi * frequency

@@ -25,7 +25,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...estimate.budget import Budget
+from ...estimate.budget import EvaluationBudget
 from ...estimate.coloured import with_own_noise
 from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
@@ -179,7 +179,7 @@ def identify_loops(
         exchangeable=exchangeable(model, parameters, others),
     )
     begins = [{p.name: p.start for p in parameters}, *begins]
-    budget = Budget.of(measured, [white_noise(force) for force in measured], noise or 1.0)
+    budget = EvaluationBudget.of(measured, [white_noise(force) for force in measured], noise or 1.0)
     how = (partial(alike, measured=measured), starts, seed, max_evaluations, progress, budget)
     fit = budget.told(_lowest(described, [*parameters, *others], begins, found, *how))
     fit = with_own_noise(fit) if correlated and noise is None else fit
@@ -256,7 +256,7 @@ def _searched(
     seed: int,
     max_evaluations: int,
     progress: Progress,
-    budget: Budget,
+    budget: EvaluationBudget,
 ) -> Fit:
     """The lowest minimum of searches that begin at these values, and at `starts` random ones around it."""
 

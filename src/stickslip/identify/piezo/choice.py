@@ -14,7 +14,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from ...physics.piezo.creep import spread
 from ...quantities.units import QuantityError
 from ..recorded.known_noise import white_noise
-from .columns import CREEP_BEGINS, Columns, Grid, Observed, columns
+from .columns import CREEP_BEGINS, Columns, Observed, PlayGrid, columns
 from .linear import held_out, residuals, solved, typical
 from .timing import Lateness
 
@@ -46,7 +46,7 @@ class Choice(NamedTuple):
     """The columns of a fit, how late the voltage is, what is left of parts left out [m], and sentences on
     what was tried."""
 
-    grid: Grid
+    grid: PlayGrid
     late: Lateness
     score: float
     remarks: tuple[str, ...]
@@ -98,7 +98,7 @@ def chosen(
     alike = [list(some) for _, some in groupby(shapes, key=lambda one: (one.skew, one.late))]
     for n, some in product((n for n in plays if n * SAMPLES_PER_PLAY <= fewest), alike):
         bent, skew, late = some[-1]
-        most = Grid.over(*range_of(observed), n, bent, lasts if max(crept) else 0.0, skew)
+        most = PlayGrid.over(*range_of(observed), n, bent, lasts if max(crept) else 0.0, skew)
         if most.times.size and len(time_constants):
             most = most._replace(times=np.array(time_constants))
         parts = [columns(one, late.timing, most) for one in observed]
@@ -132,7 +132,7 @@ def chosen(
     return _lasting(observed, made, lasts) if grid.times.size and not time_constants else made
 
 
-def left_of_all(observed: Sequence[Observed], late: Lateness, grid: Grid) -> tuple[float, float]:
+def left_of_all(observed: Sequence[Observed], late: Lateness, grid: PlayGrid) -> tuple[float, float]:
     """Standard deviation of what a grid leaves of all samples, m, and the creep per decade that it has."""
     parts = [columns(one, late.timing, grid) for one in observed]
     positions = [one.position for one in observed]

@@ -61,14 +61,14 @@ class Observed(NamedTuple):
         return np.array([high, low, self.rest] if rises else [low, high, self.rest])
 
 
-class Timing(NamedTuple):
+class Lateness(NamedTuple):
     """How late the piezo's voltage is: `delay`, s, then a first-order `lag`, s."""
 
     delay: float = 0.0
     lag: float = 0.0
 
 
-class Grid(NamedTuple):
+class PlayGrid(NamedTuple):
     """What the columns are of: `thresholds` of plays [V], `zones` of the square [V], time constants of the
     creep [s]; either of the latter may be empty. `skew` [1/V] of what plays see, where there are zones."""
 
@@ -78,7 +78,9 @@ class Grid(NamedTuple):
     skew: float = 0.0
 
     @classmethod
-    def over(cls, low: float, high: float, plays: int, bent: bool, lasts: float, skew: float = 0.0) -> Grid:
+    def over(
+        cls, low: float, high: float, plays: int, bent: bool, lasts: float, skew: float = 0.0
+    ) -> PlayGrid:
         """For drives from `low` to `high` [V] and recordings of `lasts` s; 0: without creep.
 
         A play wider than half the range never moves back, so that nothing tells its weight.
@@ -87,7 +89,7 @@ class Grid(NamedTuple):
         times = spread(CREEP_BEGINS, lasts) if lasts > CREEP_BEGINS else np.zeros(0)
         return cls(0.5 * (high - low) * np.arange(plays) / plays, zones, times).skewed_by(skew)
 
-    def skewed_by(self, skew: float) -> Grid:
+    def skewed_by(self, skew: float) -> PlayGrid:
         """The same with this skew; thresholds keep their shares of the range that plays see."""
         if skew == self.skew:
             return self
@@ -96,7 +98,7 @@ class Grid(NamedTuple):
         now, then = (skewed(of.plays, high) - skewed(of.plays, low) for of in (self, made))
         return made._replace(thresholds=self.thresholds * (then / now))
 
-    def without(self, bent: bool, creep: bool) -> Grid:
+    def without(self, bent: bool, creep: bool) -> PlayGrid:
         """The same without the square (`bent`), without the creep, or both."""
         none = np.zeros(0)
         return self._replace(zones=none if bent else self.zones, times=none if creep else self.times)
@@ -167,7 +169,7 @@ def repeated(drive: Array) -> tuple[float, float, float]:
     return none
 
 
-def at_piezo(observed: Observed, timing: Timing) -> Array:
+def at_piezo(observed: Observed, timing: Lateness) -> Array:
     """The voltage at the piezo, V, shape (n,)."""
     time, rest, late = observed.time, observed.rest, observed.drive
     if observed.cycled:  # it went on as it now begins
@@ -187,7 +189,7 @@ def lagged(time: Array, values: Array, tau: Array, rest: float) -> Array:
     return found
 
 
-def columns(observed: Observed, timing: Timing, grid: Grid) -> Columns:
+def columns(observed: Observed, timing: Lateness, grid: PlayGrid) -> Columns:
     """All columns of a recording."""
     way = observed.way
     u = np.append(way, at_piezo(observed, timing))

@@ -23,14 +23,14 @@ from ...recording import RecordingError
 from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import first_change, more_than_white, resolution, white_noise
 from ..recorded.levels import converter_step
-from ..recorded.screen import Moved, refuse_against, refuse_noise, refuse_swapped, said_gain
+from ..recorded.screen import PositionUnderDrive, refuse_against, refuse_noise, refuse_swapped, said_gain
 from ..scales import DRIVE, by_prediction, with_scales
 from .choice import ENOUGH, Choice, Shape, chosen, left_of_all, range_of
 from .columns import (
     Columns,
-    Grid,
+    Lateness,
     Observed,
-    Timing,
+    PlayGrid,
     at_piezo,
     columns,
     observe,
@@ -44,7 +44,7 @@ from .timing import Edges, Lateness, edges_of, lateness
 
 OBSERVED = "stage_position"
 NOT_LATE = Lateness(
-    Timing(),
+    Lateness(),
     ("delay and lag are taken as 0 s: what the edges of the drive show of them predicts no better",),
     Edges((), ()),
 )
@@ -125,13 +125,13 @@ def identify_piezo(
     seen = [observe(r, name, observed, rest) for r, name in zip(found, names_of(found), strict=True)]
     for one in seen:
         refuse_noise(one.position, observed, one.name, one.drive)
-        refuse_swapped(Moved(one.name, observed, unit, one.time, one.position, one.drive))
+        refuse_swapped(PositionUnderDrive(one.name, observed, unit, one.time, one.position, one.drive))
         refuse_clipped(one.position, observed, one.name, one.drive, converter_step(one.position))
     refuse_one_way(seen)
     late = _lateness(seen, *given)
     for one in seen:
         drive = at_piezo(one, late.timing)
-        refuse_against(Moved(one.name, observed, unit, one.time, one.position, drive))
+        refuse_against(PositionUnderDrive(one.name, observed, unit, one.time, one.position, drive))
     for assumed in (0.0, None) if rest is None else ():
         begun = _begun(seen, late.timing, assumed)
         if all(one.begins_as(other) for one, other in zip(seen, begun, strict=True)):
@@ -158,7 +158,7 @@ def identify_piezo(
         other = chosen(seen, [shape], operators, creep, taus)
         if other.score < (1.0 - LATE) * choice.score:
             fit, remarks = _fitted(seen, choice := other, unit)
-    timing = Timing(fit.values["delay"], fit.values["lag"])
+    timing = Lateness(fit.values["delay"], fit.values["lag"])
     prediction = _predicting(fit, choice.grid, timing, seen, observed)
     fit = replace(
         fit,
@@ -228,7 +228,7 @@ def _unexplained(fit: Fit, seen: Sequence[Observed]) -> list[str]:
     return said
 
 
-def _begun(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[Observed]:
+def _begun(seen: Sequence[Observed], timing: Lateness, assumed: float | None) -> list[Observed]:
     """The recordings with what was before each, by a first model without creep. Where they rested, but not as
     it was taken, that `assumed` [V], if any: the model has yet to learn how late the voltage is."""
     grid, _, solution = first_model(seen, timing)
@@ -248,16 +248,16 @@ def _begun(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> l
 def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) -> Lateness:
     """As given, or as the edges show."""
     if delay is not None or lag is not None:
-        given = Timing(delay or 0.0, lag or 0.0)
+        given = Lateness(delay or 0.0, lag or 0.0)
         if min(given) < 0.0:
             raise QuantityError(f"delay = {given.delay:g} s and lag = {given.lag:g} s must be >= 0 s")
         return Lateness(given, ("delay and lag are as given",), Edges((), ()))
-    grid, parts, found = first_model(seen, Timing())
+    grid, parts, found = first_model(seen, Lateness())
     still = [found.position(c) + o for c, o in zip(parts, found.offsets, strict=True)]
     return lateness(seen, grid, edges_of(seen, still))
 
 
-def named(found: Solution, grid: Grid) -> Values:
+def named(found: Solution, grid: PlayGrid) -> Values:
     """A solution by the names of a fit."""
     values = {f"weight_{i}": float(w) for i, w in enumerate(found.weights, start=1)}
     if grid.zones.size:
@@ -269,7 +269,7 @@ def named(found: Solution, grid: Grid) -> Values:
     return values | {f"offset_{i}": float(o) for i, o in enumerate(found.offsets, 1)} | {"gain": found.gain}
 
 
-def _problem(seen: Sequence[Observed], grid: Grid, timing: Timing, unit: str, timed: bool) -> Problem:
+def _problem(seen: Sequence[Observed], grid: PlayGrid, timing: Lateness, unit: str, timed: bool) -> Problem:
     """All coefficients at once, and delay and lag with them where these are `timed`."""
     begin = named(
         solved([columns(one, timing, grid) for one in seen], [one.position for one in seen], grid), grid
@@ -280,7 +280,7 @@ def _problem(seen: Sequence[Observed], grid: Grid, timing: Timing, unit: str, ti
     described = _Described(seen, grid, [*plays, *(["curvature"] if grid.zones.size else [])], timed)
     units = {"curvature": f"{unit}/V²", "skew": "1/V", "creep": "", "delay": "s", "lag": "s"}
     reach = {name: 2.0 * begin["gain"] for name in plays} | {"creep": 1.0}
-    reach |= {name: max(10.0 * sum(timing), 1e-9) for name in Timing._fields}
+    reach |= {name: max(10.0 * sum(timing), 1e-9) for name in Lateness._fields}
     parameters = [
         Parameter(
             name,
@@ -306,14 +306,14 @@ def _problem(seen: Sequence[Observed], grid: Grid, timing: Timing, unit: str, ti
 class _Described:
     """The residuals of a problem and their derivatives; columns are made anew only for another timing."""
 
-    def __init__(self, seen: Sequence[Observed], grid: Grid, names: Sequence[str], timed: bool) -> None:
+    def __init__(self, seen: Sequence[Observed], grid: PlayGrid, names: Sequence[str], timed: bool) -> None:
         self.seen, self.grid, self.names, self.timed = seen, grid, names, timed
         self.known: dict[tuple[float, ...], list[Columns]] = {}
-        self.shifted = [*(["skew"] if grid.skew else []), *(Timing._fields if timed else ())]
+        self.shifted = [*(["skew"] if grid.skew else []), *(Lateness._fields if timed else ())]
 
     def parts(self, values: Values) -> list[Columns]:
         """At the delay, lag and skew of these values."""
-        timing, skew = Timing(values["delay"], values["lag"]), values.get("skew", 0.0)
+        timing, skew = Lateness(values["delay"], values["lag"]), values.get("skew", 0.0)
         if (*timing, skew) not in self.known:
             if len(self.known) > KEPT:
                 self.known.clear()
@@ -341,7 +341,7 @@ class _Described:
         rows = []
         for i, (part, one) in enumerate(zip(self.parts(values), self.seen, strict=True)):
             now = self.shown(values, i)
-            step = dict.fromkeys(Timing._fields, DIFFERENCE * float(one.time[1]))
+            step = dict.fromkeys(Lateness._fields, DIFFERENCE * float(one.time[1]))
             step["skew"] = SKEWED / (high - low)
             by = {
                 name: (self.shown({**values, name: values[name] + step[name]}, i) - now) / step[name]
@@ -367,7 +367,7 @@ def _known(observed: Observed) -> KnownNoise:
 
 
 def _predicting(
-    fit: Fit, grid: Grid, timing: Timing, seen: Sequence[Observed], observed: str
+    fit: Fit, grid: PlayGrid, timing: Lateness, seen: Sequence[Observed], observed: str
 ) -> PiezoPrediction:
     """`prediction_of` a fit; where that is no piezo, what to change is said."""
     try:
@@ -382,7 +382,7 @@ def _predicting(
 
 
 def prediction_of(
-    values: Values, grid: Grid, timing: Timing, seen: Sequence[Observed], observed: str
+    values: Values, grid: PlayGrid, timing: Lateness, seen: Sequence[Observed], observed: str
 ) -> PiezoPrediction:
     ends, count = range_of(seen), len(seen)
     weights = np.array([values[f"weight_{i}"] for i in range(1, grid.thresholds.size + 1)])

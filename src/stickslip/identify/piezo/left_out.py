@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ...estimate.result import Fit
 from ...physics.piezo import Piezo
 from ..recorded.channels import names_of, recordings_of
-from .columns import Grid, Timing, columns, observe
+from .columns import Lateness, PlayGrid, columns, observe
 from .fit import named, prediction_of
 from .linear import solve
 from .prediction import PiezoPrediction
@@ -41,10 +41,10 @@ def without_parts(
     known: PiezoPrediction = fit.predict.__self__  # type: ignore[union-attr]
     law, creep = known.piezo.hysteresis, known.piezo.creep
     times = () if creep is None else creep.time_constants
-    grid = Grid(np.array(law.thresholds), np.array(law.dead_zones), np.array(times))
+    grid = PlayGrid(np.array(law.thresholds), np.array(law.dead_zones), np.array(times))
     if any(law.skews):
         grid = grid._replace(skew=law.skews[0] / float(grid.bends[0]))
-    timing = Timing(known.delay, known.lag)
+    timing = Lateness(known.delay, known.lag)
     seen = [observe(r, name, fit.observed, None) for r, name in zip(found, names_of(found), strict=True)]
     seen = [known.begun(one) for one in seen]
     made = [columns(one, timing, grid) for one in seen]

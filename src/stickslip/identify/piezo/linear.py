@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
 
-from .columns import Columns, Grid
+from .columns import Columns, PlayGrid
 
 # Relative; what is added to the diagonal, for plays of neighbouring thresholds are nearly alike.
 RIDGE = 1e-12
@@ -63,7 +63,7 @@ class _Normal(NamedTuple):
 
 
 def solve(
-    parts: Sequence[Columns], positions: Sequence[Array], grid: Grid, kept: Sequence[NDArray[np.bool_]]
+    parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid, kept: Sequence[NDArray[np.bool_]]
 ) -> Solution:
     """The least squares over the samples that are `kept` (a mask of each recording)."""
     creeping, found = bool(grid.times.size), None
@@ -79,7 +79,7 @@ def solve(
     return found._replace(offsets=found.offsets + levels)
 
 
-def solved(parts: Sequence[Columns], positions: Sequence[Array], grid: Grid) -> Solution:
+def solved(parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid) -> Solution:
     """The least squares over all samples."""
     return solve(parts, positions, grid, [np.ones(y.size, dtype=bool) for y in positions])
 
@@ -90,7 +90,7 @@ def residuals(parts: Sequence[Columns], positions: Sequence[Array], found: Solut
     return np.concatenate([y - found.position(c) - offset for c, y, offset in rows])
 
 
-def held_out(parts: Sequence[Columns], positions: Sequence[Array], grid: Grid, folds: int) -> Array:
+def held_out(parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid, folds: int) -> Array:
     """Return the mean square [m²] that is left of each fold of each recording by the fit of all others."""
     creeping = bool(grid.times.size)
     blocks = []
@@ -130,7 +130,7 @@ def _normal(rows: Array, y: Array) -> _Normal:
     return _Normal(rows.T @ rows, rows.T @ y, float(y @ y))
 
 
-def _solved(of: _Normal, grid: Grid, creeping: bool) -> Array:
+def _solved(of: _Normal, grid: PlayGrid, creeping: bool) -> Array:
     """x of the least squares, plays and creep not negative."""
     plays, bent = grid.thresholds.size, int(grid.zones.size > 0)
     k = plays + bent + int(creeping)
@@ -151,7 +151,7 @@ def _solved(of: _Normal, grid: Grid, creeping: bool) -> Array:
     return made * scale
 
 
-def _read(x: Array, grid: Grid, creeping: bool) -> Solution:
+def _read(x: Array, grid: PlayGrid, creeping: bool) -> Solution:
     plays, bent = grid.thresholds.size, int(grid.zones.size > 0)
     weights = x[:plays]
     gain = float(weights.sum())

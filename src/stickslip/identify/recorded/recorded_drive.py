@@ -88,7 +88,7 @@ class Knot(NamedTuple):
     after: float
 
 
-class Line(NamedTuple):
+class StraightLine(NamedTuple):
     """u = level + slope (t - time), which samples follow to `scatter` (rms)."""
 
     time: float
@@ -225,16 +225,16 @@ def _kinks(t: Array, u: Array, group: list[int]) -> list[Knot]:
     return kinks
 
 
-def _line(t: Array, u: Array, first: int, last: int) -> Line:
+def _line(t: Array, u: Array, first: int, last: int) -> StraightLine:
     """The line through the samples first..last; level where that is one."""
     times, values = t[first : last + 1], u[first : last + 1]
     time, level = float(times.mean()), float(values.mean())
     apart = times - time
     slope = float(apart @ values) / float(apart @ apart) if times.size > 1 else 0.0
-    return Line(time, level, slope, float(np.sqrt(np.mean((values - level - slope * apart) ** 2))))
+    return StraightLine(time, level, slope, float(np.sqrt(np.mean((values - level - slope * apart) ** 2))))
 
 
-def _straight(t: Array, u: Array, most: float) -> Line | None:
+def _straight(t: Array, u: Array, most: float) -> StraightLine | None:
     """The line through many samples that follow it but for rounding; None if they do not.
 
     What is rounded differs from a line by no more than from sample to sample; what is curved, by far more.
@@ -246,7 +246,9 @@ def _straight(t: Array, u: Array, most: float) -> Line | None:
     return line if left < most and left <= 2.0 * float(np.max(np.abs(np.diff(u, 2)))) else None
 
 
-def _instants(t: Array, jumps: list[int], lines: list[tuple[Line, Line]], rest: float) -> list[float | None]:
+def _instants(
+    t: Array, jumps: list[int], lines: list[tuple[StraightLine, StraightLine]], rest: float
+) -> list[float | None]:
     """When the jumps are, by the level they come from or go to: first that at rest, then the one on the other
     side of those so found. None where a line meets neither."""
     found: list[float | None] = [None] * len(jumps)
@@ -264,7 +266,7 @@ def _instants(t: Array, jumps: list[int], lines: list[tuple[Line, Line]], rest: 
     return found
 
 
-def _met(t: Array, i: int, line: Line, level: float) -> float | None:
+def _met(t: Array, i: int, line: StraightLine, level: float) -> float | None:
     """When, in interval i, a line clearly goes through a level."""
     interval = t[i + 1] - t[i]
     if abs(line.slope) * interval <= 10.0 * line.scatter + 1e-9 * abs(line.level):

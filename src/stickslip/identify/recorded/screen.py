@@ -55,7 +55,7 @@ LOST = 0.05
 Array = NDArray[np.float64]
 
 
-class Moved(NamedTuple):
+class PositionUnderDrive(NamedTuple):
     """Position under a drive: name of the recording and of the position channel; `unit` of the position;
     time [n], s; position [n]; drive [n], V."""
 
@@ -121,7 +121,7 @@ def _correlated(values: Array, drive: Array) -> bool:
     return power > 0.0 and abs(float(u @ x)) > CORRELATED * float(np.std(x)) * math.sqrt(power)
 
 
-def refuse_swapped(one: Moved) -> None:
+def refuse_swapped(one: PositionUnderDrive) -> None:
     """Raise RecordingError if positions and volts are swapped: the position moves by more than 1 m a volt."""
     moved, driven = float(np.ptp(one.position)), float(np.ptp(one.drive))
     if moved > SWAPPED_GAIN * driven > 0.0:
@@ -147,7 +147,7 @@ def said_gain(gain: float, unit: str, known: float | None = None) -> tuple[str, 
     return ()
 
 
-def refuse_walk(one: Moved, model: Any) -> None:
+def refuse_walk(one: PositionUnderDrive, model: Any) -> None:
     """Raise RecordingError if a walk and its model (an actuator) cannot belong together.
 
     Raises:
@@ -178,7 +178,9 @@ def refuse_walk(one: Moved, model: Any) -> None:
         )
 
 
-def refuse_inverted(steps: Sequence[Moved], walks: Sequence[Moved], model: Any) -> None:
+def refuse_inverted(
+    steps: Sequence[PositionUnderDrive], walks: Sequence[PositionUnderDrive], model: Any
+) -> None:
     """Raise RecordingError where steps go against their drive, and name all recordings that do.
 
     Args:
@@ -198,13 +200,13 @@ def refuse_inverted(steps: Sequence[Moved], walks: Sequence[Moved], model: Any) 
     raise RecordingError(said_inverted(f"{first.channel} [{first.unit}] of {names}", first))
 
 
-def refuse_against(one: Moved) -> None:
+def refuse_against(one: PositionUnderDrive) -> None:
     """Raise RecordingError if the position of a piezo falls where its voltage rises."""
     if _correlation(one) < 0.0:
         raise RecordingError(said_inverted(one.label, one))
 
 
-def said_inverted(label: str, one: Moved) -> str:
+def said_inverted(label: str, one: PositionUnderDrive) -> str:
     """A sentence on positions that go against their drive, with the line that turns the sensor."""
     return (
         f"{label} goes down where drive_voltage [V] goes up: the sensor is inverted. Say so, in the unit of "
@@ -212,7 +214,7 @@ def said_inverted(label: str, one: Moved) -> str:
     )
 
 
-def _correlation(one: Moved) -> float:
+def _correlation(one: PositionUnderDrive) -> float:
     position, drive = one.position, one.drive
     return float(np.corrcoef(position, drive)[0, 1]) if np.ptp(position) * np.ptp(drive) > 0.0 else 0.0
 
@@ -226,7 +228,7 @@ class Following(NamedTuple):
     correlation: float
 
 
-def following(one: Moved, natural_frequency: float) -> Following | None:
+def following(one: PositionUnderDrive, natural_frequency: float) -> Following | None:
     """Return how the position follows the drive where that is slow; None where it is so nowhere.
 
     There a contact sticks. Over whole periods a walk in long steps may go against its drive: it gains while
@@ -264,7 +266,7 @@ def following(one: Moved, natural_frequency: float) -> Following | None:
     return Following(common / power, white / math.sqrt(power), common / math.sqrt(power * moved or 1.0))
 
 
-def _refuse_beyond_reach(one: Moved, model: Any) -> None:
+def _refuse_beyond_reach(one: PositionUnderDrive, model: Any) -> None:
     """The stage carries the end-effector by no more than its own way, however the contact slips.
 
     What resonance adds is granted, and a gain that is not yet identified.

@@ -21,7 +21,7 @@ from .linear import one_of_pairs, residues
 Array = NDArray[np.float64]
 
 
-class Ramp(NamedTuple):
+class VoltageRamp(NamedTuple):
     """A part of the step: its height [V], when it begins and how long it takes [s]."""
 
     height: float
@@ -41,7 +41,7 @@ def check_known(piezo: Piezo | None) -> None:
             )
 
 
-def ramps(piezo: Piezo | None, voltage: float, rest: float, slew_rate: float | None) -> list[Ramp]:
+def ramps(piezo: Piezo | None, voltage: float, rest: float, slew_rate: float | None) -> list[VoltageRamp]:
     """The step from `rest` [V], reached from 0 V, by `voltage` [V], at a slew rate [V/s] if it is known."""
     path, levels = np.array([rest, rest + voltage]), np.array([rest, rest + voltage])
     if piezo is not None and piezo.hysteresis is not None:
@@ -52,10 +52,10 @@ def ramps(piezo: Piezo | None, voltage: float, rest: float, slew_rate: float | N
         path = rest + np.sign(voltage) * np.unique(np.concatenate([[0.0], inside, [abs(voltage)]]))
         levels = law.output(path, rest)
     if not slew_rate:
-        return [Ramp(float(levels[-1] - levels[0]), 0.0, 0.0)]
+        return [VoltageRamp(float(levels[-1] - levels[0]), 0.0, 0.0)]
     times = np.abs(path - rest) / slew_rate
     return [
-        Ramp(float(h1 - h0), float(t0), float(t1 - t0))
+        VoltageRamp(float(h1 - h0), float(t0), float(t1 - t0))
         for (h0, h1), (t0, t1) in zip(pairwise(levels), pairwise(times), strict=True)
     ]
 
@@ -64,7 +64,7 @@ def response(
     piezo: Piezo | None, slew_rate: float | None
 ) -> Callable[[Array, float, float, list[complex], list[complex]], Array]:
     """What linear parts behind the piezo make of a step: of times [s], height [V], rest [V], poles, zeros."""
-    known: dict[tuple[float, float], list[Ramp]] = {}
+    known: dict[tuple[float, float], list[VoltageRamp]] = {}
     creep = None if piezo is None else piezo.creep
 
     def of(time: Array, voltage: float, rest: float, poles: list[complex], zeros: list[complex]) -> Array:

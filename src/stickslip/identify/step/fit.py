@@ -30,7 +30,7 @@ from ..free import check_motion, with_ties
 from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
 from ..recorded.known_noise import resolution
-from ..recorded.screen import Moved, refuse_noise, refuse_swapped, said_gain
+from ..recorded.screen import PositionUnderDrive, refuse_noise, refuse_swapped, said_gain
 from ..scales import DRIVE, ByKnown, model_values, with_scales
 from .at_piezo import check_known
 from .at_piezo import response as piezo_response
@@ -168,7 +168,7 @@ def _screen(recordings: Sequence[xr.Dataset], observed: str) -> None:
         refuse_noise(position, observed, name, drive)
         if drive is not None:
             unit = unit_of([one], observed) or "m"
-            refuse_swapped(Moved(name, observed, unit, one["time"].values, position, drive))
+            refuse_swapped(PositionUnderDrive(name, observed, unit, one["time"].values, position, drive))
 
 
 def _with_exchanged(problem: Problem, fit: Fit) -> Fit:

@@ -32,7 +32,7 @@ from ...waveform.signal import Waveform
 from ..recorded.channels import channel, drives_of, names_of, recordings_of
 from .displacement import Displacement
 from .intervals import refuse_joint
-from .likelihood import Members, eliminated, log_prior
+from .likelihood import SimulatedWalks, eliminated, log_prior
 from .position_channel import CHANNEL, OBSERVED
 from .several import straightened
 from .walks import position_slopes, stage_beside
@@ -87,7 +87,7 @@ def posterior(
     measured = [channel(r, OBSERVED, name) for r, name in zip(found, names, strict=True)]
     spread = dict(zip([p.name for p in fit.parameters], np.sqrt(np.diag(_start(fit))), strict=True))
     delay = fit.values.get("delay", 0.0)
-    members = Members(motions, measured, fit.model, (delay, float(spread.get("delay", 0.0))), fit.ties)
+    members = SimulatedWalks(motions, measured, fit.model, (delay, float(spread.get("delay", 0.0))), fit.ties)
     variance = _variance(fit)
     space = _space(fit, stage, curvature_adjustment(fit, variance))
     return sample(
@@ -141,7 +141,9 @@ def _space(fit: Fit, stage: Fit | None, bend: Array) -> _Space:
 class _Density:
     """Of where the likelihood is asked for, along straight valleys; the q that go with it are unbent."""
 
-    def __init__(self, of: _Space, members: Members, variance: float, random: np.random.Generator) -> None:
+    def __init__(
+        self, of: _Space, members: SimulatedWalks, variance: float, random: np.random.Generator
+    ) -> None:
         self.of, self.members, self.variance, self.random = of, members, variance, random
         self.lower = np.array([p.coordinate(p.lower) for p in of.parameters])
         self.upper = np.array([p.coordinate(p.upper) for p in of.parameters])

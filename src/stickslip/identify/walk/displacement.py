@@ -20,9 +20,9 @@ from ...friction.law import has_jumps
 from ...physics.actuator import Actuator
 from ...simulation import SimulationError
 from ...simulation.drives import checked_drive
-from ...simulation.models import Contact, classic
+from ...simulation.models import RelativeLoad, classic
 from ...simulation.plant.system import values_of
-from ...simulation.sensitivity import Moved, follow_moved, moved
+from ...simulation.sensitivity import NeighbouringModels, follow_moved, moved
 from ...waveform.drive import evaluate
 from ...waveform.signal import Waveform
 from ..recorded.recorded_drive import drive_over
@@ -30,7 +30,7 @@ from ..recorded.recorded_drive import drive_over
 # A model that needs more for one recording is none: a trial point with a contact far too stiff. Each segment
 # of the drive takes some of its own: an amplifier's output has a hundred thousand in a second.
 MAX_STEPS, OF_SEGMENT = 200_000, 3
-LOAD = Contact()
+LOAD = RelativeLoad()
 
 
 class Displacement:
@@ -122,7 +122,7 @@ class Displacement:
         early, times = self._times(delay)
         of, before = LOAD.system(model), self.drive.before
         systems = [LOAD.system(other) for other in others]
-        near = Moved(
+        near = NeighbouringModels(
             model,
             of,
             np.array([values_of(one.plant)[0] for one in systems]),

@@ -41,7 +41,7 @@ from ..recorded.at_rest import drift_at_rest
 from ..recorded.channels import names_of, recordings_of, unit_of
 from ..recorded.drives import taken_drives, warn_of_other_drive
 from ..recorded.known_noise import known_noise, said_unjudged
-from ..recorded.screen import Moved, driven, refuse_walk
+from ..recorded.screen import PositionUnderDrive, driven, refuse_walk
 from ..scales import with_scales
 from .diagnosis import diagnosed
 from .displacement import Displacement, has_slopes
@@ -184,7 +184,7 @@ def identify_friction(
     model = with_values(model, starting) if starting else model
     measured = [walked(r, w, name) for r, w, name in zip(found, drives, names, strict=True)]
     for r, x, w, name in zip(found, measured, drives, names, strict=True):
-        refuse_walk(Moved(name, OBSERVED, unit, r["time"].values, x, driven(r, w, name)), model)
+        refuse_walk(PositionUnderDrive(name, OBSERVED, unit, r["time"].values, x, driven(r, w, name)), model)
         warn_of_unseen_slips(r, model, name)
         warn_of_other_drive(r, w, name)
     tolerance = tolerance or (1e-10 if has_slopes(model) else 1e-12)

@@ -64,7 +64,7 @@ class Sums(NamedTuple):
         return quadratic + offset * (2.0 * np.sum(weights * self.sums, axis=1) + self.size * offset)
 
 
-class Members:
+class SimulatedWalks:
     """Recordings of one actuator, simulated for many sets of its values.
 
     Args:
@@ -144,7 +144,7 @@ class Eliminated(NamedTuple):
 
 
 def eliminated(
-    members: Members,
+    members: SimulatedWalks,
     of: Sums,
     variance: float,
     known: Mapping[str, Parameter],

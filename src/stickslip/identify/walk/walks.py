@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...estimate.budget import Budget
+from ...estimate.budget import EvaluationBudget
 from ...estimate.coloured import with_inherited, with_own_noise
 from ...estimate.fit import fit_least_squares
 from ...estimate.lack import KnownNoise
@@ -78,17 +78,17 @@ class Walks:
     progress: Progress
     each: Callable[[SearchState], None] | None
     settled: float = SETTLED
-    spent: Budget | None = None
+    spent: EvaluationBudget | None = None
     varied: Varied = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "varied", Varied(self.model, self.ties))
         if self.spent is None:
             white = [white_noise(x) for x in self.measured]
-            object.__setattr__(self, "spent", Budget.of(self.measured, white, self.noise or 1.0))
+            object.__setattr__(self, "spent", EvaluationBudget.of(self.measured, white, self.noise or 1.0))
 
     @property
-    def budget(self) -> Budget:
+    def budget(self) -> EvaluationBudget:
         """What all searches of these recordings share, with other models too."""
         assert self.spent is not None
         return self.spent

@@ -17,7 +17,7 @@ from ...quantities.units import with_prefix
 from ...recording import RecordingError
 from ...recording.taken_drive import taken_drive
 from ...simulation.drives import checked_drive
-from ...simulation.models import Contact
+from ...simulation.models import RelativeLoad
 from ...waveform.sequence import Sequence
 from ...waveform.shapes import Rest
 from ...waveform.signal import Waveform
@@ -153,9 +153,9 @@ def on_level(one: Aligned, model: Actuator) -> Aligned:
     if one.drive is None:
         level = model.gain * float(one.recording["drive_voltage"].values[0])
     else:
-        of, end = Contact().system(model), float(one.recording["time"][-1])
+        of, end = RelativeLoad().system(model), float(one.recording["time"][-1])
         before = checked_drive(model, one.drive, end, periodic=False, tolerance=math.inf).before
-        level = float(Contact().rest(of, before)[of.slider])
+        level = float(RelativeLoad().rest(of, before)[of.slider])
     return one._replace(recording=with_position(one.recording, one.recording[POSITION].values + level))
 
 

@@ -32,7 +32,7 @@ from ...quantities.units import QuantityError
 from ...report import Document, Section
 from ...report.document import joined
 from ...report.origin import origin_of
-from .design_drives import ActuatorSpec, FrontSpec, OptimiseSpec
+from .design_drives import ActuatorSearchSpec, FrontSpec, OptimiseSpec
 from .design_given import Array, Given, draws_of_file
 from .design_map import MapSpec
 from .design_plan import PlanSpec
@@ -51,7 +51,7 @@ class DesignAnalysis(Analysis, ModelOrFit):
     map: MapSpec | None = None
     optimise: OptimiseSpec | None = None
     front: FrontSpec | None = None
-    actuator: ActuatorSpec | None = None
+    actuator: ActuatorSearchSpec | None = None
     plan: PlanSpec | None = None
 
     @model_validator(mode="after")

@@ -74,7 +74,7 @@ class FrontSpec(SearchSpec, arguments_of(waveform_front, "knots", "points", "gen
         return view(found)
 
 
-class ActuatorSpec(
+class ActuatorSearchSpec(
     SearchSpec, arguments_of(optimise_actuator, "draws", "minimum_speed", "holding_force", "budget")
 ):
     """As `design.optimise_actuator`: `free` are fields with their ranges; `models` are parameter sets by

@@ -76,7 +76,7 @@ def goal_of(given: Goal | None, model: Actuator) -> Any:
     return given
 
 
-class LimitsSpec(fields_of(OutputStage, "slew_rate", "current", "capacitance")):
+class OutputLimitsSpec(fields_of(OutputStage, "slew_rate", "current", "capacitance")):
     """The limits of an `OutputStage`; or the amplifier of a `bench` into its piezo."""
 
     bench: str | None = None
@@ -114,7 +114,9 @@ class GeneratorSpec(fields_of(OutputStage, "update_rate", "points", "step", "int
         return output.with_converter(bench.output(points))
 
 
-def output_stage(limits: LimitsSpec | None, generator: GeneratorSpec | None, folder: Path) -> OutputStage:
+def output_stage(
+    limits: OutputLimitsSpec | None, generator: GeneratorSpec | None, folder: Path
+) -> OutputStage:
     """Return the output stage of limits and a generator; raises QuantityError."""
     output = OutputStage() if limits is None else limits.output(folder)
     return output if generator is None else generator.onto(output, folder)
@@ -136,7 +138,7 @@ class ScenarioSpec(Strict):
 class SearchSpec(arguments_of(optimise_waveform, "max_voltage", "min_voltage", "frequency", "seed")):
     """What all searches for a drive are told; see `optimise_waveform`."""
 
-    limits: LimitsSpec | None = None
+    limits: OutputLimitsSpec | None = None
     scenarios: list[ScenarioSpec] = Field(default_factory=list)
 
     def common(self, given: Given) -> dict[str, Any]:

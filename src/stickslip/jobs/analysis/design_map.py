@@ -15,7 +15,7 @@ from ...report.viewing import view
 from ...rig.experiment.cells import drive_of
 from ...rig.experiment.file import PartSpec
 from .axis import AxisSpec
-from .design_given import GeneratorSpec, Given, LimitsSpec, output_stage
+from .design_given import GeneratorSpec, Given, OutputLimitsSpec, output_stage
 
 AXES = {"voltage": "V", "frequency": "Hz", "load": "N"}
 # Fields of a drive that each point of the map sets.
@@ -55,7 +55,7 @@ class MapSpec(
     voltage: Values | None = None
     frequency: Values | None = None
     load: Values | None = None
-    limits: LimitsSpec | None = None
+    limits: OutputLimitsSpec | None = None
     generator: GeneratorSpec | None = None
 
     def made(self, given: Given) -> Document:

@@ -21,9 +21,9 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError, field_validator
 
 from ...control import (
+    MarginRequirement,
     Mover,
     NoiseShaped,
-    Requirement,
     Slip,
     Stepping,
     StepSizes,
@@ -121,7 +121,7 @@ class MoveFile(Analysis):
     limits: LimitsSpec = Field(default_factory=LimitsSpec)
     walk: Annotated[Stepping, RecordPart(without=("tolerance",))] = Field(default_factory=Stepping)
     slip: SlipSpec = Field(default_factory=SlipSpec)
-    requirement: Part[Requirement] = Field(default_factory=Requirement)
+    requirement: Part[MarginRequirement] = Field(default_factory=MarginRequirement)
     target: Quantity = 0.0
     within: Quantity = 10e-9
     hold: Seconds = 1.0

@@ -10,11 +10,11 @@ from ...report.figures.posterior import posterior_corner
 from ...report.figures.style import svg
 from ...report.views.comparison import choice_numbers, choice_section
 from ...report.views.posterior import posterior_numbers, posterior_table
-from .evaluation import Found
+from .evaluation import CampaignResult
 from .stage import unit_of
 
 
-def additional_numbers(found: Found) -> dict[str, Any]:
+def additional_numbers(found: CampaignResult) -> dict[str, Any]:
     """For results.json: what was asked for."""
     more, numbers = found.additional, {}
     if more.profiles is not None:
@@ -33,7 +33,7 @@ def additional_numbers(found: Found) -> dict[str, Any]:
     return numbers
 
 
-def additional_sections(found: Found, *, figures: bool) -> list[Section]:
+def additional_sections(found: CampaignResult, *, figures: bool) -> list[Section]:
     """Those that were asked for."""
     more, sections = found.additional, []
     if more.profiles is not None or more.posterior is not None:
@@ -43,7 +43,7 @@ def additional_sections(found: Found, *, figures: bool) -> list[Section]:
     return sections
 
 
-def _without_linearisation(found: Found, figures: bool) -> Section:
+def _without_linearisation(found: CampaignResult, figures: bool) -> Section:
     fit, more = found.friction, found.additional
     names = [p.name for p in fit.shown if not p.fixed and p.name not in CHANNEL]
     columns, said, tables, pictures = [Column("parameter"), Column("linearised")], [], [], []

@@ -27,7 +27,7 @@ from ...identify.walk.position_channel import CHANNEL
 from ...identify.walk.walks import by_coordinates, by_values, columns_of
 from ...physics.actuator import Actuator
 from ..analysis.alignment import POSITION, Aligned
-from .gathering import Scale
+from .gathering import SensorScale
 
 LEVEL = 0.95
 _TOLERANCE = 1e-11
@@ -35,7 +35,7 @@ _TOLERANCE = 1e-11
 Array = NDArray[np.float64]
 
 
-class Budget(NamedTuple):
+class ErrorBudget(NamedTuple):
     """Standard errors of each parameter, by source, and their sum; in the unit of the parameter."""
 
     sources: dict[str, dict[str, float]]
@@ -59,7 +59,7 @@ class Inherited(NamedTuple):
         return np.column_stack([self.moved[name] for name in STAGE_PARAMETERS])
 
 
-def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
+def budget(fit: Fit, taken: Inherited | None, scale: SensorScale | None) -> ErrorBudget:
     """The error budget of a friction fit, with what it took as known and the scale of a sensor."""
     names = [p.name for p in fit.shown if p.name not in CHANNEL and not p.fixed]
     by_source = {"noise of the recordings": fit.uncertainty.covariance}
@@ -87,7 +87,7 @@ def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
     whole = with_covariance(np.sum(list(by_source.values()), axis=0))
     intervals, deviations = whole.confidence_intervals(LEVEL), whole.standard_errors
     errors = {source: with_covariance(one).standard_errors for source, one in by_source.items()}
-    return Budget(
+    return ErrorBudget(
         {source: {name: of[name] for name in names} for source, of in errors.items()},
         {name: deviations[name] for name in names},
         {name: intervals[name] for name in names},

@@ -27,7 +27,7 @@ from ..analysis.alignment import POSITION, Aligned, said_drives, said_to_drift
 from ..analysis.priors import with_priors
 from .additional_sections import additional_numbers, additional_sections
 from .bands import walk_bands
-from .evaluation import Found
+from .evaluation import CampaignResult
 from .features import feature_numbers, features_section
 from .file import CampaignFile
 from .hysteresis_section import hysteresis_section
@@ -38,7 +38,7 @@ _ROLE = {"piezo": "hysteresis and creep", "step": "stage", "fit": "friction, fit
 
 
 def campaign_document(
-    file: CampaignFile, found: Found, recorded: Sequence[Recorded], *, figures: bool = True
+    file: CampaignFile, found: CampaignResult, recorded: Sequence[Recorded], *, figures: bool = True
 ) -> Document:
     """What was done, what came out, and how sure it is."""
     friction, seen = found.friction, found.verification
@@ -129,14 +129,14 @@ def campaign_document(
     return in_turns(document) if friction.model is not None and friction.model.rotary else document
 
 
-def _hysteresis(found: Found, figures: bool) -> list[Section]:
+def _hysteresis(found: CampaignResult, figures: bool) -> list[Section]:
     if found.hysteresis is None:
         return []
     used = [one.recording for one in found.gathered if one.use == "piezo"]
     return [hysteresis_section(found.hysteresis, used, figures)]
 
 
-def _set_up(file: CampaignFile, found: Found, recorded: Sequence[Recorded]) -> Section:
+def _set_up(file: CampaignFile, found: CampaignResult, recorded: Sequence[Recorded]) -> Section:
     rows = []
     for one in found.gathered:
         time = one.recording["time"].values
@@ -185,7 +185,7 @@ def _set_up(file: CampaignFile, found: Found, recorded: Sequence[Recorded]) -> S
     )
 
 
-def _calibration(file: CampaignFile, found: Found) -> Section:
+def _calibration(file: CampaignFile, found: CampaignResult) -> Section:
     rows = []
     for name, chain in _applied(found.gathered[0]).items():
         for one in chain:
@@ -233,7 +233,7 @@ def _applied(one: Aligned) -> Mapping[str, Any]:
 Bands = Mapping[str, Any]
 
 
-def _bands(file: CampaignFile, found: Found) -> Bands:
+def _bands(file: CampaignFile, found: CampaignResult) -> Bands:
     """The half widths of each walk's bands [m]; empty for a law without derivatives."""
     stages = () if found.hysteresis is None else found.hysteresis.stages
     bands = walk_bands(found.friction, found.inherited, found.walks, file.known_slew_rate, stages)
@@ -241,7 +241,7 @@ def _bands(file: CampaignFile, found: Found) -> Bands:
     return {} if bands is None else dict(zip(names, bands, strict=True))
 
 
-def _friction(file: CampaignFile, found: Found, bands: Bands | None) -> Section:
+def _friction(file: CampaignFile, found: CampaignResult, bands: Bands | None) -> Section:
     fit, parts = found.friction, found.budget
     names = list(parts.total)
     rows = [
@@ -286,7 +286,7 @@ def _friction(file: CampaignFile, found: Found, bands: Bands | None) -> Section:
     )
 
 
-def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Section:
+def _verification(file: CampaignFile, found: CampaignResult, bands: Bands | None) -> Section:
     table = found.verification.table
     published = [Column("r², published", "", 4)] if file.published else []
     rows = []
@@ -348,7 +348,7 @@ def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Sect
 
 def _walks_picture(
     file: CampaignFile,
-    found: Found,
+    found: CampaignResult,
     bands: Bands,
     shown: Sequence[Aligned],
     name: str,
@@ -379,7 +379,7 @@ def _walks_picture(
     )
 
 
-def _assumptions(file: CampaignFile, found: Found, recorded: Sequence[Recorded]) -> list[str]:
+def _assumptions(file: CampaignFile, found: CampaignResult, recorded: Sequence[Recorded]) -> list[str]:
     said = []
     if file.known_slew_rate is not None:
         words = file.slew_rate_source or "as the campaign file says"

@@ -14,7 +14,7 @@ from ...estimate.disturbed import lack_beside_faults
 from ...estimate.influence import PriorInfluence, prior_influence
 from ...estimate.lack import said
 from ...estimate.result import Fit
-from ...identify.recorded.screen import Moved, driven, refuse_inverted, refuse_walk
+from ...identify.recorded.screen import PositionUnderDrive, driven, refuse_inverted, refuse_walk
 from ...identify.scales import scale_uncertainty
 from ...identify.step.fit import identify_step, step_formula_errors
 from ...identify.verification import Requirement, Verification, verify
@@ -35,10 +35,10 @@ from ...quantities.progress import Progress
 from ...recording.chain import Chain
 from ..analysis.alignment import POSITION, Aligned, on_level, without_drift
 from .additional import Additional, additional, attempted
-from .budget import Budget, Inherited, budget, inherited
+from .budget import ErrorBudget, Inherited, budget, inherited
 from .features import features_of
 from .file import CampaignFile
-from .gathering import Scale, scale_of, scaled
+from .gathering import SensorScale, scale_of, scaled
 from .hysteresis import Hysteresis, hysteresis_of
 from .kept import Kept
 
@@ -47,7 +47,7 @@ WALKS = ("fit", "verify")
 _REPETITIONS = 50
 
 
-class Found(NamedTuple):
+class CampaignResult(NamedTuple):
     """What a campaign found.
 
     `gathered` are the recordings in the scale of the reference, walks less their drift; `scale` is None
@@ -62,14 +62,14 @@ class Found(NamedTuple):
     """
 
     gathered: list[Aligned]
-    scale: Scale | None
+    scale: SensorScale | None
     stage: Fit | None
     formulas: xr.Dataset | None
     hysteresis: Hysteresis | None
     start: Actuator
     friction: Fit
     inherited: Inherited | None
-    budget: Budget
+    budget: ErrorBudget
     walks: list[Aligned]
     features: dict[str, xr.Dataset | str]
     chain: Chain
@@ -95,7 +95,7 @@ def evaluate(
     progress: Progress,
     folder: Path = Path(),
     kept: Kept = Kept(),  # noqa: B008  # never changed
-) -> Found:
+) -> CampaignResult:
     """Fit and verify; `model` is where the fits start, `folder` where the file is, `kept` the stages of an
     earlier run.
 
@@ -155,7 +155,7 @@ def evaluate(
     failed = [*more.failures]
     influence = partial(_influence, file, fitted, model, stage, alone)
     priors = attempted("the fit without priors", partial(kept.stage, "priors", influence), failed)
-    return Found(
+    return CampaignResult(
         recordings,
         scale,
         stage,
@@ -180,12 +180,12 @@ def evaluate(
     )
 
 
-def moved(one: Aligned) -> Moved:
+def moved(one: Aligned) -> PositionUnderDrive:
     """The recording as the screen takes it."""
     position, name = one.recording[POSITION], one.name
     unit = str(position.attrs.get("units", "") or "m")
     drive = driven(one.recording, one.wanted, name)
-    return Moved(name, POSITION, unit, one.recording["time"].values, position.values, drive)
+    return PositionUnderDrive(name, POSITION, unit, one.recording["time"].values, position.values, drive)
 
 
 def _refuse_inverted(recordings: Sequence[Aligned], model: Actuator) -> None:
@@ -194,7 +194,7 @@ def _refuse_inverted(recordings: Sequence[Aligned], model: Actuator) -> None:
 
 
 class _Stage(NamedTuple):
-    """See `Found`; `model` is the actuator with what was identified."""
+    """See `CampaignResult`; `model` is the actuator with what was identified."""
 
     hysteresis: Hysteresis | None
     fit: Fit | None

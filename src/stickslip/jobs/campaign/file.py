@@ -30,7 +30,7 @@ class CellsSpec(Strict):
     use: Use
 
 
-class OwnSpec(RecordingFile):
+class OwnRecordingSpec(RecordingFile):
     """A recording in a file of one's own, and the drive as in an experiment file.
 
     Its channel drive_voltage shows when the drive begins; without a `waveform` the drive is the one that the
@@ -53,7 +53,7 @@ def _kind(one: Any) -> str:
 
 
 RecordingSpec = Annotated[
-    Annotated[CellsSpec, Tag(_CELLS)] | Annotated[OwnSpec, Tag(_OWN)], Discriminator(_kind)
+    Annotated[CellsSpec, Tag(_CELLS)] | Annotated[OwnRecordingSpec, Tag(_OWN)], Discriminator(_kind)
 ]
 
 

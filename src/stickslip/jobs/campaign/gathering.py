@@ -22,13 +22,13 @@ from ...rig.experiment.file import ExperimentFile
 from ...rig.experiment.running import record_experiment
 from ...waveform.signal import Waveform
 from ..analysis.alignment import POSITION, Aligned, aligned, aligned_by_itself, with_position
-from .file import CampaignFile, OwnSpec
+from .file import CampaignFile, OwnRecordingSpec
 
 # s, beside a step: the mean over so much of rest is a level.
 LEVEL = 0.05
 
 
-class Scale(NamedTuple):
+class SensorScale(NamedTuple):
     """The position channel over the reference on clamped steps: mean ratio, its standard error, and each."""
 
     value: float
@@ -58,7 +58,9 @@ def gather(
         RecordingError: a file cannot be read, or is not what it must be.
     """
     found = {
-        i: _own(spec, file, folder) for i, spec in enumerate(file.recordings) if isinstance(spec, OwnSpec)
+        i: _own(spec, file, folder)
+        for i, spec in enumerate(file.recordings)
+        if isinstance(spec, OwnRecordingSpec)
     }
     recorded: list[Recorded] = []
     left: dict[str, tuple[Waveform, xr.Dataset]] = {}
@@ -72,7 +74,7 @@ def gather(
         )
     gathered: list[Aligned] = []
     for i, spec in enumerate(file.recordings):
-        if isinstance(spec, OwnSpec):
+        if isinstance(spec, OwnRecordingSpec):
             gathered.append(found[i])
             continue
         for name in [name for name in left if fnmatchcase(name, spec.cells)]:
@@ -81,7 +83,7 @@ def gather(
     return gathered, recorded
 
 
-def _own(spec: OwnSpec, file: CampaignFile, folder: Path) -> Aligned:
+def _own(spec: OwnRecordingSpec, file: CampaignFile, folder: Path) -> Aligned:
     """A recording of the user's own."""
     whole = spec.cut(spec.read(folder))
     try:
@@ -100,7 +102,7 @@ def _own(spec: OwnSpec, file: CampaignFile, folder: Path) -> Aligned:
     return one._replace(use=spec.use)
 
 
-def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> Scale:
+def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> SensorScale:
     """How the position channel stands to a reference: their changes over each clamped step.
 
     Args:
@@ -128,7 +130,7 @@ def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> Scale
         changes = [float(x[after].mean() - x[before].mean()) for x in (position, values)]
         ratios.append(changes[0] / changes[1])
     error = float(np.std(ratios, ddof=1) / math.sqrt(len(ratios))) if len(ratios) > 1 else 0.0
-    return Scale(float(np.mean(ratios)), error, tuple(ratios))
+    return SensorScale(float(np.mean(ratios)), error, tuple(ratios))
 
 
 def scaled(one: Aligned, scale: float, share: float = 0.0) -> Aligned:

@@ -10,7 +10,7 @@ from ...report.figures.campaign import Trace, step_responses
 from ...report.figures.style import svg
 from ...report.fits import parameter_table
 from .bands import step_bands
-from .evaluation import Found
+from .evaluation import CampaignResult
 from .file import CampaignFile
 from .gathering import POSITION
 
@@ -23,7 +23,7 @@ def unit_of(fit: Fit, name: str) -> str:
     return next(p.unit for p in fit.shown if p.name == name)
 
 
-def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:
+def stage_section(file: CampaignFile, found: CampaignResult, figures: bool) -> Section:
     """The fit, and what the classical formulas make of the same steps."""
     stage = found.stage
     assert stage is not None
@@ -66,7 +66,7 @@ def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:
     )
 
 
-def _formulas(found: Found, stage: Fit) -> Table:
+def _formulas(found: CampaignResult, stage: Fit) -> Table:
     """The classical formulas (peak time, overshoot) beside the fit."""
     known = found.formulas
     assert known is not None

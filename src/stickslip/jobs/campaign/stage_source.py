@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from ...identify.step.fit import STAGE_PARAMETERS
 from .budget import freed
-from .evaluation import Found
+from .evaluation import CampaignResult
 from .file import CampaignFile
 
 # What a budget calls the errors of the stage, and what they are of where the friction's fit has found it.
 FROM_STEPS, FITTED_TOO = "stage from the steps", "stage, fitted too"
 
 
-def stage_words(file: CampaignFile, found: Found) -> str:
+def stage_words(file: CampaignFile, found: CampaignResult) -> str:
     """Which of the stage's values are of the steps, of the fit, or taken as known, and whether their errors
     are part of the intervals."""
     own = _asked_for(file)
@@ -29,7 +29,7 @@ def stage_words(file: CampaignFile, found: Found) -> str:
     return " ".join(said)
 
 
-def _without_steps(found: Found, rest: list[str], what: str) -> list[str]:
+def _without_steps(found: CampaignResult, rest: list[str], what: str) -> list[str]:
     """Of what neither steps nor the fit have found."""
     said = []
     if found.hysteresis is not None and "gain" in rest:
@@ -46,13 +46,13 @@ def _without_steps(found: Found, rest: list[str], what: str) -> list[str]:
     return said
 
 
-def stage_heading(file: CampaignFile, found: Found, source: str) -> str:
+def stage_heading(file: CampaignFile, found: CampaignResult, source: str) -> str:
     """A source of errors as the table calls it."""
     is_own = source == FROM_STEPS and freed(found.friction) and not _held_by_steps(file, found)
     return FITTED_TOO if is_own else source
 
 
-def band_words(file: CampaignFile, found: Found, *, drawn: bool) -> str:
+def band_words(file: CampaignFile, found: CampaignResult, *, drawn: bool) -> str:
     """Whose errors the bands of a figure are of; `drawn`: there is more to them than the fit's noise."""
     if not drawn:
         return "the fit's noise alone; this law has no derivatives, which the errors of parameters need"
@@ -67,13 +67,13 @@ def _asked_for(file: CampaignFile) -> list[str]:
     return [name for name in STAGE_PARAMETERS if name in (*file.free, *(file.tied or ()))]
 
 
-def _held_by_steps(file: CampaignFile, found: Found) -> bool:
+def _held_by_steps(file: CampaignFile, found: CampaignResult) -> bool:
     """Whether the fit has found stage and friction at once, with what the steps know of the stage."""
     names = {found.friction.parameters[i].name for i in freed(found.friction)}
     return found.stage is not None and bool(names - {*_asked_for(file)})
 
 
-def _errors_of_steps(found: Found) -> bool:
+def _errors_of_steps(found: CampaignResult) -> bool:
     return found.inherited is not None and found.inherited.stage is not None
 
 

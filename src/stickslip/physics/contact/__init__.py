@@ -32,7 +32,7 @@ from .persson import Persson as Persson
 from .preload import PreloadMagnet as PreloadMagnet
 from .preload import PreloadSpring as PreloadSpring
 from .priors import ContactPrior as ContactPrior
-from .priors import Known as Known
+from .priors import ExpectedValue as ExpectedValue
 from .priors import ball_prior as ball_prior
 from .priors import rough_prior as rough_prior
 from .roughness import Roughness as Roughness

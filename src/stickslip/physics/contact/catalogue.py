@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from ...gate.errors import damaged
-from ...parameters import Entry, ParameterSetError, build, named_file, read_entries, read_toml
+from ...parameters import ParameterSetError, SetEntry, build, named_file, read_entries, read_toml
 from ...quantities.records import Quantity, record
 from .material import Bodies, Material
 from .mindlin import Coefficient
@@ -109,7 +109,7 @@ def _pair(name: str, file: Path) -> FrictionPair:
     )
 
 
-def _material(file: Path) -> tuple[Material, dict[str, Entry], list[str]]:
+def _material(file: Path) -> tuple[Material, dict[str, SetEntry], list[str]]:
     head, content = _head(file, "material")
     entries = read_entries(file, "", content)
     return build(Material, entries, str(file)), entries, head["citations"]
@@ -128,7 +128,7 @@ def _head(file: Path, kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
     return head, content
 
 
-def _assumed(entries: dict[str, Entry]) -> dict[str, str]:
+def _assumed(entries: dict[str, SetEntry]) -> dict[str, str]:
     return {
         field: f"{entry.value} {entry.unit}".rstrip() + f": {entry.reason}"
         for field, entry in entries.items()

@@ -156,7 +156,7 @@ def compare_contacts(
     )
 
 
-class _Fitted(NamedTuple):
+class _FittedEffects(NamedTuple):
     """Coefficients without the first, half-widths of their intervals, chances, τ."""
 
     coefficients: Array
@@ -165,7 +165,7 @@ class _Fitted(NamedTuple):
     scatter: float
 
 
-def _fitted(design: Array, logarithms: Array, errors: Array) -> _Fitted:
+def _fitted(design: Array, logarithms: Array, errors: Array) -> _FittedEffects:
     freedom = len(logarithms) - design.shape[1]
 
     def at(variance: float) -> tuple[Array, Array, float]:
@@ -188,7 +188,7 @@ def _fitted(design: Array, logarithms: Array, errors: Array) -> _Fitted:
     deviations = np.sqrt(np.diag(covariance))[1:]
     of = scipy.stats.t(freedom) if freedom else scipy.stats.norm()
     chances = 2.0 * of.sf(np.abs(b[1:]) / deviations)
-    return _Fitted(b[1:], of.ppf(0.5 + LEVEL / 2) * deviations, chances, scatter)
+    return _FittedEffects(b[1:], of.ppf(0.5 + LEVEL / 2) * deviations, chances, scatter)
 
 
 def _effects(conditions: Mapping[str, Condition], count: int) -> list[_Effect]:
@@ -236,7 +236,7 @@ def _numbers(name: str, given: Sequence[float | str]) -> Array | None:
     return numbers
 
 
-def _table(compared: list[str], effects: list[_Effect], rows: list[_Fitted]) -> xr.Dataset:
+def _table(compared: list[str], effects: list[_Effect], rows: list[_FittedEffects]) -> xr.Dataset:
     b, half = (np.array([row[i] for row in rows]) for i in (0, 1))
     exponent = np.array([effect.exponent for effect in effects])
     chances = _holm(np.array([row.chances for row in rows]))

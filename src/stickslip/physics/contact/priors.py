@@ -45,7 +45,7 @@ HELD = 1.96
 UNITS = {"sigma_0": "N/m", "coulomb_force": "N"}
 
 
-class Known(NamedTuple):
+class ExpectedValue(NamedTuple):
     """What is known of a parameter: `value` in `unit`, and the `factor` within which 68 % lie either way."""
 
     value: float
@@ -73,7 +73,7 @@ class ContactPrior:
         doubts: sentences on where the model does not hold.
     """
 
-    known: Mapping[str, Known]
+    known: Mapping[str, ExpectedValue]
     contact: Mindlin | ExponentialContact
     holder: float | None = None
     assumptions: Mapping[str, str] = field(default_factory=dict)
@@ -156,7 +156,7 @@ class ContactPrior:
         lines += [f"assumed: {name} = {why}" for name, why in self.assumptions.items()]
         return "\n".join([*lines, *self.doubts])
 
-    def _of(self, name: str) -> Known:
+    def _of(self, name: str) -> ExpectedValue:
         if name not in self.known:
             raise QuantityError(
                 f"this contact says nothing of {name!r}{did_you_mean(name, self.known)}: only of "
@@ -270,8 +270,10 @@ def _prior(
         # What is in series and known takes its share of the doubt away.
         factor = factor ** (stiffness / contact.tangential_stiffness)
     known = {
-        "sigma_0": Known(stiffness, factor, UNITS["sigma_0"]),
-        "coulomb_force": Known(contact.slip_force, pair.friction.friction_factor, UNITS["coulomb_force"]),
+        "sigma_0": ExpectedValue(stiffness, factor, UNITS["sigma_0"]),
+        "coulomb_force": ExpectedValue(
+            contact.slip_force, pair.friction.friction_factor, UNITS["coulomb_force"]
+        ),
     }
     return ContactPrior(known, contact, holder, dict(pair.assumptions), tuple(filter(None, doubts)))
 

@@ -23,7 +23,7 @@ from ...waveform.pieces import SLIVER
 from ...waveform.signal import Waveform
 from .amplifier import CAPACITANCE, TOLERANCE, Amplifier, limits
 from .charging import ChargingLimits, charged, rest
-from .lines import Lines, clipped, jumps, lines_of
+from .lines import PiecewiseLinear, clipped, jumps, lines_of
 
 Array = NDArray[np.float64]
 
@@ -137,7 +137,7 @@ def _follows(of: ChargingLimits, amplifier: Amplifier, waveform: Waveform) -> bo
 
 def _asked(
     of: ChargingLimits, amplifier: Amplifier, waveform: Waveform, duration: float, tolerance: float
-) -> Lines:
+) -> PiecewiseLinear:
     """What the amplifier aims at, as lines within half of the tolerance."""
     if waveform.unit != "V":
         raise QuantityError(f"{type(waveform).__name__} is in {waveform.unit}: an amplifier gives volts")
@@ -155,7 +155,9 @@ def _asked(
     return asked
 
 
-def _answer(of: ChargingLimits, asked: Lines, state: Array, tolerance: float) -> tuple[Array, Array]:
+def _answer(
+    of: ChargingLimits, asked: PiecewiseLinear, state: Array, tolerance: float
+) -> tuple[Array, Array]:
     """Times and volts of the output, from the state on, which is left as it is at the end."""
     if of.tau == 0.0 and math.isinf(of.rate):  # it does as it is told
         state[0] = asked.end
@@ -164,7 +166,7 @@ def _answer(of: ChargingLimits, asked: Lines, state: Array, tolerance: float) ->
 
 
 def _until_it_repeats(
-    of: ChargingLimits, asked: Lines, tolerance: float, most: int, keep: bool = True
+    of: ChargingLimits, asked: PiecewiseLinear, tolerance: float, most: int, keep: bool = True
 ) -> tuple[list[Array], list[Array], Array, bool]:
     """Period after period, until one ends as it began: times, from the begin of the first one, and volts of
     each (of the last one only, unless they are to be kept); the state at the end; whether it repeats."""

@@ -17,7 +17,7 @@ Index = NDArray[np.int64]
 _COARSE = 64  # parts of a segment, whose bends are looked at one by one where they need more lines
 
 
-class Lines(NamedTuple):
+class PiecewiseLinear(NamedTuple):
     """values[k] + slopes[k] (t - bounds[k]) from bounds[k] to bounds[k + 1]; there may be jumps between.
 
     `before` is the value for t < 0; bounds [s] have one more than values [V] and slopes [V/s]."""
@@ -38,7 +38,7 @@ class Lines(NamedTuple):
         return float(self.ends[-1])
 
 
-def lines_of(drive: Drive, duration: float, tolerance: float) -> Lines:
+def lines_of(drive: Drive, duration: float, tolerance: float) -> PiecewiseLinear:
     """A drive for 0 <= t < duration [s] as lines that leave it by at most the tolerance [V]."""
     used = (drive.start < duration) & (np.diff(drive.start, append=np.inf) > 0.0)
     start, segment = drive.start[used], np.flatnonzero(used)
@@ -57,7 +57,7 @@ def lines_of(drive: Drive, duration: float, tolerance: float) -> Lines:
         count = _wanted(drive, segment, start, length, tolerance)
     end = np.append(start[1:], duration)
     values, last = _values(drive, segment, start), _values(drive, segment, end)
-    return Lines(drive.before, np.append(start, duration), values, (last - values) / (end - start))
+    return PiecewiseLinear(drive.before, np.append(start, duration), values, (last - values) / (end - start))
 
 
 def _wanted(drive: Drive, segment: Index, start: Array, length: Array, tolerance: float) -> Index:
@@ -93,7 +93,7 @@ def _harmonics(drive: Drive, segment: Index) -> Iterator[tuple[Index, Index]]:
         yield drive.first[segment[has]] + j, has
 
 
-def clipped(lines: Lines, low: float, high: float) -> Lines:
+def clipped(lines: PiecewiseLinear, low: float, high: float) -> PiecewiseLinear:
     """The lines within a range, with breaks where they enter and leave it."""
     bounds, values, slopes = lines.bounds, lines.values, lines.slopes
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -107,7 +107,7 @@ def clipped(lines: Lines, low: float, high: float) -> Lines:
     at = values[which] + slopes[which] * (start - bounds[which])
     middle = at + 0.5 * slopes[which] * np.diff(new)
     within = (middle > low) & (middle < high)
-    return Lines(
+    return PiecewiseLinear(
         float(np.clip(lines.before, low, high)),
         new,
         np.clip(at, low, high),
@@ -115,6 +115,6 @@ def clipped(lines: Lines, low: float, high: float) -> Lines:
     )
 
 
-def jumps(lines: Lines) -> tuple[Array, Array]:
+def jumps(lines: PiecewiseLinear) -> tuple[Array, Array]:
     """What is jumped at each bound but the last [V], the first of them from rest; and the times of them."""
     return lines.values - np.append(lines.before, lines.ends[:-1]), lines.bounds[:-1]

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ...gate.errors import damaged
-from ...parameters import Entry, ParameterSetError, build, named_file, read_entries, read_toml
+from ...parameters import ParameterSetError, SetEntry, build, named_file, read_entries, read_toml
 from .amplifier import Amplifier
 from .stack import Stack
 
@@ -33,7 +33,7 @@ class Part:
     citations: tuple[str, ...]
     kind: str
     record: Any
-    entries: dict[str, Entry]
+    entries: dict[str, SetEntry]
 
     @property
     def assumptions(self) -> dict[str, str]:

@@ -37,7 +37,7 @@ EXACT = 1e-9  # V, largest error of h over one step
 _VOLTS = (0.0, 1e-6, 0.01, 1.0, 7.0, 100.0)
 
 
-class _Implementation(NamedTuple):
+class _DuhemImplementation(NamedTuple):
     slope: Callable[..., Any]
     way: Callable[..., Any] | None
     corner: Callable[..., Any] | None
@@ -48,7 +48,7 @@ _ARGUMENTS = {
     "way": ("model", "h", "u", "goal"),
     "corner": ("model", "h", "u", "goal"),
 }
-_IMPLEMENTATIONS: dict[type, _Implementation] = {}
+_IMPLEMENTATIONS: dict[type, _DuhemImplementation] = {}
 
 
 def register(
@@ -72,7 +72,7 @@ def register(
     Raises:
         TypeError: the record is no named tuple, or the arguments of a function have other names than above.
     """
-    name, made = model_type.__name__, _Implementation(slope, way, corner)
+    name, made = model_type.__name__, _DuhemImplementation(slope, way, corner)
     if not hasattr(model_type, "_fields"):
         raise TypeError(f"{name} is no record: a piezo model is a typing.NamedTuple, one field per parameter")
     for role, function in zip(made._fields, made, strict=True):

@@ -31,7 +31,7 @@ def total_bytes(leaves: Iterable[Leaf]) -> int:
     return sum(8 * math.prod(leaf.shape) for leaf in leaves)
 
 
-class Part(NamedTuple):
+class ArrayChannel(NamedTuple):
     """A channel as a part of an array: all samples along `axis`, one index along each other axis."""
 
     array: str
@@ -46,14 +46,14 @@ class Part(NamedTuple):
         return [*texts[: self.axis], ":", *texts[self.axis :]]
 
 
-def array_parts(leaves: Mapping[str, Leaf]) -> list[Part]:
+def array_parts(leaves: Mapping[str, Leaf]) -> list[ArrayChannel]:
     """Return the channels of arrays by name, array by array. Time runs along the longest axis of an array,
     the first of them if two are as long.
 
     Raises:
         RecordingError: there are more channels than `LIMITS` allows.
     """
-    found: list[Part] = []
+    found: list[ArrayChannel] = []
     for name, leaf in leaves.items():
         axis = int(np.argmax(leaf.shape))
         others = leaf.shape[:axis] + leaf.shape[axis + 1 :]
@@ -63,7 +63,7 @@ def array_parts(leaves: Mapping[str, Leaf]) -> list[Part]:
                 "channels; save only the signals that are needed"
             )
         alone = max(others, default=1) == 1
-        found += [Part(name, axis, index, alone) for index in np.ndindex(*others)]
+        found += [ArrayChannel(name, axis, index, alone) for index in np.ndindex(*others)]
     return found
 
 
@@ -84,14 +84,14 @@ def _part(load: Callable[[], np.ndarray], part: str) -> np.ndarray:
     return getattr(load(), part)
 
 
-def subscripted(part: Part) -> str:
+def subscripted(part: ArrayChannel) -> str:
     """The name of a channel as in Python: "table[:, 2]"; the only one of an array is called as the array."""
     name = part.array
     return name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
 
 
 def array_source(
-    reader: str, leaves: Mapping[str, Leaf], channels: Sequence[tuple[Part, FileChannel]]
+    reader: str, leaves: Mapping[str, Leaf], channels: Sequence[tuple[ArrayChannel, FileChannel]]
 ) -> FileContent:
     """A source whose channels are parts of arrays. An array is loaded once per reading."""
 

@@ -16,10 +16,10 @@ import numpy as np
 
 from ...gate.limits import LIMITS
 from .. import RecordingError
-from .arrays import Leaf, Part, array_parts
+from .arrays import ArrayChannel, Leaf, array_parts
 from .source import FileChannel
 
-Capture = tuple[dict[str, Leaf], list[tuple[Part, FileChannel]]]
+Capture = tuple[dict[str, Leaf], list[tuple[ArrayChannel, FileChannel]]]
 
 
 def find_capture(tree: dict[str, Any]) -> Capture | None:
@@ -50,7 +50,7 @@ def _flat(trace_x: Leaf, trace_y: Leaf, tree: dict[str, Any]) -> Capture:
     for row in range(count):
         name = f"trace_y({row + 1},:)" if axis == 1 else f"trace_y(:,{row + 1})"
         channel = FileChannel(names[row] or name, units[row], ("trace_y", row), 0, header=name)
-        channels.append((Part("trace_y", axis, (row,), False), channel))
+        channels.append((ArrayChannel("trace_y", axis, (row,), False), channel))
     return {"trace_x": trace_x, "trace_y": trace_y}, channels
 
 

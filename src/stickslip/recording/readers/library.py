@@ -64,14 +64,14 @@ class Signal(NamedTuple):
     epoch: float = 0.0  # of dates: what their numbers count from, s since 1970
 
 
-class Clock(NamedTuple):
+class SignalGroup(NamedTuple):
     """Signals that share a time; None where the file says none."""
 
     time: Signal | None
     signals: Sequence[Signal]
 
 
-def clocked_source(path: Path, reader: str, clocks: Sequence[Clock], what: str) -> FileContent:
+def clocked_source(path: Path, reader: str, clocks: Sequence[SignalGroup], what: str) -> FileContent:
     """A source of signals on their clocks, each clock before its signals.
 
     Raises:

@@ -23,8 +23,8 @@ from ...gate.limits import Visits, check_size
 from ...gate.matlab5 import check_matlab5, check_subsystem
 from .. import RecordingError
 from . import dspace
-from .arrays import Leaf, Part, array_parts, array_source, real_leaves, total_bytes
-from .matlab_objects import FUNCTION, Opaque, Table, holds_objects, not_read, read_objects, shown
+from .arrays import ArrayChannel, Leaf, array_parts, array_source, real_leaves, total_bytes
+from .matlab_objects import FUNCTION, MatlabTable, Opaque, holds_objects, not_read, read_objects, shown
 from .source import FileChannel, FileContent, add_format
 
 _OPAQUE = "3"  # how MATLAB marks an object in version 7.3
@@ -57,7 +57,7 @@ def read_matlab(path: Path) -> FileContent:
     return array_source(version if capture is None else f"dspace, {version}", leaves, channels)
 
 
-def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[Part, FileChannel]]]:
+def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[ArrayChannel, FileChannel]]]:
     leaves: dict[str, Leaf] = {}
     clocks: dict[str, str] = {}
     objects: dict[str, str] = {}
@@ -91,7 +91,7 @@ def _collect(
 ) -> None:
     """Add the arrays of a part of the tree by name, with the names of their clocks, and the objects that are
     not read."""
-    if isinstance(node, Table):
+    if isinstance(node, MatlabTable):
         for name in node.columns:
             clocks[f"{prefix}.{name}"] = f"{prefix}.{node.time}"
         node = node.columns
@@ -107,7 +107,7 @@ def _collect(
         leaves[prefix] = node
 
 
-def matlab_name(part: Part) -> str:
+def matlab_name(part: ArrayChannel) -> str:
     """The channel in MATLAB's notation; the only one of an array is called as the array."""
     if part.alone:
         return part.array

@@ -29,7 +29,7 @@ class Opaque(NamedTuple):
     of: str
 
 
-class Table(NamedTuple):
+class MatlabTable(NamedTuple):
     """The columns of a timetable, and the name of that which is the time."""
 
     columns: dict[str, Any]
@@ -133,4 +133,4 @@ def _table(frame: Any) -> Any:
     if rows.dtype.kind not in "mM":
         return columns
     time = str(frame.index.name or "Time")
-    return Table({time: _leaf(rows, "s"), **columns}, time)
+    return MatlabTable({time: _leaf(rows, "s"), **columns}, time)

@@ -24,7 +24,7 @@ from .. import STANDARD_NAMES, RecordingError, make_recording, open_recording
 from .clocks import Clocked, complete_samples, onto_one_clock, without_empty_end
 from .formats import TEXT, find_format
 from .opening import source_of
-from .selection import Selection, Variable, select
+from .selection import FileVariable, Selection, select
 from .source import Column, FileContent, Rows
 from .unlikely import refuse_unlikely, warn_of_unsaid
 
@@ -163,7 +163,7 @@ def _check_arguments(**given: Any) -> None:
         raise RecordingError(f"missing_values = {values!r} must be a list of texts: ['n.v.', '-9999']")
 
 
-def _is_own_name(variable: Variable) -> bool:
+def _is_own_name(variable: FileVariable) -> bool:
     """Whether the file's name for a variable says more than ours does."""
     return variable.name not in STANDARD_NAMES and variable.column.name[:1].isalpha()
 
@@ -224,7 +224,7 @@ def _load(source: FileContent, chosen: Selection, window: Rows, rate: float) -> 
     raw = dict(zip(channels, source.read(channels, window), strict=True))
     uses = Counter(v.channel for v in wanted)
 
-    def in_si(variable: Variable, epoch: float = 0.0) -> np.ndarray:
+    def in_si(variable: FileVariable, epoch: float = 0.0) -> np.ndarray:
         uses[variable.channel] -= 1
         array = raw[variable.channel].copy() if uses[variable.channel] else raw.pop(variable.channel)
         if variable.conversion.factor != 1.0:

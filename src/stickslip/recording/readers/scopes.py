@@ -10,8 +10,8 @@ from typing import Any
 from ...gate.files import name_of, opened
 from .. import RecordingError
 from .library import (
-    Clock,
     Signal,
+    SignalGroup,
     clocked_source,
     equally_spaced,
     held,
@@ -47,7 +47,7 @@ def read_scope(path: Path) -> FileContent:
         isf = _isf_settings(head, path.stat().st_size)
         clocks = _by_clock(wfm.Wfm.from_file(name_of(file)), head, isf)
     return clocked_source(
-        path, "oscilloscope", [Clock(equally_spaced(*said), of) for said, of in clocks.items()], _WHAT
+        path, "oscilloscope", [SignalGroup(equally_spaced(*said), of) for said, of in clocks.items()], _WHAT
     )
 
 

@@ -14,7 +14,7 @@ from .headers import ends_in_m
 from .source import Column, FileChannel, find_channel, is_clock, listing
 
 
-class Variable(NamedTuple):
+class FileVariable(NamedTuple):
     """A variable of the recording to be, or one of its clocks."""
 
     name: str
@@ -35,8 +35,8 @@ class Variable(NamedTuple):
 class Selection(NamedTuple):
     """The clocks by channel, the common one first (None: equally spaced), and the variables."""
 
-    clocks: Mapping[int | None, Variable | None]
-    variables: tuple[Variable, ...]
+    clocks: Mapping[int | None, FileVariable | None]
+    variables: tuple[FileVariable, ...]
 
 
 def select(
@@ -71,7 +71,7 @@ def select(
         clock = own.get(name, common if by_layout is None else by_layout)
         standard = STANDARD_NAMES[name].unit if name in STANDARD_NAMES else None
         variables.append(_variable(channels, i, name, units.get(name), clock, standard))
-    used: dict[int | None, Variable | None] = {}
+    used: dict[int | None, FileVariable | None] = {}
     for clock in (common, *(v.clock for v in variables)):
         used[clock] = None
         if clock is not None:
@@ -86,14 +86,14 @@ def _variable(
     unit: str | None,
     clock: int | None,
     standard: str | None,
-) -> Variable:
+) -> FileVariable:
     """A channel as a variable. `unit` is the user's word, `standard` the SI unit that it must be in."""
     column = channels[i]
     if not column.numeric:
         raise RecordingError(f"{name}: the column {column.shown!r} holds no numbers")
     said = column.unit if unit is None else unit
     sure = unit is not None or column.unit != "m" or not ends_in_m(column.header)
-    made = Variable(name, i, column, said, Conversion(standard or "", 1.0, 0.0), clock, sure)
+    made = FileVariable(name, i, column, said, Conversion(standard or "", 1.0, 0.0), clock, sure)
     if unit is None and not column.unit:
         return made
     try:

@@ -49,7 +49,7 @@ class HeaderClock(NamedTuple):
     increment: float
 
 
-class Settings(NamedTuple):
+class HeaderSettings(NamedTuple):
     """What the lines above the samples say, by role; `lines` are those that do."""
 
     values: dict[str, list[str]]
@@ -99,7 +99,7 @@ class Settings(NamedTuple):
         return [HeaderClock(*pair) for pair in zip(starts[:width], steps[:width], strict=True)]
 
 
-def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> Settings:
+def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> HeaderSettings:
     """Return the settings in lines, as texts without marks of comments, and as fields."""
     values: dict[str, list[str]] = {}
     numbered: dict[str, dict[int, str]] = {}
@@ -129,7 +129,7 @@ def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> Setti
             values.setdefault(role, found[:end] if role in ("across", "upward", "each") else _trimmed(found))
             used |= {i} if own else {i, i + 1}
             below |= set() if own else {i + 1}
-    return Settings(values, numbered, frozenset(used), frozenset(below))
+    return HeaderSettings(values, numbered, frozenset(used), frozenset(below))
 
 
 def _key_and_values(line: str, fields: Sequence[str]) -> tuple[str, list[str]]:
@@ -205,7 +205,9 @@ def in_table(rows: dict[int, list[str]]) -> tuple[dict[int, list[str]], list[Hea
     return rows, [], False
 
 
-def with_settings(channels: Sequence[FileChannel], said: Settings, in_header: bool) -> list[FileChannel]:
+def with_settings(
+    channels: Sequence[FileChannel], said: HeaderSettings, in_header: bool
+) -> list[FileChannel]:
     """Return channels with the units that the settings say: the clocks', and the others' in order. Without a
     clock by name, the first column of numbers is it, unless the clock stands in the header."""
     made, numeric = list(channels), [i for i, one in enumerate(channels) if one.numeric]

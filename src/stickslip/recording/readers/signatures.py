@@ -18,7 +18,7 @@ _NO_TABLE = "it holds no table of numbers: save the numbers behind it as CSV"
 _EXCEL = "an Excel workbook"
 
 
-class Signature(NamedTuple):
+class FileSignature(NamedTuple):
     """A format: what such a file is, how it begins (a pattern of bytes), what to do, and the endings of its
     names where the first bytes alone do not tell."""
 
@@ -30,73 +30,79 @@ class Signature(NamedTuple):
 
 # Files that are no text.
 BINARY = (
-    Signature("packed by gzip", rb"\x1f\x8b", f"{_UNPACK}: gunzip FILE"),
-    Signature("packed by bzip2", rb"BZh[1-9]1AY&SY", f"{_UNPACK}: bunzip2 FILE"),
-    Signature("packed by xz", rb"\xfd7zXZ\x00", f"{_UNPACK}: unxz FILE"),
-    Signature("packed by Zstandard", rb"\x28\xb5\x2f\xfd", f"{_UNPACK}: unzstd FILE"),
-    Signature("packed by LZ4", rb"\x04\x22\x4d\x18", f"{_UNPACK}: unlz4 FILE"),
-    Signature("a 7z archive", rb"7z\xbc\xaf\x27\x1c", _UNPACK),
-    Signature("a RAR archive", rb"Rar!\x1a\x07", _UNPACK),
-    Signature("a tar archive", rb".{257}ustar", f"{_UNPACK}: tar xf FILE"),
-    Signature(_EXCEL, rb"PK\x03\x04.*?xl/", _SHEET),
-    Signature(_EXCEL, rb"PK\x03\x04", _SHEET, (".xlsx", ".xlsm", ".xlsb")),
-    Signature("an OpenDocument spreadsheet", rb"PK\x03\x04.{26}mimetypeapplication/vnd.oasis", _SHEET),
-    Signature("a ZIP archive", rb"PK\x03\x04|PK\x05\x06", _UNPACK),
-    Signature("an old Excel workbook", rb"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", _SHEET, (".xls",)),
-    Signature("in Microsoft's compound format", rb"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", _CSV),
-    Signature("a Parquet table", rb"PAR1", _PANDAS.format("read_parquet")),
-    Signature("a Feather or Arrow table", rb"ARROW1|FEA1", _PANDAS.format("read_feather")),
-    Signature("an ORC table", rb"ORC", _PANDAS.format("read_orc")),
-    Signature(
+    FileSignature("packed by gzip", rb"\x1f\x8b", f"{_UNPACK}: gunzip FILE"),
+    FileSignature("packed by bzip2", rb"BZh[1-9]1AY&SY", f"{_UNPACK}: bunzip2 FILE"),
+    FileSignature("packed by xz", rb"\xfd7zXZ\x00", f"{_UNPACK}: unxz FILE"),
+    FileSignature("packed by Zstandard", rb"\x28\xb5\x2f\xfd", f"{_UNPACK}: unzstd FILE"),
+    FileSignature("packed by LZ4", rb"\x04\x22\x4d\x18", f"{_UNPACK}: unlz4 FILE"),
+    FileSignature("a 7z archive", rb"7z\xbc\xaf\x27\x1c", _UNPACK),
+    FileSignature("a RAR archive", rb"Rar!\x1a\x07", _UNPACK),
+    FileSignature("a tar archive", rb".{257}ustar", f"{_UNPACK}: tar xf FILE"),
+    FileSignature(_EXCEL, rb"PK\x03\x04.*?xl/", _SHEET),
+    FileSignature(_EXCEL, rb"PK\x03\x04", _SHEET, (".xlsx", ".xlsm", ".xlsb")),
+    FileSignature("an OpenDocument spreadsheet", rb"PK\x03\x04.{26}mimetypeapplication/vnd.oasis", _SHEET),
+    FileSignature("a ZIP archive", rb"PK\x03\x04|PK\x05\x06", _UNPACK),
+    FileSignature("an old Excel workbook", rb"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", _SHEET, (".xls",)),
+    FileSignature("in Microsoft's compound format", rb"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", _CSV),
+    FileSignature("a Parquet table", rb"PAR1", _PANDAS.format("read_parquet")),
+    FileSignature("a Feather or Arrow table", rb"ARROW1|FEA1", _PANDAS.format("read_feather")),
+    FileSignature("an ORC table", rb"ORC", _PANDAS.format("read_orc")),
+    FileSignature(
         "a database of SQLite",
         rb"SQLite format 3\x00",
         "export its table: sqlite3 -csv -header FILE 'select * from TABLE' > FILE.csv",
     ),
-    Signature("a Python pickle", rb"\x80[\x02-\x05][\x95c}\]X(]", _PICKLE),
-    Signature("a Python pickle", rb"\x80[\x02-\x05]|x\x9c", _PICKLE, (".pkl", ".pickle", ".joblib")),
-    Signature("a data file of R", rb"RD[AX][23]\n", 'in R, write.csv(TABLE, "FILE.csv") makes a table of it'),
-    Signature("a file of HDF 4", rb"\x0e\x03\x13\x01", "h4toh5 OLD NEW.h5 makes an HDF5 file of it"),
-    Signature(
+    FileSignature("a Python pickle", rb"\x80[\x02-\x05][\x95c}\]X(]", _PICKLE),
+    FileSignature("a Python pickle", rb"\x80[\x02-\x05]|x\x9c", _PICKLE, (".pkl", ".pickle", ".joblib")),
+    FileSignature(
+        "a data file of R", rb"RD[AX][23]\n", 'in R, write.csv(TABLE, "FILE.csv") makes a table of it'
+    ),
+    FileSignature("a file of HDF 4", rb"\x0e\x03\x13\x01", "h4toh5 OLD NEW.h5 makes an HDF5 file of it"),
+    FileSignature(
         "NetCDF 3 (classic)", rb"CDF[\x01\x02\x05]", "nccopy -k nc4 OLD.nc NEW.nc makes NetCDF 4 of it"
     ),
-    Signature("the index of a TDMS file", rb"TDSh", "read the .tdms file beside it"),
-    Signature("a project of Origin", rb"CPYU?A ", "export its worksheet as CSV"),
-    Signature("a file of Igor Pro", rb"", "save its waves as delimited text", (".ibw", ".pxp")),
-    Signature("a file of DEWESoft", rb"", "export it as MAT or CSV in DEWESoft", (".dxd", ".d7d", ".dxz")),
-    Signature("a file of PicoScope", rb"", "in PicoScope: File, Save As, CSV or MATLAB", (".psdata",)),
-    Signature("a file of HBM", rb"", "export it as CSV or MAT in Catman or Perception", (".mea", ".pnrf")),
-    Signature("a file of Spike2", rb"", "export it as MAT or text in Spike2", (".smr", ".smrx")),
-    Signature("a record of Yokogawa", rb"", _CSV, (".wdf", ".wvf")),
-    Signature("a topography of Gwyddion", rb"GWY[PO]", _TOPOGRAPHY),
-    Signature(
+    FileSignature("the index of a TDMS file", rb"TDSh", "read the .tdms file beside it"),
+    FileSignature("a project of Origin", rb"CPYU?A ", "export its worksheet as CSV"),
+    FileSignature("a file of Igor Pro", rb"", "save its waves as delimited text", (".ibw", ".pxp")),
+    FileSignature(
+        "a file of DEWESoft", rb"", "export it as MAT or CSV in DEWESoft", (".dxd", ".d7d", ".dxz")
+    ),
+    FileSignature("a file of PicoScope", rb"", "in PicoScope: File, Save As, CSV or MATLAB", (".psdata",)),
+    FileSignature(
+        "a file of HBM", rb"", "export it as CSV or MAT in Catman or Perception", (".mea", ".pnrf")
+    ),
+    FileSignature("a file of Spike2", rb"", "export it as MAT or text in Spike2", (".smr", ".smrx")),
+    FileSignature("a record of Yokogawa", rb"", _CSV, (".wdf", ".wvf")),
+    FileSignature("a topography of Gwyddion", rb"GWY[PO]", _TOPOGRAPHY),
+    FileSignature(
         "a sound file (WAV)",
         rb"RIFF.{4}WAVE",
         "scipy.io.wavfile.read(FILE) gives rate and samples in Python: save them by numpy.savez",
     ),
-    Signature("a sound file", rb"fLaC|OggS|ID3", _CSV),
-    Signature("a film", rb"RIFF.{4}AVI |.{4}ftyp", _NO_TABLE),
-    Signature("a picture", rb"\x89PNG|\xff\xd8\xff|GIF8|BM.{4}\x00{4}|II\*\x00|MM\x00\*", _NO_TABLE),
-    Signature("a program", rb"\x7fELF|MZ|\xca\xfe\xba\xbe", _NO_TABLE),
+    FileSignature("a sound file", rb"fLaC|OggS|ID3", _CSV),
+    FileSignature("a film", rb"RIFF.{4}AVI |.{4}ftyp", _NO_TABLE),
+    FileSignature("a picture", rb"\x89PNG|\xff\xd8\xff|GIF8|BM.{4}\x00{4}|II\*\x00|MM\x00\*", _NO_TABLE),
+    FileSignature("a program", rb"\x7fELF|MZ|\xca\xfe\xba\xbe", _NO_TABLE),
 )
 # Files that begin as text, or are text, but no table.
 TEXTS = (
-    Signature("a file of imc FAMOS", rb"\|CF,\d", "export it as CSV in FAMOS"),
-    Signature(
+    FileSignature("a file of imc FAMOS", rb"\|CF,\d", "export it as CSV in FAMOS"),
+    FileSignature(
         "an image of a scanning probe microscope",
         rb"\\\*(File|Force file|EC File) list|:NANONIS_VERSION:",
         _TOPOGRAPHY,
     ),
-    Signature("a PDF", rb"%PDF-", "save the table in it as CSV"),
-    Signature("a document", rb"\{\\rtf|%!PS", "save the table in it as CSV"),
-    Signature(
+    FileSignature("a PDF", rb"%PDF-", "save the table in it as CSV"),
+    FileSignature("a document", rb"\{\\rtf|%!PS", "save the table in it as CSV"),
+    FileSignature(
         "a web page",
         rb"(?i)\s*<(!doctype html|html)",
         "the download gave a page instead of the file; download the file itself ('raw')",
     ),
-    Signature("an Excel workbook as XML", rb"\s*<\?xml.{0,999}?<Workbook", _SHEET),
-    Signature("in XML", rb"\s*<(\?xml|svg)", _CSV),
-    Signature("a pointer of Git LFS", rb"version https://git-lfs", "git lfs pull brings the file itself"),
-    Signature("in JSON", rb'\s*(\{\s*"|\[\s*[\[{])', _PANDAS.format("read_json")),
+    FileSignature("an Excel workbook as XML", rb"\s*<\?xml.{0,999}?<Workbook", _SHEET),
+    FileSignature("in XML", rb"\s*<(\?xml|svg)", _CSV),
+    FileSignature("a pointer of Git LFS", rb"version https://git-lfs", "git lfs pull brings the file itself"),
+    FileSignature("in JSON", rb'\s*(\{\s*"|\[\s*[\[{])', _PANDAS.format("read_json")),
 )
 
 _COMPILED = [
@@ -116,7 +122,7 @@ def is_text(head: bytes) -> bool:
     return b"\0" not in head and controls <= _MOST_CONTROLS * len(head)
 
 
-def known_format(head: bytes, ending: str) -> Signature | None:
+def known_format(head: bytes, ending: str) -> FileSignature | None:
     """Return the format of a file that is not read, by its first bytes and the ending of its name; None for
     formats that are not known here."""
     for one, begins in _COMPILED[not is_text(head)]:

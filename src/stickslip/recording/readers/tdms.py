@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...gate.files import name_of, opened
-from .library import Clock, Signal, clocked_source, equally_spaced, library, read_by_library
+from .library import Signal, SignalGroup, clocked_source, equally_spaced, library, read_by_library
 from .source import FileContent, Rows, add_format
 
 _WHAT = "TDMS file"
@@ -35,7 +35,7 @@ def read_tdms(path: Path) -> FileContent:
     return clocked_source(
         path,
         "tdms",
-        [Clock(None if said is None else equally_spaced(*said), of) for said, of in clocks.items()],
+        [SignalGroup(None if said is None else equally_spaced(*said), of) for said, of in clocks.items()],
         _WHAT,
     )
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 from .. import RecordingError
 from .fields import COMMENT, SPACE, Signs, split
 from .file_units import in_seconds, is_unit, is_unit_of, is_word, to_si_unit
-from .settings import MARKS, HeaderClock, Settings
+from .settings import MARKS, HeaderClock, HeaderSettings
 from .source import FileChannel, is_clock
 
 _IN = re.compile(r"((?P<name>\S+( \S+)?) )?in (?P<unit>\S+)", re.IGNORECASE)
@@ -60,7 +60,7 @@ def titles(
     kinds: str,
     signs: Signs,
     data: dict[int, list[str]],
-    said: Settings,
+    said: HeaderSettings,
 ) -> list[FileChannel]:
     """The columns by name and unit, from the fields of the lines above the data; of that, the first line."""
     rows = {i: fields for i, fields in above.items() if len(fields) == len(kinds) and not _marks(fields)}
@@ -129,7 +129,7 @@ def _ticks(numbers: Sequence[float], increment: float) -> bool:
 
 def with_header_clock(
     channels: list[FileChannel],
-    said: Settings,
+    said: HeaderSettings,
     in_fields: Sequence[HeaderClock],
     counts: bool,
     data: Sequence[Sequence[str]],

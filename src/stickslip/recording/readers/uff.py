@@ -12,7 +12,7 @@ import numpy as np
 
 from ...gate.files import name_of, opened
 from .. import RecordingError
-from .library import Clock, Signal, clocked_source, held, library, no_file_left_open, read_by_library
+from .library import Signal, SignalGroup, clocked_source, held, library, no_file_left_open, read_by_library
 from .source import FileContent, add_format
 
 ENDINGS = (".uff", ".unv", ".uf")
@@ -49,7 +49,7 @@ def read_uff(path: Path) -> FileContent:
     return clocked_source(
         path,
         "uff",
-        [Clock(Signal("time", "s", times.size, held(times)), of) for times, of in clocks.values()],
+        [SignalGroup(Signal("time", "s", times.size, held(times)), of) for times, of in clocks.values()],
         _WHAT,
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 from .. import RecordingError, RecordingWarning
 from .clocks import Clocked
 from .preview import LOOKED_AT, likely_unit
-from .selection import Selection, Variable
+from .selection import FileVariable, Selection
 
 # What no stick-slip actuator does, nor the instruments around it: largest size in SI, and likely units.
 UNLIKELY = {
@@ -52,7 +52,7 @@ def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked], units: Contain
                 raise _unlikely(variable, f"as {unit} they go over {span:.4g} {unit}", likely, unit)
 
 
-def _unlikely(variable: Variable, size: str, likely: str, unit: str) -> RecordingError:
+def _unlikely(variable: FileVariable, size: str, likely: str, unit: str) -> RecordingError:
     said = f"units={{{variable.name!r}: ...}}"
     who = "no unit is said with the numbers"
     if variable.unit:
@@ -66,7 +66,7 @@ def _unlikely(variable: Variable, size: str, likely: str, unit: str) -> Recordin
 def warn_of_unsaid(path: Path, chosen: Selection, groups: Sequence[Clocked]) -> None:
     """Warn of units that are not known, and of those that are taken though neither file nor user says them,
     in one line each."""
-    unsaid: dict[str, tuple[Variable, str]] = {}
+    unsaid: dict[str, tuple[FileVariable, str]] = {}
     for group, clock in zip(groups, chosen.clocks.values(), strict=True):
         named = [] if clock is None else [(clock, group.time)]
         named += [(one, group.values[one.name]) for one in chosen.variables if one.name in group.values]
@@ -90,5 +90,5 @@ def warn_of_unsaid(path: Path, chosen: Selection, groups: Sequence[Clocked]) -> 
     warnings.warn(said, RecordingWarning, stacklevel=3)
 
 
-def _si(variable: Variable) -> str:
+def _si(variable: FileVariable) -> str:
     return variable.conversion.unit
