@@ -55,9 +55,10 @@ def resident(process: int) -> float:
 class Panel:
     """The command on a folder, and what its stream says of the run and in the log."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *options: str) -> None:
         self.folder = folder
-        command = [sys.executable, "-m", "stickslip", "panel", str(folder), "--port", "0", "--no-browser"]
+        served = ["panel", str(folder), "--port", "0", "--no-browser"]
+        command = [sys.executable, "-m", "stickslip", *options, *served]
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
         assert self.process.stdout is not None

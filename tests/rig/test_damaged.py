@@ -210,7 +210,7 @@ def test_rigs_of_ones_own_that_are_wrong(tmp_path: Path) -> None:
         ("init", "it is init"),
         ("init Exit", "it is init"),
         ("fetch Exit", "it is fetch"),
-        ("fetch stop", "it is fetch.*The stop failed too: it is stop"),
+        ("fetch stop", "it is fetch.*The stop failed too .it is stop.: switch the amplifier off"),
         ("odd", "<object .* is no text, number or list"),
     ):
         with pytest.raises(RigError, match=said) as caught:

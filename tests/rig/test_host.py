@@ -184,13 +184,32 @@ def test_a_program_whose_rig_dies_keeps_what_it_has(link: Link) -> None:
         if done > 0.03:
             os.kill(number_of(link), signal.SIGKILL)
 
-    with pytest.raises(RigError, match="the rig's process has ended") as caught:
+    people_are_told = "the rig's process has ended.*switch the amplifier off"
+    with pytest.raises(RigError, match=people_are_told) as caught:
         measure(HostedRig(link, device(True)), DRIVE, IDEAL, LONG, Limits(), progress=kill)
     kept = caught.value.recording  # type: ignore[attr-defined]
     assert kept.sizes["time"] > 100
     again = Link(link.folder, "a test")  # another one takes its place
     measure(HostedRig(again, device()), DRIVE, IDEAL, CAPTURE, Limits())
     again.close()
+
+
+def test_a_rig_that_freezes_ends_the_run_and_people_are_told(link: Link) -> None:
+    frozen: list[float] = []
+
+    def freeze(_doing: str, done: float) -> None:
+        if done > 0.03 and not frozen:
+            os.kill(number_of(link), signal.SIGSTOP)
+            frozen.append(time.monotonic())
+
+    limits = Limits(watchdog=1.0)
+    try:
+        with pytest.raises(RigError, match="the rig does not answer: switch the amplifier off") as caught:
+            measure(HostedRig(link, device(True)), DRIVE, IDEAL, LONG, limits, progress=freeze)
+        assert time.monotonic() - frozen[0] >= limits.watchdog
+        assert caught.value.recording.sizes["time"] > 100  # type: ignore[attr-defined]
+    finally:
+        os.kill(number_of(link), signal.SIGKILL)
 
 
 def test_home_is_known_to_the_next_process(link: Link) -> None:

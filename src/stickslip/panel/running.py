@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from ..quantities.progress import Progress
 from ..recording.readers.process import Reader
 from ..rig import HostedRig, Link, Rig, RigError, WatchedRig
-from ..rig.capture import Capture, find_trigger
 from ..rig.experiment.cells import Cell
 from ..rig.experiment.file import ExperimentFile
 from ..rig.experiment.laboratory import Laboratory, open_laboratory, rigs_of
@@ -31,6 +30,7 @@ from .journal import Journal
 from .live import Live
 from .statistics import Statistics, drive_channel
 from .stream import Hub
+from .trigger import TriggerSeeker
 
 _AT_ZERO = 0.5  # V, the most that the drive of a run at rest is measured to be
 
@@ -77,6 +77,9 @@ class Runner:
         self._statistics = statistics
         self.also_stop: list[Callable[[], bool]] = []  # what else ends then; whether it went on
         self._control: Link | None = None
+        self._stopper: Link | None = (
+            None  # to the same process, for stops only: they wait for no other answer
+        )
         self._linking = threading.Lock()
         self._using = threading.Lock()  # the rig: a run, or setting home
         self._delivered = 0.0  # s that a request to stop took to the rig's process
@@ -130,26 +133,29 @@ class Runner:
 
     def stop(self, why: str) -> bool:
         """Ask the run to end with a ramp to 0 V; at once, whoever asks. Whether anything went on."""
+        asked, stopper = time.perf_counter(), self._stopper
+        told = stopper is not None and self._busy and self._stop is None
+        if stopper is not None and told:  # before anything that may take time
+            with suppress(RigError):
+                stopper.tell_stop(why)
+                threading.Thread(target=self._halt, args=(stopper, asked), daemon=True).start()
         also = [act() for act in self.also_stop]
         with self._telling:
             if not self.busy:
                 return any(also)
             if self._stop is not None:
                 return True
-            self._stop = (why, time.perf_counter())
+            self._stop = (why, asked)
             self._state(phase="stopping", stop=StopState()._asdict())
             number = self.state["number"]
-            threading.Thread(target=self._halt, args=self._stop, daemon=True).start()
             threading.Thread(target=self._follow, args=(*self._stop, number), daemon=True).start()
         return True
 
-    def _halt(self, why: str, asked: float) -> None:
-        """By the connection that is open, which is the quickest way; it may never answer."""
-        control = self._control
-        if control is not None:
-            with suppress(RigError):
-                control.ask("stop", why=why)
-                self._delivered = time.perf_counter() - asked
+    def _halt(self, stopper: Link, asked: float) -> None:
+        """Hear that the rig's process has the request; it may never answer."""
+        with suppress(RigError):
+            stopper.heard_stop()
+            self._delivered = time.perf_counter() - asked
 
     def _follow(self, why: str, asked: float, number: int) -> None:
         """By connections of its own, until there is evidence that the output is at 0 V."""
@@ -183,9 +189,8 @@ class Runner:
                         return self._control
                 except RigError:
                     pass
-                self._control.close()
-                self._control = None
-            self._control = Link(folder, "the panel")
+                self.close()
+            self._control, self._stopper = Link(folder, "the panel"), Link(folder, "a stop of the panel")
             return self._control
 
     def find_position(self) -> None:
@@ -198,8 +203,11 @@ class Runner:
 
     def close(self) -> None:
         """Let go of the rig's process."""
-        if self._control is not None:
-            self._control.close()
+        links = self._control, self._stopper
+        self._control = self._stopper = None
+        for link in links:
+            if link is not None:
+                link.close()
 
     def join(self, most: float | None = None) -> None:
         """Wait for the end of the run, `most` seconds."""
@@ -305,7 +313,7 @@ class Runner:
 
     def _watched(self, job: Job, cell: Cell, rig: Rig) -> Rig:
         rate = rig.capabilities.sample_rate
-        seek = _TriggerSeeker(cell.capture, self._live)
+        seek = TriggerSeeker(cell.capture, self._live)
         drive = drive_channel(cell.channels)
 
         def armed(samples: int, before: int) -> None:
@@ -363,31 +371,6 @@ class Runner:
         with self._telling:
             self.state = {**self.state, **changes}
             self._hub.tell("run", **self.state, **self.where)
-
-
-class _TriggerSeeker:
-    """Finds the sample at which the recording of a run is triggered, in the blocks as they come."""
-
-    def __init__(self, capture: Capture, live: Live) -> None:
-        self._trigger, self._live = capture.trigger, live
-        self._open = False
-
-    def begin(self, before: int) -> None:
-        """A run begins, so many samples before its drive."""
-        self._seen, self._before = np.zeros(0), before
-        self._passed = 0
-        self._open = self._trigger is not None
-
-    def __call__(self, block: dict[str, NDArray[np.float64]]) -> None:
-        if not self._open or self._trigger is None:
-            return
-        values = np.append(self._seen, block[self._trigger.signal])
-        found = find_trigger(values, self._trigger, self._before - self._passed)
-        if found is not None:
-            self._open = False
-            self._live.triggered(self._passed + found)
-        self._passed += values.size - 1
-        self._seen = values[-1:]
 
 
 def _counted(count: int) -> str:

@@ -32,8 +32,12 @@ from .wire import receive, send
 
 STARTS = 30.0  # s that the process may take to be there
 UNANSWERED = "the rig does not answer: switch the amplifier off"
+KEPT = "the output may keep its voltage: switch the amplifier off"  # of a process that ended in a run
 LATE = 1.0  # s without an answer to a stop, after which people are told
 _LAST = LONGEST_STOP + 10.0  # s after which an answer to a stop is waited for no more
+_ANSWER = 10.0  # s in which the process answers a request that nobody waits for in a hurry
+_OPENED = 60.0  # s in which it opens a device
+_BUSY = ("preparing", "running", "stopping")  # phases of a run that goes on
 _WAIT = 0.1  # s that a request for samples waits for some
 _KINDS: dict[str, type[Exception]] = {
     one.__name__: one for one in (LimitError, RigError, StopRequested, QuantityError)
@@ -67,14 +71,21 @@ class Link:
         _LINKS.add(self)
 
     def ask(
-        self, do: str, values: Array | None = None, *, within: float | None = None, **what: Any
+        self,
+        do: str,
+        values: Array | None = None,
+        *,
+        within: float | None = None,
+        late: float = LATE,
+        **what: Any,
     ) -> tuple[dict[str, Any], Array]:
         """The answer to a request, and the numbers with it.
 
         Args:
             do, values, what: the request; see `host`.
-            within: s in which the answer must come. After `LATE` without one a `RigWarning` tells people to
-                switch the amplifier off; later answers cannot be told apart, so the connection ends then.
+            within: s in which the answer must come; later answers cannot be told apart, so the connection
+                ends then.
+            late: s without an answer after which a `RigWarning` tells people to switch the amplifier off.
 
         Raises:
             RigError, QuantityError: what the process says is wrong; RigError where it is gone, or silent.
@@ -83,7 +94,7 @@ class Link:
             with self._lock:
                 send(self._link, {"do": do, **what}, values)
                 if within is not None:
-                    self._await(within)
+                    self._await(within, late)
                 answer, block = receive(self._link)
         except (OSError, EOFError) as error:
             raise RigError(f"the rig's process has ended ({error})") from None
@@ -93,13 +104,32 @@ class Link:
             raise raised
         return answer, block
 
-    def _await(self, within: float) -> None:
+    def tell_stop(self, why: str) -> None:
+        """Ask for a stop and wait for nothing; for a connection that serves nothing else.
+
+        Raises:
+            RigError: the process is gone.
+        """
+        try:
+            send(self._link, {"do": "stop", "why": why})
+        except OSError as error:
+            raise RigError(f"the rig's process has ended ({error})") from None
+
+    def heard_stop(self) -> None:
+        """Wait for the answer to `tell_stop`; raises RigError where the process is gone."""
+        try:
+            with self._lock:
+                receive(self._link)
+        except (OSError, EOFError) as error:
+            raise RigError(f"the rig's process has ended ({error})") from None
+
+    def _await(self, within: float, late: float) -> None:
         """Wait for the begin of an answer; RigError where none comes."""
-        if select.select([self._link], [], [], min(within, LATE))[0]:
+        if select.select([self._link], [], [], min(within, late))[0]:
             return
-        if within > LATE:
+        if within > late:
             warnings.warn(UNANSWERED, RigWarning, stacklevel=4)
-            if select.select([self._link], [], [], within - LATE)[0]:
+            if select.select([self._link], [], [], within - late)[0]:
                 return
         self._link.close()
         raise RigError(UNANSWERED)
@@ -227,7 +257,8 @@ class HostedRig:
         return self._fetched() if block is None else block
 
     def _fetched(self) -> Array:
-        block = self._ask("fetch", wait=_WAIT)
+        silence = _WAIT + float(self._guard["limits"]["watchdog"])
+        block = self._ask("fetch", wait=_WAIT, within=silence, late=silence)
         self.ended = self.phase == "idle" and not block.size
         return block if block.size else np.zeros((len(self._inputs), 0))
 
@@ -235,7 +266,7 @@ class HostedRig:
         """Ramp to 0 V, at the slew that `guard` was told."""
         del slew
         try:
-            self._ask("close", within=_LAST)
+            self._ask("close", within=_LAST, late=LATE)
         except RigError as error:
             if str(error).startswith("close: open the rig first"):
                 return  # it never began
@@ -250,17 +281,27 @@ class HostedRig:
             self._ask("close")
 
     def _open(self) -> Capabilities:
-        answer, _ = self._link.ask("open", device=self._device, again=self._opened)
+        asked = {"device": self._device, "again": self._opened}
+        answer, _ = self._link.ask("open", within=_OPENED, late=_OPENED, **asked)
         self._opened, self._told = True, answer.get("told", {})
         return Capabilities(**answer["capabilities"])
 
     def _ask(
-        self, do: str, values: Array | None = None, *, within: float | None = None, **what: Any
+        self,
+        do: str,
+        values: Array | None = None,
+        *,
+        within: float = _ANSWER,
+        late: float = _ANSWER,
+        **what: Any,
     ) -> Array:
         try:
-            answer, block = self._link.ask(do, values, within=within, **what)
+            answer, block = self._link.ask(do, values, within=within, late=late, **what)
         except (RigError, QuantityError) as error:
-            self._take(getattr(error, "answer", {}))
+            said: dict[str, Any] | None = getattr(error, "answer", None)
+            if said is None and self.phase in _BUSY and str(error) != UNANSWERED:
+                raise RigError(f"{error}; {KEPT}") from None
+            self._take(said or {})
             raise
         self._take(answer)
         return block

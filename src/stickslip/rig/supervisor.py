@@ -261,7 +261,9 @@ class Supervisor:
             self.stopped = {"failed": f"the stop failed ({error}): switch the amplifier off"}
             self._unsafe = error
             if failure is not None:
-                failure.add_note(f"The stop failed too: {error}")
+                failure.add_note(f"The stop failed too ({error}): switch the amplifier off")
+            else:
+                error.add_note("The stop failed: switch the amplifier off")
             failure = failure or error
             self.let_go()  # which a device takes as a reason to stop by itself
         ended = "its end" if failure is None else str(failure) or type(failure).__name__

@@ -1,0 +1,34 @@
+"""The sample at which the recording of a live run is triggered."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..rig.capture import Capture, find_trigger
+from .live import Live
+
+
+class TriggerSeeker:
+    """Finds the sample at which the recording of a run is triggered, in the blocks as they come."""
+
+    def __init__(self, capture: Capture, live: Live) -> None:
+        self._trigger, self._live = capture.trigger, live
+        self._open = False
+
+    def begin(self, before: int) -> None:
+        """A run begins, so many samples before its drive."""
+        self._seen, self._before = np.zeros(0), before
+        self._passed = 0
+        self._open = self._trigger is not None
+
+    def __call__(self, block: dict[str, NDArray[np.float64]]) -> None:
+        if not self._open or self._trigger is None:
+            return
+        values = np.append(self._seen, block[self._trigger.signal])
+        found = find_trigger(values, self._trigger, self._before - self._passed)
+        if found is not None:
+            self._open = False
+            self._live.triggered(self._passed + found)
+        self._passed += values.size - 1
+        self._seen = values[-1:]
