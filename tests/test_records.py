@@ -268,3 +268,14 @@ def test_every_field_of_every_record_refuses_by_its_name() -> None:
                 else:
                     accepted.append(f"{one.__name__}.{name} = {value!r} is accepted")
     assert not accepted, "\n".join(accepted)
+
+
+def test_a_record_is_printed_with_units_and_represented_in_si() -> None:
+    law = LuGre("1.4 N/um", 35.0, 0.0, "0.5 N", "0.5 N")
+    assert str(law).startswith("LuGre(sigma_0=1.4 MN/m, sigma_1=35 N s/m")
+    assert "sigma_0=1400000.0" in repr(law)
+    turning = stickslip.load_actuator("kang2007").replace(
+        rotary=True, gain="0.1 urad/V", end_effector_mass=8e-5
+    )
+    assert "sigma_0=1.399 MN m/rad" in str(turning)
+    assert "(0 V, 5 V)" in str(stickslip.physics.piezo.PrandtlIshlinskii([0.0, 5.0], [0.9, 0.1]))

@@ -200,6 +200,7 @@ ARRAYS: dict[str, tuple[str, Any, Callable[[Any], Any]]] = {
     ),
     "study.Own.read-values": (*FORCES, lambda v: study.Own(np.sin, {"force": "N"}).read("force", v)),
     "control.Regulator.response-frequencies": (*HERTZ, lambda v: REGULATOR.response(v)),
+    "bode-frequencies": (*HERTZ, lambda v: ss.bode(KANG, v)[0].lines[0].get_xdata()),
     "control.Learnt.contraction-frequencies": (
         *HERTZ, lambda v: control.Learnt(REGULATOR, 100).contraction(sampled_loop(KANG, 1e4), v)
     ),

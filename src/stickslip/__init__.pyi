@@ -42,11 +42,9 @@ from .friction import Stribeck as Stribeck
 # Drive signals
 from .waveform import Constant as Constant
 from .waveform import PeriodicKnots as PeriodicKnots
-from .waveform import Rest as Rest
 from .waveform import ReverseSawtooth as ReverseSawtooth
 from .waveform import Sampled as Sampled
 from .waveform import Sawtooth as Sawtooth
-from .waveform import Sequence as Sequence
 from .waveform import Sine as Sine
 from .waveform import Step as Step
 
@@ -92,6 +90,7 @@ from .design import step_map as step_map
 from .design import plan_experiment as plan_experiment
 
 # Reports, pictures, files whose steps do all of this, studies of many members, code for others
+from .report.figures.plotting import bode as bode
 from .report.figures.plotting import plot as plot
 from .report import view as view
 from .jobs import run_job as run_job

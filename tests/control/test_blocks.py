@@ -116,3 +116,20 @@ def test_what_is_refused() -> None:
     ):
         with pytest.raises(QuantityError, match=words):
             make()
+
+
+def test_a_regulator_for_python_control() -> None:
+    regulator = Regulator(Pid(1e9, 1e5, 10.0), 20e3, notches=(Notch(500.0),), low_pass=LowPass(2e3))
+    system = regulator.to_control()
+    assert system.dt == 1.0 / 20e3
+    assert isinstance(system, referee.StateSpace)
+    frequencies = np.array([1.0, 50.0, 3000.0])
+    found = system(np.exp(2j * np.pi * frequencies / 20e3))
+    np.testing.assert_allclose(found, regulator.response(frequencies), rtol=1e-9)
+
+
+def test_reprs_have_units() -> None:
+    regulator = Regulator(Pid(1e9), 20e3, low_pass=LowPass(2e3))
+    assert "integral=1 GV/(m*s)" in repr(regulator)
+    assert "corner=2 kHz" in repr(regulator)
+    assert "20 kHz, 0 to 100 V" in repr(regulator)

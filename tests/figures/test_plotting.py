@@ -86,3 +86,31 @@ def test_records_in_a_notebook() -> None:
     assert "friction: LuGre" in shown
     assert "1.399 MN/m" in shown
     assert "200 mN, 340 mN" in ss.MaxwellSlip((1e6, 4e5), (0.2, 0.34))._repr_html_()
+
+
+def test_a_tuning_shows_the_open_loop_of_every_model() -> None:
+    others = [KANG.replace(natural_frequency=k * KANG.natural_frequency) for k in (0.95, 1.05)]
+    tuning = ss.control.tune(KANG, 20e3, posterior=others)
+    gain, phase, sensitivity = ss.plot(tuning)
+    assert len(gain.lines) == 3 + 1  # and the line at 1
+    peaks = [np.max(line.get_ydata()) for line in sensitivity.lines[:3]]
+    assert max(peaks) == pytest.approx(tuning.margins.sensitivity, rel=1e-3)
+    assert phase.get_ylabel() == "phase (°)"
+    assert tuning.margins.report() in gain.get_title("left")
+
+
+def test_a_bode_plot_of_an_actuator_and_of_a_regulator() -> None:
+    gain, phase = ss.bode(KANG, [1.0, KANG.natural_frequency / (2.0 * np.pi)])
+    low, at_resonance = gain.lines[0].get_ydata()
+    unit = 1e9 * KANG.gain  # nm/V
+    assert gain.get_ylabel() == "gain (nm/V)"
+    assert low == pytest.approx(unit, rel=1e-4)
+    assert at_resonance == pytest.approx(unit / (2.0 * KANG.damping_ratio), rel=1e-3)
+    assert phase.lines[0].get_ydata()[1] == pytest.approx(-90.0, abs=0.1)
+    regulator = ss.control.Regulator(ss.control.Pid("10 kV/(um*s)"), 20e3)
+    gain, _ = ss.bode(regulator)
+    assert "V/m" in gain.get_ylabel()
+    turning = KANG.replace(rotary=True, gain="0.1 urad/V", end_effector_mass="0.8 kg cm^2")
+    assert "rad/V" in ss.bode(turning)[0].get_ylabel()
+    with pytest.raises(QuantityError, match=r"int has no frequency response: give an actuator"):
+        ss.bode(3)

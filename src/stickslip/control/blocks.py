@@ -17,6 +17,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..physics.state_space import python_control
 from ..quantities.records import Quantity, of_kind, record
 from ..quantities.units import QuantityError, array_si, to_si, with_prefix
 from .inverse import RATE as RATE
@@ -238,6 +239,23 @@ class Regulator:
         direct = pid.proportional + self.per_tick + slope
         a = np.block([[a, np.zeros((b.size, 3))], [np.outer(into, c), own]])
         return a, np.append(b, into * d), np.append(direct * c, out), direct * d
+
+    def to_control(self) -> Any:
+        """Return the linear part as a discrete ``control.StateSpace``, from the error [m] to the voltage [V].
+
+        Feedforward and voltage limits are not in it.
+
+        Raises:
+            QuantityError: python-control is not installed.
+        """
+        a, b, c, d = self.state_space()
+        made = python_control("Regulator.to_control")
+        return made.ss(a, b[:, None], c[None, :], [[d]], 1.0 / self.rate)
+
+    def __repr__(self) -> str:
+        parts: list[Any] = [self.pid, *self.notches, *([] if self.low_pass is None else [self.low_pass])]
+        limits = f"{self.low:g} to {self.high:g} V"
+        return f"Regulator({', '.join(map(str, parts))}; {with_prefix(self.rate, 'Hz')}, {limits})"
 
 
 def _section(coefficients: Coefficients) -> tuple[Array, Array, Array, float]:

@@ -20,6 +20,7 @@ from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from ..estimate.posterior import Posterior
 from ..physics.actuator import Actuator
@@ -76,8 +77,16 @@ class Margins(NamedTuple):
 
 
 class Tuning(NamedTuple):
-    """A regulator's gains and filters, the margins that they keep over so many `models`; the feedforward,
-    V/m, and how late the actuator follows it, s."""
+    """Gains and filters of a regulator, and the margins that it keeps on all models.
+
+    Attributes:
+        margins: worst margins over all models.
+        feedforward: V/m.
+        lag: s, delay of the actuator behind the feedforward.
+        models: number of models.
+        loops: loop of each model without the regulator, for `dataset`.
+        requirement: margins that were required.
+    """
 
     pid: Pid
     notches: tuple[Notch, ...]
@@ -86,11 +95,51 @@ class Tuning(NamedTuple):
     feedforward: float
     lag: float
     models: int
+    loops: tuple[Loop, ...] = ()
+    requirement: Requirement = DEFAULT
 
     def regulator(self, rate: float | str, **options: Any) -> Regulator:
-        """At a rate [Hz]; `options` as of `Regulator`: min_voltage, max_voltage, lead, feedforward."""
+        """Return the regulator at a rate [Hz].
+
+        `options` are those of `Regulator`: min_voltage, max_voltage, lead, feedforward.
+        """
         own = {"notches": self.notches, "low_pass": self.low_pass, "feedforward": self.feedforward}
         return Regulator(self.pid, rate, **own | options)
+
+    @property
+    def dataset(self) -> xr.Dataset:
+        """Open loop of each model over frequency [Hz], as ``ss.plot`` draws it."""
+        frequencies = np.unique(np.concatenate([one.frequencies for one in self.loops]))
+        own = self.regulator(self.loops[0].rate).response(frequencies)
+        opened = np.array([own * one.at(frequencies) for one in self.loops])
+        return xr.Dataset(
+            {"open_loop": (("model", "frequency"), opened, {"units": "1"})},
+            {"frequency": ("frequency", frequencies, {"units": "Hz"})},
+            {
+                "margins": self.margins.report(),
+                "max_sensitivity": self.requirement.max_sensitivity,
+                "phase_margin": math.degrees(self.requirement.phase_margin),
+            },
+        )
+
+    def __repr__(self) -> str:
+        filters: list[Any] = [*self.notches, *([] if self.low_pass is None else [self.low_pass])]
+        parts = [self.pid, *filters, f"feedforward {with_prefix(self.feedforward, 'V/m')}"]
+        parts += [f"lag {with_prefix(self.lag, 's')}", f"over {self.models} models: {self.margins.report()}"]
+        return f"Tuning({'; '.join(map(str, parts))})"
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and self._numbers() == other._numbers()  # type: ignore[attr-defined]
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    def __hash__(self) -> int:
+        return hash(self._numbers())
+
+    def _numbers(self) -> tuple[Any, ...]:
+        """All fields except the loops, whose arrays cannot be compared."""
+        return tuple(value for name, value in self._asdict().items() if name != "loops")
 
 
 def models_of(
@@ -259,7 +308,8 @@ def tune(
     made = Regulator(pid, hertz, notches=notches, low_pass=low_pass)
     reached = margins(made, loops)
     _warn_of_aliasing(reached, hertz)
-    return Tuning(pid, notches, low_pass, reached, 1.0 / model.gain, lag, len(models))
+    ahead = 1.0 / model.gain
+    return Tuning(pid, notches, low_pass, reached, ahead, lag, len(models), tuple(loops), requirement)
 
 
 def _greatest(

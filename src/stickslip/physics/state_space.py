@@ -17,8 +17,11 @@ Array = NDArray[np.float64]
 
 
 class StateSpace(NamedTuple):
-    """`a` (states, states), `b` (states, inputs), `c` (outputs, states), `d` (outputs, inputs), in SI;
-    `delay`, s."""
+    """Matrices of a linear system with an input delay, in SI.
+
+    Shapes: `a` (states, states), `b` (states, inputs), `c` (outputs, states), `d` (outputs, inputs).
+    `delay` in s.
+    """
 
     a: Array
     b: Array
@@ -36,20 +39,17 @@ class StateSpace(NamedTuple):
         return found * np.exp(-s * self.delay)[:, None, None]
 
     def to_control(self, order: int = 3) -> Any:
-        """As ``control.StateSpace`` of python-control (the extra "control"), whose `bode_plot`, `tf` and
-        loops take it; the delay becomes a Padé approximation, one below 0, as a
-        fit may have it, is left out.
+        """Return a ``control.StateSpace`` of python-control (extra "control").
+
+        The delay becomes a Padé approximation. A delay below 0, which a fit can find, is left out.
 
         Args:
-            order: of that approximation.
+            order: order of the Padé approximation.
 
         Raises:
             QuantityError: python-control is not installed, or the order is no whole number >= 1.
         """
-        try:
-            control: Any = import_module("control")
-        except ImportError:
-            raise QuantityError("to_control needs python-control: pip install 'stickslip[control]'") from None
+        control = python_control("StateSpace.to_control")
         made = control.ss(self.a, self.b, self.c, self.d)
         if self.delay <= 0.0:
             return made
@@ -60,3 +60,11 @@ class StateSpace(NamedTuple):
         late = control.ss(*control.ssdata(control.tf(*control.pade(self.delay, order))))
         inputs = self.b.shape[1]
         return made * (control.append(*[late] * inputs) if inputs > 1 else late)
+
+
+def python_control(call: str) -> Any:
+    """Return the module ``control``; raises QuantityError, which names the extra, if it is missing."""
+    try:
+        return import_module("control")
+    except ImportError:
+        raise QuantityError(f"{call} needs python-control: pip install 'stickslip[control]'") from None

@@ -197,8 +197,25 @@ def _bind(
     return [given[name] for name in fields]
 
 
+def _as_text(self: Any, owner: Any = None) -> str:
+    """Return the fields of a record with units, in one line. ``repr`` shows plain SI numbers, all digits."""
+    known, parts = quantities_of(self, owner), []
+    for name, value in self._asdict().items():
+        quantity = known.get(name)
+        several = value if isinstance(value, tuple) else (value,)
+        if hasattr(value, "_asdict"):
+            shown = _as_text(value, self if owner is None else owner)
+        elif quantity is None or not all(isinstance(one, int | float) for one in several):
+            shown = str(value)
+        else:
+            shown = ", ".join(with_prefix(one, quantity.unit, 6) for one in several)
+            shown = f"({shown})" if isinstance(value, tuple) else shown
+        parts.append(f"{name}={shown}")
+    return f"{type(self).__name__}({', '.join(parts)})"
+
+
 def _as_html(self: Any) -> str:
-    """What a notebook shows of a record: a table of its fields, and of the records in them."""
+    """Return a table of the fields of a record, and of the records in it, for a notebook."""
     return f"<table><caption>{type(self).__name__}</caption>{''.join(_rows(self, self))}</table>"
 
 
@@ -256,6 +273,7 @@ def record(named_tuple: type[T]) -> type[T]:
 
     namespace = {
         "__slots__": (),
+        "__str__": _as_text,
         "_repr_html_": _as_html,
         "__new__": __new__,
         "_make": classmethod(_make),

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...estimate.result import Fit
 from ...identify.verification import Verification
-from ...quantities.units import QuantityError, near_one
+from ...quantities.units import QuantityError, array_si, near_one, unit_for
 from .design import draw_load_speed, draw_map, is_map
 from .fits import called, draw_fit
 from .frequency import polar
@@ -33,20 +33,19 @@ def plot(data: Any, axes: Any = None) -> NDArray[Any]:
     """Draw a recording, a trajectory, a fit, a verification, a frequency response, a map or a plan.
 
     Args:
-        data: a `Fit`; a `Verification`; what `step_map` or `design.load_speed_curve` gives; a plan or
-            an optimised drive; or a Dataset over "time" (each variable gets a panel: choose with
-            ``data[["drive_voltage"]]``), over "frequency" as `frequency_response` gives it (gain and phase),
-            or over "member" as `simulate_ensemble` and `steady_steps` give it (a line over one parameter, a
-            map over two).
-        axes: Matplotlib's to draw on, as many as there are panels; left out, those of a new figure, which a
-            notebook shows below the cell and ``matplotlib.pyplot.show()`` in a window.
+        data: a `Fit`; a `Verification`; a result of `step_map` or `design.load_speed_curve`; a plan; an
+            optimised drive; a `control.Tuning` (open loop and sensitivity); or a Dataset over "time" (one
+            panel per variable: choose with ``data[["drive_voltage"]]``), over "frequency" as
+            `frequency_response` returns it (gain and phase), or over "member" as `simulate_ensemble` and
+            `steady_steps` return it (a line over one parameter, a map over two).
+        axes: Matplotlib axes to draw on, one per panel; by default those of a new figure.
 
     Returns:
-        The axes, shape (panels,); of a fit or a verification (recordings, 2): ``axes.flat[0].figure`` is the
-        figure.
+        The axes, shape (panels,), or (recordings, 2) for a fit or a verification.
+        ``axes.flat[0].figure`` is the figure.
 
     Raises:
-        QuantityError: nothing that can be drawn, or another number of axes.
+        QuantityError: the data cannot be drawn, or the number of axes is wrong.
     """
     if isinstance(data, Fit):
         return draw_fit(data, axes)
@@ -55,6 +54,8 @@ def plot(data: Any, axes: Any = None) -> NDArray[Any]:
     if is_map(data):
         return draw_load_speed(data, axes) if "mechanical_power" in data else draw_map(data, axes=axes)
     data = getattr(data, "dataset", data)
+    if isinstance(data, xr.Dataset) and "open_loop" in data:
+        return _open_loop(data, axes)
     if hasattr(data, "motion"):  # an optimised drive, which is made above this room
         return _over_phase(data.motion(), axes)
     for dimension, draw in _DRAWN.items():
@@ -118,6 +119,69 @@ def _over_frequency(data: xr.Dataset, axes: Any) -> NDArray[Any]:
     if len(parts) > 1:
         legend_above(panels[0])
     return panels
+
+
+def _open_loop(data: xr.Dataset, axes: Any) -> NDArray[Any]:
+    """Gain and phase of the open loop of each model, and the sensitivity with its limit."""
+    panels, hertz = _panels(axes, 3, 2.0), data["frequency"].values
+    one = Scale(1.0, "")
+    for i, opened in enumerate(data["open_loop"].values):
+        how = {"color": SERIES[i % len(SERIES)], "lw": 1.0}
+        polar(panels[0], panels[1], hertz, opened, one, **how)
+        panels[2].plot(hertz, np.abs(1.0 / (1.0 + opened)), **how)
+    levels = (1.0, -180.0 + data.attrs["phase_margin"], data.attrs["max_sensitivity"])
+    labels = ("open loop", "phase (°)", "sensitivity")
+    for panel, level, label in zip(panels, levels, labels, strict=True):
+        panel.axhline(level, color="0.5", lw=0.8, ls="--")
+        panel.set(xscale="log", ylabel=label)
+    for panel in (panels[0], panels[2]):
+        panel.set_yscale("log")
+    panels[1].set_ylim(-360.0, 0.0)
+    panels[2].set_xlabel("frequency (Hz)")
+    panels[0].set_title(data.attrs["margins"], loc="left", fontsize="small")
+    return panels
+
+
+@drawn
+def bode(model: Any, frequencies: ArrayLike | None = None, axes: Any = None) -> NDArray[Any]:
+    """Draw gain and phase over frequency.
+
+    Args:
+        model: an `Actuator` whose contact sticks, a `Fit` of one, a modal model, a `StateSpace`, or a
+            `control.Regulator`.
+        frequencies: Hz; by default two decades below the lowest mode to one above the highest, or up to half
+            the rate of a regulator.
+        axes: two axes to draw on; by default those of a new figure.
+
+    Returns:
+        The two axes.
+
+    Raises:
+        QuantityError: the model has no frequency response.
+    """
+    model = model.model if isinstance(model, Fit) else model
+    system = model.state_space() if hasattr(model, "state_space") and not hasattr(model, "rate") else model
+    if not hasattr(system, "response"):
+        raise QuantityError(
+            f"{type(model).__name__} has no frequency response: give an actuator, a fit of one, a modal "
+            "model, a StateSpace or a Regulator; measured responses are drawn by ss.plot"
+        )
+    hertz = _around_modes(system) if frequencies is None else array_si(frequencies, "Hz", "frequencies")
+    found = np.asarray(system.response(hertz))
+    unit = "V/m" if hasattr(system, "rate") else unit_for(model, "m/V")
+    dimensions = ("frequency", "output", "input")[: found.ndim]
+    clock = {name: np.arange(size) for name, size in zip(dimensions, found.shape, strict=True)}
+    response = xr.DataArray(found, clock | {"frequency": hertz}, dimensions, attrs={"units": unit})
+    return _over_frequency(xr.Dataset({"response": response.squeeze(drop=True)}), axes)
+
+
+def _around_modes(system: Any) -> NDArray[Any]:
+    if hasattr(system, "rate"):
+        return np.geomspace(1e-4, 0.499, 600) * system.rate
+    modes = np.abs(np.linalg.eigvals(system.a)) / (2.0 * np.pi) if system.a.size else np.empty(0)
+    modes = modes[modes > 0.0]
+    low, high = (modes.min(), modes.max()) if modes.size else (100.0, 100.0)
+    return np.geomspace(1e-2 * low, 10.0 * high, 600)
 
 
 def _over_members(data: xr.Dataset, axes: Any) -> NDArray[Any]:
