@@ -85,7 +85,7 @@ def test_arrays_that_are_refused() -> None:
     for values, reason in (
         (xr.DataArray([1.0], attrs={"units": "mV"}), "'1 mV' has the unit 'mV', which is no N"),
         (["1 N", "1 mV"], "'1 mV' has the unit 'mV', which is no N"),
-        (np.array(["1 N", "much"]), "'much' does not begin with a number"),
+        (np.array(["1 N", "much"]), "'much' does not start with a number"),
         (np.array([True]), "is not of numbers but bool"),
         (np.array([1j]), "is not of numbers but complex"),
         (np.array([1], dtype="timedelta64[ns]"), "is not of numbers but timedelta64"),
@@ -99,9 +99,9 @@ def test_arrays_that_are_refused() -> None:
 REFUSED = [
     ("65 A", "unit 'A', which is no V"), ("65 V/m", "unit 'V/m', which is no V"),
     ("65 %", "unit '%', which is no V"), ("65 volts please", "unknown unit 'volts please'"),
-    ("65 foo", "unknown unit 'foo'"), ("", "does not begin with a number"),
-    ("   ", "does not begin with a number"), ("V", "does not begin with a number"),
-    ("about 65 V", "does not begin with a number"), ("0,5 V", "decimal comma"),
+    ("65 foo", "unknown unit 'foo'"), ("", "does not start with a number"),
+    ("   ", "does not start with a number"), ("V", "does not begin with a number"),
+    ("about 65 V", "does not start with a number"), ("0,5 V", "decimal comma"),
     ("6 5 V", "no readable unit"), ("1_000 V", "no readable unit"), ("65 V; 66 V", "no readable unit"),
     ("65 V^9^9^9^9^9^9", "no readable unit"), ("65 (V^9)^9", "no readable unit"),
     ("65 V**99999999", "no readable unit"), ("65 __import__('os').getcwd()", "no readable unit"),

@@ -27,7 +27,7 @@ THREADS, BLOCKS = 128, 4
 _LITERAL = re.compile(r"\((?:struct )?(OF\(\w+\)|\w+)\)\{")
 # Functions that are not inline.
 _FUNCTION = re.compile(r"^static (?!inline|const)(?=[^=;{]*\()", re.MULTILINE)
-# What the compiler does not have: it knows the functions of math.h itself.
+# Headers that the CUDA compiler lacks; it provides the functions of math.h itself.
 _STANDARD = {
     "math.h": "#define NAN __longlong_as_double(0x7ff8000000000000LL)\n"
     "#define INFINITY __longlong_as_double(0x7ff0000000000000LL)\n",

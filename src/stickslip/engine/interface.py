@@ -1,4 +1,4 @@
-"""What C calls through a struct of function pointers: a friction law, or hysteresis of a user's own.
+"""Functions that C calls through a struct of pointers: a friction law, or a user's own hysteresis.
 
 Each is a kind of record in Python with some functions, its roles. Its parameters reach C as a row of numbers,
 the fields of the record one after the other: truths as 0 or 1, tuples and records inside it by their own

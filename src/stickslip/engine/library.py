@@ -40,7 +40,7 @@ def library() -> Any:
 
 @functools.cache
 def packaged(interface: str) -> dict[str, Any]:
-    """The laws of the package by their names; of another interface, the structs of that."""
+    """Return the package's laws by name; for another interface, its structs by name."""
     found, i = {}, 0
     every = getattr(library(), f"stickslip_packaged_{interface}")
     while law := every(i):

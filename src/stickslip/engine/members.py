@@ -47,10 +47,10 @@ class _Structs:
 
 
 class ComposedMembers:
-    """Plants of one layout as the engine takes them, each with numbers of its own.
+    """Plants of one layout with different numbers, as the engine takes them.
 
     Args:
-        plant: a plant of that layout, see `plant.system.Plant`.
+        plant: one plant with this layout, see `plant.system.Plant`.
         values: numbers of each plant [members, numbers], in the order of `plant.system.values_of`.
 
     Raises:
@@ -95,8 +95,10 @@ class MemberDrives:
 
 
 class Followed(NamedTuple):
-    """What became of members: times reached [s] and steps tried [members], and the sampled state
-    [members, times], NaN after the time reached."""
+    """Results of members: times reached [s] and tried steps [members], and sampled states [members, times].
+
+    States are NaN after the time reached.
+    """
 
     reached: Array
     steps: Integers

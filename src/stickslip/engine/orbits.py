@@ -13,10 +13,17 @@ from .members import ComposedMembers, Integers, MemberDrives, check_fit, integer
 
 
 class Orbits(NamedTuple):
-    """What became of members [members]: `outcomes`; `steps`, net displacement per period, m; `errors`, how
-    far step and state may be off, m; `residuals`, how far off they were before the last correction, m;
-    `radius`, the largest multiplier in size; `periods` integrated; `jacobian` [members, states, states] of
-    the last map, with zeros for the position."""
+    """Periodic motions of members.
+
+    Attributes:
+        outcomes: result code [members].
+        steps: m, net displacement per period.
+        errors: m, error bound of step and state.
+        residuals: m, residual before the last correction.
+        radius: largest multiplier in absolute value.
+        periods: number of integrated periods.
+        jacobian: derivative of the last map [members, states, states]; zero for the position.
+    """
 
     outcomes: Integers
     steps: Array

@@ -10,18 +10,18 @@ from ..quantities.units import with_prefix
 
 
 class Advice(NamedTuple):
-    """What a model lacks, and how to add it.
+    """A term that the model lacks, and how to add it.
 
     Attributes:
         cause: what is missing, "viscous friction"; empty if nothing that was tried helps.
         explains: whether the recordings show no lack of fit with it.
         before, after: residual without it and with it: the greatest over its noise or, with a `unit`, the
             root mean square.
-        free: names of all that is free then; `added` are the new ones.
+        free: names of all free parameters with it; `added` are the new ones.
         bounds: of the added parameters that need some, in SI.
         change: fields of the actuator to change.
         untied: parameters whose tie must go.
-        values: what is found then, in SI.
+        values: estimates with it, in SI.
         shown: the added values as text.
         tried: causes that were fitted; `seconds` of CPU time were spent, and `stopped` says whether the limit
             of them ended the search.

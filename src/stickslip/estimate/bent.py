@@ -1,6 +1,6 @@
-r"""Distributions that follow a bent valley, to draw from: a stand-in for a posterior that is known by points.
+r"""Distributions along a curved minimum, used as proposals for a posterior that is known at points.
 
-Each coordinate is a polynomial of second order of those before it and a rest of Student's t:
+Each coordinate is a polynomial of second order of the previous coordinates plus a Student's t residual:
 
 .. math:: z_k = p_k(z_1, \dots, z_{k-1}) + s_k e_k .
 
@@ -20,20 +20,23 @@ from scipy.special import gammaln, logsumexp
 
 Array = NDArray[np.float64]
 
-# Of Student's t: tails that no posterior of Gaussian noise exceeds, but for a bend that is not seen yet.
+# Degrees of freedom of Student's t. Its tails exceed the tails of any posterior of Gaussian noise.
 FREEDOM = 7.0
 # Rests are drawn a little more widely than they were found; a share of the points much more, for tails that
 # are longer on one side.
 WIDER, FAR_SHARE, FAR = 1.1, 0.15, 2.0
-# Points, by weight, that the terms of second order are held back by; with fewer in all there are none.
+# Weight, in points, that shrinks the second-order terms; fewest points for these terms.
 HELD_BACK, FEWEST = 3.0, 60.0
-# A part of a mixture with less weight is none.
+# Smallest share of a component that stays in a mixture.
 LEAST_SHARE = 1e-3
 
 
 class Bent(NamedTuple):
-    """One valley: centre [k], axes as rows [k, k], the coefficients of each polynomial in the coordinates
-    before, and the deviations of what is left [k]."""
+    """One component.
+
+    Centre [k], axes as rows [k, k], coefficients of each polynomial in the previous coordinates, and standard
+    deviations of the residuals [k].
+    """
 
     centre: Array
     axes: Array
@@ -65,7 +68,7 @@ class Bent(NamedTuple):
 
     @property
     def log_volume(self) -> float:
-        """How far it reaches."""
+        """Logarithm of the volume of the component."""
         return float(np.sum(np.log(self.left)) + np.linalg.slogdet(self.axes)[1])
 
 
@@ -82,7 +85,7 @@ class Mixture(NamedTuple):
         return random.permutation(np.concatenate(points))
 
     def log_parts(self, points: Array) -> Array:
-        """Of each part with its share, [parts, n]."""
+        """Return the log density of each component times its share, [parts, n]."""
         shares = np.log(self.shares)
         return np.array([s + part.log_density(points) for s, part in zip(shares, self.parts, strict=True)])
 
@@ -91,7 +94,7 @@ class Mixture(NamedTuple):
         return np.asarray(logsumexp(self.log_parts(points), axis=0))
 
     def fitted(self, points: Array, weights: Array) -> Mixture:
-        """The mixture anew, to points [n, k] with weights [n] whose sum is 1."""
+        """Return the mixture fitted again to points [n, k] with weights [n] whose sum is 1."""
         parts = self.log_parts(points)
         each = weights * np.exp(parts - np.asarray(logsumexp(parts, axis=0)))
         shares = each.sum(axis=1)
@@ -101,7 +104,7 @@ class Mixture(NamedTuple):
 
 
 def straight(centres: Sequence[Array], covariances: Sequence[Array]) -> Mixture:
-    """Of normal distributions, alike in share, with the tails of a t."""
+    """Return a mixture of normal distributions with equal shares and the tails of a t distribution."""
     parts = []
     for centre, covariance in zip(centres, covariances, strict=True):
         ones = np.ones(centre.size)
@@ -110,9 +113,9 @@ def straight(centres: Sequence[Array], covariances: Sequence[Array]) -> Mixture:
 
 
 def bent(points: Array, weights: Array) -> Bent:
-    """The valley of points [n, k] with weights [n] whose sum is 1.
+    """Return a component fitted to points [n, k] with weights [n] whose sum is 1.
 
-    Its axes are the coordinates' own or the principal ones, whichever leaves it narrower.
+    Its axes are the coordinate axes or the principal axes, whichever give the smaller volume.
     """
     away = points - weights @ points
     covariance = (away.T * weights) @ away

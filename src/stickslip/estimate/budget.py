@@ -19,17 +19,17 @@ SECONDS = 30.0
 # Share of the motion beyond its noise that a model explains at least after the first short searches: a right
 # model, and a wrong friction law too.
 LITTLE = 0.8
-# Fewest evaluations before that: a slow machine, or a long recording, ends no search that has hardly begun.
+# Fewest evaluations before the budget can end a search, so that a slow machine does not stop it at once.
 FEWEST = 60
 
 
 @dataclass
 class EvaluationBudget:
-    """What all searches of one identification share.
+    """Computing budget that all searches of one identification share.
 
     Attributes:
         total: sum of squares of the recordings about their means, weighted as the residuals are.
-        noise: what of that is their white noise.
+        noise: part of `total` that is white noise.
         over: whether the budget was spent.
     """
 

@@ -94,11 +94,12 @@ def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
 
 
 def white_and_walk(pieces: Sequence[Array]) -> tuple[float, float]:
-    """Return the standard deviation of white noise, and the variance that a random walk beside it gains from
-    sample to sample over the square of that, which describe residuals best.
+    """Return the standard deviation of the white noise in residuals, and the relative variance of a random
+    walk.
 
-    Noise of power 1/f is near to both together. Where the residuals show no walk, noise that is correlated
-    over some samples counts by its sum over all lags.
+    The second number is the variance that the walk gains per sample, divided by the variance of the white
+    noise. Noise with a 1/f spectrum is close to the sum of both. If the residuals show no random walk, noise
+    that is correlated over some samples counts by the sum of its autocovariance.
     """
     ratio = _walk(pieces)
     if ratio:
@@ -158,7 +159,7 @@ def _walk(pieces: Sequence[Array]) -> float:
 
 
 def _without_walk(r: Array, ratio: float) -> Array:
-    """What is left of the residuals beside their most likely random walk."""
+    """Return the residuals without their most likely random walk."""
     # (1/ratio) D'D x + x = r, D the differences.
     band = np.full((2, r.size), -1.0 / ratio)
     band[0] = 1.0 + 2.0 / ratio
@@ -185,14 +186,14 @@ def with_own_noise(fit: Fit) -> Fit:
 
 
 def with_coloured_noise(fit: Fit, noise: Coloured, known: int = 0) -> Fit:
-    """The fit with the covariance that the noise gives it, the noise having been seen in what the fit left.
+    """Return the fit with the covariance that follows from the noise in its residuals.
 
-    Values at a bound do not make the others surer: those have the covariance they would have without it.
+    Values at a bound do not narrow the other intervals: these have the covariance without the bound.
 
     Args:
         fit: by least squares.
-        noise: of its recordings.
-        known: so many recordings at the end are none: their data are what is known otherwise, over its noise.
+        noise: noise of its recordings.
+        known: number of entries at the end that are not recordings but priors.
     """
     assert fit.jacobian is not None
     in_time = len(fit.recordings) - known

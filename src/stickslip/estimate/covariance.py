@@ -31,13 +31,13 @@ LOSSES: dict[str, Loss] = {
 
 
 class NoiseLevel(NamedTuple):
-    """What is assumed of the weighted residuals.
+    """Assumptions about the weighted residuals.
 
     Attributes:
         degrees_of_freedom: number of data minus number of parameters.
-        known: their variance is 1; otherwise it is estimated from them.
+        known: True if the variance is 1; otherwise it is estimated.
         loss: as the fit used it, with its `scale`.
-        correlated: lengths of the recordings within which they are correlated; none: white.
+        correlated: lengths of the recordings whose residuals are correlated; empty for white noise.
     """
 
     degrees_of_freedom: int
@@ -48,16 +48,16 @@ class NoiseLevel(NamedTuple):
 
 
 class Uncertainty(NamedTuple):
-    """Of the fitted coordinates.
+    """Covariance of the fitted coordinates, and bounds that act on them.
 
     Attributes:
         covariance: shape (k, k); NaN in the rows of coordinates that a bound holds back (all others are then
             conditional on the bound), infinite on the diagonal where the data say nothing.
         bounded: for each coordinate 0, or -1 / +1 where its lower / upper bound holds it back.
-        push: for those, how hard: the derivative of half the chi-squared on moving into the range.
-        released: for those, their variance if the bound were not there.
-        centre: what intervals are about, shape (k,), where that is not the estimate but the mean of a long
-            valley.
+        push: for these, the derivative of half the chi-squared on moving into the range.
+        released: for these, the variance without the bound.
+        centre: centre of the intervals, shape (k,), if it is the mean of a long minimum and not the
+            estimate.
     """
 
     covariance: np.ndarray
@@ -74,11 +74,11 @@ def uncertainty(
     bounds: tuple[np.ndarray, np.ndarray],
     noise: NoiseLevel,
 ) -> Uncertainty:
-    """What the end of a fit says about its coordinates.
+    """Return the uncertainty of the coordinates at the end of a fit.
 
     Args:
         jacobian: d residuals / d coordinates, shape (n, k).
-        residuals: over their noise, shape (n,).
+        residuals: divided by their noise, shape (n,).
         coordinates: where the fit ended, shape (k,).
         bounds: lower and upper, each of shape (k,); may be infinite.
         noise: see `NoiseLevel`.
@@ -132,11 +132,12 @@ def covariance(jacobian: np.ndarray, residuals: np.ndarray, noise: NoiseLevel) -
 
 
 def decomposed(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Orthonormal directions U [n, m] that the coordinates move the residuals in, the root R [k, m] of
-    (J'J)^-1 = R R' with J R = U, and which coordinates have a part in J's null space.
+    """Return the singular directions of the residuals.
 
-    What is summed over samples is summed along U: two coordinates that are nearly alike would else leave
-    differences of large numbers.
+    Three results: orthonormal directions U [n, m] in which the coordinates move the residuals; the root R [k,
+    m] of (J'J)^-1 = R R' with J R = U; and the coordinates with a part in the null space of J. Sums over
+    samples are taken along U, because nearly parallel coordinates would otherwise leave differences of large
+    numbers.
     """
     norms = np.linalg.norm(jacobian, axis=0)
     norms[norms == 0] = 1.0

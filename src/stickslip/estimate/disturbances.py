@@ -42,7 +42,7 @@ class Disturbance(NamedTuple):
     Attributes:
         kind: "jump", "burst", "spikes", "freeze", "hum", "jitter" or "drift".
         name: of the recording.
-        when: instant at which it begins [s], in the time of the recording; that of the first sample where it
+        when: start [s], in the time of the recording; that of the first sample where it
             lasts throughout.
         lasts: how long [s].
         size: how far the channel is off, in `unit`: the change of its level (measured less model), the
@@ -70,7 +70,7 @@ class Disturbance(NamedTuple):
 
     @property
     def statement(self) -> str:
-        """What is wrong, where, and by how much."""
+        """Return the fault in words: what, where, and how large."""
         size, when = with_prefix(abs(self.size), self.unit, 3), f"{self.when:.4g} s"
         lasts = with_prefix(self.lasts, "s", 3)
         match self.kind:

@@ -110,7 +110,7 @@ def _with_moves(fit: Fit, found: Sequence[Disturbance], rows: slice, times: Arra
     norms[norms == 0.0] = 1.0
     sizes = np.linalg.lstsq(every / norms, r, rcond=1e-9)[0] / norms
     errors = np.sqrt(np.diag(fit.uncertainty.covariance))
-    # What a single event leaves in the residuals is no noise: it must not widen the errors it is judged by.
+    # An event in the residuals is not noise, so it must not widen the error by which it is judged.
     left = max(float(np.linalg.norm(r - every @ sizes) / np.linalg.norm(r)), 1e-9)
     start, made = fit.jacobian.shape[1] + 1, []
     for one, shape in zip(found, shapes, strict=True):

@@ -18,7 +18,7 @@ LEAST_WALK, MOST_WALK = 1e-4, 1.0
 # Walks that are tried; lines of each spectrum, the lowest: a filter does to the others what a walk does.
 TRIED, LINES = 33, 16
 _LOGS = np.linspace(2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK), TRIED)
-# Samples at rest below which a slope is not told from a random walk.
+# Fewest samples at rest that distinguish a slope from a random walk.
 FEWEST = 100
 
 Array = NDArray[np.float64]
@@ -27,15 +27,15 @@ Array = NDArray[np.float64]
 def walk_and_white(
     pieces: Sequence[Array], lines: int | None = None
 ) -> Callable[[float], tuple[float, float]]:
-    """Of the logarithm of a random walk's variance per sample over that of white noise beside it: minus twice
-    that of its likelihood, and the variance of the white noise.
+    """Return a function of the log ratio of random-walk variance (per sample) to white-noise variance.
 
-    The differences of the sum of both are a moving average: their covariance is tridiagonal, its eigenvectors
-    are sines.
+    The function returns minus twice the log-likelihood of that ratio, and the variance of the white noise.
+    The differences of walk plus white noise are a moving average: their covariance is tridiagonal, with sines
+    as eigenvectors.
 
     Args:
         pieces: samples [n] that show both.
-        lines: how many of each, from the lowest on, are looked at; None: all.
+        lines: number of spectral lines used, from the lowest; None: all.
     """
     angles, powers = (
         np.concatenate([one[:lines] for one in kind]) for kind in zip(*map(sine_powers, pieces), strict=True)
@@ -92,23 +92,25 @@ class Drift(NamedTuple):
     about: float
 
     def at(self, time: Array) -> Array:
-        """How far the channel has drifted at the times [n], in its unit."""
+        """Return the drift of the channel at the times [n], in its unit."""
         return self.slope * (time - self.about)
 
     def unsure(self, time: Array) -> Array:
-        """A standard error of that."""
+        """Return the standard error of the drift at the times [n]."""
         return self.error * (time - self.about)
 
 
 def said_drift(slope: float, error: float, unit: str) -> str:
-    """That a channel in this unit drifts, by so much per second, and its standard error."""
+    """Return a sentence part with the drift rate of a channel and its standard error."""
     rate, known_to = (with_prefix(x, f"{unit}/s", 3) for x in (slope, error))
     return f"drifts by {rate} (standard error {known_to})"
 
 
 def drift_seen(time: Array, samples: Array, surely: float) -> Drift | None:
-    """Of samples [n] at rest, at even times [s]; None where it is below so many of its standard errors, or
-    the samples are too few."""
+    """Return the drift of samples [n] at rest, at even times [s].
+
+    None if it is below `surely` standard errors, or if there are too few samples.
+    """
     if samples.size < FEWEST or not np.ptp(samples) > 0.0:
         return None
     interval = float(time[-1] - time[0]) / (time.size - 1)
@@ -117,7 +119,7 @@ def drift_seen(time: Array, samples: Array, surely: float) -> Drift | None:
 
 
 def off_by_drifts(times: Sequence[Array], drifts: Sequence[Drift | None]) -> Array:
-    """What a standard error of each drift that was taken off makes of all samples, [samples, recordings]."""
+    """Return the effect of one standard error of each removed drift on all samples, [samples, recordings]."""
     parts = [
         np.zeros_like(time) if drift is None else drift.unsure(time)
         for time, drift in zip(times, drifts, strict=True)
@@ -143,6 +145,6 @@ def slope_at_rest(samples: Array) -> tuple[float, float]:
 
 
 def _chances(criterion: Array) -> Array:
-    """Of the random walks that are tried [k], by minus twice the logarithms of their likelihoods."""
+    """Return the probabilities of the tried random walks [k], from minus twice their log-likelihoods."""
     chances = np.exp(-0.5 * (criterion - criterion.min()))
     return chances / chances.sum()

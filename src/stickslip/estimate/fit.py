@@ -1,8 +1,8 @@
 """Least squares over anything that can be simulated: several recordings, bounds, logarithms, many starts.
 
-What this room adds to the optimiser is what fits of simulations need: difference steps above the simulator's
-own error, residuals of any unit, trial points at which the simulation fails, a budget, and an honest account
-of the uncertainty (see `Fit`), of other minima that fit as well among it.
+This room adds to the optimiser what fits of simulations need: difference steps above the simulator's error,
+residuals of any unit, trial points where the simulation fails, a budget, the uncertainty (see `Fit`), and
+other minima that fit as well.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from .problem import FitError, Problem, Residuals
 from .result import Fit
 from .search import End, Options, SearchResults, SearchState
 
-# How often an end of a search that is no limit is moved outwards, by a factor `REACH` each: 30^4 in all.
+# Largest number of moves of a search limit outwards, by a factor `REACH` each: 30^4 in all.
 WIDENED = 3
-# Of the chi-squared: what falls by less beyond such an end does not determine the parameter there.
+# Smallest change of chi-squared beyond a search limit that determines the parameter.
 NOTHING_GAINED = 0.1
 NEAR_END = 1e-3  # of the range that is searched: nearer, a search has ended at its end
 
@@ -51,20 +51,20 @@ def fit_least_squares(
     """Minimise the sum of squared residuals, each over its noise, within the bounds of the parameters.
 
     Args:
-        described: a `Problem`; or its recordings, with its parameters and what else it takes (`about`).
-        begin: where to, if not at the start of the parameters.
+        described: a `Problem`; or its recordings, parameters and further arguments (`about`).
+        begin: initial guess, if it differs from the parameters' own.
         starts: total number of starts; those after the first fill the bounds by a Latin hypercube.
         hops: basin hopping: how many times at most to look for a lower minimum than the best one found: from
             the best of many points within the bounds, then beside it, with each parameter times 4, 2, 1/2 and
             1/4 in turn. It ends when none of that leads lower, or nothing but white noise is left to explain.
-        seed: of that hypercube.
+        seed: seed of that hypercube.
         central: two-sided differences during all of the search; without, only towards its end.
         tolerance: relative change of the sum of squares, and of the parameters, at which the search ends.
-        settled: of the radius of the confidence region: where the next step is below it, the search ends too
+        settled: share of the radius of the confidence region; the search ends if the next step is below it
             (see `relative_offset`); [bates1981] propose 1e-3.
-        max_evaluations: of the model, for each start.
-        progress: called after each evaluation with what is being done and how much of all, from 0 to 1.
-        each: called after each evaluation with where the search stands.
+        max_evaluations: largest number of evaluations of the model, for each start.
+        progress: called after each evaluation with the current step and the done share, 0 to 1.
+        each: called after each evaluation with the state of the search.
 
     Raises:
         FitError: see `Problem`; or no start.
@@ -89,7 +89,7 @@ def _search_beyond(searches: SearchResults) -> None:
         before = problem.lower.copy(), problem.upper.copy()
         if not [place for place, side in sides.items() if problem.widen(place, side)]:
             return
-        # What ended there too is no minimum.
+        # Ends without a minimum are left out.
         searches.ends = [
             end
             for end in searches.ends
@@ -102,7 +102,8 @@ def _search_beyond(searches: SearchResults) -> None:
 
 
 def _held_back(problem: Problem, end: End) -> dict[int, int]:
-    """Which end of its search holds a parameter back, -1 or 1, by its place; limits are no such ends."""
+    """Return the search limits that hold parameters back: index -> -1 or 1. Bounds of the law are not
+    limits."""
     span = problem.upper - problem.lower
     ends = {-1: end.q - problem.lower < NEAR_END * span, 1: problem.upper - end.q < NEAR_END * span}
     found = {
@@ -127,7 +128,7 @@ def _assumed(problem: Problem) -> NoiseLevel:
 
 
 def _variance(problem: Problem, best: End) -> float:
-    """Of the weighted residuals, by the best fit unless it is known."""
+    """Return the variance of the weighted residuals: 1 if known, else from the best fit."""
     return (1.0 if problem.noise_known else best.cost / problem.degrees_of_freedom) or 1.0
 
 
@@ -198,7 +199,7 @@ def _minimum(end: End, excess: float, searches: SearchResults, assumed: NoiseLev
 
 
 def _log_likelihood(chi_squared: float, noise: np.ndarray, noise_known: bool) -> float:
-    """Of Gaussian noise, at its most likely level unless that is known."""
+    """Return the log-likelihood of Gaussian noise, at its most likely level unless the level is known."""
     n, constant = noise.size, float(np.sum(np.log(noise)))
     if noise_known:
         return -0.5 * (chi_squared + n * math.log(2 * math.pi)) - constant

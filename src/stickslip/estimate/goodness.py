@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 
 class Goodness(NamedTuple):
-    """How well one recording is described; sums of squares in the unit of the data, squared."""
+    """Goodness of fit of one recording. Sums of squares are in the squared unit of the data."""
 
     name: str
     n_data: int

@@ -41,10 +41,10 @@ class HumLine(NamedTuple):
 
 
 def lines(residuals: Array, period: float = 0.0, at_rest: int = 0) -> list[HumLine]:
-    """Return the lines that stand out of the noise beside them.
+    """Return the spectral lines that exceed the noise beside them.
 
     Args:
-        residuals: of one recording, at equal intervals, [n].
+        residuals: residuals of one recording, at equal intervals, [n].
         period: samples in a period of the drive; 0: not periodic. What the model lacks repeats with it, so a
             line at one of its harmonics counts only where the samples at rest show it too.
         at_rest: samples before any motion.
@@ -107,7 +107,7 @@ def _refined(r: Array, number: int) -> HumLine:
 
 
 def _shown(rest: Array, line: HumLine) -> bool:
-    """Whether samples at rest hold at least half of a line."""
+    """Return whether samples at rest contain at least half of a line."""
     if rest.size * line.frequency < 2.0:
         return False
     basis = np.column_stack([line.shape(rest.size), np.ones(rest.size)])

@@ -14,14 +14,16 @@ if TYPE_CHECKING:
     from .parameter import Parameter
     from .result import Fit
 
-# What is linearised over so much is not to be trusted.
+# Largest ratio of an interval over which the model may be linearised.
 LOOSE_RATIO, LOOSE_SHARE = 3.0, 0.2
 
 
 def loosest(fit: Fit, apart: Collection[str]) -> str | None:
-    """The one parameter, of others than those `apart`, that the data hardly determine; None if there is none,
-    several are lost, no other depends on it, or something is known of it otherwise: what it may be over its
-    bounds is then no question."""
+    """Return the one parameter that the data hardly determine, or None.
+
+    Only parameters outside `apart` count. None also if several are undetermined, if no other parameter
+    depends on it, or if it has a prior.
+    """
     among = [p.name for p in fit.parameters if p.name not in apart]
     known = {p.name for p in fit.parameters if p.prior is not None}
     loose = [name for name in _wider(fit, LOOSE_RATIO, LOOSE_SHARE) if name in among]

@@ -6,7 +6,7 @@ and deviation without the prior q_a, σ_a, with it q, and those of the prior q_0
 .. math:: \mathrm{moved} = \frac{q - q_a}{\sigma_a}, \qquad
           \mathrm{off} = \frac{q_a - q_0}{\sqrt{s^2 + \sigma_a^2}}
 
-`off` beyond ±1.96 means that recordings and prior disagree, at 5 % of all right priors. It is looked at
+`off` beyond ±1.96 means that recordings and prior disagree, at 5 % of all right priors. It is computed
 without the prior, for the fit with it lies where the prior says. Where the recordings leave a value open (σ_a
 above s), little can disagree, and a wrong prior is not noticed.
 """
@@ -24,9 +24,17 @@ DISAGREES = 1.96
 
 
 class PriorInfluence(NamedTuple):
-    """Of one parameter: the `prior`'s value and deviation, the estimate `alone` (by the recordings) and
-    `together`, in SI; `moved`, standard deviations of the estimate alone; `off`, see the module; `narrowed`,
-    the width of the interval over that alone; `open`: alone, the recordings say less than the prior."""
+    """Influence of a prior on one parameter.
+
+    Attributes:
+        prior: value and standard deviation, in SI.
+        alone: estimate by the recordings alone, in SI.
+        together: estimate with the prior, in SI.
+        moved: change of the estimate, in standard deviations of `alone`.
+        off: disagreement, see the module.
+        narrowed: width of the interval, divided by the width without the prior.
+        open: True if the recordings alone determine the parameter less well than the prior.
+    """
 
     parameter: Parameter
     prior: tuple[float, float]
@@ -39,12 +47,12 @@ class PriorInfluence(NamedTuple):
 
     @property
     def disagrees(self) -> bool:
-        """Whether recordings and prior do."""
+        """True if recordings and prior disagree."""
         return abs(self.off) > DISAGREES
 
     @property
     def sentence(self) -> str:
-        """What the prior did, and that it is contradicted, if so."""
+        """Sentence on the effect of the prior, and on a contradiction."""
         p, digits = self.parameter, 3
         expected = p.shown(self.prior[0], digits)
         if self.disagrees:
@@ -66,11 +74,11 @@ class PriorInfluence(NamedTuple):
 
 
 def prior_influence(alone: Fit, together: Fit) -> tuple[PriorInfluence, ...]:
-    """What the priors of a fit did to each of its parameters that has one.
+    """Return the effect of the priors of a fit on each parameter with a prior.
 
     Args:
-        alone: the fit of the same recordings without priors.
-        together: with them.
+        alone: fit of the same recordings without priors.
+        together: fit with priors.
     """
     free, given = alone.confidence_intervals(), together.confidence_intervals()
     found = []
@@ -97,6 +105,6 @@ def prior_influence(alone: Fit, together: Fit) -> tuple[PriorInfluence, ...]:
 
 
 def _deviation(p: Parameter, ends: tuple[float, float]) -> float:
-    """Of a coordinate, by its interval of 95 %, which holds all minima; infinite where that has no end."""
+    """Return the standard deviation of a coordinate from its 95 % interval; infinite if the interval is."""
     width = p.coordinate(ends[1]) - p.coordinate(ends[0])
     return width / (2.0 * DISAGREES) if math.isfinite(width) and width > 0.0 else math.inf

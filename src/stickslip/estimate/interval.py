@@ -40,5 +40,8 @@ def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: floa
 
 
 def _inwards(t: float, push: float, released: float) -> float:
-    """How far inwards of a bound the cost rises by t^2/2: over a distance d, push d + d^2 / 2 released."""
+    """Return the distance inwards of a bound at which the cost has risen by t^2/2.
+
+    The cost over a distance d is push d + d^2 / (2 released).
+    """
     return t**2 / (push + math.sqrt(push**2 + t**2 / released))

@@ -17,7 +17,7 @@ from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
 
 # Samples whose scatter is below this times the noise show the level, the median of so many; standard
-# deviations of noise that no sample is off by.
+# deviations of noise that no sample exceeds.
 QUIET, BESIDE, FAR = 1.4, 5, 30.0
 # Twice the logarithm of the likelihood that scatter in proportion to the speed gains at least: 5 standard
 # errors of one number, times two as neighbours share samples.

@@ -32,7 +32,7 @@ MOST = 6
 # Samples in a burst: the longest is a part of the recording, and a longer one is two jumps.
 WIDTHS = (1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 90)
 LONGEST_PART = 10
-# Share of the information on a jump that the parameters leave: with less it is not told from them.
+# Smallest share of the information on a jump beside the parameters; with less, the two are not distinguished.
 LEAST_LEFT = 1e-3
 # Samples in which to search: a longer recording is averaged over neighbours.
 FEWEST, LONGEST = 32, 10_000

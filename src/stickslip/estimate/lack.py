@@ -32,12 +32,12 @@ from .judgement import DEFAULT, Judgement
 
 # Noise that leaves a level of the converter more often than this shows its whole variance at rest.
 MOST_HIDDEN = 0.3
-# At least so many samples at rest, an eighth of which is the longest time over which differences are taken.
+# Fewest samples at rest; differences are taken over up to an eighth of them.
 FEWEST_AT_REST = 40
 FEWEST_PERIODS = 3
 # Lines of the spectrum that are averaged over, and bands of them that are looked at.
 SMOOTHED, BANDS = 5, 4
-# What is to show noise counts unless its differences have more than so many times their usual power.
+# Largest ratio of a part's power to the usual power for the part to count as rest.
 MOST_POWER = 2.0
 AT_REST, BETWEEN = "before it moves", "by what does not repeat from period to period"
 
@@ -45,18 +45,18 @@ Array = NDArray[np.float64]
 
 
 class KnownNoise(NamedTuple):
-    """What a recording shows of its noise besides the residuals.
+    """Noise of a recording, known independently of the residuals.
 
     Attributes:
         given: standard deviation, one number or shape (n,), in the unit of the data; None: not known.
-        at_rest: so many samples from the first on are before any motion.
+        at_rest: number of samples before any motion.
         period: first sample that repeats, how many samples a period has, and how many repeat in all; the
             second 0: nothing repeats.
         step: of the converter, in the unit of the data; 0: none.
         drift: variance that a random walk gains from sample to sample, in the unit of the data squared.
-        rest_again: so many samples up to the last are after any motion.
-        straightened: a drift was fitted to all samples, which could stand in for what the model lacks: here
-            the rest alone tells it.
+        rest_again: number of samples after any motion.
+        straightened: True if a drift was fitted to all samples and may hide a misfit; then the drift of the
+            rest alone is removed.
     """
 
     given: NDArray[np.float64] | float | None = None
@@ -69,16 +69,15 @@ class KnownNoise(NamedTuple):
 
 
 class Lack(NamedTuple):
-    """What a recording says of the model.
+    """Comparison of the residuals of a recording with its noise.
 
     Attributes:
-        name: of the recording.
-        ratio: root mean square of what is left over the noise, the drift that the rest shows included; where
-            a comparison of a part of it (see the module) tells that the model lacks, the greatest of these.
-            NaN where the noise is not known.
-        chance: of a right model to leave as much or more, times how many comparisons there are; the smallest
-            of those that tell that it lacks.
-        against: what the ratio is by.
+        name: name of the recording.
+        ratio: rms residual divided by the noise, including the drift that the rest shows; if a comparison of
+            a part (see the module) shows a lack, the largest of these ratios. NaN if the noise is not known.
+        chance: probability that a right model leaves as much, times the number of comparisons; the smallest
+            of the comparisons that show a lack.
+        against: noise of the comparison, in words.
         judgement: thresholds beyond which the model lacks something.
     """
 
@@ -90,7 +89,7 @@ class Lack(NamedTuple):
 
     @property
     def seen(self) -> bool:
-        """Whether the model does not explain the recording."""
+        """True if the model does not explain the recording."""
         return self.chance < self.judgement.false_alarm and self.ratio >= self.judgement.lack_ratio
 
     @property
@@ -117,13 +116,13 @@ class _Compared(NamedTuple):
 def lack_of_fit(
     residuals: Array, known: KnownNoise, name: str, n_fitted: float = 0.0, judgement: Judgement = DEFAULT
 ) -> Lack:
-    """What the residuals [n] of one recording say of the model.
+    """Compare the residuals [n] of one recording with its noise.
 
     Args:
         residuals: model minus measured, at equal intervals, in the unit of the data.
-        known: of the noise.
-        name: of the recording.
-        n_fitted: how many parameters were fitted to it.
+        known: noise of the recording.
+        name: name of the recording.
+        n_fitted: number of parameters fitted to it.
         judgement: thresholds beyond which the model lacks something.
     """
     r = np.asarray(residuals, dtype=float)
@@ -172,10 +171,11 @@ def _straightened(r: Array, at_rest: int) -> Array:
 
 
 def independent(rows: Array) -> float:
-    r"""How many independent samples tell as much of the variance as each row [rows, n] does.
+    r"""Return the number of independent samples with the same information on the variance as each row [rows,
+    n].
 
-    By their common spectrum P: :math:`2 (\sum P)^2 / \sum P^2`, where the scatter of P itself, of few rows,
-    makes the denominator too great by 1 + 1/rows.
+    From the common spectrum P: :math:`2 (\sum P)^2 / \sum P^2`, corrected for the scatter of P itself, which
+    makes the denominator too large by 1 + 1/rows.
     """
     power = np.mean(np.abs(np.fft.rfft(rows - rows.mean(axis=1, keepdims=True))[:, 1:]) ** 2, axis=0)
     square = float(power @ power)
@@ -185,7 +185,7 @@ def independent(rows: Array) -> float:
 
 
 def independent_samples(r: Array, memory: int = 1) -> float:
-    """How many independent ones tell as much of the variance as one autocorrelated series [n]."""
+    """Return the number of independent samples with the same information as one autocorrelated series [n]."""
     size = min(r.size, max(8 * memory, r.size // 8, 16))
     count = r.size // size
     return r.size / size * independent(r[: count * size].reshape(count, size))
@@ -203,7 +203,7 @@ def _by_given(r: Array, known: KnownNoise, n_fitted: float) -> _Compared | None:
 
 
 def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
-    # Without rest a slope of the sensor is not to be told from steps that are off. A right fit shall not be
+    # Without rest, a slope of the sensor cannot be distinguished from wrong steps. A right fit must not be
     # called wrong for it; a prediction is held to what it says.
     if fitted and known.at_rest < FEWEST_AT_REST:
         return None
@@ -229,8 +229,11 @@ def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
 
 
 def _quiet(r: Array, known: KnownNoise) -> list[Array]:
-    """What shows noise and drift alone: rest before, and rest again; without the first, what changes from one
-    period to the next. Not those that are far less quiet than the others, where something moves after all."""
+    """Return the parts that show noise and drift alone: rest before and after the motion.
+
+    Without rest before, the changes from period to period. Parts that are far noisier than the others are
+    left out, because something moves there.
+    """
     n = known.at_rest
     if n >= FEWEST_AT_REST:
         found = [part for part in (r[:n], r[r.size - known.rest_again :]) if part.size >= FEWEST_AT_REST]
@@ -330,7 +333,7 @@ def _by_periods(r: Array, known: KnownNoise) -> _Compared | None:
     if not np.all(spread > 0.0):
         return None
     excess = 2.0 * count * np.abs(np.fft.rfft(mean)[1 : spread.size + 1]) ** 2 / spread
-    # Of the lowest lines alone, of more, of all: what is smooth shows in few.
+    # Compare the lowest lines alone, more lines, and all: a smooth misfit shows in few.
     bands = _lengths(min(4, spread.size), spread.size, BANDS)
     freedom = 2.0 * (count - 1) * SMOOTHED
     chances = [float(fdtrc(2 * k, freedom, np.mean(excess[:k]) / 2.0)) for k in bands]
@@ -360,13 +363,13 @@ def _spectrum(rows: Array, freedom: int) -> Array:
 
 
 def left_over(name: str, left: float, least: Array, more: int, fitted: int) -> Lack:
-    """What a model says of recordings beside one that may do more.
+    """Compare the residual of a model with the residual of a richer one.
 
     Args:
-        name: of the recordings.
-        left: the sum of squares that the model leaves.
-        least: what is left [n] with so many `more` values free: noise, as far as is known.
-        fitted: how many values that model has.
+        name: name of the recordings.
+        left: sum of squares of the model.
+        least: residuals [n] with `more` further free values; taken as noise.
+        fitted: number of values of the richer model.
     """
     noise, freedom = float(least @ least), least.size - fitted
     ratio = math.sqrt(left / noise) if noise > 0.0 else math.nan

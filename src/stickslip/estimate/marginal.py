@@ -1,7 +1,8 @@
 r"""Marginal ranges of the other parameters where one is not determined.
 
-Where the data hardly see a value :math:`\psi` (the damping of the contact in slow samples), the valley of the
-sum of squares is long and bent, and narrow in other places than the curvature at its lowest point says: the
+If the data hardly determine a value :math:`\psi` (the damping of the contact in slow samples), the minimum
+of the
+sum of squares is long and curved, and its curvature at the lowest point is not typical: the
 estimate and its linearised intervals follow whatever noise put that point there. So the others are fitted
 with :math:`\psi` fixed at points all over its bounds, and these fits are averaged with the weights that the
 data give them,
@@ -33,10 +34,10 @@ from .result import Fit
 Array = NDArray[np.float64]
 
 POINTS = 10
-# Where fewer points share the weight, there are too few; where so many refinements do not help, the value is
+# Fewest points that share the weight; number of refinements without success after which the value counts as
 # determined.
 ENOUGH_SHARING, REFINEMENTS = 2.0, 3
-# Of the logarithm of the weights: below the greatest by this much, points further out count for nothing.
+# Largest difference of log weight to the best point; points beyond are ignored.
 NEGLIGIBLE = 5.0
 
 
@@ -84,17 +85,17 @@ Hold = Callable[[float, Values], tuple[Fit, Fit]]
 
 
 def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
-    """The fit with one value at its mean over all that it may be, the others fitted to that.
+    """Return the fit averaged over all plausible values of one parameter, the others fitted to each.
 
     Args:
-        fit: of all values, to white or coloured noise.
-        name: of the value that it hardly determines.
-        hold: from what that value is fixed at, and where the others begin, to their fit: with the uncertainty
-            that the noise gives, and with that of what the fit took as known too.
+        fit: fit of all values, with white or coloured noise.
+        name: parameter that the data hardly determine.
+        hold: fits the others, given the fixed value and their initial guess; returns the fit with the
+            uncertainty from the noise, and the fit that includes the uncertainty of known values.
 
     Returns:
-        The fit without its Jacobian; or, where the data turn out to determine the value, from where on to
-        search for all of them.
+        The fit without its Jacobian; or, if the data do determine the value, the initial guess for a
+        search of all parameters.
     """
     place = [p.name for p in fit.parameters].index(name)
     p, others = fit.parameters[place], [q for q in fit.parameters if q.name != name]
@@ -205,7 +206,7 @@ class _Path:
                 self.add(here, self.ahead(one[:2], self.secant(one, other), here), one.at)
 
     def ahead(self, begin: tuple[float, Array], slope: Array, here: float) -> Array:
-        """Where the others begin at another value of the fixed one: on a line in what searches go along."""
+        """Return the initial guess of the others at another fixed value, by linear extrapolation."""
         at, others = begin
         step = self.parameter.to_search(here) - self.parameter.to_search(at)
         found = self._to_search(others) + slope * step
@@ -224,7 +225,7 @@ class _Path:
         return np.array([q.to_search(x) for q, x in zip(self.others, others, strict=True)])
 
     def _tangent(self, fit: Fit, place: int) -> Array:
-        """How the others follow the fixed one, at the estimate."""
+        """Return the derivative of the others by the fixed value, at the estimate."""
         at = [p.to_search(p.coordinate(fit.values[p.name])) for p in fit.parameters]
         slopes = [p.search_slope(x) for p, x in zip(fit.parameters, at, strict=True)]
         whole = tangent(fit) * slopes

@@ -12,7 +12,7 @@ from .covariance import Uncertainty
 from .parameter import Parameter, Values
 from .quantiles import chi_squared
 
-# A minimum is another one where a coordinate is further away than so many of its standard errors.
+# Two minima differ if a coordinate differs by more than this number of standard errors.
 APART = 1.0
 LEVEL = 0.95
 
@@ -35,12 +35,12 @@ class Minimum(NamedTuple):
 
 
 def bound(n_parameters: int, level: float = LEVEL) -> float:
-    """The excess above which a minimum is rejected, where so many parameters are fitted."""
+    """Return the excess of chi-squared above which a minimum is rejected, for this number of parameters."""
     return chi_squared(level, n_parameters)
 
 
 def still_fits(excess: float, n_parameters: int) -> bool:
-    """Whether a minimum with that excess of chi-squared fits as well as the lowest."""
+    """Return whether a minimum with that excess of chi-squared fits as well as the lowest."""
     return excess <= bound(n_parameters)
 
 

@@ -52,6 +52,7 @@ def over_noise(fit: Fit, columns: Array) -> Array:
 
 
 def moves(fit: Fit, columns: Array) -> Array:
-    """How the searched q move with such quantities, shape (k, m); columns as for `over_noise`."""
+    """Return the derivatives of the searched q by such quantities, shape (k, m); columns as for
+    `over_noise`."""
     directions, root, _ = decomposed(tangent(fit))
     return -root @ (directions.T @ over_noise(fit, columns))

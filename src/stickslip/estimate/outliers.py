@@ -16,12 +16,11 @@ TO_DEVIATION = 1.4826
 
 
 def spikes(residuals: NDArray[np.float64], step: float = 0.0) -> NDArray[np.intp]:
-    """Return the places of the residuals [n] of a recording that stand out of both neighbours; none where
-    there are too many for spikes.
+    """Return the indices of residuals [n] that differ from both neighbours; empty if there are too many.
 
     Args:
         residuals: at equal intervals.
-        step: of the converter, in their unit, whose error is noise too.
+        step: converter step in the unit of the residuals; its error is noise too.
     """
     nowhere = np.zeros(0, dtype=np.intp)
     if residuals.size < 3:

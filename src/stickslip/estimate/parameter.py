@@ -13,7 +13,7 @@ from ..quantities.units import QuantityError
 
 Values = dict[str, float]
 
-# How far from its start a parameter is searched for first, as a factor either way.
+# First search range of a parameter: this factor either way of its initial guess.
 REACH = 30.0
 # Relative, of the logarithm of value plus shift: what is left of it where the value is 0.
 ROUNDING = 1e-12
@@ -23,21 +23,21 @@ ROUNDING = 1e-12
 class Parameter(NamedTuple):
     """A parameter to fit: start and bounds in its (SI) unit.
 
-    `log` fits its logarithm: for positive parameters whose order of magnitude is in question. False
-    is kept to by all fits; what is linear by its nature, as an offset, stays so. With `log`, a
-    `lower` of 0, or none, means no lower bound. `square` fits its square: for those that act by it, and may
+    `log` fits its logarithm: for positive parameters of unknown order of magnitude. False
+    keeps the value linear in all fits, as for an offset. With `log`, a
+    `lower` of 0 means no lower bound. `square` fits its square: for parameters that act by it, and may
     be 0. With `log`, a search may go along the value (`power` 1) or its inverse (-1): where the data are
-    nearer to linear in that than in the logarithm, the valley of the sum of squares is straighter.
+    closer to linear in that, the minimum is less curved.
 
-    `prior` is what is known of it otherwise: its value and standard deviation, in its unit. In the coordinate
+    `prior` is independent knowledge: value and standard deviation, in its unit. In the coordinate
     that is fitted it is a normal distribution of that width.
 
-    Where `limits` are given, those of the law, `lower` and `upper` only say where to search first. A search
+    With `limits` (those of the law), `lower` and `upper` are only the first search range. A search
     that ends at one of them continues beyond it, and no interval ends there. With `log` and a `shift`, the
     logarithm of value plus shift is fitted: the logarithm over decades, and linear towards 0, which it has.
 
-    A `fixed` one keeps its start; a `tied` one is an expression of others (see `tied`), and has neither start
-    nor bounds: ``Parameter("coulomb_force", unit="N", tied="0.8 * stiction_force")``.
+    A `fixed` parameter keeps its start; a `tied` one is an expression of others (see `tied`) without start
+    and bounds: ``Parameter("coulomb_force", unit="N", tied="0.8 * stiction_force")``.
     """
 
     name: str
@@ -137,13 +137,13 @@ class Parameter(NamedTuple):
         return self.coordinate(value), deviation / self.slope(value)
 
     def prior_cost(self, q: float) -> float:
-        """What the prior adds to the weighted sum of squares at the coordinate q; 0 without one."""
+        """Return the prior's part of the weighted sum of squares at the coordinate q; 0 without a prior."""
         mean, spread = (0.0, math.inf) if self.prior is None else self.expected
         return ((q - mean) / spread) ** 2
 
     @property
     def state(self) -> str:
-        """How it is no free one, in brackets; empty for a free one."""
+        """State in brackets: fixed or tied; empty for a free parameter."""
         return "(fixed)" if self.fixed else f"(tied: {self.tied})" if self.tied else ""
 
     def coordinate(self, value: float) -> float:
@@ -164,7 +164,7 @@ class Parameter(NamedTuple):
         return value if not self.shift or value > ROUNDING * self.shift else 0.0
 
     def values(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Those at many coordinates."""
+        """Return the values at many coordinates."""
         if self.log:
             return np.maximum(np.exp(coordinates) - self.shift, 0.0)
         return np.sqrt(np.maximum(coordinates, 0.0)) if self.square else coordinates
@@ -176,7 +176,7 @@ class Parameter(NamedTuple):
         return value + self.shift if self.log else 1.0
 
     def to_search(self, coordinate: float) -> float:
-        """What a search goes along, at the coordinate q: of a power, relative to the start."""
+        """Return the search variable at the coordinate q; with a `power`, relative to the start."""
         begin = self.start + self.shift
         return math.exp(self.power * (coordinate - math.log(begin))) if self.power else coordinate
 

@@ -1,9 +1,8 @@
 r"""Samples of a posterior distribution by independent proposals that are fitted to it.
 
-Adaptive importance sampling [cornuet2012] fits a `Mixture` of bent valleys to the density, beginning with the
-covariance of a least-squares fit. Once that is good the mixture stays as it is, and chains of independence
-Metropolis draw from it: exact whatever the mixture misses, if it reaches everywhere. All proposals of a round
-are asked for at once.
+Adaptive importance sampling [cornuet2012] fits a `Mixture` to the density, starting from the covariance of a
+least-squares fit. The mixture is then fixed, and chains of independence Metropolis draw from it. They are
+exact if the mixture covers the density. All proposals of a round are evaluated together.
 """
 
 from __future__ import annotations
@@ -27,17 +26,17 @@ from .shown import preformatted
 from .tied import Ties
 
 Array = NDArray[np.float64]
-# From points [n, k] of what is searched to their log densities [n], and what stands for them in the samples.
+# Function from search points [n, k] to log densities [n] and the corresponding sampled values.
 Density = Callable[[Array], tuple[Array, Array]]
 
 LEVEL = 0.95
 CHAINS, ROUND = 4, 256
-# Of each chain, what is forgotten; rounds for which there must be room after a mixture is fitted.
+# Share of each chain that is discarded; fewest rounds that must remain after a mixture is fitted.
 FORGOTTEN, ROOM = 0.1, 8
 # Effective share of proposals with which a mixture is good enough, and the effective points that are wanted
 # to fit one: with fewer, the density is flattened.
 EFFICIENT, WANTED = 0.3, 150.0
-# What [vehtari2021] and, of the weights, [vehtari2024] ask for.
+# Limits of [vehtari2021] and, for the weights, [vehtari2024].
 R_HAT, ENOUGH, HEAVY = 1.01, 400.0, 0.7
 
 
@@ -62,7 +61,7 @@ class Posterior:
     acceptance: float
 
     def to_arviz(self) -> Any:
-        """As `arviz.InferenceData`, for its plots and statistics."""
+        """Return `arviz.InferenceData`, for its plots and statistics."""
         parts = {
             "posterior": self.samples.drop_vars("log_posterior"),
             "sample_stats": self.samples[["log_posterior"]].rename(log_posterior="lp"),
@@ -84,7 +83,7 @@ class Posterior:
 
 
 class _Draws(NamedTuple):
-    """Points [n, k] from a mixture, the logarithm of their weights [n], what they stand for [n, columns]."""
+    """Points [n, k] of a mixture, their log weights [n], and the corresponding values [n, columns]."""
 
     points: Array
     log_weights: Array
@@ -106,10 +105,10 @@ def sample(
     """Sample a density.
 
     Args:
-        log_density: of points, up to a constant; with the coordinates q of all parameters that go with each.
-        parameters: whose values the samples become.
-        begin: where to look first.
-        ties: whose tied values the samples have too.
+        log_density: log density of points, up to a constant, and the coordinates q of all parameters.
+        parameters: parameters of the samples.
+        begin: first mixture.
+        ties: tied values, added to the samples.
         max_simulations, seed, progress: see `posterior`.
 
     Raises:
@@ -163,7 +162,7 @@ def _fitted(mixtures: Sequence[Mixture], rounds: Sequence[_Draws]) -> Mixture:
 
 
 def _effective(log_weights: Array) -> float:
-    """How many points of equal weight are worth as much."""
+    """Return the number of points of equal weight with the same information."""
     if not np.any(np.isfinite(log_weights)):
         return 0.0
     weights = np.exp(log_weights - np.max(log_weights))

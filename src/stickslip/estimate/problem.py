@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class FitError(ValueError):
-    """A fit that cannot begin, or that has too few data. The message names the values of the parameters."""
+    """A fit that cannot start or has too few data. The message contains the values of the parameters."""
 
 
 class Residuals(NamedTuple):
@@ -54,8 +54,8 @@ class Problem:
     """Weighted residuals as a function of the coordinates q; counts evaluations and keeps the best.
 
     Args:
-        recordings: what to describe, all at once; a bare function stands for a single recording.
-        parameters: start, bounds, unit and scale of each; what is fixed, and what is tied to others, is in
+        recordings: recordings to describe; a bare function is a single recording.
+        parameters: start, bounds, unit and scale of each; fixed and tied ones are in
             the values that residuals get, but `parameters` of the problem are those that are searched for.
         jacobian: derivatives of the residuals of all recordings, joined, by the values of all parameters but
             the fixed ones, shape (n, k); without it they are differenced.
@@ -66,16 +66,16 @@ class Problem:
         loss: "linear", "soft_l1", "huber", "cauchy" or "arctan", as in SciPy.
         loss_scale: weighted residual above which a robust loss discounts: in noise deviations if the noise is
             given, else in the unit of the data.
-        difference_step: of the derivatives, relative to the value. Must stay far above the relative error of
+        difference_step: relative step of the derivatives. Must stay far above the relative error of
             an adaptive simulator; 1e-4 suits tolerances of 1e-8 and below.
         n_eliminated: number of further parameters that the residual functions fit inside (see `separable`).
         exchangeable: groups of names that may change places without a change of the model, as the parameters
             of each of several alike elements: minima in other orders of them are the same.
-        completed: from a fit to what it is with these put in.
+        completed: function from a fit to the fit with the eliminated parameters.
 
     Raises:
         FitError: the residuals cannot be computed at the start, there are fewer data than parameters, or what
-            is said of the noise contradicts itself.
+            the statements on the noise contradict each other.
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class Problem:
         return wider != p
 
     def begin_at(self, values: Values) -> np.ndarray:
-        """Return the coordinates of values to begin at; ends of the search are moved to hold them."""
+        """Return the coordinates of values to start from; limits of the search are moved to contain them."""
         for place, p in enumerate(self.parameters):
             held = p.starting_at(values[p.name])
             self._set_ends(place, p._replace(lower=held.lower, upper=held.upper))
@@ -178,7 +178,7 @@ class Problem:
             self.lower[place], self.upper[place] = p.coordinate(p.lower), p.coordinate(p.upper)
 
     def values(self, q: np.ndarray) -> Values:
-        """Of all parameters, those that are searched for first."""
+        """Return the values of all parameters, the searched ones first."""
         # Rounding of the logarithm must not lead out of the bounds.
         return self.ties(
             {p.name: min(max(p.value(x), p.lower), p.upper) for p, x in zip(self.parameters, q, strict=True)}

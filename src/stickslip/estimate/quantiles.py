@@ -7,11 +7,11 @@ from scipy.special import chdtri, ndtri, stdtrit
 
 
 def reach(level: float, degrees_of_freedom: float | None = None) -> float:
-    """How many standard errors either side hold so much: by Student's t, or by the normal distribution."""
+    """Return the number of standard errors of an interval with this level: Student's t, or normal."""
     p = 0.5 + 0.5 * level
     return float(ndtri(p) if degrees_of_freedom is None else stdtrit(degrees_of_freedom, p))
 
 
 def chi_squared(level: float, degrees_of_freedom: int) -> float:
-    """What chi-squared stays below with that probability."""
+    """Return the quantile of chi-squared with this probability."""
     return float(chdtri(degrees_of_freedom, 1.0 - level))

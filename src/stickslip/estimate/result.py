@@ -41,32 +41,33 @@ class Fit:
     """The result of a fit. Vectors and matrices have the order of `parameters`.
 
     Attributes:
-        parameters: those that were searched for.
-        values: the estimate, in SI, of them and of those `beside` them.
-        uncertainty: of the coordinates q.
+        parameters: searched parameters.
+        values: estimates, in SI, of them and of the parameters `beside` them.
+        uncertainty: uncertainty of the coordinates q.
         recordings: the goodness of each recording.
         degrees_of_freedom: number of data minus number of parameters.
         reduced_chi_squared: weighted sum of squares over degrees of freedom; about 1 if the noise was given
             and the model is right.
-        log_likelihood: of Gaussian noise; NaN under a robust loss.
+        log_likelihood: for Gaussian noise; NaN with a robust loss.
         noise_known: whether the noise was taken as given; if not, its level was estimated from the residuals.
         correlated: whether the uncertainty allows for residuals that are correlated in time.
         converged: whether the optimiser met its tolerance; `message` says how it ended.
-        starts: searches; `starts_agreeing` ended at this minimum. minima: others that fit, in the intervals.
-        model: what the values describe, if the identification builds it (an actuator, a law, a modal model).
+        starts: number of searches; `starts_agreeing` ended at this minimum.
+        minima: other minima that fit as well; the intervals contain them.
+        model: model with the values, if the identification builds one (an actuator, a law, a modal model).
         observed: name of the channel that was fitted.
         residuals: model minus measured of each recording, in the unit of the data.
         measured, times: of each recording, in the unit of the data and s; empty where there is none.
         jacobian: derivatives of all residuals, joined, by the searched coordinates q, shape (n, k).
-        known: what each recording shows of its noise besides the residuals.
-        remarks: sentences on what was decided for the user, such as what is free besides what was asked for.
+        known: noise of each recording, known independently of the residuals.
+        remarks: sentences on automatic decisions, such as additional free parameters.
         disturbances: faults of instruments that the residuals show; see `with_disturbances`.
-        doubts: sentences on what other checks have against the values; `failures` tells them.
-        advice: what the model lacks, where it does not explain its recordings.
-        predict: from any recording, seen or not, to the values of that channel by the model, shape (n,).
-        systematics: errors that all data have in common, such as that of a sensor's scale, as far as they are
+        doubts: sentences of other checks against the values; part of `failures`.
+        advice: term that the model lacks, if it does not explain its recordings.
+        predict: function from any recording to the predicted values of that channel, shape (n,).
+        systematics: errors common to all data, such as the scale of a sensor, as far as they are
             known; `report` and `to_dict` show the intervals that allow for them too.
-        unpredicted: why there is no `predict`, and what to use instead; empty where there is one.
+        unpredicted: why there is no `predict`, and what to use instead.
         beside: parameters that are fixed or tied to others.
         noise: standard deviation that each recording's data were weighted with, one number or shape (n,), in
             their unit; empty where none was given.
@@ -123,7 +124,7 @@ class Fit:
 
     @cached_property
     def ties(self) -> Ties:
-        """How the values of those `beside` follow from the others."""
+        """Relation of the parameters `beside` to the searched ones."""
         return Ties((*self.parameters, *self.beside))
 
     @property
@@ -143,7 +144,7 @@ class Fit:
 
     @property
     def coordinates(self) -> np.ndarray:
-        """Those of the values, shape (k,)."""
+        """Coordinates of the values, shape (k,)."""
         return np.array([p.coordinate(self.values[p.name]) for p in self.parameters])
 
     @property
@@ -248,7 +249,7 @@ class Fit:
 
     @property
     def other_minima(self) -> str:
-        """A sentence on the minima that fit as well, with where they are; empty if there is none."""
+        """Sentence on the minima that fit as well, with their values; empty without one."""
         if not self.minima:
             return ""
         listed = "; ".join(
@@ -287,13 +288,13 @@ class Fit:
 
     @cached_property
     def jitter(self) -> tuple[Scatter, ...]:
-        """How the residuals of each recording scatter with the speed, where jitter of the clock does it."""
+        """Scatter of each recording's residuals with the speed, if jitter of the clock causes it."""
         periods = [one.period[1] for one in self.known] or [0.0] * len(self.residuals)
         return jitter_of(self.residuals, self.measured, self.times, periods)
 
     @cached_property
     def lack(self) -> tuple[Lack, ...]:
-        """What each recording says of the model, by the noise that it shows besides: see `lacks_of`."""
+        """Comparison of each recording's residuals with its noise, see `lacks_of`."""
         if not self.known:
             return ()
         share = (self.n_data - self.degrees_of_freedom) / max(self.n_data, 1)
@@ -302,7 +303,7 @@ class Fit:
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
-        """The parameters that a bound of the search holds back; zero, where that is the least, is none."""
+        """Parameters at a bound of the search; zero does not count if it is the least possible value."""
         sides = self.uncertainty.bounded
         return tuple(
             p.name

@@ -16,11 +16,12 @@ TYPE = "type"
 
 
 def packed(item: Any) -> Any:
-    """What JSON can hold: records by the name of their type, arrays and data sets as lists, a bound method by
-    its owner.
+    """Return the item as JSON can hold it.
+
+    Records get the name of their type, arrays and datasets become lists, a bound method becomes its owner.
 
     Raises:
-        TypeError: it holds something that is none of these.
+        TypeError: the item contains another type.
     """
     if item is None or isinstance(item, bool | int | str):
         return item
@@ -100,7 +101,7 @@ def _method(owner: Any, name: Any) -> Any:
 
 
 def _kinds_of(made: type, types: Mapping[str, type]) -> Mapping[str, Any]:
-    """The kinds of a record's fields; those that cannot be told are left out."""
+    """Return the kinds of a record's fields; unknown kinds are left out."""
     try:
         return get_type_hints(made, localns={**types, "np": np, "xr": xr})
     except (NameError, TypeError):

@@ -34,13 +34,13 @@ def gain(fit: Fit, slopes: Array) -> float:
 
 
 class Together(NamedTuple):
-    """What several further parameters do at once, linearised.
+    """Linearised effect of several further parameters together.
 
     Attributes:
-        gain: by how much they lower chi-squared, in variances of what is left then.
-        share: of the sum of squares that they explain.
-        steps: how far they go from 0, in their units, shape (m,).
-        moves: how far the coordinates of the fit go with them, shape (k,).
+        gain: decrease of chi-squared, in variances of the remaining residuals.
+        share: share of the sum of squares that they explain.
+        steps: estimates from 0 on, in their units, shape (m,).
+        moves: changes of the coordinates of the fit, shape (k,).
     """
 
     gain: float
@@ -91,7 +91,7 @@ def rise(fit: Fit, name: str) -> float:
 
 
 def step(fit: Fit, slopes: Array) -> float:
-    """What the further parameter would be, from 0 on, linearised; in its unit."""
+    """Return the linearised estimate of a further parameter, from 0 on, in its unit."""
     own = _own(fit.jacobian, slopes)
     length = float(own @ own)
     return -float(own @ np.concatenate(fit.residuals)) / length if length > 0.0 else 0.0

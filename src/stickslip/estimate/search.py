@@ -21,7 +21,7 @@ from .parameter import Values
 from .problem import FitError, Problem
 from .whiteness import white
 
-# Whether there is a lower minimum is shown by searches of so many evaluations (`LOOK`): from the best few of
+# Searches of `LOOK` evaluations check for a lower minimum: from the best few of
 # many points that fill the bounds, and from a parameter times or over these factors (of its range, where its
 # scale is linear).
 LOOK, SCREENED, LOOKED_AT, HOPS = 12, 64, 4, (0.25, 0.5, 2.0, 4.0)
@@ -32,7 +32,7 @@ Array = np.ndarray
 
 
 class SearchState(NamedTuple):
-    """Where a fit stands, after each evaluation of the model."""
+    """State of a fit after an evaluation of the model."""
 
     evaluations: int
     start: int
@@ -42,7 +42,7 @@ class SearchState(NamedTuple):
 
 
 class Options(NamedTuple):
-    """How to search; see `fit_least_squares`."""
+    """Options of a search; see `fit_least_squares`."""
 
     begin: Values | None
     starts: int
@@ -57,7 +57,7 @@ class Options(NamedTuple):
 
 
 class End(NamedTuple):
-    """Where one search ended: the cost, over the noise; the coordinates; and how."""
+    """End of one search: the cost divided by the noise; the coordinates; the reason."""
 
     cost: float
     q: Array
@@ -87,7 +87,7 @@ class SearchResults:
         return min(self.ends, key=lambda end: end.cost)
 
     def agreeing(self) -> int:
-        """How many ended in the lowest minimum."""
+        """Return the number of searches that ended in the lowest minimum."""
         most = self.best.cost * (1 + self.same) + 1e-12 * self.problem.scale**2
         return sum(end.cost <= most for end in self.ends)
 
@@ -132,7 +132,7 @@ class SearchResults:
         return found * [p.search_slope(x) for p, x in zip(problem.parameters, at, strict=True)]
 
     def search(self, number: int, q: Array, most: int) -> End:
-        """From q, with so many steps at most."""
+        """Search from q with at most `most` steps."""
         problem, options = self.problem, self.options
         problem.best_cost, problem.best = math.inf, q
         problem.after = partial(self._after, number, problem.evaluations)
@@ -218,7 +218,7 @@ def _screened(problem: Problem) -> list[Array]:
 
 
 def _beside(problem: Problem, q: Array) -> list[Array]:
-    """Where hops from q begin: inside the bounds, and where the model works."""
+    """Return the initial guesses of hops from q: inside the bounds, where the model works."""
     found = []
     for i, p in enumerate(problem.parameters):
         for factor in HOPS:

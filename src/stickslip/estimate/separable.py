@@ -43,12 +43,12 @@ class SeparableRecording(NamedTuple):
 
 
 class Design(NamedTuple):
-    """How a recording depends on its coefficients at given values of the searched parameters.
+    """Linear dependence of a recording on its coefficients, at given values of the searched parameters.
 
     Attributes:
         matrix: B, shape (n, K).
-        tangent: from coefficients x, shape (K,), to the derivatives of B x by the values [n, k] of all
-            parameters that the design gets, but the fixed ones.
+        tangent: function from coefficients x, shape (K,), to the derivatives of B x by the values [n, k] of
+            all parameters of the design except the fixed ones.
     """
 
     matrix: np.ndarray
@@ -165,7 +165,7 @@ def _white(
     k = len(fit.parameters)
     searched = np.where(np.isfinite(fit.uncertainty.covariance), fit.uncertainty.covariance, 0.0)
     inverses = [np.linalg.inv(s.r) for s in solutions]
-    # How the best coefficients move with the searched coordinates.
+    # Derivatives of the best coefficients by the searched coordinates.
     moves = [-inverse @ (s.q.T @ t) for inverse, s, t in zip(inverses, solutions, tangents, strict=True)]
     moved = np.concatenate([np.eye(k), *moves]) @ _root(searched)
     variance = 1.0 if fit.noise_known else fit.reduced_chi_squared

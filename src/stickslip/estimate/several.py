@@ -17,7 +17,7 @@ from .search import SAME_MINIMUM
 
 # Evaluations after which a search that comes from afar has come near a local minimum.
 ENOUGH = 12
-# Only the lowest so many are followed to their ends.
+# Number of searches, from the lowest, that are followed to their ends.
 FOLLOWED = 3
 
 
@@ -32,16 +32,16 @@ def from_several(
     ends: Callable[[Sequence[Fit]], Sequence[Fit]],
     raised: Callable[[Fit], float] = raised_by_noise,
 ) -> Fit:
-    """The lowest end of searches from all points, with the other minima that fit as well.
+    """Return the lowest result of searches from all points, with the other minima that fit as well.
 
     Args:
-        begins: the first of them is the user's, whose search always goes to its end.
-        look: a short search from a point, of some `ENOUGH` evaluations.
+        begins: initial guesses; the first is the user's, whose search is always completed.
+        look: short search from a point, of some `ENOUGH` evaluations.
         ends: the lowest of these, the best first, and the user's, searched to their ends.
         raised: see `lowest`.
 
     Raises:
-        FitError: no search can begin.
+        FitError: no search can start.
     """
     near, failure = [], None
     for i, begin in enumerate(begins):
@@ -75,7 +75,7 @@ def lowest(fits: Sequence[Fit], raised: Callable[[Fit], float] = raised_by_noise
     """
     best = min(fits, key=lambda fit: fit.cost)
     variance = 1.0 if best.noise_known else best.cost / best.degrees_of_freedom
-    # Of one fit, its own other minima have no excess over it.
+    # The other minima of a single fit have no excess over it.
     less = raised(best) if len(fits) > 1 else 1.0
     others, agreeing, searches = [], 0, 0
     for fit in fits:

@@ -33,7 +33,7 @@ class Systematic(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """What it is, and how great."""
+        """Sentence with the cause and its relative standard uncertainty."""
         return f"{self.cause} has a relative standard uncertainty of {100 * self.uncertainty:.2g} %"
 
 

@@ -1,7 +1,7 @@
 """Parameters that follow from others: arithmetic over their names, read by `ast` and never executed.
 
 An expression has numbers, names, ``+ - * / **``, sqrt, exp, log and pi, and quantities with a unit in quotes:
-``"'0.1 ms' * sigma_0"``. All of that is analytic, so a complex step gives its derivatives without error
+``"'0.1 ms' * sigma_0"``. All of them are analytic, so a complex step gives derivatives without error
 [squire1998].
 """
 
@@ -35,7 +35,7 @@ _OPERATORS: dict[type, Callable[..., Any]] = {
 _FUNCTIONS: dict[str, Callable[..., Any]] = {"sqrt": np.sqrt, "exp": np.exp, "log": np.log}
 _CONSTANTS = {"pi": np.pi}
 _LONGEST = 300
-# Of a complex step, relative to the value.
+# Complex step of the derivatives, relative to the value.
 _STEP = 1e-30
 _NOTHING = 1e-200  # of which a step would be 0
 
@@ -81,13 +81,13 @@ def _check(node: ast.expr) -> None:
             return
         case _:
             known = f"+ - * / **, {', '.join(_FUNCTIONS)}, pi and quantities in quotes ('0.1 ms')"
-            raise ValueError(f"{ast.unparse(node)!r} is none of numbers, names, {known}")
+            raise ValueError(f"{ast.unparse(node)!r} is not one of: numbers, names, {known}")
     for part in parts:
         _check(part)
 
 
 def _value(node: Any, names: Mapping[str, Any], quantity: Callable[[str], Any]) -> Any:
-    """Of a checked expression, for anything that arithmetic takes."""
+    """Return the value of a checked expression."""
     match node:
         case ast.BinOp(left, op, right):
             return _OPERATORS[type(op)](_value(left, names, quantity), _value(right, names, quantity))
@@ -106,14 +106,14 @@ def _in_si(text: str) -> float:
 
 
 class Ties:
-    """How all values of a fit follow from those that are searched for.
+    """Relation of all values of a fit to the searched ones.
 
     Args:
-        parameters: all of them.
+        parameters: all parameters.
 
     Raises:
-        QuantityError: an expression cannot be read, names what there is not, goes round in a circle, or is of
-            another unit than the parameter.
+        QuantityError: an expression cannot be read, contains an unknown name or a cycle, or has
+            another unit than its parameter.
     """
 
     def __init__(self, parameters: Sequence[Parameter]) -> None:
@@ -183,7 +183,7 @@ class Ties:
         return alone @ self.slopes(values, by, moved) if self._order else alone
 
     def shown(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
-        """Those that are searched for, then the others, on a linear scale where they are not positive."""
+        """Return the searched parameters, then the others, on a linear scale if they are not positive."""
         others = (p._replace(log=p.log and bool(p.tied) and values[p.name] > 0.0) for p in self.beside)
         return (*self.searched, *others)
 

@@ -7,21 +7,22 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-# Of the largest departure of a cumulative periodogram, times the root of its length: exceeded by one of a
+# Largest deviation of a cumulative periodogram, times the root of its length; exceeded by one of a
 # hundred recordings of white noise.
 CRITICAL = 1.63
 FEWEST = 64  # samples, below which the test has no power
 
 
 def white(residuals: NDArray[np.float64], sizes: Sequence[int]) -> bool:
-    """Whether the residuals of every recording pass the test of the cumulative periodogram [durbin1969].
+    """Return whether the residuals of every recording pass the test of the cumulative periodogram
+    [durbin1969].
 
-    The share of the power below each frequency is compared with that of white noise, as Kolmogorov and
-    Smirnov compare distributions. Smooth misfits stand far below the noise when they fail it.
+    The share of the power below each frequency is compared with the share for white noise, as in the
+    Kolmogorov-Smirnov test. A smooth misfit far below the noise fails it.
 
     Args:
-        residuals: of all recordings, joined, shape (n,).
-        sizes: how many of them each recording has; its samples are taken as equally spaced.
+        residuals: residuals of all recordings, joined, shape (n,).
+        sizes: number of samples per recording, equally spaced.
     """
     return all(_white(part) for part in np.split(residuals, np.cumsum(sizes)[:-1]))
 

@@ -43,7 +43,7 @@ class Elastoplastic(NamedTuple):
         if self.breakaway_deflection >= least:
             raise QuantityError(
                 f"Elastoplastic.breakaway_deflection = {self.breakaway_deflection:g} m is out of range: "
-                f"deflection where sliding begins must be < coulomb_force/sigma_0 = {least:g} m"
+                f"the deflection at which sliding starts must be < coulomb_force/sigma_0 = {least:g} m"
             )
 
 

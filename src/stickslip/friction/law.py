@@ -86,11 +86,11 @@ def register(
         element: ``element(law, i) -> record`` of the i-th element, itself registered.
         project: ``project(law, z) -> z``, where the law bounds its state (a reset); applied after each step.
         tick: ``tick(law, v, z) -> z``, for a sampled element with a field `period` [s]: called at each
-            multiple of it, with the input of that instant; between the ticks the state stays (its ż is 0).
-        branches: of a law whose rate is smooth only in parts, see `Branches`; `rate` stays the whole law.
+            multiple of `period`, with the input at that instant; the state is constant in between.
+        branches: parts of a law whose rate is only piecewise smooth, see `Branches`; `rate` is the whole law.
         smooth: the record is no friction contact but an element without a kink at v = 0: a lag, an
-            amplifier, creep, a controller (see `plant.system`); its input v and output F are in whatever unit
-            its maker says.
+            amplifier, creep, a controller (see `plant.system`); the units of its input v and output F are
+free.
         named: false for the elements of a composed law, which nobody names.
 
     Raises:
@@ -117,23 +117,26 @@ def register(
 
 
 def is_law(candidate: object) -> bool:
-    """Whether the object is a record registered as a friction law."""
+    """Return whether the object is a record registered as a friction law."""
     return type(candidate) in _IMPLEMENTATIONS
 
 
 def is_smooth(law_type: type) -> bool:
-    """Whether records of this type have no kink at v = 0."""
+    """Return whether records of this type have no kink at v = 0."""
     return _IMPLEMENTATIONS[law_type].smooth
 
 
 def has_branches(law: Any) -> bool:
-    """Whether the law, or the elements that it is composed of, have branches."""
+    """Return whether the law, or the elements that it is composed of, have branches."""
     return _implementation(element(law, 0)).branches is not None
 
 
 def has_jumps(law: Any) -> bool:
-    """Whether the rate of the law jumps where its state meets a curve: the motion is then no smooth function
-    of the parameters. Of laws with branches, those whose ``jumps`` is not False."""
+    """Return whether the rate of the law jumps where its state meets a curve.
+
+    The motion is then not a smooth function of the parameters. True for laws with branches, unless their
+    ``jumps`` is False.
+    """
     return bool(getattr(law, "jumps", has_branches(law)))
 
 

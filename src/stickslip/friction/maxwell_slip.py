@@ -8,8 +8,8 @@ r"""Maxwell slip: N springs, each sliding at its own force, and their generalisa
 
 Presliding hysteresis with non-local memory, without creep. With r = F_S/F_C = 1 each element is
 elastic-perfectly-plastic, the law is rate-independent, and C has no effect. With r > 1 a sliding element
-is drawn to the Stribeck curve s(v) at the rate c. Approximated: in the paper an element that slides goes on
-sliding until the velocity changes sign. Here its regime follows from (v, F_i) alone: where sliding slows
+is drawn to the Stribeck curve s(v) at the rate c. Approximated: in the paper a sliding element continues
+to slide until the velocity changes sign. Here its regime follows from (v, F_i) alone: where sliding slows
 down and the strength rises above F_i, the spring takes it up, at k_i v and not at the rate C. Both are the
 same while |v| grows.
 """
@@ -29,7 +29,7 @@ ON_LIMIT = 1.0 - 1e-12
 # Branches of an element: its spring takes up the motion; it slides while its strength rises, which the spring
 # follows; it slides and is drawn down to a strength that falls.
 STICKS, FOLLOWS, DRAWN = 0, 1, 2
-# How far the spring stays behind a rising strength, relative.
+# Largest relative deflection by which the spring may lag behind a rising strength.
 LAG = 1e-8
 # ... and within a step, which is not cut for what its end makes good.
 STRAYS = 1e-3
@@ -48,7 +48,7 @@ class MaxwellSlip(NamedTuple):
 
     @property
     def jumps(self) -> bool:
-        """Whether the force of an element falls when it begins to slide."""
+        """True if the force of an element falls when it starts to slide."""
         return self.stiction_ratio != 1.0
 
     def _check(self) -> None:
@@ -98,8 +98,8 @@ def element_rate(law, v, z):
 
 
 def over_limit(law, speed, growth, z):
-    """How far its deflection is over that at which it slides, relative; and how fast that grows, over the
-    speed: above 1 the spring cannot follow."""
+    """Return the relative excess of the deflection over the slip deflection, and its growth relative to the
+    speed. Above a growth of 1 the spring cannot follow."""
     fall = 0.0
     if law.stiction != law.strength:
         fall = (law.stiction - law.strength) * math.exp(-((speed / law.stribeck_velocity) ** 2))

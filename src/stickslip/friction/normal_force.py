@@ -3,15 +3,15 @@ r"""The normal force along the stroke, and how a contact's stiffness follows it.
 .. math:: p(x) = \frac{P}{P_0} = (1 + s X)^k + A \sin\!\left( \frac{2\pi X}{\lambda} + \varphi \right),
           \qquad X = x_0 + x, \qquad n = \ell(t)\, p(x)
 
-with the position x of what slides (the end-effector), the place x_0 on the stroke from where it is counted,
-the normal force P_0 at which the law's parameters hold, and the load ℓ(t) of a run, which multiplies it. k =
+x is the position of the end-effector, x_0 the place on the stroke from which it is counted,
+and P_0 the normal force at which the law's parameters hold. The load ℓ(t) of a run multiplies p. k =
 1 is a preload spring over a wedge, k = -2 a magnet over a gap that opens (`contact.PreloadSpring`,
 `contact.PreloadMagnet`); the sine is the ripple of a guide or of a worn track. Valid where p > 0: where it is
 not, the contact has lifted off and the motion is not followed.
 
-A contact that presses harder in one direction of its force than in the other (a tilted guide, a preload that
-the friction itself lifts or presses on) has n (1 + a) where its force is positive and n (1 - a) where it is
-negative, with the asymmetry a: F + a |F| instead of F, as friction loops show it. The force stays continuous.
+A contact can press harder in one direction of its force (a tilted guide, a preload that the friction itself
+changes). With the asymmetry a it has n (1 + a) where its force is positive and n (1 - a) where it is
+negative: F + a |F| instead of F. The force stays continuous.
 For a law without bristles the same is a constant external force of a F_C.
 
 A contact of stiffness :math:`\sigma_0 n^q` and friction F_C n: q = 1 of many asperities [persson2007], q =
@@ -60,16 +60,17 @@ class NormalForce(NamedTuple):
 
     @property
     def uniform(self) -> NormalForce:
-        """The same everywhere, at the reference: for what is asked at one place, whose `factor` is a load."""
+        """Return the same normal force without variation along the stroke, at the reference."""
         return self._replace(slope=0.0, ripple=0.0)
 
     @property
     def varies(self) -> bool:
-        """Whether it changes along the stroke."""
+        """Return whether the normal force changes along the stroke."""
         return self.slope * self.power != 0.0 or self.ripple != 0.0
 
     def presses(self, position: float) -> bool:
-        """Whether more than a millionth of the reference presses the contact at a position [m]."""
+        """Return whether the contact is pressed at a position [m] by more than a millionth of the
+        reference."""
         return along(self, position)[0] > 1e-6
 
     def factor(self, position: ArrayLike) -> NDArray[np.float64]:
@@ -86,7 +87,7 @@ class NormalForce(NamedTuple):
         return found
 
 
-# Where the contact has lifted off.
+# Result where the contact has lifted off.
 _NOTHING = (math.nan, math.nan, math.nan)
 
 

@@ -23,7 +23,7 @@ from .law import Branches, register
 
 # A bristle on its limit slides, though rounding may put it just below.
 ON_LIMIT = 1.0 - 1e-12
-# How far it stays behind its limit under a growing normal force, relative.
+# Largest relative lag of the state behind its limit under a growing normal force.
 LAG = 1e-8
 # Branches: the bristle takes up the motion, or stands still on its limit, whatever a growing normal force
 # does to it; without damping then.

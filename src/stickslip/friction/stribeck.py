@@ -58,7 +58,7 @@ class Stribeck(NamedTuple):
 
     coulomb_force: Annotated[float, Quantity("N", "F_C", "Coulomb friction", minimum=0)]
     stiction_force: Annotated[float, Quantity("N", "F_S", "stiction", minimum=0)]
-    # Where the curve falls within rounding of rest, the law is StictionCoulombViscous.
+    # For a smaller Stribeck velocity use StictionCoulombViscous: the curve falls within rounding of v = 0.
     stribeck_velocity: Annotated[float, Quantity("m/s", "v_s", "Stribeck velocity", minimum=1e-7)] = 1e-3
     sigma_2: Annotated[float, Quantity("N s/m", "σ₂", "viscous friction", minimum=0)] = 0.0
     exponent: Annotated[float, Quantity("", "δ", "exponent of the Stribeck curve", above=0, maximum=10)] = 2.0

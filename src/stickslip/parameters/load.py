@@ -82,7 +82,7 @@ class ParameterSet(NamedTuple):
 
     @property
     def rotary(self) -> bool:
-        """Whether it is of what turns: its values are in rad, N m and kg m^2."""
+        """True for a rotary model, with values in rad, N m and kg m^2."""
         return "rotary" in self.values and self.values["rotary"].value is True
 
     def entries(self) -> dict[str, SetEntry]:
@@ -133,7 +133,7 @@ def read_toml(file: Path) -> dict[str, Any]:
 
 
 def named_file(name: str | os.PathLike[str], folder: Path, noun: str) -> Path:
-    """The TOML file of that name in a folder of the package, or the one that the name is the path of.
+    """Return the TOML file with a name: a file in a folder of the package, or the path itself.
 
     Raises:
         ParameterSetError: there is no such thing; `noun` says what is looked for.
@@ -226,10 +226,10 @@ def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, PiezoPart]:
 
 
 def _known(kind: registry.Kind, name: str, file: Path, field: str) -> None:
-    """Check the name of a law or a piezo model; no file of a user's own is run for it.
+    """Check the name of a law or a piezo model. No file of a user's is executed.
 
     Raises:
-        ParameterSetError: there is none of that name, or it is of a file that a set may not name.
+        ParameterSetError: the name is unknown, or names a file that a set may not use.
     """
     path, _ = registry.own_path(name)
     try:

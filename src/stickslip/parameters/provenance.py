@@ -1,4 +1,4 @@
-"""Provenance of a record's values: its parameter set, an assumption of that set, or a later change."""
+"""Origin of a record's values: the parameter set, an assumption of the set, or a later change."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def flat(record: Any) -> dict[str, Any]:
 
 
 def changes(record: Any, original: Any) -> dict[str, str]:
-    """What was changed since the record was loaded: field -> new value and the old one, in words."""
+    """Return the changes since the record was loaded: field -> new and old value, in words."""
     before, now = flat(original), flat(record)
     return {
         field: f"{_shown(record, field)} (in the set: {_shown(original, field)})"
@@ -44,7 +44,7 @@ def unchanged(record: Any, original: Any, parameters: ParameterSet) -> dict[str,
 
 
 def assumptions(record: Any, original: Any, parameters: ParameterSet) -> dict[str, str]:
-    """Which values of the record the source does not print: field -> value and reason, in words.
+    """Return the assumed values of a record: field -> value and reason, in words.
 
     A value that was changed since it was loaded is no assumption of the set any more.
     """

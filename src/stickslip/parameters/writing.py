@@ -81,7 +81,7 @@ def write_parameters(path: str | os.PathLike[str], text: str) -> Path:
     """Write the text of a set to a new file, and read it once.
 
     Raises:
-        FileExistsError: there is one of that name.
+        FileExistsError: a file with that name exists.
         ParameterSetError: it cannot be read back.
     """
     path = Path(path)

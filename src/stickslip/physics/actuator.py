@@ -51,7 +51,7 @@ Damping = Annotated[float, Quantity("N s/m", "c", "damping", minimum=0)]
 Force = Annotated[float, Quantity("N", "F_ext", "external force on the end-effector, positive towards +x")]
 
 
-# What the systems share, taken into each class by name: a NamedTuple cannot have a second base class.
+# Properties of both systems, copied into each class by name: a NamedTuple cannot have a second base class.
 
 
 def _source(system: Any) -> ParameterSet | None:
@@ -71,7 +71,7 @@ def _assumptions(self: Any) -> dict[str, str]:
 
 @property
 def _citation_keys(self: Any) -> tuple[str, ...]:
-    """Keys of the sources: of the parameter set (of the model where there is none) and of the law."""
+    """Keys of the sources: those of the parameter set (without one, of the model) and those of the law."""
     parameters = _source(self)
     keys = parameters.citations if parameters else citation_keys(type(self))
     return tuple(dict.fromkeys((*keys, *citation_keys(self.friction))))
@@ -191,7 +191,7 @@ class Actuator(NamedTuple):
 
     @property
     def static(self) -> bool:
-        """Whether the stage has no dynamics and simply follows the voltage, y = C u."""
+        """True if the stage has no dynamics and follows the voltage, y = C u."""
         omega = self.natural_frequency
         return math.isinf(omega) if isinstance(omega, float) else bool(np.all(np.isinf(omega)))
 
@@ -303,7 +303,7 @@ class Actuator(NamedTuple):
 
 @record
 class StageParts(NamedTuple):
-    """What `Actuator.from_parts` is made from."""
+    """Parts from which `Actuator.from_parts` makes an actuator."""
 
     piezo_mass: Annotated[float, Quantity("kg", "m_p", "mass of the piezo", minimum=0)]
     stage_mass: Mass

@@ -61,7 +61,7 @@ def arguments_of(function: Callable[..., Any], *names: str, **types: Any) -> typ
 
 @functools.cache
 def _meanings(function: Callable[..., Any]) -> dict[str, str]:
-    """What the docstring says of each argument."""
+    """Return the meaning of each argument, from the docstring."""
     _, _, rest = (inspect.getdoc(function) or "").partition("\nArgs:\n")
     part = re.split(r"\n(?=\S)", rest, maxsplit=1)[0]
     found = {}

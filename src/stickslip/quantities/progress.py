@@ -13,5 +13,5 @@ def unheard(doing: str, done: float) -> None:
 
 
 def within(progress: Progress, begin: float, length: float, doing: str, done: float) -> None:
-    """Tell the progress of a part, which begins at `begin` and is `length` of the whole."""
+    """Report the progress of a part that starts at `begin` and takes `length` of the whole."""
     progress(doing, begin + length * done)

@@ -30,7 +30,7 @@ _PLAIN: dict[Any, str] = {bool: "True or False", str: "a text", NoneType: "None"
 
 
 class Quantity(NamedTuple):
-    """What a field means: put it into the annotation, ``Annotated[float, Quantity("N/m", "σ₀", ...)]``.
+    """Unit, symbol, meaning and range of a field: ``Annotated[float, Quantity("N/m", "σ₀", ...)]``.
 
     `minimum` and `maximum` are allowed values, `above` and `below` are the limits just outside the range.
     Infinity is refused unless it is the `maximum` (or, below zero, the `minimum`).
@@ -45,7 +45,7 @@ class Quantity(NamedTuple):
     below: float | None = None
 
     def turned(self) -> Quantity:
-        """That of what turns."""
+        """Return the same quantity for a rotary model."""
         return self._replace(unit=turned(self.unit))
 
     def range_text(self) -> str:
@@ -57,7 +57,7 @@ class Quantity(NamedTuple):
         return f"a finite number in {self.unit}" if self.unit else "a finite number"
 
     def allows(self, values: Any) -> Any:
-        """Whether numbers in SI are in range; a boolean, or an array of them."""
+        """Return whether numbers in SI are in range: a boolean, or an array of booleans."""
         ok = math.isfinite(values) if isinstance(values, float) else np.isfinite(values)
         if self.minimum is not None:
             ok = (ok | (values == self.minimum)) & (values >= self.minimum)
@@ -123,7 +123,8 @@ def fields_with_quantity(record_type: type) -> dict[str, Field]:
 
 @functools.cache
 def _kinds(record_type: type) -> dict[str, Any]:
-    """What each field must be that is no `Quantity`: True or False, a text, a record, or None."""
+    """Return the required kind of each field without a `Quantity`: True or False, a text, a record, or
+    None."""
 
     def known(kind: Any) -> bool:
         return kind in _PLAIN or hasattr(kind, "_fields")
@@ -147,7 +148,7 @@ def quantities_of(one: Any, owner: Any = None) -> dict[str, Quantity]:
 
 
 def quantities_within(model: Any) -> dict[str, Quantity]:
-    """Those of a model and of its friction law."""
+    """Return the quantities of a model and of its friction law."""
     return quantities_of(model) | quantities_of(model.friction, model)
 
 
@@ -290,10 +291,10 @@ def record(named_tuple: type[T]) -> type[T]:
 
 
 def whole(value: Any, field: str, least: int, most: int) -> int:
-    """The value, a whole number of whatever type.
+    """Return a whole number of any numeric type.
 
     Raises:
-        QuantityError: it is none, or out of range; names the field.
+        QuantityError: the value is not whole, or out of range; names the field.
     """
     number = math.nan if isinstance(value, str) else to_si(value, "", field)
     if not least <= number <= most or number % 1:
@@ -320,8 +321,11 @@ def refuse_too_many(samples: float, what: str, numbers: int = 10) -> None:
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two results hold the same: records, dictionaries, arrays and datasets by their values (NaN is
-    NaN), and what predicts by what it is made with."""
+    """Return whether two results have equal contents.
+
+    Records, dictionaries, arrays and datasets are compared by value (NaN equals NaN), predictors by their
+    arguments.
+    """
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return np.array_equal(one, other, equal_nan=np.asarray(one).dtype.kind in "fc")
     if isinstance(one, float) and isinstance(other, float):  # one of NumPy's, too

@@ -72,12 +72,13 @@ class Kind:
         return thing
 
     def packaged(self) -> dict[str, Any]:
-        """Those that come with the package, by name."""
+        """Things of the package, by name."""
         _import_room(self._room)
         return {name: of[""] for name, of in self._things.items() if "" in of}
 
     def names(self) -> tuple[str, ...]:
-        """What `find` takes, but for ``path.py:Name``: the package's, then others'."""
+        """Return the names that `find` accepts, except ``path.py:Name``: the package's first, then
+        others'."""
         return tuple(dict.fromkeys((*self.packaged(), *self._things, *self._installed())))
 
     def all(self) -> Iterator[tuple[str, Any]]:
@@ -90,14 +91,14 @@ class Kind:
                 continue
 
     def find(self, text: str, folder: str | os.PathLike[str] | None = None) -> Any:
-        """Return what is known by a name, or of a user's file, ``path.py:Name``, which is run for it.
+        """Return the thing with a name. A file of the user's, as in ``path.py:Name``, is executed.
 
         Args:
             text: the name.
-            folder: that of the file that gives the name; None: the user gives it.
+            folder: folder of the file that contains the name; None if the user gives the name.
 
         Raises:
-            RegistryError: there is none, there are two, or the file may not or cannot be used.
+            RegistryError: the name is unknown or ambiguous, or the file may not or cannot be used.
         """
         path, name = own_path(text)
         if not path:
@@ -131,12 +132,13 @@ class Kind:
         )
 
     def name_of(self, thing_type: type) -> str:
-        """What `find` finds it by in another process too: its name, with the file if it is the user's own."""
+        """Return the name by which `find` finds a type in another process too; it includes the user's own
+        file."""
         name, place = thing_type.__name__, origin(thing_type)
         return f"{place}:{name}" if place.endswith(".py") and name not in self._installed() else name
 
     def written(self, thing_type: type) -> dict[str, str]:
-        """What results say of a type: its name, and where it is from if it is not of the package."""
+        """Return what results record about a type: its name, and its origin if it is not from the package."""
         place = origin(thing_type)
         said = {self.noun: self._called.get(thing_type, thing_type.__name__)}
         return {**said, f"{self.noun}_of": place} if place else said
@@ -161,14 +163,15 @@ class Kind:
         raise RegistryError(not_run(self.noun, name, str(place)))
 
     def of_client(self, said: Any) -> Any:
-        """As `of_results`, of what another program of this user asks for, who has it run there too."""
+        """Return the type that another program of the same user names; executes the file that the program
+        names."""
         place = str(said.get(f"{self.noun}_of", ""))
         if place.endswith(".py") and not self.installed(str(said[self.noun])):
             use_file(place)
         return self.of_results(said)
 
     def installed(self, name: str) -> bool:
-        """Whether an installed package has one of that name."""
+        """Return whether an installed package provides the name."""
         return name in self._installed()
 
     def _installed(self) -> dict[str, EntryPoint]:
@@ -201,7 +204,7 @@ def own_path(text: str) -> tuple[str, str]:
 
 
 def origin(thing: Any) -> str:
-    """Where a class or function is from: the file; of a prompt its module; "" for those of the package."""
+    """Return the origin of a class or function: its file, the module of a prompt, or "" for the package."""
     module = str(getattr(thing, "__module__", ""))
     if module.split(".")[0] == _PACKAGE:
         return ""

@@ -86,10 +86,10 @@ def _prefix_power(unit: str, si_unit: str) -> int | None:
 
 @lru_cache(maxsize=1024)
 def _parse(text: str, si_unit: str) -> float:
-    """The number that the text stands for, in the SI unit; an error's message is the end of a sentence."""
+    """Return the number of a text with a unit, in SI. An error's message is the end of a sentence."""
     written = _NUMBER.match(text)
     if written is None:
-        raise QuantityError("does not begin with a number")
+        raise QuantityError("does not start with a number")
     number, unit = float(written[0]), text[written.end() :].strip()
     if re.match(r",\d", unit):
         raise QuantityError("has a decimal comma; write a decimal point")
@@ -190,7 +190,7 @@ def own_unit(value: Any) -> str:
 
 
 def optional_si(value: float | str | None, unit: str, field: str) -> float | None:
-    """As `to_si`; None stays what it is."""
+    """Return the value in SI, as `to_si`; None stays None."""
     return None if value is None else to_si(value, unit, field)
 
 
@@ -219,7 +219,7 @@ def with_prefix(value: float, unit: str, digits: int = 4) -> str:
 
 
 def near_one(value: float, digits: int = 4) -> str:
-    """A number such as r² with so many decimals, or with more where it is not quite 1: "0.9999935"."""
+    """Return a number such as r² with `digits` decimals, or with more if it is close to 1: "0.9999935"."""
     lacking = 1.0 - value
     if 0.0 < lacking < 0.5 * 10.0**-digits:
         digits = max(digits, 1 - math.floor(math.log10(lacking)))
@@ -234,12 +234,12 @@ def with_unit(text: str) -> Any:
     """
     written = _NUMBER.match(text.strip())
     if written is None:
-        raise QuantityError(f"has {text!r}, which does not begin with a number")
+        raise QuantityError(f"has {text!r}, which does not start with a number")
     return _registry().Quantity(float(written[0]), _units(text.strip()[written.end() :].strip()))
 
 
 def same_dimension(quantity: Any, unit: str) -> bool:
-    """Whether a quantity of `with_unit` can be expressed in the unit."""
+    """Return whether a quantity of `with_unit` can be expressed in the unit."""
     return quantity.dimensionality == _units(unit).dimensionality
 
 

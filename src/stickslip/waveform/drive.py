@@ -79,7 +79,7 @@ def evaluate(drive: Drive, t: NDArray[np.float64]) -> tuple[NDArray[np.float64],
         slopes = values + tau * slopes
         values = c[segment] + tau * values
     count = np.diff(drive.first)[segment] if len(drive.harmonic) else np.zeros(0, dtype=np.int64)
-    for j in range(count.max(initial=0)):  # the j-th harmonic of every segment that has so many
+    for j in range(count.max(initial=0)):  # the j-th harmonic of every segment with more than j harmonics
         has = count > j
         amplitude, omega, phase, chirp = drive.harmonic[drive.first[segment[has]] + j].T
         angle = phase + tau[has] * (omega + chirp * tau[has])

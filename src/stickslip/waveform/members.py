@@ -15,8 +15,10 @@ Array = NDArray[np.float64]
 
 
 class Drives(NamedTuple):
-    """`Drive` tables, each field with an axis of members before its own. Shorter tables are filled up with
-    segments that never begin (start infinite, polynomial NaN, so that no other is like them)."""
+    """`Drive` tables of members; each field has a first axis of members.
+
+    Shorter tables are filled up with segments that never start (start infinite, polynomial NaN).
+    """
 
     before: Array
     start: Array
@@ -62,7 +64,8 @@ def columns_of(values: Sequence[Any], count: int) -> Array:
 def repeat_members(
     pieces: Sequence[Piece], frequency: Any, periods: float | None, rest: Any, durations: Array
 ) -> Drives:
-    """As `pieces.repeat`, of pieces, frequencies, values at rest and durations that differ by member."""
+    """Return repeated pieces, as `pieces.repeat`, with frequencies, values at rest and durations per
+    member."""
     count = durations.size
     polynomial = np.zeros((count, len(pieces), 4))
     for i, piece in enumerate(pieces):
@@ -81,9 +84,12 @@ def repeat_members(
 def repeat_curves(
     start: Array, polynomial: Array, period: Array, periods: float | None, durations: Array
 ) -> Drives:
-    """As `pieces.repeat_table` of `pieces.wrapped`: start [members, n], polynomial [members, n, 4], period
-    [members]; at rest at the value with which a period begins."""
-    if np.any(start[:, 0] > SLIVER * period):  # where not, a segment that ends as it begins
+    """Return repeated curves, as `pieces.repeat_table` of `pieces.wrapped`, per member.
+
+    Shapes: start [members, n], polynomial [members, n, 4], period [members]. The value at rest is the value
+    at the start of a period.
+    """
+    if np.any(start[:, 0] > SLIVER * period):  # otherwise a segment that ends where it starts
         c0, c1, c2, c3 = polynomial[:, -1].T
         tau = period - start[:, -1]
         level = c0 + tau * (c1 + tau * (c2 + tau * c3))
@@ -103,7 +109,7 @@ def repeat_curves(
 
 
 def _whole(begun: Array, periods: float | None) -> NDArray[np.int64]:
-    """Numbers of the periods that begin in the run that holds most of them, [1, periods, 1]."""
+    """Return the numbers of the periods in the member with most of them, [1, periods, 1]."""
     most = int(np.floor(begun.max(initial=0.0))) + 1
     return np.arange(most if periods is None else min(most, int(periods)), dtype=np.int64)[None, :, None]
 

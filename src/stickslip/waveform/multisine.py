@@ -29,7 +29,7 @@ class Multisine(NamedTuple):
 
     .. math:: \varphi_k = \frac{\pi}{2} - 2\pi \sum_{j<k} (k - j)\, p_j, \qquad p_j = A_j^2 / \sum_i A_i^2,
 
-    which are meant for evenly spaced frequencies in ascending order. The sum begins with a jump.
+    which are meant for evenly spaced frequencies in ascending order. The sum starts with a jump.
     """
 
     amplitudes: Annotated[tuple[float, ...], Quantity("V", "A_k", "amplitude")]

@@ -1,7 +1,7 @@
 r"""Periodic waveforms: one period each, repeated for ever or `periods` times, then at rest at `offset`.
 
 Amplitude is the whole stroke, `offset` to `offset + amplitude`, except for `Sine`, where it is half of it
-as usual. T = 1/frequency is the period, s the time since it began.
+as usual. T = 1/frequency is the period, s the time since its start.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Offset = Annotated[float, Quantity("V", "u_0", "value at rest")]
 Periods = Annotated[float | None, Quantity("", "N", "number of periods", minimum=1)]
 
 
-# What they share, taken into each class by name (see signal.py).
+# Properties of every periodic waveform, copied into each class by name (see signal.py).
 @property
 def _period(w: Any) -> float:
     """s"""
@@ -111,7 +111,7 @@ class ReverseSawtooth(NamedTuple):
     .. math:: u = u_0 + A \frac{s}{(1 - r)T} \ (s < (1 - r)T), \qquad
               u = u_0 + A \frac{T - s}{rT} \ \text{after}
 
-    With fall_fraction r = 1 it jumps up at the begin of each period, the first one too.
+    With fall_fraction r = 1 it jumps up at the start of each period, including the first.
     """
 
     amplitude: Amplitude

@@ -54,7 +54,7 @@ def repeat(
 
 
 def repeat_table(one: Drive, period: float, periods: float | None, duration: float) -> Drive:
-    """As `repeat`, for a table of one period [s] whose starts are in s; its `before` is the value at rest."""
+    """Return a repeated table of one period [s]; its starts are in s, its `before` is the value at rest."""
     start = np.arange(_begun(duration, period, periods))[:, None] * period + one.start
     # k T + t rounds twice: two units in the last place early, and sampling times that should meet it do
     start[1:] *= 1 - 2.0**-51
@@ -62,11 +62,11 @@ def repeat_table(one: Drive, period: float, periods: float | None, duration: flo
 
 
 def wrapped(start: NDArray[np.float64], polynomial: NDArray[np.float64], period: float) -> Drive:
-    """One period [s] of a curve that closes on itself, for `repeat_table`.
+    """Return one period [s] of a closed curve, for `repeat_table`.
 
     Args:
         start: s, ascending, the first >= 0, the last <= `period`.
-        polynomial: [n, 4], c_0..c_3 of each segment; the last one goes on to start[0] of the next period.
+        polynomial: [n, 4], c_0..c_3 of each segment; the last one ends at start[0] of the next period.
     """
     if start[0] > SLIVER * period:
         c0, c1, c2, c3 = polynomial[-1]
@@ -88,7 +88,8 @@ def polynomials(start: NDArray[np.float64], polynomial: NDArray[np.float64]) -> 
 
 
 def cut(drive: Drive, duration: float) -> Drive:
-    """The drive without the segments that begin at `duration` [s], or later; the first one always stays."""
+    """Return the drive without the segments that start at `duration` [s] or later; the first one always
+    stays."""
     count = max(1, int(np.searchsorted(drive.start, duration * (1 - SLIVER))))
     rows = drive.first[count]
     return Drive(
@@ -118,7 +119,7 @@ def by_periods(drive: Drive, period: float | None, duration: float) -> Drive:
 
 
 def with_breaks(drive: Drive, times: NDArray[np.float64]) -> Drive:
-    """The same signal in segments that begin at these times [s] too."""
+    """Return the same signal with further segment boundaries at these times [s]."""
     start = np.union1d(drive.start, times)
     of = segment_at(drive, start)
     tau = (start - drive.start[of])[:, None]
@@ -135,7 +136,7 @@ def with_breaks(drive: Drive, times: NDArray[np.float64]) -> Drive:
 
 
 def join(drives: Sequence[Drive], begins: Sequence[float]) -> Drive:
-    """Drives one after the other, each from its begin [s] on; each must be cut at the next one's begin."""
+    """Join drives, each from its start [s]; each must be cut at the start of the next."""
     rows = np.concatenate([np.diff(drive.first) for drive in drives])
     return Drive(
         drives[0].before,
@@ -147,7 +148,7 @@ def join(drives: Sequence[Drive], begins: Sequence[float]) -> Drive:
 
 
 def _begun(duration: float, period: float, periods: float | None) -> int:
-    """How many periods begin before the end."""
+    """Return the number of periods that start before the end."""
     if not math.isfinite(duration):
         raise QuantityError(
             f"duration = {duration} s is out of range: a periodic drive is tabulated up to a finite time"

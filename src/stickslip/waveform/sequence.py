@@ -19,7 +19,7 @@ _DURATION = Quantity("s", "T", "duration of a part", above=0)
 
 @dataclass(frozen=True, init=False)
 class Sequence:
-    """Waveforms one after the other, each beginning anew.
+    """Waveforms one after the other, each from its own start.
 
     Walk forward, rest, walk back, say::
 
@@ -53,7 +53,7 @@ class Sequence:
 
     @property
     def period(self) -> None:
-        """None: it happens once."""
+        """Period: None, because a sequence does not repeat."""
 
     @property
     def duration(self) -> float:

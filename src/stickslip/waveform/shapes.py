@@ -25,7 +25,7 @@ class Constant(NamedTuple):
 
     @property
     def period(self) -> None:
-        """None: there is none."""
+        """Period: None, because the waveform is not periodic."""
 
     @property
     def duration(self) -> float:
@@ -53,7 +53,7 @@ class Rest(NamedTuple):
 
     @property
     def period(self) -> None:
-        """None: there is none."""
+        """Period: None, because the waveform is not periodic."""
 
     def range(self) -> tuple[float, float]:
         """Exact."""
@@ -77,7 +77,7 @@ class Step(NamedTuple):
 
     @property
     def period(self) -> None:
-        """None: there is none."""
+        """Period: None, because the waveform is not periodic."""
 
     @property
     def duration(self) -> float:
@@ -109,7 +109,7 @@ class Ramp(NamedTuple):
 
     @property
     def period(self) -> None:
-        """None: there is none."""
+        """Period: None, because the waveform is not periodic."""
 
     @property
     def duration(self) -> float:
@@ -149,7 +149,7 @@ class Chirp(NamedTuple):
 
     @property
     def period(self) -> None:
-        """None: there is none."""
+        """Period: None, because the waveform is not periodic."""
 
     def range(self) -> tuple[float, float]:
         """Exact, also where the sweep ends before the first crest."""

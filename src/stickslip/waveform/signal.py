@@ -54,7 +54,8 @@ def slope_at(waveform: Waveform, t: ArrayLike) -> NDArray[np.float64]:
 
 
 def breaks_within(waveform: Waveform, duration: float | str) -> NDArray[np.float64]:
-    """Times [s] in [0, duration), 0 first, where a new formula begins: jumps and kinks are among them."""
+    """Return the times [s] in [0, duration), 0 first, at which a new formula starts, such as jumps and
+    kinks."""
     return waveform.drive(DURATION.check(duration, "duration")).start.copy()
 
 
@@ -104,14 +105,14 @@ def signal_record(named_tuple: type[T]) -> type[T]:
 
 
 def shape(text: str, folder: str | os.PathLike[str] | None = None) -> Any:
-    """The waveform of that name, a record that is made from its fields.
+    """Return the type of a waveform that is made from fields.
 
     Args:
-        text: its name, or ``path.py:Name``, whose file is run.
-        folder: that of the file that gives the name; None: the user gives it.
+        text: name, or ``path.py:Name``, whose file is executed.
+        folder: folder of the file that contains the name; None if the user gives the name.
 
     Raises:
-        RegistryError: there is none, or it is made otherwise.
+        RegistryError: the name is unknown, or the waveform is not made from fields.
     """
     found = registry.waveforms.find(text, folder)
     if not hasattr(found, "_fields"):

@@ -30,7 +30,7 @@ class Slewed:
 
     @property
     def unit(self) -> str:
-        """That of the source."""
+        """Unit of the source."""
         return self.source.unit
 
     @property
@@ -40,7 +40,7 @@ class Slewed:
         return self.source.duration + (high - low) / self.rate
 
     def range(self) -> tuple[float, float]:
-        """That of the source."""
+        """Return the range of the source."""
         return self.source.range()
 
     def drive(self, duration: float) -> Drive:

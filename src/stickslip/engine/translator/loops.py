@@ -81,7 +81,7 @@ def _for(body: FunctionBody, node: ast.For) -> None:
 
 
 def _called(body: FunctionBody, node: ast.expr) -> Any:
-    """Return the function that a name stands for in a call, or None."""
+    """Return the function that a call names, or None."""
     if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
         return None
     return None if node.func.id in body.variables else outside(body, node.func)

@@ -5,11 +5,11 @@ r"""Ageing of a contact at rest, and how humidity changes it [dieterich1972; bau
 with the time at rest t, β of some hundredths (about 0.02 to 0.1 per decade for rock, paper, polymers and
 metals) and t_0 of about a second. It has no limit, so a time beyond those measured is a guess. A push during
 the rest speeds it up or slows it down without a larger area [dillavou2020]. In ultrahigh vacuum, or with
-clean metals, cold welding takes its place.
+clean metals, cold welding occurs instead.
 
-For silica and other oxides water makes the bonds that age, in single contacts of nanometres: without any
-(far below 1 % relative humidity) there is none, at 10 to 40 % it is strong, and above 40 % it subsides
-[mcclimon2024]. For other materials and sizes nothing of the kind was measured in a way that carries over.
+In single nanometre contacts of silica and other oxides, water forms the bonds that age: without water
+(far below 1 % relative humidity) there is no ageing, at 10 to 40 % it is strong, above 40 % it subsides
+[mcclimon2024]. For other materials and sizes no comparable measurements exist.
 """
 
 from __future__ import annotations
@@ -42,8 +42,9 @@ class Ageing(NamedTuple):
 
 
 def oxide_ageing(relative_humidity: float | str) -> str:
-    """How nanometre contacts of silica age at a relative humidity: "none", "strong", "subsiding", or
-    "between" where it was not measured.
+    """Return the ageing of nanometre contacts of silica at a relative humidity.
+
+    One of "none", "strong", "subsiding", or "between" for humidities without measurements.
 
     Args:
         relative_humidity: 0 to 1, or "35 %".

@@ -39,7 +39,7 @@ from .hertz import Load, Modulus
 from .roughness import Roughness
 
 Heights = Literal["gaussian", "exponential"]
-# Of the separation, in deviations of the heights: pressed half into each other, and barely touching.
+# Range of the separation, in standard deviations of the heights: half pressed in, and barely touching.
 DEEPEST, HIGHEST = -3.0, 30.0
 
 
@@ -153,5 +153,5 @@ class GreenwoodWilliamson(NamedTuple):
 
     @property
     def area_scatter(self) -> float:
-        """That of the real area, and of a friction force in proportion to it."""
+        """Relative scatter of the real area, and of a friction force proportional to it."""
         return math.sqrt((32.0 / (3.0 * math.pi) - 3.0) / self.contacts)

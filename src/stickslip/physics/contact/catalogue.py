@@ -55,13 +55,13 @@ def available_pairs() -> tuple[str, ...]:
 
 
 def title_of(name: str, kind: str) -> str:
-    """Of a "material" or "friction pair" of the package."""
+    """Return the title of a "material" or "friction pair" of the package."""
     folder = _MATERIALS if kind == "material" else _PAIRS
     return str(read_toml(folder / f"{name}.toml")["title"])
 
 
 def load_material(name: str | os.PathLike[str]) -> Material:
-    """The material of that name, ``load_material("sapphire")``, or of a TOML file.
+    """Return the material with a name, ``load_material("sapphire")``, or from a TOML file.
 
     Raises:
         ParameterSetError: there is no such material, or the file is wrong; names file and field.
@@ -72,7 +72,7 @@ def load_material(name: str | os.PathLike[str]) -> Material:
 
 
 def load_pair(name: str | os.PathLike[str]) -> FrictionPair:
-    """The friction pair of that name, ``load_pair("sapphire-steel")``, or of a TOML file.
+    """Return the friction pair with a name, ``load_pair("sapphire-steel")``, or from a TOML file.
 
     Raises:
         ParameterSetError: there is no such pair, or the file is wrong; names file and field.

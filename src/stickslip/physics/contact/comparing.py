@@ -1,6 +1,6 @@
-r"""Contacts compared: which friction parameters moved with surface, load and condition, how far, how surely.
+r"""Comparison of contacts: changes of the friction parameters with surface, load and condition.
 
-Of each parameter a linear model of its logarithm over all fits i [dersimonian1986; knapp2003]:
+Each parameter has a linear model of its logarithm over all fits i [dersimonian1986; knapp2003]:
 
 .. math:: \ln \theta_i = b_0 + \sum_j b_j x_{ij} + u_i + e_i
 
@@ -38,7 +38,7 @@ MOST_SCATTER = 3.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactComparison:
-    """See `compare_contacts`.
+    """Result of `compare_contacts`.
 
     Attributes:
         effects: over "parameter" and "effect": `exponent` (of an effect that is a number) or `ratio` (of one
@@ -101,12 +101,12 @@ def compare_contacts(
     *,
     parameters: Sequence[str] | None = None,
 ) -> ContactComparison:
-    """Say which parameters of contacts moved with their conditions, how far, and how surely.
+    """Compare the friction parameters of contacts under different conditions.
 
     Args:
-        fits: of each contact, by its name; of the same law.
-        conditions: what they differ in, a value for each fit, in their order: numbers or quantities above 0
-            (``"normal_force": ["1 N", "2 N", "4 N"]``), or names (``"surface": ["lapped", "ground",
+        fits: fit of each contact, by name; all with the same law.
+        conditions: differences between the contacts, one value per fit, in order: numbers or quantities
+            above 0 (``"normal_force": ["1 N", "2 N", "4 N"]``), or names (``"surface": ["lapped", "ground",
             "ground"]``), the first of which is what others are compared with.
         parameters: those to compare; left out, all that every fit has and that are positive.
 
@@ -115,7 +115,7 @@ def compare_contacts(
 
     Raises:
         QuantityError: fewer than two fits, numbers that do not match, conditions that vary together so that
-            none can be told, or a parameter that a fit does not have.
+            their effects cannot be separated, or a parameter that a fit does not have.
     """
     names = list(fits)
     effects = _effects(conditions, len(names))
@@ -141,9 +141,7 @@ def compare_contacts(
         rows.append(found)
         scatters.append(np.exp(found.scatter))
     if not compared:
-        raise QuantityError(
-            "no parameter can be compared: " + "; ".join(remarks or ["there is none above 0"])
-        )
+        raise QuantityError("no parameter can be compared: " + "; ".join(remarks or ["no value is above 0"]))
     if len(names) == 1 + len(effects):
         remarks.append(
             "as many coefficients as fits: how contacts scatter is not known, nor in the intervals"

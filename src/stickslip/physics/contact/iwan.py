@@ -28,12 +28,12 @@ from .partial_slip import ExponentialContact
 
 Array = NDArray[np.float64]
 
-# Of the slip force, what the elements of a rough contact leave out, which never slides altogether.
+# Share of the slip force that the elements of a rough contact leave out; such a contact never slides fully.
 LEFT_OUT = 1e-2
-# Of all stiffness or strength: an element below is none.
+# Smallest share of all stiffness or strength of an element.
 NOTHING = 1e-9
 FEWEST = 10
-# Of the range of a position: less is no turn.
+# Smallest share of the position range of a turning point.
 TURN = 0.02
 
 

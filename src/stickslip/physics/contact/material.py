@@ -63,5 +63,5 @@ class Bodies(NamedTuple):
 
     @property
     def hardness(self) -> float | None:
-        """Of the softer one [Pa]; None where none is known."""
+        """Hardness of the softer material [Pa]; None if unknown."""
         return min((one.hardness for one in self if one.hardness is not None), default=None)

@@ -83,7 +83,7 @@ class Mindlin(NamedTuple):
     def loss(self, amplitude: float | str) -> float:
         """Energy per cycle between forces of ± `amplitude` [N], in J: the area of the loop."""
         q = float(np.abs(self._share(to_si(amplitude, "N", "amplitude"))))
-        # Of 1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3)) the cube of q in front, which rounding would take.
+        # 1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3)) with q^3 factored out, against cancellation.
         stuck = math.cbrt(1.0 - q)
         shape = (q / (1.0 + stuck + stuck**2)) ** 3 * (1.0 + 3.0 * stuck + stuck**2)
         return 0.8 * self.slip_force * self.presliding_distance * shape

@@ -44,8 +44,9 @@ class PreloadSpring(NamedTuple):
         return _pressing(self.force + self.stiffness * array_si(rise, "m", "rise"))
 
     def along(self, rise: float | str, stiffness_exponent: float = 1.0) -> NormalForce:
-        """What an actuator takes: over a stroke along which the seat rises by so much [m] per metre (a wedge,
-        a guide that is not parallel), where friction holds at the force of the spring.
+        """Return the normal force along a stroke whose seat rises by `rise` [m] per metre.
+
+        For a wedge, or a guide that is not parallel. The friction parameters hold at the force of the spring.
 
         Raises:
             QuantityError: out of range.
@@ -70,8 +71,10 @@ class PreloadMagnet(NamedTuple):
         return self.flux_density**2 * self.area / (2.0 * MU_0) / (1.0 + gap / self.length) ** 2
 
     def along(self, gap: float | str, opens: float | str, stiffness_exponent: float = 1.0) -> NormalForce:
-        """What an actuator takes: over a stroke along which the gap, so wide [m] at its begin, opens by so
-        much [m] per metre, where friction holds at the force over that gap.
+        """Return the normal force along a stroke whose gap starts at `gap` [m] and opens by `opens` [m] per
+        metre.
+
+        The friction parameters hold at the force over the initial gap.
 
         Raises:
             QuantityError: out of range.

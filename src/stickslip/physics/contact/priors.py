@@ -46,7 +46,7 @@ UNITS = {"sigma_0": "N/m", "coulomb_force": "N"}
 
 
 class ExpectedValue(NamedTuple):
-    """What is known of a parameter: `value` in `unit`, and the `factor` within which 68 % lie either way."""
+    """Prior of a parameter: `value` in `unit`, and the `factor` that contains 68 % either way."""
 
     value: float
     factor: float
@@ -58,19 +58,19 @@ class ExpectedValue(NamedTuple):
         return self.value, self.value * math.log(self.factor)
 
     def interval(self, deviations: float = HELD) -> tuple[float, float]:
-        """Its ends, so many standard deviations off."""
+        """Return the interval of this many standard deviations."""
         return self.value / self.factor**deviations, self.value * self.factor**deviations
 
 
 @dataclass(frozen=True)
 class ContactPrior:
-    """What a contact says of friction parameters; see `rough_prior` and `ball_prior`.
+    """Prior of friction parameters from a contact; see `rough_prior` and `ball_prior`.
 
     Attributes:
-        known: by the names of the LuGre law, "sigma_0" and "coulomb_force".
-        contact: the model that it is from; `holder`, N/m, what is in series with it.
-        assumptions: what was taken without a source, by name.
-        doubts: sentences on where the model does not hold.
+        known: priors by the names of the LuGre law, "sigma_0" and "coulomb_force".
+        contact: model of the contact; `holder`, N/m, stiffness in series with it.
+        assumptions: values without a source, by name.
+        doubts: sentences on the limits of the model.
     """
 
     known: Mapping[str, ExpectedValue]
@@ -82,7 +82,8 @@ class ContactPrior:
     _repr_html_ = preformatted
 
     def priors(self, *names: str) -> dict[str, tuple[float, float]]:
-        """What `identify_friction` and `identify_loops` take as `priors`; of all, if none is named.
+        """Return the `priors` for `identify_friction` and `identify_loops`; of all parameters if none is
+        named.
 
         Raises:
             QuantityError: the contact says nothing of that parameter.
@@ -135,8 +136,11 @@ class ContactPrior:
         return replace(self, known={**self.known, **wider})
 
     def held(self, values: Fit | Mapping[str, float]) -> dict[str, float]:
-        """How many standard deviations of the prior each value of a fit (or of a dictionary, in SI) lies off;
-        beyond ±1.96 the prior has misled."""
+        """Return the deviation of each value of a fit (or of a dictionary, in SI), in standard deviations of
+        the prior.
+
+        Beyond ±1.96 the prior is misleading.
+        """
         found = values.values if isinstance(values, Fit) else values
         return {
             name: math.log(found[name] / of.value) / math.log(of.factor)
@@ -174,14 +178,14 @@ def rough_prior(
     holder_stiffness: float | str | None = None,
     theory: float | str = THEORY,
 ) -> ContactPrior:
-    """Of two rough flats: stiffness in proportion to the load [persson2007].
+    """Return the prior of two rough flats: stiffness proportional to the load [persson2007].
 
     Args:
-        pair: what slides on what; see `load_pair`.
+        pair: friction pair; see `load_pair`.
         normal_force: N, of all contacts together.
-        roughness: of both surfaces; a single number such as Ra is none (see `roughness`).
+        roughness: roughness of both surfaces; a single number such as Ra is not enough (see `roughness`).
         nominal_area: m², of all contacts together.
-        holder_stiffness: N/m along the motion of what is in series with the contact; left out, rigid.
+        holder_stiffness: N/m along the motion, in series with the contact; by default rigid.
         theory: factor within which stiffness follows theory.
 
     Raises:
@@ -221,13 +225,14 @@ def ball_prior(
     holder_stiffness: float | str | None = None,
     theory: float | str = THEORY,
 ) -> ContactPrior:
-    """Of smooth balls on a flat, which share the load: stiffness as its cube root [mindlin1949].
+    """Return the prior of smooth balls on a flat that share the load: stiffness as the cube root of it
+    [mindlin1949].
 
     Args:
         pair, holder_stiffness, theory: as for `rough_prior`.
         normal_force: N, of all balls together.
         radius: m, of a ball.
-        contacts: how many balls.
+        contacts: number of balls.
 
     Raises:
         QuantityError: out of range.
@@ -251,7 +256,7 @@ def ball_prior(
 
 
 def together(*factors: float) -> float:
-    """What several independent factors are as one: their logarithms in squares."""
+    """Return the combination of several independent factors: their logarithms add in quadrature."""
     return math.exp(math.hypot(*(math.log(one) for one in factors)))
 
 
@@ -267,7 +272,7 @@ def _prior(
         if not holder > 0.0:
             raise QuantityError(f"holder_stiffness = {holder:g} N/m is out of range: it must be > 0 N/m")
         stiffness = 1.0 / (1.0 / stiffness + 1.0 / holder)
-        # What is in series and known takes its share of the doubt away.
+        # A known stiffness in series reduces the uncertainty.
         factor = factor ** (stiffness / contact.tangential_stiffness)
     known = {
         "sigma_0": ExpectedValue(stiffness, factor, UNITS["sigma_0"]),

@@ -27,10 +27,10 @@ from ...quantities.units import QuantityError, array_si, optional_si, to_si
 
 Array = NDArray[np.float64]
 
-# Of each line of a topography, by which tilt and bow are taken off.
+# Degree of the polynomial (tilt and bow) that is subtracted from each line of a topography.
 FLATTENED = 2
 FEWEST = 8
-# Of the greatest height, what taking tilt and bow off may leave of a plane.
+# Largest residual of a subtracted plane, relative to the largest height.
 ROUNDING = 1e-12
 
 
@@ -55,7 +55,7 @@ class Roughness(NamedTuple):
             )
 
     def with_other(self, other: Roughness) -> Roughness:
-        """Of two rough surfaces in contact, independent of each other."""
+        """Return the roughness of two independent rough surfaces in contact."""
         return Roughness(
             math.hypot(self.height, other.height),
             math.hypot(self.slope, other.slope),
@@ -107,15 +107,15 @@ def self_affine(
 
 
 def measured(heights: ArrayLike, spacing: float | str | tuple[float | str, ...]) -> Roughness:
-    """Of a measured topography.
+    """Return the roughness of a measured topography.
 
-    Tilt and bow are taken off (a plane and parabola by least squares). Slopes and curvatures are those of
-    differences between neighbours: of the finest scale that was measured, be it the surface's or the
-    instrument's (of a probe's tip, no slope beyond it is real).
+    Tilt and bow are subtracted (a plane and parabola by least squares). Slopes and curvatures are
+    differences between neighbours: they belong to the finest measured scale, of the surface or the
+    instrument.
 
     Args:
-        heights: m, [n] of a line scan, or [n, m] of a map.
-        spacing: m between neighbours; of a map one for both directions, or one for each.
+        heights: m, [n] for a line scan, or [n, m] for a map.
+        spacing: m between neighbours; for a map one for both directions, or one for each.
 
     Raises:
         QuantityError: there is no lateral scale, heights are missing, too few, or all alike.
@@ -152,11 +152,11 @@ def measured(heights: ArrayLike, spacing: float | str | tuple[float | str, ...])
 
 
 def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness:
-    """Of the file of an instrument, in any of the formats that the package SurfaceTopography reads.
+    """Return the roughness from an instrument's file, in any format that SurfaceTopography reads.
 
     Args:
         path: the file.
-        channel: which of its height channels.
+        channel: number of the height channel.
 
     Raises:
         QuantityError: the file cannot be read, has no such channel, no unit or no lateral scale.
@@ -183,7 +183,7 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
 
 
 def of_topography(scan: Any, name: str = "topography") -> Roughness:
-    """Of an object of SurfaceTopography: a line scan or map with its unit.
+    """Return the roughness of a SurfaceTopography object: a line scan or map with its unit.
 
     Raises:
         QuantityError: it has no unit, no lateral scale, or points that were not measured.

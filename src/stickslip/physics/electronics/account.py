@@ -62,24 +62,24 @@ def electrical(
     loss tangent. Noise of a recording is current, too: smooth it first.
 
     Args:
-        source: the voltage at the piezo: a waveform in V, without jumps (`driven` gives one); or a recording
+        source: voltage at the piezo: a waveform in V without jumps (`driven` returns one); or a recording
             or trajectory with "time" and "drive_voltage".
-        stack: its numbers.
-        duration: s, of a waveform; left out, its own.
-        times: s, ascending, within the run: the account is told there, as exactly; left out, it is told at
-            the points that it is made of.
-        ambient: K, of the surroundings; the stack begins at that.
-        tolerance: V, greatest error of the lines by which a waveform is drawn.
-        dependence: how capacitance and gain go with the temperature; the loss goes with the capacitance, and
-            all are fed back. Left out, they do not.
+        stack: the stack.
+        duration: s; by default the duration of the waveform.
+        times: s, ascending, within the run: times of the result; by default the points of
+            the computation.
+        ambient: K, of the surroundings; the initial temperature of the stack.
+        tolerance: V, largest error of the lines that approximate a waveform.
+        dependence: dependence of capacitance and gain on temperature; the loss follows the capacitance, and
+            all are fed back. By default none.
 
     Returns:
-        Over "time", the times asked for, or those of the lines or samples, and closer where the stack's
+        Dataset over "time", the given times, or those of the lines or samples, and closer where the stack's
         temperature bends: `drive_voltage` [V], `charge` [C] and `temperature` [K] at each point, `current`
         [A], `reactive_power` (into the field, negative: out of it) and `loss_power` [W] from it to the next;
-        with a `dependence` `gain_factor` at each point: an actuator then has so many times its gain. Of
-        the whole: `peak_current`, `rms_current`, `mean_loss`, and `steady_temperature`, which it would have
-        at last if it went on like this: infinite, if the loss grows faster than the heat leaves.
+        with a `dependence` also `gain_factor` at each point, which multiplies the actuator's gain. For
+        the whole: `peak_current`, `rms_current`, `mean_loss`, and `steady_temperature`, the final temperature
+        if the run continued: infinite if the loss grows faster than the heat leaves.
 
     Raises:
         QuantityError: a waveform without a duration, in m or with a jump, which takes an infinite current; a
@@ -212,7 +212,7 @@ def _samples(recording: Any) -> tuple[Array, Array]:
 
 
 def _held(values: Array) -> Array:
-    """Of each interval, at its begin; at the very end that of the last one."""
+    """Return the value of each interval at its start; at the end, the value of the last interval."""
     return np.append(values, values[-1])
 
 

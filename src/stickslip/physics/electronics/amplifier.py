@@ -5,7 +5,7 @@ r"""An amplifier that charges the capacitance of a piezo: bandwidth, slew rate, 
           \tau = \frac{1}{2\pi f_B} + R_o C_p, \qquad R = \min\left(R_{max}, \frac{I}{C_p}\right)
 
 The peak current flows for a limited window, as the data sheets have it: I is I_max while the mean square of
-the current, forgotten exponentially, is below the square of the rms current, and I_rms from then on, until
+the current, with exponential forgetting, is below the square of the rms current, and then I_rms, until
 the demand falls below it,
 
 .. math:: T \dot q = i^2 - q, \qquad I = I_{max} \ (q < I_{rms}^2), \quad I_{rms} \ (q = I_{rms}^2), \qquad
@@ -20,8 +20,8 @@ rms and at most 10 % of the bandwidth, with 717 kHz and 2.35 ohm; two lags in a 
 and 30 nF that amplifier peaks (759 and 720 kHz), which neither does, and at 110 uF both are 30 to 35 % too
 slow.
 
-A charge amplifier is none of these: into the linear capacitance here, charge and voltage are the same. What
-it saves is hysteresis between both, which belongs to the piezo's model.
+A charge amplifier is not covered: with a linear capacitance, charge and voltage are equivalent. What
+it avoids is the hysteresis between both, which belongs to the piezo's model.
 """
 
 from __future__ import annotations

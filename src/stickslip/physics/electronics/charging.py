@@ -64,14 +64,19 @@ def _mean_square(of, t, before, slope, bend):
 
 
 def _until_as_fast(tau, rate, s, bend):
-    """How long [s] until an output that begins `bend` [V] from following a slope s [V/s] is as fast as
-    `rate`, below abs(s)."""
+    """Return the time [s] at which the output rate reaches `rate`, below abs(s).
+
+    The output approaches a ramp of slope s [V/s] from an initial deviation `bend` [V].
+    """
     return -tau * math.log(tau * (rate - abs(s)) / (bend if s > 0.0 else -bend))
 
 
 def _ramped(of, d, over, side, s, rate, square, folded, least):
-    """Of d seconds at the limit: how many it lasts (at least the `least`), the mean square and whether the
-    steady current limits after them, and whether that is the end of the piece."""
+    """Return a part of d seconds at the limit.
+
+    Four results: its duration (at least `least`), the mean square, whether the steady current limits
+    afterwards, and whether the part reaches the end of the piece.
+    """
     to_end = True
     closing = rate - side * s
     if closing > 0.0 and over < closing * d:
@@ -91,7 +96,7 @@ def _ramped(of, d, over, side, s, rate, square, folded, least):
 
 
 def _lagged(of, d, gap, s, rate, square, folded, least):
-    """As `_ramped`, of d seconds below the limit."""
+    """Return a part of d seconds below the limit; results as `_ramped`."""
     to_end = True
     bend = gap - s * of.tau
     if abs(s) > rate and of.tau > 0.0:  # it falls behind until the limit is reached

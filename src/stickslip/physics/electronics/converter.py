@@ -76,7 +76,7 @@ def dac_output(dac: Dac, numbers: ArrayLike) -> NDArray[np.float64]:
 
 
 def adc_output(adc: Adc, volts: ArrayLike) -> NDArray[np.float64]:
-    """The voltages as the converter's codes stand for them, V, of the same shape."""
+    """Return the voltages of the converter's codes, V, in the same shape."""
     return _at_steps(adc, np.rint((array_si(volts, "V", "volts") - adc.low) / adc.step))
 
 

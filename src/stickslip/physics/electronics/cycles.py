@@ -18,8 +18,10 @@ Index = NDArray[np.int64]
 
 
 def turning_points(values: Array) -> Index:
-    """Where a signal begins to move, turns (a flat stretch at its begin), and ends to move; none if it never
-    does."""
+    """Return the indices where a signal starts to move, turns (start of a flat stretch), and stops moving.
+
+    Empty if it never moves.
+    """
     step = np.diff(values)
     moving = np.flatnonzero(step)
     turns = moving[np.flatnonzero(np.diff(np.sign(step[moving])))] + 1
@@ -27,12 +29,11 @@ def turning_points(values: Array) -> Index:
 
 
 def half_cycles(values: Array) -> tuple[Array, Index, Array, Array]:
-    """Swing [V] of each half cycle; and the pieces of its way: of which half cycle each is, and from where
-    to where it goes, in samples and parts of them. A closed cycle is two of them, what is left open at the
-    end is single ones.
+    """Return the swing [V] of each half cycle, and the pieces of its path.
 
-    A small cycle within a large one interrupts the large one's way, which goes on where the voltage comes
-    back to where the small one began.
+    For each piece: the index of its half cycle, and its start and end, in samples and fractions. A closed
+    cycle is two half cycles; what stays open at the end is single ones. A small cycle interrupts the path of
+    a large one, which continues where the voltage returns to the start of the small one.
     """
     swings, which = list[float](), list[int]()
     begins, ends = list[float](), list[float]()
@@ -68,7 +69,7 @@ def half_cycles(values: Array) -> tuple[Array, Index, Array, Array]:
 
 
 def _reached(values: Array, first: int, last: int, level: float) -> float:
-    """Where a signal that only rises, or only falls, from one sample to another passes a level."""
+    """Return the position where a monotonic part of a signal passes a level, in samples."""
     way = values[first : last + 1]
     rising = way[-1] >= way[0]
     k = int(np.searchsorted(way if rising else -way, level if rising else -level))

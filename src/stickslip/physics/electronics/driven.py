@@ -1,13 +1,12 @@
-"""From the drive that is asked for to the voltage at the piezo.
+"""Voltage at the piezo for a requested drive.
 
-The target is drawn by lines, with more points where it bends, and what the amplifier makes of lines is known
-in closed form (see `charging`); half of the tolerance is for either. A lag and a limit of the slope pass no
-error on enlarged, so the tolerance is a bound; where the current folds back (see `amplifier`), the moment at
-which it does moves with the target: there lines are eight times as fine, and the tolerance is an estimate.
+The target is approximated by lines, and the response of the amplifier to lines has a closed form (see
+`charging`); each has half of the tolerance. A lag and a slope limit do not enlarge errors, so the tolerance
+is a bound. With current foldback (see `amplifier`), the switching time depends on the target: lines are then
+eight times as fine, and the tolerance is an estimate.
 
-Under a periodic drive the first periods differ, later ones repeat: as soon as a period ends so close to the
-state that it began in that all later ones together move on by no more than a small part of the tolerance, it
-is repeated.
+Under a periodic drive the response becomes periodic. A period is repeated as soon as the remaining drift of
+all later periods together is a small part of the tolerance.
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ from .lines import PiecewiseLinear, clipped, jumps, lines_of
 
 Array = NDArray[np.float64]
 
-# Of the tolerance, what all later periods may together move on by from the one that is repeated; of the
-# square of the rms current, what the mean square may.
+# Largest drift of all later periods, as a share of the tolerance; and of the mean square current, as a
+# share of the squared rms current.
 _SAME_VOLTS, _SAME_SQUARE = 0.02, 1e-4
 _MOST_PERIODS = 100_000
 # By how many times lines are finer where the current folds back (docs/decisions/electronics.md).
@@ -43,11 +42,11 @@ def driven(
     *,
     tolerance: float | str = 5e-3,
 ) -> Waveform:
-    """The voltage at the piezo when an amplifier is asked for a waveform.
+    """Return the voltage at the piezo when an amplifier plays a waveform.
 
     Args:
-        amplifier: its numbers; gain and offset are not used, for the waveform is in volts at the piezo. What
-            it asks beyond the amplifier's range is cut off.
+        amplifier: gain and offset are not used, because the waveform is in volts at the piezo. What
+            exceeds the amplifier's range is cut off.
         waveform: V; before t = 0 the amplifier rests at its value there.
         capacitance: F, of the piezo, at the amplitude in question.
         duration: s, for which it is computed.
@@ -116,7 +115,7 @@ def driven_period(
 
 
 def _for_lines(of: ChargingLimits, tolerance: float) -> float:
-    """What lines may be off by, for an output within the tolerance, V."""
+    """Return the largest error of the lines for an output within the tolerance, V."""
     return tolerance / _FINER if math.isfinite(of.memory) else tolerance
 
 
@@ -138,7 +137,7 @@ def _follows(of: ChargingLimits, amplifier: Amplifier, waveform: Waveform) -> bo
 def _asked(
     of: ChargingLimits, amplifier: Amplifier, waveform: Waveform, duration: float, tolerance: float
 ) -> PiecewiseLinear:
-    """What the amplifier aims at, as lines within half of the tolerance."""
+    """Return the target of the amplifier, as lines within half of the tolerance."""
     if waveform.unit != "V":
         raise QuantityError(f"{type(waveform).__name__} is in {waveform.unit}: an amplifier gives volts")
     lines = lines_of(waveform.drive(duration), duration, 0.5 * tolerance)
@@ -159,7 +158,7 @@ def _answer(
     of: ChargingLimits, asked: PiecewiseLinear, state: Array, tolerance: float
 ) -> tuple[Array, Array]:
     """Times and volts of the output, from the state on, which is left as it is at the end."""
-    if of.tau == 0.0 and math.isinf(of.rate):  # it does as it is told
+    if of.tau == 0.0 and math.isinf(of.rate):  # the output equals the target
         state[0] = asked.end
         return asked.bounds, np.append(asked.values, state[0])
     return charged(of, *asked[1:], state, 0.5 * tolerance)
@@ -168,8 +167,11 @@ def _answer(
 def _until_it_repeats(
     of: ChargingLimits, asked: PiecewiseLinear, tolerance: float, most: int, keep: bool = True
 ) -> tuple[list[Array], list[Array], Array, bool]:
-    """Period after period, until one ends as it began: times, from the begin of the first one, and volts of
-    each (of the last one only, unless they are to be kept); the state at the end; whether it repeats."""
+    """Follow period after period, until one ends as it started.
+
+    Returns the times from the start of the first period and the volts of each period (only of the last one
+    unless `keep`), the state at the end, and whether the response repeats.
+    """
     state, times, volts = rest(asked.before), list[Array](), list[Array]()
     period = asked.bounds[-1]
     for k in range(most):
@@ -189,7 +191,7 @@ def _until_it_repeats(
 
 
 def _joined(times: list[Array], volts: list[Array]) -> tuple[Array, Array]:
-    """One after the other; where one ends and the next begins there is one point."""
+    """Join parts; where one ends and the next starts there is one point."""
     t = np.concatenate([times[0], *(part[1:] for part in times[1:])])
     u = np.concatenate([volts[0], *(part[1:] for part in volts[1:])])
     fresh = np.append(True, np.diff(t) > 0.0)
@@ -197,7 +199,7 @@ def _joined(times: list[Array], volts: list[Array]) -> tuple[Array, Array]:
 
 
 def _period(times: Array, volts: Array, period: float) -> Sampled:
-    """One period, its end being the begin of the next."""
+    """Return one period; its end is the start of the next."""
     t = times - times[0]
     within = t < period * (1.0 - SLIVER)
     return Sampled(t[within], volts[within], period=period)

@@ -1,6 +1,6 @@
 """Low-pass filters: the IIR filter of a signal processor, the anti-alias filter, a sensor's bandwidth.
 
-All begin settled at the first sample, as one that has been running for long.
+All start in the steady state of the first sample.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class InductiveSensor(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Of what it gives out."""
+        """Unit of the output."""
         return "V"
 
     def sense(

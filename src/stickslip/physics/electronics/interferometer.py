@@ -20,7 +20,7 @@ class PositionSensor(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Of what it gives out."""
+        """Unit of the output."""
         return "m"
 
     def sense(
@@ -50,7 +50,7 @@ class Interferometer(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Of what it gives out."""
+        """Unit of the output."""
         return "m"
 
     sense = _counted
@@ -67,7 +67,7 @@ class Encoder(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Of what it gives out."""
+        """Unit of the output."""
         return "rad"
 
     sense = _counted

@@ -86,7 +86,7 @@ def _values(drive: Drive, segment: Index, t: Array) -> Array:
 
 
 def _harmonics(drive: Drive, segment: Index) -> Iterator[tuple[Index, Index]]:
-    """Rows of the j-th harmonic of each segment that has so many, and which segments those are."""
+    """Yield, for each j, the rows of the j-th harmonic and the segments that have it."""
     count = np.diff(drive.first)[segment]
     for j in range(int(count.max(initial=0))):
         has = np.flatnonzero(count > j)
@@ -116,5 +116,5 @@ def clipped(lines: PiecewiseLinear, low: float, high: float) -> PiecewiseLinear:
 
 
 def jumps(lines: PiecewiseLinear) -> tuple[Array, Array]:
-    """What is jumped at each bound but the last [V], the first of them from rest; and the times of them."""
+    """Return the jumps at each bound except the last [V], the first from rest, and their times."""
     return lines.values - np.append(lines.before, lines.ends[:-1]), lines.bounds[:-1]

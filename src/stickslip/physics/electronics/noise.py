@@ -32,7 +32,7 @@ def random_walk(
 
 
 def delayed(signal: NDArray[np.float64], sample_rate: float, delay: float) -> NDArray[np.float64]:
-    """The signal [n], later by `delay` s; before it begins it was like its first sample."""
+    """Return the signal [n] delayed by `delay` s; before the start it equals its first sample."""
     if delay == 0.0:
         return signal
     times = np.arange(signal.size, dtype=float)

@@ -77,7 +77,7 @@ class OutputStage(NamedTuple):
 
     @property
     def updates(self) -> bool:
-        """Whether the output changes at updates only."""
+        """True if the output changes at updates only."""
         return math.isfinite(self.update_rate)
 
     @property

@@ -76,7 +76,7 @@ def _part(name: str, file: Path, content: dict[str, Any]) -> Part:
 
 
 def load_amplifier(name: str | os.PathLike[str]) -> Amplifier:
-    """The amplifier of that name, ``load_amplifier("pd200x4")``, or of a TOML file.
+    """Return the amplifier with a name, ``load_amplifier("pd200x4")``, or from a TOML file.
 
     Raises:
         ParameterSetError: as `load_part`; or it is no amplifier.
@@ -85,7 +85,7 @@ def load_amplifier(name: str | os.PathLike[str]) -> Amplifier:
 
 
 def load_stack(name: str | os.PathLike[str]) -> Stack:
-    """The stack of that name, ``load_stack("nac2022-h50")``, or of a TOML file.
+    """Return the stack with a name, ``load_stack("nac2022-h50")``, or from a TOML file.
 
     Raises:
         ParameterSetError: as `load_part`; or it is no stack.

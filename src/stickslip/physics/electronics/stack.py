@@ -58,7 +58,7 @@ class Stack(NamedTuple):
         return self.thermal_resistance * self.heat_capacity
 
     def cycle_loss(self, swing: ArrayLike) -> Array:
-        """What a closed cycle of this swing [V] loses, J, in an array of its shape."""
+        """Return the loss of a closed cycle with this swing [V], J, in an array of its shape."""
         u = np.abs(array_si(swing, "V", "swing"))
         more = 1.0 + (self.loss_factor - 1.0) * u / self.full_voltage
         return 0.25 * math.pi * self.capacitance * self.loss_tangent * more * u * u
@@ -66,9 +66,10 @@ class Stack(NamedTuple):
 
 @record
 class TemperatureDependence(NamedTuple):
-    """How gain and capacitance go with the temperature, linearly, from `low` to `high`: outside it is not
-    used. In the cold a line says nothing: at 4 K the gain is 20 to 30 % of that at room temperature
-    [pi2009]."""
+    """Linear dependence of gain and capacitance on temperature, from `low` to `high`.
+
+    Not valid outside this range: at 4 K the gain is 20 to 30 % of the gain at room temperature [pi2009].
+    """
 
     reference: Annotated[float, Quantity("K", "ϑ_0", "temperature of the values", minimum=0)]
     gain: Annotated[float, Quantity("1/K", "α_G", "change of the gain")]

@@ -38,7 +38,7 @@ class StrainGauge(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Of what it gives out."""
+        """Unit of the output."""
         return "V"
 
     def sense(

@@ -81,7 +81,8 @@ class BoucWen(NamedTuple):
 
 
 def decay_of(of, h, up):
-    """r of dh/du = α - r h on a way in the direction `up`, on the side of h; at 0 that which it moves to."""
+    """Return r of dh/du = α - r h for motion in the direction `up`, on the side of h (at 0, of the
+    motion)."""
     side = up if h == 0.0 else math.copysign(1.0, h)
     return of.beta * up + of.gamma * side
 

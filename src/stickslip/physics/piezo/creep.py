@@ -57,8 +57,8 @@ class Creep(NamedTuple):
 
     @property
     def per_decade(self) -> float:
-        """The mean share over the distance of the terms in decades: what `logarithmic` takes. A single term
-        is taken to stand for half a decade."""
+        """Mean share per decade of time: the argument of `logarithmic`. A single term counts for half a
+        decade."""
         return sum(self.shares) / len(self.shares) / distance(self.time_constants)
 
 
@@ -71,8 +71,10 @@ def spread(begin: float, end: float) -> Array:
 
 
 def distance(times: Sequence[float] | Array) -> float:
-    """How many decades time constants [s] are apart, in the mean: what a term of the logarithmic law stands
-    for. Their number is whole, so that it is 1/`PER_DECADE` of few spans only."""
+    """Return the mean distance of time constants [s] in decades.
+
+    Each term of the logarithmic law represents this span.
+    """
     if len(times) < FEWEST:
         return 1.0 / PER_DECADE
     return float(np.log10(times[-1] / times[0])) / (len(times) - 1)

@@ -84,7 +84,7 @@ def register(
 
 
 def is_duhem(candidate: object) -> bool:
-    """Whether the object is a record registered here."""
+    """Return whether the object is a record registered here."""
     return type(candidate) in _IMPLEMENTATIONS
 
 

@@ -87,7 +87,7 @@ class MaxwellCapacitor(NamedTuple):
         gain: float | str,
         stiffness: float | str,
     ) -> MaxwellCapacitor:
-        """The two-port whose unloaded stage follows a slow voltage as the plays say.
+        """Return the two-port whose unloaded stage follows a slow voltage like the plays.
 
         Args:
             plays: one of threshold 0 among them, without dead zones, with weights that sum to 1 (the gain is
@@ -97,7 +97,7 @@ class MaxwellCapacitor(NamedTuple):
             stiffness: N/m, of piezo and stage together.
 
         Raises:
-            QuantityError: such plays there are none, or the gain or stiffness is not above 0.
+            QuantityError: the plays are not of this form, or the gain or stiffness is not above 0.
         """
         of_kind(plays, PrandtlIshlinskii, "plays")
         farad, gain = to_si(capacitance, "F", "capacitance"), to_si(gain, "m/V", "gain")
@@ -114,7 +114,7 @@ class MaxwellCapacitor(NamedTuple):
             )
         slope = np.cumsum(w)  # of the plays on their first way, between the thresholds
         wanted = np.cumsum(np.diff(r) * slope[:-1])  # their output where each is taken along
-        charge = farad + gain**2 * stiffness  # per volt of that output
+        charge = farad + gain**2 * stiffness  # charge per volt of the plays' output
         lost = -np.diff(1.0 / slope)
         return cls(
             farad,

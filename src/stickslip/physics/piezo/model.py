@@ -13,8 +13,11 @@ from .maxwell_capacitor import MaxwellCapacitor
 
 @record
 class Piezo(NamedTuple):
-    """`hysteresis`, a model of it (`PrandtlIshlinskii`, `MaxwellCapacitor`), and `creep` of what that gives
-    (`Creep`); None: there is none. The actuator's gain times what they give is the stroke at rest."""
+    """Model of a piezo: hysteresis of the drive, then creep.
+
+    `hysteresis` is a `PrandtlIshlinskii`, `BoucWen`, `MaxwellCapacitor` or your own model, `creep` a `Creep`;
+    None leaves out either. The stroke at rest is the actuator's gain times the result.
+    """
 
     hysteresis: Any = None
     creep: Any = None

@@ -31,8 +31,11 @@ REST = Quantity("V", "u", "voltage at which it rested")
 
 
 class Operators(NamedTuple):
-    """As the engine takes them: thresholds r [V] and weights w of the plays, ends s [V],
-    ascending, slopes c and skews d of the dead zones."""
+    """Operators as the engine takes them.
+
+    Thresholds r [V] and weights w of the plays; ends s [V], ascending, slopes c and skews d of the dead
+    zones.
+    """
 
     threshold: Array
     weight: Array
@@ -62,7 +65,7 @@ def play(v, r, z):
 
 
 def beyond(u, s):
-    """How far the drive value u is beyond the end s of a dead zone."""
+    """Return the excess of the drive value u over the end s of a dead zone."""
     return max(u - s, 0.0)
 
 
