@@ -98,7 +98,7 @@ def design(page: Page) -> None:
     front.focus()
     for _ in range(12):
         page.keyboard.press("ArrowRight")
-    page.get_by_role("button", name="What would this recording tell?").last.click()
+    page.get_by_role("button", name="Information in this recording").last.click()
     told = page.locator("section", has_text="What a recording would tell")
     told.locator("tbody tr").first.wait_for(timeout=SLOW)
 

@@ -141,11 +141,11 @@ def bench(page: Page) -> Iterator[State]:
 
 def identify(page: Page) -> Iterator[State]:
     page.locator(".identify[data-phase=done]").wait_for()
-    expect(page.get_by_label("The way on")).to_be_visible()
+    expect(page.get_by_label("Next steps")).to_be_visible()
     yield "a fit and the way on", "html"
     page.get_by_text("Notes on the recordings").click()
     page.get_by_role("button", name="Save as parameter set").click()
-    expect(page.get_by_label("The way on").get_by_role("alert")).not_to_be_empty()
+    expect(page.get_by_label("Next steps").get_by_role("alert")).not_to_be_empty()
     yield "a step that is refused", "html"
 
 
@@ -173,7 +173,7 @@ def design(page: Page) -> Iterator[State]:
     page.locator("section.design-front .picture").focus()
     for _ in range(100):  # to its fastest drive
         page.keyboard.press("ArrowRight")
-    page.get_by_role("button", name="What would this recording tell?").nth(1).click()
+    page.get_by_role("button", name="Information in this recording").nth(1).click()
     page.locator(".design-tells table").wait_for()
     yield "a front, a drive of it, and what a recording would tell", "html"
     page.get_by_label("Greatest voltage").first.fill("0 V")

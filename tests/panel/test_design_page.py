@@ -111,7 +111,7 @@ def test_from_a_search_to_the_bench(panel: Panel, opened: Page) -> None:
     assert float(str(speed)) == pytest.approx(found.speeds[0], rel=1e-3), "what the drive on the right does"
     assert opened.locator(".design-fresh canvas").count() > 0
 
-    opened.get_by_role("button", name="What would this recording tell?").nth(1).click()
+    opened.get_by_role("button", name="Information in this recording").nth(1).click()
     expect(opened.locator(".design-tells tbody tr")).to_have_count(5)
     opened.get_by_role("button", name="Send to the bench").nth(1).click()
     opened.get_by_role("link", name="to the bench").click()

@@ -1,4 +1,4 @@
-"""The way on from a fit in a browser: parameter set, prediction, drive on the bench, verification, report."""
+"""Next steps after a fit in a browser: parameter set, prediction, drive, verification, report."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_from_a_walk_to_a_verified_model(page: Page, panel: Panel) -> None:
     fit = next(panel.folder.glob("fits/*")).relative_to(panel.folder).as_posix()
     walk = next(panel.folder.glob("recordings/*/forward.nc")).relative_to(panel.folder).as_posix()
 
-    way = page.get_by_label("The way on")
+    way = page.get_by_label("Next steps")
     expect(way.get_by_role("button", name="Predict")).to_be_disabled()
     way.get_by_label("Name of the parameter set").fill("brass")
     way.get_by_role("button", name="Save as parameter set").click()
@@ -67,7 +67,7 @@ def test_from_a_walk_to_a_verified_model(page: Page, panel: Panel) -> None:
 
     page.click("text=Identify")
     expect(page.locator(".identify-list tbody tr")).to_have_count(2)  # no prediction among what can be fitted
-    way = page.get_by_label("The way on")
+    way = page.get_by_label("Next steps")
     expect(way.get_by_label("Recording to verify on")).to_have_value(made)
     expect(way.get_by_label("Recording to verify on").locator(f"option[value='{walk}']")).to_have_count(0)
     way.get_by_role("button", name="Verify").click()

@@ -1,4 +1,4 @@
-"""The way on from a fit without a browser: what is refused, and files that never answer."""
+"""Next steps after a fit without a browser: what is refused, and files that never answer."""
 
 from __future__ import annotations
 

@@ -102,12 +102,13 @@ class Learnt:
         return rms
 
     def contraction(self, loop: Loop, frequencies: ArrayLike | None = None) -> Array:
-        """By how much the error becomes less in a run, at frequencies [Hz] (by default all up to half the
-        rate): see the module. It converges where the greatest is below 1.
+        """Return the factor by which one repetition multiplies the error, at each frequency [Hz].
+
+        Learning converges if the largest factor is below 1. See the module for the equation.
 
         Args:
-            loop: of `control.loops.sampled_loop`.
-            frequencies: Hz.
+            loop: result of `control.loops.sampled_loop`.
+            frequencies: Hz; by default all up to half the update rate.
         """
         known = loop.frequencies
         angle, control = 2.0 * math.pi * known / loop.rate, self.regulator.response(known)

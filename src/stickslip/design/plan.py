@@ -190,7 +190,10 @@ def _half_widths(
 
 
 def _gain(every: Seen, default: Seen, goal: PlanGoal) -> Array:
-    """How many times smaller the error of the goal is by each candidate [n] than by the default."""
+    """Return how many times smaller the goal's error is with each candidate [n] than by default.
+
+    Both are compared at equal measuring time: an error falls with the square root of the duration.
+    """
     usual = criterion(default, goal)[0] + 0.5 * math.log(float(default.duration[0]))
     with np.errstate(over="ignore", invalid="ignore"):
         return np.exp(usual - criterion(every, goal)[0] - 0.5 * np.log(every.duration[0]))

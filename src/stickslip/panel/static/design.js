@@ -80,7 +80,7 @@ export async function mount(element, app) {
   const place = (name) => h("div", { class: `design-canvas ${name}` });
   const mapPlace = place("map"), frontPlace = place("front");
   const key = h("p", { class: "soft small-text design-key" }, h("span", { class: "ramp" }), "0 to ", h("output", {}), h("span", { class: "ramp back" }), "backwards", h("span", { class: "hatch" }), "no steady step");
-  const empty = h("p", { class: "soft" }, "What more speed costs: find the front, then point at it.");
+  const empty = h("p", { class: "soft" }, "Speed against current: find the front, then point at it.");
   const results = card("results", "In every condition", h("p", { class: "soft" }, "Find the fastest drive: it is compared with the best sawtooth in every condition."));
   const telling = card("tells", "What a recording would tell", h("p", { class: "soft" }, "Ask it of a drive: how narrow the 95 % intervals of a fit to 0.4 s of it would be, beside those of 65 V, 5 Hz for as long."));
   const sides = { old: side("old", "Sawtooth at the cursor"), fresh: side("fresh", "New drive") };
@@ -97,7 +97,7 @@ export async function mount(element, app) {
     const canvas = place(name);
     const of = { drive: null };
     const act = (text, does) => h("button", { type: "button", class: "small", disabled: true, onclick: () => does(of).catch(say) }, text);
-    const acts = [act("Send to the bench", send), act("What would this recording tell?", tell)];
+    const acts = [act("Send to the bench", send), act("Information in this recording", tell)];
     const empty = name === "fresh" ? "Find the fastest drive, or point at the front." : "";
     const motions = latestWins({
       ask: (drive) => app.request("/api/design/motion", { ...asked(), drive }),

@@ -1,4 +1,4 @@
-// The way on from a fit: save it as a parameter set, predict a drive, send that to the bench, verify on what was
+// Next steps after a fit: save it as a parameter set, predict a drive, send that to the bench, verify on what was
 // recorded, read the report. Each step is a button, and leaves something in the history.
 
 import { h } from "./dom.js";
@@ -14,7 +14,7 @@ export function pathCard(app, fit) {
   const said = h("p", { class: "path-said", role: "status" });
   const steps = h("ol", { class: "path" });
   const canvas = h("div", { class: "path-canvas", hidden: true });
-  const card = h("section", { class: "card", "aria-label": "The way on" }, h("h2", {}, "The way on"), steps, fault, said, canvas);
+  const card = h("section", { class: "card", "aria-label": "Next steps" }, h("h2", {}, "Next steps"), steps, fault, said, canvas);
   let plot = null;
   let gone = false;
   const called = (name) => {
