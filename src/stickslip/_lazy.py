@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from difflib import get_close_matches
 from typing import Any
 
 import lazy_loader
 
 
 def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """Return `__getattr__`, `__dir__` and `__all__` of a package; a missing extra is named."""
+    """Return `__getattr__`, `__dir__` and `__all__` of a package.
+
+    An error names a missing extra, and the nearest name of a mistyped one.
+    """
     imported, names, listed = lazy_loader.attach_stub(package, file)
 
     def found(name: str) -> Any:
         try:
             return imported(name)
+        except AttributeError as error:
+            if name in listed:
+                raise
+            close = get_close_matches(name, listed, n=1)
+            hint = f": did you mean {close[0]!r}?" if close else f"; dir({package}) lists the names"
+            raise AttributeError(f"{package} has no {name!r}{hint}", name=name) from error
         except ModuleNotFoundError as missing:
             lacking = str(missing.name).partition(".")[0]
             if lacking == "stickslip":

@@ -177,15 +177,15 @@ def check_output(out: Path) -> None:
             raise ModuleNotFoundError(name=name)
     existing = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
     if not existing.is_dir():
-        raise ValueError(f"--out {out}: {existing} is a file, not a folder")
+        raise ValueError(f"--out {out}: {existing} is a file, not a folder; name another folder")
     for tries_left in range(_TRIES, -1, -1):
         try:
             return _try_to_write(out)
         except FileNotFoundError as error:  # another command has tried the same new folder, and cleared up
             if not tries_left:
-                raise OSError(error.errno, error.strerror, f"--out {out}") from None
+                raise OSError(error.errno, f"{error.strerror}; name another folder", f"--out {out}") from None
         except OSError as error:
-            raise OSError(error.errno, error.strerror, f"--out {out}") from None
+            raise OSError(error.errno, f"{error.strerror}; name another folder", f"--out {out}") from None
 
 
 def _try_to_write(out: Path) -> None:

@@ -99,7 +99,9 @@ def _address(text: str) -> tuple[str, int | None]:
         socket.getaddrinfo(host or "?", None)
     except (OSError, UnicodeError) as error:
         said = getattr(error, "strerror", None) or error
-        raise ValueError(f"--at {text}: there is no host {host!r}: {said}") from None
+        raise ValueError(
+            f"--at {text}: there is no host {host!r}: {said}; check name and network, or give its IP address"
+        ) from None
     return host, int(port) if port else None
 
 

@@ -47,7 +47,10 @@ def read_netcdf(path: Path) -> Netcdf:
             classic = file.read(3) == b"CDF"
         if classic:
             raise GateError(f"{path}: NetCDF 3 (classic); 4 is read: nccopy -k nc4 OLD.nc NEW.nc makes one")
-        raise GateError(f"{path}: not a readable NetCDF 4 file (cut off or damaged?): no HDF5 signature")
+        raise GateError(
+            f"{path}: not a readable NetCDF 4 file (cut off or damaged?): no HDF5 signature. "
+            "Other formats are read by ss.read_recording"
+        )
     with hdf5_tree(path) as tree:
         arrays = {n: one for n, one in tree.root.members.items() if isinstance(one, Hdf5Array)}
         check_count(path, len(arrays), LIMITS.channels, "variables")

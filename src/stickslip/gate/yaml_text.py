@@ -61,7 +61,10 @@ def load_yaml(raw: bytes | str, source: str) -> Any:
     except GateError:
         raise
     except (yaml.YAMLError, ValueError, OverflowError) as error:  # a date that does not exist, say
-        raise GateError(f"{source} is no YAML: {' '.join(str(error).split())}") from error
+        said = " ".join(str(error).replace('"<unicode string>"', "it").split())
+        raise GateError(
+            f"{source} is no YAML: {said}. Check brackets, quotes and indentation there"
+        ) from error
 
 
 class _Built:

@@ -43,7 +43,8 @@ class Index:
     def __init__(self, folder: str | os.PathLike[str], read: Reader | None = None) -> None:
         self.folder = Path(folder).resolve()
         if not self.folder.is_dir():
-            raise NotADirectoryError(20, "there is no such folder", str(folder))
+            said = "is a file, not a folder" if self.folder.exists() else "there is no such folder"
+            raise NotADirectoryError(20, f"{said}; name the folder of your recordings", str(folder))
         self.patience = math.inf  # s in which one question reads new files; others are listed as not read yet
         self._own = Reader() if read is None else None
         self._read: Reader = read or self._own  # type: ignore[assignment]

@@ -79,7 +79,7 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
         FitError: the file cannot be read, holds no fit, or one of the user's own law that is not known here.
     """
     types = saved_types()
-    with damaged(FitError, f"{path}: there is no fit in it"):
+    with damaged(FitError, f"{path}: there is no fit in it (ss.save_fit writes one)"):
         content = read_json(path)
         if content["format"] != FORMAT:
             raise ValueError(f"its format is {content['format']!r:.60}, not {FORMAT!r}")

@@ -29,7 +29,7 @@ def references() -> dict[str, str]:
 
 
 def keys_in(text: str) -> tuple[str, ...]:
-    """The known citation keys that stand in square brackets in a text, in order."""
+    """Return the known citation keys in square brackets in a text, in order."""
     bracketed = " ".join(re.findall(r"\[([^][]*)\]", text))
     return tuple(dict.fromkeys(word for word in re.findall(r"\w+", bracketed) if word in references()))
 
@@ -52,7 +52,9 @@ def citation_keys(thing: Any) -> tuple[str, ...]:
     if isinstance(thing, str):
         if not thing.endswith(".toml") and thing not in available_sets():
             hint = did_you_mean(thing, (*references(), *available_sets()))
-            raise ParameterSetError(f"there is no reference and no parameter set {thing!r}{hint}")
+            raise ParameterSetError(
+                f"there is no reference and no parameter set {thing!r}{hint}; `stickslip list` shows names"
+            )
         return load_set(thing).citations
     if not isinstance(thing, type) and hasattr(thing, "citation_keys"):
         return tuple(thing.citation_keys)

@@ -239,7 +239,10 @@ def yaml_mapping(text: bytes | str, source: str) -> dict[str, Any]:
 
 def _mapping(found: Any, source: str) -> dict[str, Any]:
     if not isinstance(found, dict):
-        raise InputFileError(f"{source}: the file must be a mapping, with 'title' and so on")
+        raise InputFileError(
+            f"{source}: the file must be a mapping, with 'title' and so on; "
+            "`stickslip new campaign RECORDING...` writes one for recordings"
+        )
     return found
 
 
@@ -251,13 +254,13 @@ def yaml_text(content: dict[str, Any]) -> str:
 def explain(
     path: str | os.PathLike[str], error: ValidationError, inside: str = "", *, content: Any
 ) -> InputFileError:
-    """What is wrong in a file, in one line: a mistyped key, else the first thing.
+    """Return an error for a file: the first mistyped key, or else the first error of the schema, in one line.
 
     Args:
-        path: of the file.
-        error: what the schema says.
-        inside: where in the file the content is, "steps.0.".
-        content: what was checked: the place is told by its keys, not by the schema's names of alternatives.
+        path: path of the file.
+        error: errors of the schema.
+        inside: place of the content in the file, such as "steps.0.".
+        content: content that was checked; its keys name the place.
     """
     found = error.errors(include_url=False)
     first = next((one for one in found if one["type"] == _UNKNOWN), found[0])
@@ -267,7 +270,25 @@ def explain(
     # A file that does not say its kind is wrong as a whole: there is no field to name.
     where = (inside + ".".join(place)).rstrip(".") or ("" if first["type"] in _NAMED else "kind")
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    return InputFileError(": ".join(filter(None, (str(path), where, f"{reason(first)}{more}"))))
+    message = f"{reason(first)}{more}"
+    if first["type"] in _NAMED and not place[1:] and "did you mean" not in message:
+        message += _other_command(content)
+    return InputFileError(": ".join(filter(None, (str(path), where, message))))
+
+
+def _other_command(content: Any) -> str:
+    """Return a hint to the command for the kind of file that the keys show; "" if they show none."""
+    keys = set(content) if isinstance(content, dict) else set()
+    kinds = {
+        "study": "measure" in keys,
+        "run": "steps" in keys,
+        "record": {"runs", "channels"} <= keys,
+        "move": "target" in keys,
+        "identify": "kind" in keys,
+        "campaign": "recordings" in keys,
+    }
+    found = next((command for command, shown in kinds.items() if shown), None)
+    return f". This looks like a file for `stickslip {found}`" if found else ""
 
 
 def reason(error: Any) -> str:
@@ -279,7 +300,7 @@ def reason(error: Any) -> str:
 
 
 def _about_kind(error: Any) -> str:
-    """What is wrong with the key that says which of several kinds a part is; "" for other errors."""
+    """Return the error in the key that selects the kind of a part; "" for other errors."""
     if error["type"] not in _TAG:
         return ""
     key = error["ctx"]["discriminator"].strip("'")
@@ -293,7 +314,7 @@ def _about_kind(error: Any) -> str:
 
 
 def _about_choice(error: Any) -> str:
-    """What is wrong with a value that must be one of a few words; "" for other errors."""
+    """Return the error in a value that must be one of a few words; "" for other errors."""
     if error["type"] != "literal_error":
         return ""
     words = re.findall("'([^']*)'", error["ctx"]["expected"])
@@ -301,7 +322,8 @@ def _about_choice(error: Any) -> str:
 
 
 def _keys(content: Any, place: Sequence[int | str]) -> list[str]:
-    """Of a place in a schema those parts that are keys of the content: the others name alternatives."""
+    """Return the parts of a schema location that are keys of the content; the other parts name
+    alternatives."""
     found = []
     for part in place:
         if (

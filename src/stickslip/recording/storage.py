@@ -49,7 +49,7 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
     """
     path = Path(path)
     if not path.is_file():
-        raise RecordingError(f"{path}: there is no such file, or it is none")
+        raise RecordingError(f"{path}: there is no such file, or it is a folder; check the name")
     try:
         recording = _stored(path)
     except GateError as error:

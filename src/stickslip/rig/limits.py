@@ -84,7 +84,9 @@ def check_drive(volts: Array, limits: Limits, can: Capabilities) -> None:
         (high, min(limits.max_voltage, can.max_voltage), 1, "above the greatest voltage"),
     ):
         if sign * (value - limit) > 1e-9 * max(abs(limit), 1.0):
-            raise LimitError(f"the drive reaches {value:.6g} V, {words} of {limit:.6g} V")
+            raise LimitError(
+                f"the drive reaches {value:.6g} V, {words} of {limit:.6g} V: change the drive or the limits"
+            )
     slew = float(np.abs(np.diff(volts, prepend=0.0)).max()) * can.update_rate
     if slew > limits.max_slew * (1 + 1e-9):
         raise LimitError(

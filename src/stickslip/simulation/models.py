@@ -91,7 +91,8 @@ def mechanism(model: Actuator | PulledSlider) -> Mechanism:
             rate=math.sqrt(stiffness),
         )
     if not isinstance(model, Actuator):
-        raise TypeError(f"a model is an Actuator or a PulledSlider, not {type(model).__name__}")
+        hint = f": load it first, ss.load_actuator({model!r:.60})" if isinstance(model, str) else ""
+        raise TypeError(f"a model is an Actuator or a PulledSlider, not {type(model).__name__}{hint}")
     slider = IMMOBILE._replace(
         clamped=model.clamped,
         gain=model.gain,

@@ -70,7 +70,8 @@ def period_of(waveform: Waveform) -> float:
     period = getattr(waveform, "period", None)
     if period is None:
         raise QuantityError(
-            f"steady stepping needs a periodic waveform; {type(waveform).__name__} has no period"
+            f"steady stepping needs a periodic waveform, such as Sawtooth or Sine; {type(waveform).__name__} "
+            "has no period"
         )
     return float(period)
 

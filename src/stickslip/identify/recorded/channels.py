@@ -40,10 +40,13 @@ def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Data
         raise RecordingError(f"a {type(recordings).__name__} is no recording: make_recording makes one")
     found = [recordings] if isinstance(recordings, xr.Dataset) else list(recordings)
     if not found:
-        raise RecordingError("there is no recording")
+        raise RecordingError("recordings is empty: give at least one, as ss.read_recording returns it")
     for i, recording in enumerate(found, start=1):
         if not isinstance(recording, xr.Dataset):
-            raise RecordingError(f"recording {i} is a {type(recording).__name__}, not an xarray.Dataset")
+            raise RecordingError(
+                f"recording {i} is a {type(recording).__name__}, not an xarray.Dataset: "
+                "ss.read_recording reads one from a file, ss.make_recording makes one from arrays"
+            )
         for name, variable in recording.variables.items():
             said = variable.attrs.get(SCALE_UNCERTAINTY, 0.0)
             if isinstance(said, str) or not 0.0 <= said < 1.0:
@@ -91,7 +94,10 @@ def channel(recording: xr.Dataset, name: str, where: str, varies: bool = False) 
     unit = f" [{meaning.unit}]" if meaning else ""
     if name not in recording:
         there = ", ".join(map(str, recording.data_vars)) or "no channel"
-        raise RecordingError(f"{where} has no {name}{unit}; it has {there}")
+        instead = " (or give drive=, where the call takes it)" if name == "drive_voltage" else ""
+        raise RecordingError(
+            f"{where} has no {name}{unit}; it has {there}. Name its column when you read it{instead}"
+        )
     refuse_unit(name, str(recording[name].attrs.get("units", "")), f" of {where}")
     values = np.ascontiguousarray(recording[name].values, dtype=float)
     if "time" not in recording.coords or values.shape != recording["time"].shape:

@@ -156,6 +156,11 @@ def verification_analysis(
             "recordings": [entry for entry, _ in entries],
         }
     else:
+        if path.suffix not in (".yaml", ".yml"):
+            raise AnalysisError(
+                f"{path}: the first argument of verify is the results.json of an identification, or a "
+                "verification file (.yaml) alone; recordings follow results.json"
+            )
         content = load_yaml(path)
         if recordings or columns or units:
             wrong = f"recording {recordings[0]}" if recordings else "--column" if columns else "--unit"

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 
 from ...gate.errors import GateError
 from ...gate.files import opened
 from ...gate.limits import check_regular
 from ...quantities import registry
+from ...quantities.records import did_you_mean
 from .. import RecordingError
 from .signatures import is_text, known_format, not_read
 from .source import Format
@@ -20,6 +23,19 @@ TEXT_LINE = (
 _TEXT = (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".lvm")
 
 
+_NAMES = 1000  # of the folder that are compared with the name of a missing file
+
+
+def _near(path: Path) -> str:
+    """Return a hint: the folder that is missing, or the file whose name is nearest."""
+    if not path.parent.is_dir():
+        return f": the folder {path.parent} is missing"
+    names: list[str] = []
+    with suppress(OSError):
+        names = [one.name for one in islice(path.parent.iterdir(), _NAMES)]
+    return did_you_mean(path.name, names) or "; check the name and the folder"
+
+
 def find_format(path: Path) -> str:
     """The format of a file: "text", "nc" (a recording of ours), or the name of a `Format`.
 
@@ -28,14 +44,14 @@ def find_format(path: Path) -> str:
             says another format than its content.
     """
     if path.is_dir():
-        raise RecordingError("is a folder, not a file")
+        raise RecordingError("is a folder, not a file; name a file in it")
     if not path.exists():
-        raise RecordingError("there is no such file")
+        raise RecordingError(f"there is no such file{_near(path)}")
     if not path.is_file():
         raise RecordingError("no plain file: a pipe or a device")
     check_regular(path)
     if not path.stat().st_size:  # of the system's own files (/proc), some of which wait for ever, too
-        raise RecordingError("the file is empty")
+        raise RecordingError("the file is empty; record or export it again")
     with opened(path) as file:
         head = file.read(1 << 16)
     ending = path.suffix.lower()
