@@ -100,7 +100,7 @@ REFUSED = [
     ("65 A", "unit 'A', which is no V"), ("65 V/m", "unit 'V/m', which is no V"),
     ("65 %", "unit '%', which is no V"), ("65 volts please", "unknown unit 'volts please'"),
     ("65 foo", "unknown unit 'foo'"), ("", "does not start with a number"),
-    ("   ", "does not start with a number"), ("V", "does not begin with a number"),
+    ("   ", "does not start with a number"), ("V", "does not start with a number"),
     ("about 65 V", "does not start with a number"), ("0,5 V", "decimal comma"),
     ("6 5 V", "no readable unit"), ("1_000 V", "no readable unit"), ("65 V; 66 V", "no readable unit"),
     ("65 V^9^9^9^9^9^9", "no readable unit"), ("65 (V^9)^9", "no readable unit"),
