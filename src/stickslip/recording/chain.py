@@ -14,12 +14,12 @@ from ..quantities.records import Quantity, record
 
 @record
 class Chain(NamedTuple):
-    """From the drive that was asked for to the piezo, and from the end-effector to the position channel.
+    """Signal chain from the requested drive to the piezo, and from the end-effector to the position channel.
 
-    The amplifier follows jumps at its slew rate; the channel shows the motion later by `delay`, `scale` times
-    as large and moved by `offset`. A fit has these free; a prediction takes them as found; the virtual rig
-    (`Bench.with_chain`) and exported C apply them. `zeroed`: the mean
-    of the position before the drive begins is taken off, so that the offset is what is left.
+    The amplifier follows jumps at its slew rate. The channel shows the motion delayed by `delay`, multiplied
+    by `scale` and shifted by `offset`. A fit has these free; a prediction uses the estimates; the virtual rig
+    (`Bench.with_chain`) and exported C apply them. `zeroed`: the mean position before the drive starts is
+    subtracted, and the offset is what remains.
     """
 
     delay: Annotated[float, Quantity("s", "t_d", "of the channel behind the drive")] = 0.0
@@ -30,14 +30,16 @@ class Chain(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Of what it shows."""
+        """Unit of the channel."""
         return "m"
 
     def sense(
         self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator | None = None
     ) -> NDArray[np.float64]:
-        """What the channel shows [n], m, of the position [n], m, sampled at `sample_rate` Hz: so it can be
-        mounted on a bench, as a sensor without noise."""
+        """Return the channel [n], m, for a position [n], m, sampled at `sample_rate` Hz.
+
+        A bench can mount the chain as a sensor without noise.
+        """
         del random
         return self.scale * delayed(position, sample_rate, self.delay) + self.offset
 

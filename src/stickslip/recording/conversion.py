@@ -11,7 +11,7 @@ from ..quantities.units import LONGEST_UNIT, QuantityError, to_si
 
 # Units that turn, with any prefix.
 _ANGLE = re.compile(r"\w*?(rad(ian)?s?|deg(ree)?s?|arcsec(ond)?s?|arcmin(ute)?s?|turns?|revolutions?)")
-# What a recording's ``units`` attribute may say; the last one is a plain number.
+# Allowed values of a recording's ``units`` attribute; the last one is a plain number.
 _MECHANICAL = "s,m,kg,N,m/s,m/s^2,rad/s,rad/s^2,N/m,N s/m,N m,J,Pa,W,m^2,m^3,1/m"
 _ELECTRICAL = "V,A,C,F,ohm,H,T,V/s,A/s,m/V,N/V"
 SI_UNITS = (*_MECHANICAL.split(","), *_ELECTRICAL.split(","), "K", "Hz", "rad", "")
@@ -21,7 +21,7 @@ _SPELLINGS = {"Nm": "N m", "Nmm": "N mm", "mNm": "mN m", "-": "", "1": "", "°":
 _SPELLINGS |= {"Ohm": "ohm", "kOhm": "kohm", "MOhm": "Mohm", "mil": "thou", "mils": "thou"}
 
 
-# A number, and a unit that does not begin with one.
+# A number, and a unit that does not start with a digit.
 _SCALED = re.compile(r"(?P<number>[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)\s*\*?\s*(?P<unit>[^\d\s.].*)")
 
 
@@ -35,7 +35,7 @@ class Conversion(NamedTuple):
 
 @cache
 def to_si_unit(unit: str) -> Conversion:
-    """How to convert numbers in `unit` ("mm", "uN", "degC") to SI.
+    """Return the conversion of numbers in `unit` ("mm", "uN", "degC") to SI.
 
     Raises:
         QuantityError: the unit is not known, or of a dimension that no recording holds.
@@ -60,7 +60,7 @@ def to_si_unit(unit: str) -> Conversion:
 
 
 def to_si_scale(text: str) -> Conversion:
-    """As `to_si_unit`, of a unit with a number before it: "20 V" for a probe, "0.5 um/V" for a sensor.
+    """Return the conversion for a unit with a number before it: "20 V" for a probe, "0.5 um/V" for a sensor.
 
     Raises:
         QuantityError: see `to_si_unit`; or the number is 0 or not finite.
@@ -70,12 +70,12 @@ def to_si_scale(text: str) -> Conversion:
         return to_si_unit(text)
     number, made = float(found["number"]), to_si_unit(found["unit"])
     if not 0.0 < abs(number) < float("inf") or made.offset:
-        raise QuantityError(f"the scale {text!r} is none: a number other than 0, and a unit")
+        raise QuantityError(f"the scale {text!r} is not a scale: give a number other than 0, and a unit")
     return made._replace(factor=number * made.factor)
 
 
 def is_number(text: str) -> bool:
-    """Whether a text is a number and nothing else."""
+    """Return whether a text is a number and nothing else."""
     try:
         float(text)
     except ValueError:
@@ -84,7 +84,8 @@ def is_number(text: str) -> bool:
 
 
 def _targets(unit: str) -> tuple[str, ...]:
-    """The SI units to try: hertz and radians cannot be told from 1/s and plain numbers by dimension."""
+    """Return the SI units to try: dimensions do not distinguish hertz from 1/s, or radians from plain
+    numbers."""
     if "hz" in unit.lower():
         return ("Hz",)
     if unit.endswith("J"):  # of the same dimension as a torque
@@ -95,7 +96,7 @@ def _targets(unit: str) -> tuple[str, ...]:
 
 
 def is_unit(text: str, convert: Callable[[str], Conversion] = to_si_unit) -> bool:
-    """Whether `to_si_unit`, or what else converts, knows the unit."""
+    """Return whether `convert` knows the unit."""
     try:
         convert(text)
     except QuantityError:

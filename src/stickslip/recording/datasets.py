@@ -85,7 +85,7 @@ def fetch(url: str, sha256: str, name: str) -> Path:
 
 
 def _first(error: BaseException, outer: BaseException | None) -> str:
-    """What libraries wrap again and again, such as "Name or service not known"; before it came `outer`."""
+    """Return the innermost cause that libraries have wrapped, such as "Name or service not known"."""
     while error.__context__ is not None and error.__context__ is not outer:
         error = error.__context__
     return str(error)

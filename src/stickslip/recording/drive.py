@@ -29,8 +29,10 @@ def drive_text(waveform: Waveform) -> str:
 
 
 def named_drive(recording: xr.Dataset) -> Waveform | None:
-    """The waveform from its own begin on; None where the attribute is missing, or names one that is not known
-    here (see `registry.use_file`) or cannot be."""
+    """Return the waveform of a recording from its own start on.
+
+    None if the attribute is missing or invalid, or names an unknown waveform (see `registry.use_file`).
+    """
     content = json_attribute(recording.attrs, "drive")
     with suppress(QuantityError), damaged(QuantityError, "drive"):
         made = _made(content)

@@ -94,7 +94,7 @@ def _target(path: str | os.PathLike[str], suffix: str) -> Path:
 def _columns(
     recording: xr.Dataset, units: Mapping[str, str] | None
 ) -> list[tuple[str, str, NDArray[np.float64]]]:
-    """Name, unit and values of each variable, in the unit that is asked for."""
+    """Return name, unit and values of each variable, in the requested unit."""
     validate_recording(recording)
     units = dict(units or {})
     columns = []

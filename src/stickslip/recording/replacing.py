@@ -14,8 +14,10 @@ BIN = ".bin"
 
 
 def part_of(target: Path) -> Path:
-    """Where to write what is to take the target's name; what a killed process leaves there,
-    `remove_leftovers` clears away. Another process may be writing the same target: each has its own."""
+    """Return the temporary path for a file that will replace the target.
+
+    Each process has its own. `remove_leftovers` removes the files of killed processes.
+    """
     return target.with_name(f".{target.name}.{os.getpid()}.part")
 
 
@@ -45,11 +47,11 @@ def replaced_whole(target: Path) -> Iterator[Path]:
 
 
 def read_small(path: Path, most: int = 100_000) -> dict[str, Any] | None:
-    """What a JSON file of up to so many bytes says, a mapping; None where there is no such file.
+    """Return the mapping in a small JSON file; None if the file does not exist.
 
     Raises:
-        ValueError: it is no plain file, too large, or no such JSON.
-        OSError: it cannot be read.
+        ValueError: the file is not plain, too large, or not such JSON.
+        OSError: the file cannot be read.
     """
     if not os.path.lexists(path):
         return None
@@ -86,7 +88,7 @@ def remove_leftovers(folder: Path) -> int:
 
 
 def is_running(process: int) -> bool:
-    """Whether a process of that number, other than this one, is there."""
+    """Return whether a process with that number, other than this one, exists."""
     if process in (0, os.getpid()):
         return False  # an earlier process had the number of this one, which is writing nothing yet
     try:

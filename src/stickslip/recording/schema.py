@@ -63,7 +63,7 @@ STANDARD_NAMES = {
 
 
 def fits_name(name: str, unit: str) -> bool:
-    """Whether a channel of that name may be in the unit (SI); any may, of a name that is not standard."""
+    """Return whether a channel with that name may have the unit (SI); without a standard name, any unit."""
     standard = STANDARD_NAMES.get(name)
     return standard is None or unit in (standard.unit, turned(standard.unit))
 
@@ -91,7 +91,7 @@ def _warn_of_misspelling(name: str) -> None:
 
 
 class Sampling(NamedTuple):
-    """How a time axis is sampled; all in seconds."""
+    """Sampling of a time axis; all in seconds."""
 
     interval: float  # the median
     smallest_gap: float
@@ -99,7 +99,7 @@ class Sampling(NamedTuple):
 
     @property
     def regular(self) -> bool:
-        """Whether every interval is within 1 % of the median (files print times with few digits)."""
+        """True if every interval is within 1 % of the median (files print times with few digits)."""
         close = 0.01 * self.interval
         return self.largest_gap - self.interval <= close and self.interval - self.smallest_gap <= close
 

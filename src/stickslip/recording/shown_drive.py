@@ -19,12 +19,12 @@ from .noise import noise_level
 Array = NDArray[np.float64]
 Drive = Step | Sawtooth | ReverseSawtooth | Triangle | Sine
 
-# The drive has moved where it has left its first value by this part of its range; it began where it had left
-# it by more than its noise, or this part.
+# The drive has moved if it differs from its first value by this share of its range; it started where it
+# differed by more than its noise, or this share.
 MOVED, STILL = 0.02, 1e-4
 SURELY = 6.0  # standard deviations of the noise that no sample reaches by chance
-# Of the drive's range: in half of the samples it is nearer than `_NEAR`, in 95 % nearer than `_OFTEN`; the
-# others are beside jumps.
+# Largest distances, as shares of the drive's range: `_NEAR` for half of the samples, `_OFTEN` for 95 %; the
+# rest is near jumps.
 _NEAR, _OFTEN = 0.01, 0.05
 # People set round numbers: the roundest within this share, and what it may add to the residual, or as much as
 # chance does (three standard errors).
@@ -32,13 +32,16 @@ _ROUND, _AS_GOOD, _CHANCE = 0.003, 0.005, 4.5
 _EXPLAINED = 1.3  # times its white noise: what is left of a channel by the right waveform
 _STEPS = 8  # of a search by Gauss and Newton, which takes two or three
 _EXACT = 1e-6  # of the range: residuals that differ by less are equal
-MOST_FITTED = 100_000  # samples that a waveform is fitted to, one in so many of a longer recording
-MOST_SAMPLES = 2000  # at which a begin is looked for, one in so many of them all
+MOST_FITTED = 100_000  # largest number of samples for the fit of a waveform; a longer recording is thinned
+MOST_SAMPLES = 2000  # largest number of samples for the search of a start
 
 
 class RecognisedDrive(NamedTuple):
-    """A recognised waveform: when [s] it begins in the recording, the waveform from there on, and what the
-    channel differs from it by beside its jumps, V rms."""
+    """A recognised waveform.
+
+    Its start [s] in the recording, the waveform from there on, and the residual of the channel beside its
+    jumps, V rms.
+    """
 
     begin: float
     waveform: Drive
@@ -66,8 +69,7 @@ def drive_begins(recording: xr.Dataset) -> float | None:
 
 
 def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
-    """Find when a drive begins in a channel, where they differ least: in the sum of squares by whole samples,
-    then in the mean between them.
+    """Find the start of a drive in a channel by least squares: by whole samples, then between them.
 
     Args:
         since: times from 0 on, s.
@@ -75,7 +77,7 @@ def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
         drive: the waveform.
 
     Returns:
-        The begin [s], and how far they then differ on average [V].
+        The start [s], and the mean difference [V].
     """
     from scipy.optimize import minimize_scalar
 
@@ -124,7 +126,7 @@ def shown_drive(recording: xr.Dataset) -> RecognisedDrive | None:
     if not best.is_shown(since, volts):
         return None
     best = best.rounded(since, volts)
-    if since.size < whole[0].size:  # a step begins within a sample, whichever were looked at
+    if since.size < whole[0].size:  # a step may start within a sample
         best = best._replace(begin=best_begin(*whole, best.shape)[0])
     return best.shown(start)
 
@@ -166,7 +168,7 @@ def _candidates(time: Array, moved: Array) -> list[Drive]:
 
 
 class _Fitted(NamedTuple):
-    """A waveform with the amplitude, offset, frequency and begin that fit a channel best."""
+    """A waveform with the amplitude, offset, frequency and start that fit a channel best."""
 
     shape: Drive
     begin: float
@@ -258,7 +260,7 @@ class _Fitted(NamedTuple):
         return of(_roundest(value, within, lambda one: of(one).residual <= most))
 
     def shown(self, start: float) -> RecognisedDrive:
-        """Return the same in the time of a recording that begins at `start`."""
+        """Return the same in the time of a recording that starts at `start`."""
         return RecognisedDrive(start + self.begin, self.shape, self.residual)
 
 

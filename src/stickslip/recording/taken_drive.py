@@ -1,7 +1,7 @@
-"""The drive of a recording, decided in one place.
+"""Choice of the drive of a recording.
 
-It is the waveform that the recording's attribute names, else the one that its channel drive_voltage shows,
-else the samples of that channel.
+In this order: the waveform in the recording's attribute, the waveform that its channel drive_voltage shows,
+the samples of that channel.
 """
 
 from __future__ import annotations
@@ -35,10 +35,13 @@ Array = NDArray[np.float64]
 class TakenDrive(NamedTuple):
     """The drive of a recording.
 
-    `waveform` begins at `begin` [s] in the recording; None: none is known. `named`: by the recording's
-    attribute. `residual` is what the channel differs by beside the jumps, `noise` its white noise, V rms.
-    `whole`: the waveform explains the channel, and is the drive; else the samples are, and the waveform only
-    says what repeats.
+    Attributes:
+        waveform: starts at `begin` [s] in the recording; None if unknown.
+        named: True if the recording's attribute names it.
+        residual: V rms, difference to the channel beside the jumps.
+        noise: V rms, white noise of the channel.
+        whole: True if the waveform explains the channel and is the drive; otherwise the samples are, and the
+            waveform only shows the period.
     """
 
     waveform: Waveform | None

@@ -92,8 +92,9 @@ def energy_account(
 def of_stack(
     model: Actuator | PulledSlider, stack: Stack, waveform: Waveform, times: NDArray[np.float64]
 ) -> dict[str, tuple[NDArray[np.float64], str]]:
-    """What the drive, from its begin on, does to a stack at the times [s]: charge and current of its load,
-    power into its field, and loss and temperature as `electronics.electrical` has them.
+    """Return the channels of a stack under the drive at the times [s].
+
+    Charge and current of its load, power into its field, loss and temperature, as `electronics.electrical`.
 
     Raises:
         QuantityError: see `demand.refuse_stack`; a drive that jumps.

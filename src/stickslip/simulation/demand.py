@@ -39,7 +39,7 @@ UNITS = {
     "heat": ("W", "mean loss in the stack"),
     "temperature_rise": ("K", "temperature of the stack above its surroundings, if it went on like this"),
 }
-# Of the stroke of the drive, by which lines may leave it.
+# Largest deviation of the approximating lines, relative to the stroke of the drive.
 PARTS = 1e-4
 
 

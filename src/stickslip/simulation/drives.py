@@ -138,7 +138,7 @@ def checked_drive(
 
 
 def out_of_range(model: Actuator, low: float, high: float, minimum: float, maximum: float) -> str:
-    """What is said of a drive [V] that leaves the range of the actuator."""
+    """Return the message for a drive [V] beyond the range of the actuator."""
     return (
         f"drive voltage from {low:g} V to {high:g} V is out of range: "
         f"{model.name or 'the actuator'} takes {minimum:g} V to {maximum:g} V"

@@ -53,7 +53,7 @@ GPU_BLOCK = 1 << 18
 
 
 class Block(NamedTuple):
-    """What became of some members; see `simulate_ensemble`."""
+    """Results of some members; see `simulate_ensemble`."""
 
     status: NDArray[np.int8]
     reached: NDArray[np.float64]

@@ -15,8 +15,10 @@ INSTEAD = "give the stage a natural_frequency, or a drive without jumps (a rise_
 
 
 def cannot_jump(model: Actuator) -> bool:
-    """Whether a static stage would tear the bristles of its contact along at infinite speed, if its voltage
-    jumped. Everything that drives such a model refuses a jump; a law without bristles just slides."""
+    """Return whether a voltage jump would move the bristles of a static stage's contact at infinite speed.
+
+    All drives of such a model refuse jumps. A law without bristles just slides.
+    """
     return model.static and not model.clamped and elements(model.friction) > 0
 
 
@@ -33,8 +35,7 @@ def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
 
 
 def _jumps(table: Drive, period: float | None) -> bool:
-    """Whether the drive jumps anywhere; for a periodic one, where one period meets the next instead of at the
-    start."""
+    """Return whether the drive jumps; for a periodic drive, also where one period meets the next."""
     starts = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start)]
     ends = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start[1:])]
     first = table.before if period is None else value_slope_curvature(table, len(starts) - 1, period)[0]

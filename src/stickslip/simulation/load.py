@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..quantities.units import QuantityError, with_prefix
 from ..waveform.signal import Waveform
 
-# How far a number of periods may be from a whole one, relative: rounding of 1/frequency, and no more.
+# Largest relative deviation from a whole number of periods: rounding of 1/frequency.
 _WHOLE = 1e-9
 
 

@@ -46,7 +46,7 @@ from .varied import (
 
 T = TypeVar("T")
 Columns = Mapping[str, NDArray[np.float64]]
-# Of the drive and of the contact: they multiply the waveform, and the normal force.
+# Factors of the waveform and of the normal force.
 SCALES = ("drive_scale", "load")
 BLOCK = 256
 # Numbers in the tables of a block, about.
@@ -105,7 +105,7 @@ def checked_columns(
 
 
 def by_name(parameters: Any) -> Mapping[str, Any]:
-    """What is given; raises QuantityError where that is not by name."""
+    """Return the parameters; raises QuantityError if they are not given by name."""
     if not (isinstance(parameters, Mapping) and all(isinstance(name, str) for name in parameters)):
         raise QuantityError(f"parameters are values by name, not {parameters!r:.60}")
     return parameters
@@ -122,12 +122,12 @@ def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str,
 
 
 def bends(model: Actuator) -> bool:
-    """Whether the piezo gives another form of its stroke at another amplitude, before the plant feels it."""
+    """Return whether the shape of the piezo's stroke depends on the amplitude of the drive."""
     return model.piezo is not None and model.piezo.hysteresis is not None and model.two_port is None
 
 
 def own_tables(model: Actuator, waveform: Waveform, columns: Columns) -> bool:
-    """Whether each member needs a table of its own of what drives the stage."""
+    """Return whether each member needs its own table of the drive."""
     before = ["drive_scale"] if bends(model) else []
     return bool(waveform_columns(waveform, columns)) or any(n in columns for n in drive_names(model) + before)
 
@@ -140,10 +140,10 @@ def waveform_columns(waveform: Waveform, columns: Columns) -> dict[str, NDArray[
 def in_blocks(
     work: Callable[[dict[str, NDArray[np.float64]]], T], columns: Columns, size: int, threads: int | None
 ) -> Iterator[tuple[int, T]]:
-    """What `work` makes of blocks of members, in order, a bounded number of them at work."""
+    """Yield the results of `work` for blocks of members, in order, with a bounded number at work."""
     count = next(iter(columns.values())).size
     threads = (os.cpu_count() or 1) if threads is None else whole(threads, "threads", 1, 4096)
-    # Of few members, each thread gets some.
+    # With few members, each thread still gets some.
     size = max(1, min(size, -(-count // threads)))
     starts = range(0, count, size)
     cut = ({name: c[s : s + size] for name, c in columns.items()} for s in starts)
@@ -166,7 +166,7 @@ def block_size(
     most: int = BLOCK,
     output: OutputStage | None = None,
 ) -> int:
-    """How many members make a block whose tables are not too large."""
+    """Return the number of members in a block whose tables are not too large."""
     varied = waveform_columns(waveform, columns)
     if not varied and not {*columns} & {"drive_scale", *drive_names(model)}:
         return most
@@ -367,7 +367,7 @@ def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> 
 
 
 class _Column(np.ndarray):
-    """A number of each member; what is asked of it is true, or false, where it is so for all."""
+    """A number per member; a comparison is a single truth value if it is the same for all."""
 
     def __bool__(self) -> bool:
         answers = np.unique(self.view(np.ndarray).astype(bool))
@@ -377,8 +377,10 @@ class _Column(np.ndarray):
 
 
 def _in_accord(law_type: Any, fields: Mapping[str, Any], count: int) -> NDArray[np.bool_]:
-    """Of which members no field of the law contradicts another: all at once where the law's check goes the
-    same way for all, else one by one."""
+    """Return the members whose law fields are consistent.
+
+    The law's check runs once for all members if it takes the same path for all, else one by one.
+    """
     fine = np.ones(count, dtype=bool)
     columns = (v.view(_Column) if isinstance(v, np.ndarray) else v for v in fields.values())
     with contextlib.suppress(QuantityError, TypeError, ValueError), np.errstate(all="ignore"):

@@ -39,7 +39,7 @@ class Mechanism(NamedTuple):
     [kang2007, eq. 3.20-3.25]; r = 0 drops the reaction of the friction on the stage as the thesis does in
     eq. 3.24. A slider on fixed ground pulled through a spring has b_e, c_e, k_e and a stage at rest. A
     `kinematic` stage follows the drive, y = C u (Pohl's model, a tribometer), with C the `gain`; `clamped`
-    holds v = 0 for ever. `rate` [rad/s] makes a velocity comparable with a position in the error control.
+    keeps v = 0. `rate` [rad/s] makes a velocity comparable with a position in the error control.
     """
 
     kinematic: bool
@@ -122,11 +122,16 @@ STAGE, SLIDER = 0, 2
 
 
 class System(NamedTuple):
-    """What a model is to the solver: `plant`; columns of its state that hold the positions of the `stages`
-    modes (none: it follows the drive with `gain`, or is fixed) and of the `slider`; `internal` states of its
-    law, whose contact is the first element unless it is `clamped`; `hysteresis` states of a two-port piezo,
-    the last element; `axial` force [N] and `mass` [kg] of a clamped end-effector, for the force that holds
-    it."""
+    """Plant of a model, and the meaning of its state.
+
+    Attributes:
+        plant: see `plant.system.Plant`.
+        stages: columns of the positions of the stage's modes; empty if it follows the drive or is fixed.
+        slider: column of the position of the slider.
+        internal: number of states of the law; its contact is the first element unless it is `clamped`.
+        hysteresis: number of states of a two-port piezo, the last element.
+        axial: N, force on a clamped end-effector, and its `mass` [kg], for the holding force.
+    """
 
     plant: Plant
     stages: tuple[int, ...]
@@ -140,7 +145,7 @@ class System(NamedTuple):
 
     @property
     def stage(self) -> int | None:
-        """Where the position of a stage of one mode stands; None if there is no such number."""
+        """Column of the position of a stage with one mode, or None."""
         return self.stages[0] if len(self.stages) == 1 else None
 
     @property
@@ -150,17 +155,17 @@ class System(NamedTuple):
 
     @property
     def bodies(self) -> int:
-        """Where the states of the law begin."""
+        """First column of the states of the law."""
         return 2 * len(self.plant.modes)
 
     @property
     def inner(self) -> int:
-        """Where the states of the law end, and those of a two-port begin."""
+        """First column after the states of the law."""
         return self.bodies + (0 if self.clamped else self.internal)
 
     @property
     def states(self) -> int:
-        """How many numbers the plant's state has."""
+        """Number of states of the plant."""
         return self.inner + self.hysteresis
 
     @property
@@ -171,11 +176,11 @@ class System(NamedTuple):
 
 
 def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool = False) -> System:
-    """The plant of a model [kang2007, eq. 3.20-3.25]; see `plant.system`.
+    """Return the plant of a model [kang2007, eq. 3.20-3.25]; see `plant.system`.
 
     Args:
         normal: normal force over the one at which the law's parameters hold.
-        loaded: whether the normal force varies on top of that.
+        loaded: True if the normal force varies in addition.
     """
     mech, law = mechanism(model), model.friction
     internal = elements(law)
@@ -190,7 +195,7 @@ def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool 
     more, hysteresis = ((), 0) if electrical is None else ((electrical,), elements(electrical.law))
     stages = tuple(range(0, 2 * count, 2))
     if mech.clamped:
-        # One body; where it follows the drive without dynamics, one that stays at rest stands in for it.
+        # One body; a stage without dynamics is replaced by a mode at rest.
         gain, stages = (mech.gain, ()) if mech.kinematic else (0.0, stages)
         axial = model.axial_force if isinstance(model, Actuator) else 0.0
         held = 1.0 / mech.mobility
@@ -246,12 +251,14 @@ _HOLDS, _HALVINGS = 1e12, 60
 
 
 def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.float64]:
-    """The state at rest under the drive value `before` and the constant forces, with the normal force `load`
-    times the plant's (along the stroke, of the place); where no deflection of the contact holds them, it
-    begins at its bound."""
+    """Return the state at rest under the drive value `before` and the constant forces.
+
+    The normal force is `load` times the plant's (along the stroke, of the place). If no deflection of the
+    contact can hold the forces, the contact starts at its bound.
+    """
     if of.contact is None or of.contact.along is None:
         return _resting(of, before, load, 0.0)
-    # Where the contact holds all, if it can; else between there and where it holds nothing.
+    # With the contact holding everything, if it can; else between that place and the place without friction.
     free, held = (float(_resting(of, before, share, 0.0)[of.slider]) for share in (0.0, _HOLDS))
     q, (low, high) = _resting(of, before, load, held), sorted((free, held))
     for _ in range(0 if math.isclose(q[of.slider], held, rel_tol=1e-12) else _HALVINGS):
@@ -261,7 +268,7 @@ def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.fl
 
 
 def _resting(of: System, before: float, load: float, place: float) -> NDArray[np.float64]:
-    """As `resting_state`, with the normal force at a place [m]."""
+    """Return the state as `resting_state`, with the normal force at a place [m]."""
     q = np.zeros(of.states)
     held = _held(of, q, load, place)
     contact = of.contact if of.stages else None
@@ -326,7 +333,7 @@ def classic(
 def _acceleration(
     of: System, samples: NDArray[np.float64], drive: Drive, times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Of a clamped body, m/s²."""
+    """Return the acceleration of a clamped body, m/s²."""
     if not of.stages:
         i = segment_at(drive, times)
         return of.gain * np.array(
@@ -343,14 +350,14 @@ def _acceleration(
 
 
 def refuse_places(model: Actuator | PulledSlider) -> None:
-    """Raise QuantityError where no step can be steady: of an end-effector that is clamped, or where each
-    place has one of its own."""
+    """Raise QuantityError if no step can be steady: a clamped end-effector, or steps that depend on the
+    place."""
     if isinstance(model, Actuator) and model.clamped:
         raise QuantityError("the end-effector is clamped to the stage: it takes no steps")
     if model.normal_force is not None and np.any(model.normal_force.varies):
         raise QuantityError(
-            "the normal force changes along the stroke, and so does the step: there is none that is steady. "
-            "At a place x [m] ask with model.replace(normal_force=model.normal_force.uniform) and "
+            "the normal force changes along the stroke, and so does the step: no step is steady. "
+            "At a place x [m] use model.replace(normal_force=model.normal_force.uniform) and "
             "load=model.normal_force.factor(x)"
         )
 

@@ -19,11 +19,11 @@ DIFFERENCE = 1e-6
 # After a piezo, whose drive is computed to about 1e-8 of itself, the one with which the drive changes best in
 # proportion: by a share that does, and one that must be.
 AT_PIEZO, ENOUGH, STRAIGHT = (1e-6, 1e-5, 1e-4, 1e-3), 1e-6, 0.01
-# Of the values of a drive.
+# Rounding of the values of a drive, relative.
 ROUNDING = 1e-11
-# How much longer the tables of neighbours are, whose breaks may be later.
+# Relative extra length of the tables of neighbours, whose breaks may be later.
 LONGER = 1.01
-# How far their breaks may be from the trajectory's own, over its length; and their formulas, relative: over
+# Largest distance of their breaks from the trajectory's own, relative to its length; and of their formulas,
 # the difference.
 MOST_APART = 100.0
 
@@ -94,7 +94,7 @@ def beside(model: Actuator, name: str, given: Driven, itself: Drive, end: float,
 
 
 def _alike(itself: Drive, table: Drive, size: float, end: float) -> bool:
-    """Whether a table that is a difference beside another, of relative `size`, has its segments."""
+    """Return whether the table of a neighbour, different by a relative `size`, has the same segments."""
     n = itself.start.size
     if table.start.size < n or not np.array_equal(table.first[: n + 1], itself.first[: n + 1]):
         return False
@@ -117,8 +117,10 @@ def _bent(*tables: Drive) -> float:
 
 
 def breaks_apart(load: Drive | None, drive: Drive, end: float) -> NDArray[np.float64]:
-    """Where the normal force breaks away from the breaks of the drive, s. A neighbour's step is at the same
-    fraction of its own segment, and the normal force stays where it is."""
+    """Return the times, s, at which the normal force breaks apart from the breaks of the drive.
+
+    A step of a neighbour is at the same fraction of its own segment; the normal force does not move with it.
+    """
     if load is None:
         return np.zeros(0)
     times = load.start[(load.start > 0.0) & (load.start < end)]

@@ -48,8 +48,11 @@ class Orbit(NamedTuple):
 
 
 def has_neighbours(plant: Plant) -> bool:
-    """Whether derivatives may be those of `engine.near`: laws without states have events, those of several
-    states corners, and others jumps, that a neighbour does not meet at the same time."""
+    """Return whether derivatives may come from `engine.near`.
+
+    Not for laws without states (events), with several states (corners), or with jumps: neighbours do not meet
+    these at the same time.
+    """
     one_state = all(elements(element.law) == 1 for element in plant.elements)
     return one_state and not any(has_jumps(element.law) for element in plant.elements)
 
@@ -103,7 +106,7 @@ def find_orbit(
     if outcomes[0] not in (DONE, NOT_FOUND):
         raise FloatingPointError("the motion could not be followed over one period")
     moving = np.delete(np.delete(found.jacobian[0], slider, axis=0), slider, axis=1)
-    finite = bool(np.isfinite(moving).all())  # neighbours may run away from a motion that is none
+    finite = bool(np.isfinite(moving).all())  # neighbours may diverge from a motion without an orbit
     multipliers = (np.linalg.eigvals(moving) if finite else np.full(len(moving), np.nan)).astype(
         np.complex128
     )

@@ -45,21 +45,21 @@ def friction_response(
         law: friction law record; its forces hold at `reference_normal_force`.
         time: s, [n], ascending.
         position: m, [n], of the driving body relative to the driven one.
-        normal_force: N, [n], or how it changes over the position; the reference, if left out.
+        normal_force: N, [n], or its dependence on the position; by default the reference.
         reference_normal_force: N.
-        proportional: the force is simply multiplied by the normal force, for a measured one whose noise
+        proportional: multiply the force by the normal force, for measured values whose noise
             would renew the contact again and again. Otherwise what is newly loaded carries no tangential
             force, and what is unloaded loses its share in proportion (see `plant.system`).
-        initial_force: N, at the first sample: all elements begin equally deflected so that they carry it, or
+        initial_force: N, at the first sample: all elements start equally deflected so that they carry it, or
             as much of it as the law can. 0 is a relaxed contact.
-        initial_velocity: m/s, at which they carry it, with what is viscous of the law: of a record that
-            begins amid motion.
+        initial_velocity: m/s, at which they carry it, with the viscous part of the law: for a record that
+            starts during motion.
         tolerance: m, on the bristle deflections over the whole motion. The error is estimated by a second run
             with smaller steps; where it is larger, the steps are refined.
 
     Returns:
         Dataset over "time" with position (m), friction_force (N) and the bristle deflections (m).
-        attrs["error_estimate"] (m): how far a deflection may be off; where that is above the tolerance after
+        attrs["error_estimate"] (m): error of the deflections; if it stays above the tolerance after
         all, a `SimulationWarning` says so. It is 0 for static laws, which have no deflection.
 
     Raises:
@@ -80,7 +80,7 @@ def friction_response(
     )
 
     def finer(level: float, careful: bool) -> Prescribed:
-        # Where each interval between samples is one step, smaller errors alone would change nothing.
+        # If each interval between samples is one step, smaller errors alone change nothing.
         return run(level, math.ceil(math.sqrt(LOOSE * tolerance / level) - 1e-9))
 
     made, error = refined(finer, _apart, lambda made: 0, tolerance)
@@ -176,6 +176,6 @@ def prescribed(
 
 
 def _in_parts(values: NDArray[np.float64], parts: int) -> NDArray[np.float64]:
-    """Samples, and between each two of them others on a line that cut it into so many parts."""
+    """Return samples with further points on lines between them, so that each interval has `parts` parts."""
     between = values[:-1, None] + np.diff(values)[:, None] * (np.arange(parts) / parts)
     return np.append(between.ravel(), values[-1])

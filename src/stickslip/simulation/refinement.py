@@ -20,7 +20,7 @@ PER_DIFFERENCE, PER_NUMBER = 1.0 / (1.0 - FINER), 2.0
 # A run that took more steps than this is not refined any more: some tenths of a second.
 MOST_STEPS = 400_000
 ROUNDS = 9
-# How much smaller local errors become from one round to the next, at most.
+# Largest decrease of the local errors from one round to the next.
 FARTHEST = 1e-2
 # Below this tolerance of an engine, m, rounding tells more than the method does.
 FINEST = 1e-13

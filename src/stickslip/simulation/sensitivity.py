@@ -56,16 +56,19 @@ BY_ROW = "initial row "
 # Derivatives are right if a tenth of the tolerance changes them by less than this share of the largest; how
 # often that is tried.
 SETTLED, REFINED = 0.01, 4
-# Of mass times natural frequency: a smaller damping, which may be 0, is changed as one of this size.
+# Smallest change of a damping (which may be 0), relative to mass times natural frequency.
 LEAST_DAMPING = 1e-3
 DAMPING = ("N s/m", turned("N s/m"))
 
 
 class NeighbouringModels(NamedTuple):
-    """A model, what it is to the solver, the neighbours of it that differ in one value each (their numbers
-    and states), and by how much; `drives`: their drives, where any differs, and their `periods` (0: none),
-    else None, as `itself`, that of the waveform in their segments. Where the normal force jumps, at `breaks`
-    [s], all of them begin a segment."""
+    """A model with neighbours that differ in one value each.
+
+    Attributes:
+        drives: drives of the neighbours, if any differs, else None; `periods` are theirs (0: none).
+        itself: drive of the model in the segments of the neighbours, or None.
+        breaks: s, jumps of the normal force; all neighbours start a segment there.
+    """
 
     model: Actuator
     of: System
@@ -79,7 +82,7 @@ class NeighbouringModels(NamedTuple):
 
 
 def initial_row(of: System, name: str) -> int | None:
-    """Where in the plant's state a part of the initial state stands; None if this plant has no such part."""
+    """Return the row of a part of the initial state in the plant's state, or None."""
     if name.startswith(BY_ROW):
         return int(name.removeprefix(BY_ROW))
     return row_of(of, name.removeprefix("initial_")) if name in INITIAL else None
@@ -104,7 +107,7 @@ def refuse_law(model: Actuator) -> None:
         )
     if has_jumps(model.friction):
         raise QuantityError(
-            "derivatives are for a law whose force does not jump where it begins to slide, as that of this "
+            "derivatives need a law whose force does not jump at the start of sliding, as it does with this "
             f"{type(model.friction).__name__} does (stiction_ratio above 1, a reset): difference `simulate` "
             "instead"
         )
@@ -219,9 +222,10 @@ def follow_moved(
     load: Drive | None = None,
     over_period: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Samples of the plant (see `engine.binding.integrate`), derivatives of the end-effector's position
-    [times, names], and those of the last state [states, names]; `state` becomes the last state. With
-    `over_period` each goes on to the end of its own period.
+    """Return samples of the plant, and derivatives of the end-effector's position and of the last state.
+
+    Shapes: derivatives [times, names] and [states, names]; samples as in `engine.binding.integrate`. `state`
+    becomes the last state. With `over_period` each neighbour continues to the end of its own period.
 
     Raises:
         SimulationError: the motion could not be followed to the end.
@@ -267,9 +271,9 @@ def sensitivities(
 ) -> xr.Dataset:
     """The end-effector's position and its derivatives by parameters and initial state.
 
-    Each derivative is the difference to a neighbour that takes the steps of the trajectory itself (see
-    `engine.near`): it has no noise of an error control in it. But steps that are right for the position
-    need not be for its derivatives: these are computed at a tenth of the tolerance too, and of tenths of that
+    Each derivative is the difference to a neighbour with the same steps as the trajectory (see
+    `engine.near`), so it contains no noise of the error control. Steps that suit the position
+    may not suit its derivatives: these are computed at a tenth of the tolerance, and at tenths of that,
     until two agree within a hundredth of the largest value.
 
     Args:
@@ -280,12 +284,12 @@ def sensitivities(
             "initial_end_effector_position", "initial_end_effector_velocity", "initial_bristle_deflection";
             and fields of the waveform ("amplitude", "frequency", "value_3").
         waveform, duration, sample_rate, times, tolerance, load: as for `simulate`. The load stays where it
-            is when the drive's breaks move; but what coincides with one of them moves with it.
+            fixed when the drive's breaks move; a break of the load that coincides with one moves with it.
 
     Returns:
         Dataset over "parameter" and "time" (s) of derivative, in m per unit of the parameter, whose unit is
-        the coordinate "unit"; end_effector_position (m); and derivative_error [parameter]: by how much the
-        derivative has changed, at most, since ten times the tolerance. Where that is more than a hundredth
+        the coordinate "unit"; end_effector_position (m); and derivative_error [parameter]: change of the
+        derivative since ten times the tolerance. If it is more than a hundredth
         after four times, a `SimulationWarning` names the parameter.
 
     Raises:

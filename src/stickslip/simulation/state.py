@@ -1,4 +1,4 @@
-"""The state of a trajectory: where one begins, and where it has come to."""
+"""State of a trajectory: its start or its end."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ ROUNDED, FARTHEST = 1.01, 2.0
 
 
 class State(NamedTuple):
-    """The state of an actuator or a pulled slider at a time, SI; what is None is as at rest.
+    """State of an actuator or a pulled slider at a time, in SI; None means as at rest.
 
-    `time` [s] is that of the drive. `error_estimate` [m]: how far the end-effector may be off by now.
-    `resume` and `made_by` are the solver's, with which a trajectory goes on as if it had never ended.
+    `time` [s] is the time of the drive. `error_estimate` [m]: accumulated error of the end-effector.
+    `resume` and `made_by` belong to the solver, which continues a trajectory with them without a difference.
     `further`: position [m] and velocity [m/s] of each mode of a stage of several, and the stops of a
     `MaxwellCapacitor` in 1e-7 m per volt; empty: at rest.
     """
@@ -74,10 +74,10 @@ def _number(value: Any) -> Any:
 
 
 def taken_up(initial_state: State | xr.Dataset | None, model: Any, waveform: Any) -> State | None:
-    """The state with which a trajectory of the model under the waveform begins; None: at rest.
+    """Return the initial state of a trajectory; None: at rest.
 
-    Warns where the piezo would remember the past of this waveform, and another one has made the state:
-    plays and creep are not part of it, they come from the whole drive.
+    Warns if the piezo depends on the past of this waveform and another waveform has made the state: plays and
+    creep are not part of the state, they follow from the whole drive.
     """
     of_kind(initial_state, xr.Dataset | State | None, "initial_state")
     if not isinstance(initial_state, xr.Dataset):
@@ -115,7 +115,7 @@ def maker(of: System, drive: Drive, load: Drive, tolerance: float, until: float)
     return found.hexdigest()[:16]
 
 
-# Of whom, and which entry of the plant's state after the first of that.
+# Body of each part, and its offset in the plant's state.
 PARTS = {
     "stage_position": ("stage", 0),
     "stage_velocity": ("stage", 1),
@@ -126,7 +126,7 @@ PARTS = {
 
 
 def row_of(of: System, part: str) -> int | None:
-    """Where in the plant's state a part stands; None if this plant has no such part."""
+    """Return the row of a part in the plant's state, or None."""
     body, offset = PARTS[part]
     bristle = None if of.clamped or not of.internal else of.bodies
     first = {"stage": of.stage, "slider": of.slider, "bristle": bristle}[body]
@@ -134,7 +134,7 @@ def row_of(of: System, part: str) -> int | None:
 
 
 def placed(state: State, of: System, contact: RelativeLoad, before: float) -> NDArray[np.float64]:
-    """As the solver takes it; `before`, the drive that it rests under where it does not say.
+    """Return a state as the solver takes it. `before` is the drive at rest if the state does not contain one.
 
     Raises:
         QuantityError: a number that is not finite, another number of bristles than the law has, or one that

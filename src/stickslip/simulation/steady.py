@@ -20,7 +20,7 @@ from .periodic import Orbit, find_orbit
 from .refinement import FINER
 from .trajectory import checked_tolerance, not_within
 
-# Of the largest multiplier, which is known to rounding only.
+# Largest stable multiplier; multipliers are known to rounding only.
 STABLE = 1.0 + 1e-5
 NOT_FOLLOWED = "the motion could not be followed over one period"
 
@@ -77,7 +77,7 @@ def period_of(waveform: Waveform) -> float:
 
 
 def stable(largest: Any) -> Any:
-    """Whether a motion with these largest multipliers is settled into."""
+    """Return whether a motion with these largest multipliers is stable."""
     return ~(np.asarray(largest) > STABLE)
 
 

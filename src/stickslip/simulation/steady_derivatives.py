@@ -59,7 +59,7 @@ def steady_step_derivatives(
 
     Raises:
         QuantityError, NotPeriodicError: see `steady_step` and `sensitivities`; NotPeriodicError also where
-            something never slips within a period, and keeps for ever how it began.
+            an element never slips within a period, and so keeps its initial state.
     """
     tolerance = checked_tolerance(model, tolerance)
     parameters = checked_names(parameters)
@@ -101,8 +101,8 @@ def steady_step_derivatives(
         by_state[:, free] = by[:, n:]
         if np.abs(1.0 - np.linalg.eigvals(by_state[rows])).min() < KEPT:
             raise NotPeriodicError(
-                "no derivatives: something that never slips within a period (of contact or piezo) keeps for "
-                "ever how it began; take differences of `steady_step` instead",
+                "no derivatives: an element of contact or piezo that never slips within a period keeps its "
+                "initial state; take differences of `steady_step` instead",
                 orbit,
             )
         shift = np.linalg.solve(np.eye(len(rows)) - by_state[rows], by_parameter[rows])
@@ -130,8 +130,10 @@ def _off_edges(of: System, state: Array, slipping: set[int], after: Callable[[Ar
 
 
 def _on_bounds(of: System, state: NDArray[np.float64], drive: Drive) -> set[int]:
-    """Rows of internal states that slip on a bound where the motion begins: what they are changed by is lost
-    at once, and beside its bound a neighbour would pass it within a step."""
+    """Return the rows of internal states that slip on a bound at the start of the motion.
+
+    A change of such a state is lost at once, and a neighbour beside the bound would pass it within a step.
+    """
     u, rate, _ = value_slope_curvature(drive, 0, 0.0)
     v, found = speeds(of.plant, state, u, rate), set()
     for row, one in internal(of):

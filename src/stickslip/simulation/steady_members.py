@@ -48,7 +48,7 @@ STATUS = ("converged", "not_followed", "not_found", "unstable", "refused")
 BLOCK = 64
 
 
-# What is made of members, their columns, orbits and status, in the thread that found them.
+# Function of members, their columns, orbits and status, called in the thread that found them.
 Beside = Callable[[Members, Columns, Orbits, NDArray[np.int8]], dict[str, NDArray[np.float64]]]
 
 
@@ -96,13 +96,13 @@ def steady_steps(
             members into whose own period it does not fit are refused.
         output: converter and amplifier that each drive passes (`OutputStage.behind`); left out, the drive
             reaches the piezo as it is.
-        stack: that each periodic drive charges; then there are also peak_current and rms_current (A),
+        stack: piezo stack that each drive charges; adds peak_current and rms_current (A),
             energy_per_step (J, per period), heat (W) and temperature_rise (K), see `demand`.
-        threads: how many; all processors if left out.
-        progress: called after each block of members with what is being done and the share that is.
+        threads: number; by default all processors.
+        progress: called after each block of members with the current step and the done share.
 
     Returns:
-        Dataset over "member" with the parameters, net_step (m per period; NaN where there is none),
+        Dataset over "member" with the parameters, net_step (m per period; NaN if not found),
         error_estimate (m), largest_multiplier (by which a small disturbance grows per period), periods
         (integrated), status (0 converged; see its flag_meanings) and reason (empty where converged).
 
@@ -137,13 +137,13 @@ def orbit_blocks(
     beside: Beside | None = None,
     output: OutputStage | None = None,
 ) -> Iterator[tuple[int, OrbitBlock]]:
-    """Orbits of members, block after block, with the number of the first member of each.
+    """Yield orbits of members, block after block, with the number of the first member of each.
 
     Args:
-        columns: as `members.checked_columns` gives them; the others as for `steady_steps`.
-        beside: what to make of each block besides; its `Members.states` are on the orbits, each at the begin
+        columns: result of `members.checked_columns`; the others as for `steady_steps`.
+        beside: further function of each block; its `Members.states` are on the orbits, each at the start
             of a period.
-        output: that the drives pass.
+        output: output stage of the drives.
 
     Raises:
         QuantityError: see `steady_orbit`.
@@ -164,7 +164,7 @@ def orbit_blocks(
 
 
 def _common_period(period: float, columns: Mapping[str, NDArray[np.float64]]) -> float | None:
-    """Of all members of a drive with this period, s; None where it may differ, or be none."""
+    """Return the period of all members, s; None if it may differ or not exist."""
     if not any(name.startswith(("frequency", "period")) for name in columns):
         return period
     own = columns.get("frequency", columns.get("period", np.zeros(1)))

@@ -28,21 +28,21 @@ from .trajectory import checked_tolerance
 
 Array = NDArray[np.float64]
 
-# Of the solver in one tick, at most: a motion that needs more is not followed.
+# Largest number of solver steps in one tick.
 MAX_STEPS = 100_000
 _NO_TIMES, _NO_HARMONICS = np.zeros(0), np.zeros((0, 4))
 
 
 class Motion:
-    """An actuator at rest under a voltage, that goes on tick by tick.
+    """An actuator that moves tick by tick, from rest under a voltage.
 
     Args:
-        model: what is driven.
+        model: the actuator.
         voltage: V, reached from 0 V, under which it has rested for long.
         load: normal force over the reference normal force at which the friction parameters hold.
         tolerance: m, on the end-effector's position in each tick.
-        remanence: V, where the plays of the piezo stand and how far each term of its creep has come; left
-            out, as after a long rest.
+        remanence: V, states of the piezo's plays and of its creep terms; by default
+            after a long rest.
 
     Raises:
         QuantityError: a piezo whose state is not known here (`MaxwellCapacitor`, one's own model).
@@ -117,18 +117,18 @@ class Motion:
 
     @property
     def remanence(self) -> tuple[Array, Array] | None:
-        """As the argument; None without a piezo model."""
+        """States of plays and creep, as the argument; None without a piezo model."""
         return None if self._piezo is None else self._piezo.remanence
 
     @property
     def position(self) -> float:
-        """Of the end-effector, m."""
+        """Position of the end-effector, m."""
         of, q = self._of, self._q
         return self.stage_position if of.clamped else float(q[of.slider])
 
     @property
     def velocity(self) -> float:
-        """Of the end-effector, m/s."""
+        """Velocity of the end-effector, m/s."""
         of, q = self._of, self._q
         return self.stage_velocity if of.clamped else float(q[of.slider + 1])
 
@@ -149,7 +149,7 @@ class Motion:
 
 
 class _PiezoState:
-    """Where the plays of a piezo stand and how far its creep has come; exact at the points of a drive."""
+    """States of a piezo's plays and creep; exact at the points of a drive."""
 
     def __init__(self, piezo: Piezo, rest: float, remanence: tuple[Array, Array] | None) -> None:
         hysteresis, after = piezo.hysteresis, piezo.creep

@@ -37,7 +37,7 @@ from .refinement import LOOSE, refined
 from .state import REST, State, as_text, maker, placed, taken_up
 
 COMPLETE = "complete"
-# Of a position: far beyond a step, an error says nothing of the motion.
+# Largest tolerance of a position: an error far beyond a step says nothing about the motion.
 TOLERANCE = Quantity("m", "ε", "error that is allowed", above=0, maximum=1e-3)
 _OUTCOMES = {
     STEP_TOO_SMALL: "the steps no longer advance, for they fell below what floating point can resolve. Try "
@@ -60,43 +60,43 @@ def simulate(
     max_steps: int = 20_000_000,
     initial_state: State | xr.Dataset | None = None,
 ) -> xr.Dataset:
-    """The trajectory of a model under a drive signal, from rest or from a state.
+    """Return the trajectory of a model under a drive signal, from rest or from a state.
 
     Args:
         model: an `Actuator`, or a `PulledSlider`.
         waveform: the drive: V for an actuator, m (the spring's far end) for a pulled slider.
-        duration: s, or with a unit ("200 ms"); left out, that of the waveform, if it ends.
+        duration: s, or with a unit ("200 ms"); by default the duration of the waveform.
         sample_rate: samples per second of the output. The solution does not depend on it, but ends with the
             last sample within the duration.
         times: sample times instead, s (or with units: strings such as "5 ms", an array of xarray or pint),
             ascending, from 0 or later.
         tolerance: m, on the end-effector's position over the whole trajectory. The error is estimated by a
-            second run with smaller steps and a finer table of what hysteresis and creep make of the drive;
+            second run with smaller steps and a finer table of the drive after hysteresis and creep;
             where it is larger, both are refined.
         load: normal force over the reference normal force at which the friction parameters hold: a number,
             or a waveform.
         energy: add the energy account (actuators of one mode, no two-port): `drive_work`, `friction_work`,
             `stage_dissipation`, `external_work`, `kinetic_energy`, `elastic_energy`, and `energy_defect`,
             which a perfect solution has at 0.
-        stack: that the drive charges, of an actuator: adds `current`, `charge`, `reactive_power` (into the
-            field), `loss_power` and `temperature`, of the drive from its begin to the last sample. A half
-            cycle loses what it does in proportion to its way, so that near the end of a run, within a cycle
+        stack: piezo stack that the drive charges: adds `current`, `charge`, `reactive_power` (into the
+            field), `loss_power` and `temperature`, from the start of the drive to the last sample. A half
+            cycle loses energy in proportion to its path, so that near the end of a run, within a cycle
             that is not closed yet, loss and temperature are less than a longer run has there. A drive that
             jumps takes an infinite current: `electronics.driven` says what an amplifier makes of it.
         max_steps: give up after so many steps.
-        initial_state: where it begins: a `State`, or a trajectory, to be continued: then `duration` counts
-            from its end, and samples and drive go on in its time (plays and creep as that left them). With
-            the same model, drive, load and tolerance it goes on to the last bit as one run over both would
+        initial_state: a `State`, or a trajectory to continue: then `duration` counts
+            from its end, and samples and drive continue in its time (with its plays and creep). With
+            the same model, drive, load and tolerance the result equals one run over both to the last bit
             (where that needs no smaller steps; with hysteresis or creep, whose table depends on the length
-            of the run, within the tolerance), and its error is added; the energy account begins anew.
+            of the run, within the tolerance), and its error is added; the energy account starts again.
 
     Returns:
         Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),
         friction_force (N, on the end-effector), drive_voltage or spring_position, velocities (m/s), bristle
         deflections (m). A sample at a jump of drive or load holds what is after it: the drive, the force
-        under it, and the deflection with newly pressed contact in it, which carries no force yet.
-        attrs["final_state"]: see `final_state`. attrs["error_estimate"] (m): how far the end-effector's
-        position may be off; where that is above the tolerance after all, a `SimulationWarning` says so. If
+        under it, and the deflection including newly pressed contact, which carries no force yet.
+        attrs["final_state"]: see `final_state`. attrs["error_estimate"] (m): error of the end-effector's
+        position; if it stays above the tolerance, a `SimulationWarning` says so. If
         the motion could not be followed to the end: a `SimulationWarning`, the part until then, and the
         reason in attrs["outcome"].
 
@@ -173,7 +173,7 @@ class FollowedTrajectory(NamedTuple):
 
 
 class _TrajectoryRun(NamedTuple):
-    """What the solver made of a task under the table `drive`: samples in the plant's own layout, and the rest
+    """Result of the solver for a task with the table `drive`: samples in the plant's own layout, and the rest
     as `FollowedTrajectory`."""
 
     drive: Drive
@@ -188,9 +188,12 @@ class _TrajectoryRun(NamedTuple):
 
 
 class _Task(NamedTuple):
-    """A trajectory to be followed; `tables` of the drive, by the tolerance of a run; `start`, its state
-    before, at the time `begins`, or `resume` (a row of the engine); `anew`: the energy account begins at the
-    first of the times, which is not asked for."""
+    """A trajectory to compute.
+
+    `tables` returns the drive for the tolerance of a run. `start` is the state before, at the time `begins`;
+    `resume` (a row of the engine) replaces it. `anew`: the energy account starts at the first of the times,
+    which is not part of the result.
+    """
 
     of: System
     plant: ComposedPlant
@@ -226,7 +229,7 @@ class _Task(NamedTuple):
         return float(np.abs(one.samples[:, column] - other.samples[:, column]).max())
 
     def followed(self, run: _TrajectoryRun, error: float = math.nan) -> FollowedTrajectory:
-        """As far as it goes, with what it may be off."""
+        """Return the computed part of the trajectory, with its error."""
         samples, work = classic(self.of, run.samples, run.drive, self.times), run.work
         times, start, text = self.times, np.zeros(0), COMPLETE
         if run.outcome != DONE:
@@ -238,7 +241,7 @@ class _Task(NamedTuple):
             reached = float(times[~keep][0]) if run.outcome == NO_NUMBER else run.reached
             text = f"stopped at t = {with_prefix(reached, 's')} of {with_prefix(times[-1], 's')}: {reason}"
             times, samples, work = times[keep], samples[keep], work[keep] if self.energy else work
-        if self.anew and times.size:  # the run began before the state that it goes on from
+        if self.anew and times.size:  # the run started before the state from which it continues
             start, work = samples[0], work - work[0]
             times, samples, work = times[1:], samples[1:], work[1:]
         elif self.energy:
@@ -261,8 +264,10 @@ def follow_model(
     check: bool = False,
     begin: State | None = None,
 ) -> FollowedTrajectory:
-    """What `simulate` does, without labels and warnings: for what is drawn many times a second. Without
-    `check` one run, whose error is usually a tenth of the tolerance and is not estimated."""
+    """Simulate as `simulate`, without labels and warnings: for pictures that are drawn many times a second.
+
+    Without `check` there is a single run; its error is usually a tenth of the tolerance and is not estimated.
+    """
     end = float(times[-1])
     contact = contact_load(load, end)
     of = contact.system(model)
@@ -276,7 +281,7 @@ def follow_model(
     begin = begin or REST
     if times[0] < begin.time:
         raise QuantityError(
-            f"times [s] begin at {times[0]:g} s, before the initial state at {begin.time:g} s"
+            f"times [s] start at {times[0]:g} s, before the initial state at {begin.time:g} s"
         )
     plant = ComposedPlant(of.plant)
     resume = np.zeros(plant.resume_size)
@@ -348,7 +353,7 @@ def sample_times(
 
 
 def run_time(waveform: Waveform, duration: float | None, start: float = 0.0) -> float:
-    """How long a run lasts, s: the duration that is asked for, or from `start` to the end of the waveform.
+    """Return the length of a run, s: the given duration, or from `start` to the end of the waveform.
 
     Raises:
         QuantityError: a duration that is not finite and above 0, or none for a waveform without an end.
@@ -368,7 +373,7 @@ def run_time(waveform: Waveform, duration: float | None, start: float = 0.0) -> 
 
 
 def not_within(error: float, tolerance: float, model: Any = None, what: str = "the position") -> str:
-    """What is said of a result whose error may be above the tolerance [m; rad of a rotary model]."""
+    """Return the message for a result whose error may exceed the tolerance [m; rad of a rotary model]."""
     unit = unit_for(model, "m")
     asked = f"the tolerance of {with_prefix(tolerance, unit)} is not shown to hold"
     if math.isnan(error):

@@ -21,7 +21,7 @@ PER_VOLT = 1e-7  # m/V
 
 
 def driven_by_voltage(model: Actuator | PulledSlider) -> bool:
-    """Whether the model has a piezo whose elements slip while the stage moves."""
+    """Return whether the model has a piezo whose elements slip while the stage moves."""
     return isinstance(model, Actuator) and model.two_port is not None and not model.two_port.charge_drive
 
 
@@ -59,7 +59,7 @@ def settle(plant: Plant, q: Array, first: int, before: float) -> None:
     share = np.array(law.stiffness)
     limit = np.array(law.strength) / share
     wanted = (element.drive_rate or 0.0) * before + felt * q[0]
-    # Of e on its first way: straight between the ends of the stops.
+    # Output on the first branch: straight between the ends of the stops.
     corner = np.append(0.0, np.sort(limit))
     total = corner + felt * given * np.sum(share[:, None] * np.minimum(corner, limit[:, None]), axis=0)
     e = np.copysign(np.interp(abs(wanted), total, corner), wanted)  # beyond the last corner all have slipped

@@ -64,8 +64,11 @@ def element_of(law: Any, name: str) -> tuple[str, int] | None:
 
 
 def free_names(model: Any) -> list[str]:
-    """What may be free in a model: the scalar fields of its law and its own, elements, `RATIOS`, and the
-    numbers of its normal force ("normal_force_slope")."""
+    """Return the names of a model that may be free.
+
+    The scalar fields of the law and the model, elements, `RATIOS`, and the numbers of the normal force
+    ("normal_force_slope").
+    """
     law, names = law_of(model), []
     for field, value in law._asdict().items():
         if isinstance(value, tuple):
@@ -93,12 +96,12 @@ def piezo_names(model: Any) -> list[str]:
 
 
 def drive_names(model: Any) -> list[str]:
-    """Those of `piezo_names` that change what drives the stage, before the plant feels it."""
+    """Return the names of the piezo's numbers that change the drive of the stage."""
     return [] if getattr(model, "two_port", None) is not None else piezo_names(model)
 
 
 def model_names(model: Any) -> list[str]:
-    """What may vary in a model: as `free_names`, and the numbers of its piezo."""
+    """Return the names of a model that may vary: as `free_names`, and the numbers of its piezo."""
     return [*free_names(model), *piezo_names(model)]
 
 
@@ -112,7 +115,7 @@ def _names_of_part(part: Any) -> list[str]:
 
 
 def _part_of(model: Any, name: str) -> Any:
-    """Which part of the piezo has the number of that name; None if none has."""
+    """Return the part of the piezo that has the named number, or None."""
     return next((part for part in _parts(model) if name in _names_of_part(part)), None)
 
 
@@ -185,8 +188,7 @@ def with_values(model: Any, values: Mapping[str, float]) -> Any:
 
 
 def record_names(record: Any) -> list[str]:
-    """What may vary in a waveform, or part of a piezo, that is a record: its numbers, and those of its lists
-    ("value_3")."""
+    """Return the names of a record that may vary: its numbers, and those in its lists ("value_3")."""
     names = []
     for field in quantities(type(record)) if hasattr(record, "_fields") else ():
         value = getattr(record, field)
@@ -209,7 +211,7 @@ def record_field(record: Any, name: str) -> tuple[str, int | None]:
 
 
 def record_value(record: Any, name: str) -> float:
-    """The number of that name."""
+    """Return the named number."""
     field, index = record_field(record, name)
     value = getattr(record, field)
     return float(value if index is None else value[index])
@@ -226,7 +228,7 @@ def put_in(record: Any, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def value_of(model: Any, name: str, waveform: Any = None) -> float:
-    """The number of the model, else of the waveform, of that name."""
+    """Return the named number of the model, else of the waveform."""
     if waveform is not None and name not in model_names(model):
         return record_value(waveform, name)
     of_law, ratio = law_of(model)._asdict(), ratios_of(law_of(model)).get(name)
@@ -244,7 +246,7 @@ def value_of(model: Any, name: str, waveform: Any = None) -> float:
 
 
 def quantity_of(model: Any, waveform: Any, name: str) -> Quantity | None:
-    """What a number of the model, else of the waveform, of that name means; None for a ratio or a factor."""
+    """Return the quantity of a named number of the model or waveform; None for a ratio or a factor."""
     if (part := _part_of(model, name)) is not None:
         return quantities(type(part))[record_field(part, name.removeprefix(PIEZO))[0]]
     if name in NORMAL_FIELDS:

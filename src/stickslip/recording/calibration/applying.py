@@ -26,7 +26,7 @@ from .storage import load_calibration, to_text
 
 Part = Calibration | str | os.PathLike[str]
 Chain = Part | Sequence[Part]
-# Of the range of a calibration, by which noise may leave it.
+# Largest excess of noise beyond the range of a calibration, relative to the range.
 BEYOND = 0.05
 
 
@@ -125,7 +125,7 @@ def _warn_beyond(name: str, calibration: Calibration, values: NDArray[np.float64
 
 
 def calibration_attribute(applied: Mapping[str, Sequence[str]], before: str = "") -> str:
-    """What goes into the attribute "calibration" of a recording: JSON, variable -> list of calibrations."""
+    """Return the attribute "calibration" of a recording: JSON, variable -> list of calibrations."""
     known = json_attribute({"calibration": before}, "calibration")
     if before and not known:
         known["notes"] = before  # free text of a reader

@@ -52,7 +52,7 @@ class Calibration:
 
     @property
     def standard_errors(self) -> tuple[float, ...] | None:
-        """Of the coefficients, in their units; None where the covariance is not known."""
+        """Standard errors of the coefficients, in their units; None without a covariance."""
         if self.covariance is None:
             return None
         return tuple(float(np.sqrt(self.covariance[k][k])) for k in range(self.order + 1))
@@ -88,10 +88,10 @@ class Calibration:
         return t * np.sqrt(np.maximum(variance, 0.0) + self.residual_deviation**2)
 
     def inverse(self, y: ArrayLike) -> Array:
-        """x at y, of the same shape.
+        """Return x at y, in the same shape.
 
         Raises:
-            CalibrationError: the polynomial is not monotonic over its range, or y is outside of that.
+            CalibrationError: the polynomial is not monotonic over its range, or y is outside its range.
         """
         grid = np.linspace(self.low, self.high, 2001)
         turns = np.polynomial.polynomial.polyroots(np.polynomial.polynomial.polyder(self.coefficients))

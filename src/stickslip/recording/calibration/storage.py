@@ -28,10 +28,10 @@ def available_calibrations() -> tuple[str, ...]:
 
 
 def load_calibration(name: str | os.PathLike[str]) -> Calibration:
-    """A calibration that comes with the package, by its name, or the one in a JSON file, by its path.
+    """Return a calibration of the package by its name, or a JSON file by its path.
 
     Raises:
-        CalibrationError: there is none, or the file is wrong; names file and field.
+        CalibrationError: the name is unknown, or the file is wrong; names file and field.
     """
     text = os.fspath(name)
     path = Path(text)
@@ -73,7 +73,7 @@ def to_text(calibration: Calibration, indent: int | None = None) -> str:
 
 
 def from_text(text: str) -> Calibration:
-    """The calibration of a JSON text; raises CalibrationError if it is none."""
+    """Return the calibration in a JSON text; raises CalibrationError if the text is not one."""
     try:
         content = load_json(text, "calibration")
     except GateError as error:

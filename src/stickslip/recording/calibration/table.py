@@ -40,10 +40,10 @@ def available_tables() -> tuple[str, ...]:
 
 
 def read_table(name: str | os.PathLike[str]) -> CalibrationTable:
-    """A calibration table: the name of one that comes with the package, or the path of a CSV file.
+    """Return a calibration table: one of the package by its name, or a CSV file by its path.
 
     The first line names the columns with their units, "position [mm], a [V], b [V]": the truth first, then
-    one or more readings of the sensor, all in one unit. Lines that begin with # are notes.
+    one or more readings of the sensor, all in one unit. Lines that start with # are notes.
 
     Raises:
         CalibrationError: there is no such table, or it is not as described; names file and line.

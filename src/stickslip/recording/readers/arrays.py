@@ -27,7 +27,7 @@ class Leaf(NamedTuple):
 
 
 def total_bytes(leaves: Iterable[Leaf]) -> int:
-    """What arrays take as float64, bytes."""
+    """Return the size of arrays as float64, bytes."""
     return sum(8 * math.prod(leaf.shape) for leaf in leaves)
 
 

@@ -23,13 +23,13 @@ class Clocked(NamedTuple):
 def complete_samples(
     group: Clocked, labels: Mapping[str, str], missing: Literal["error", "drop"], place: Place
 ) -> Clocked:
-    """The group without incomplete samples, if they may be dropped, and surely ascending in time.
+    """Return the group without incomplete samples, if they may be dropped, and with ascending time.
 
     Args:
         group: the channels and their time.
-        labels: what to call each channel in an error: column and unit.
+        labels: name of each channel in an error: column and unit.
         missing: "drop" drops samples of which a part is missing, "error" raises at the first one.
-        place: sample -> where it stands in the file.
+        place: sample -> its place in the file.
 
     Raises:
         RecordingError: a number is missing, or time does not ascend.

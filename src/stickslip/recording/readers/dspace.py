@@ -55,7 +55,7 @@ def _flat(trace_x: Leaf, trace_y: Leaf, tree: dict[str, Any]) -> Capture:
 
 
 def _texts(node: Any, count: int) -> list[str]:
-    """The texts of a cell array; empty ones where it is none of that length."""
+    """Return the texts of a cell array; empty texts if its length differs."""
     known = isinstance(node, list) and len(node) == count
     return [_text(one) for one in node] if known else [""] * count
 

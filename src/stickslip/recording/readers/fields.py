@@ -37,7 +37,7 @@ OVERLOAD = 9.89e37
 # be as long as a line.
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?")
 FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")  # "1.0D-03"
-# What Microsoft's C library prints: "1.#QNAN", "-1.#IND00", "1.#INFe+000".
+# Texts of Microsoft's C library for missing numbers: "1.#QNAN", "-1.#IND00", "1.#INFe+000".
 LIBRARY = re.compile(r"[+-]?1[.,]#[A-Za-z]+\d*([eE][+-]?\d+)?")
 
 
@@ -47,13 +47,13 @@ COMMENT = re.compile(rf"\s*(#(?!{'|'.join(re.escape(one[1:]) for one in SHEET_ER
 
 
 def without_sign(line: str) -> str:
-    """Return a line without the sign of a comment at its begin."""
+    """Return a line without a comment sign at its start."""
     found = COMMENT.match(line)
     return line[found.end() :] if found else line
 
 
 class Signs(NamedTuple):
-    """The decimal sign, and the texts that stand for no number."""
+    """Decimal sign, and texts for missing numbers."""
 
     decimal: str
     missing: frozenset[str] = MISSING

@@ -15,11 +15,11 @@ from .. import conversion
 from ..conversion import Conversion
 from .source import FileChannel
 
-# What files mean by a unit, as the parser spells it.
+# Meaning of units in files, as the parser spells it.
 _MEANT = {"MIL": "thou", "pct": "percent"}
 _MEANT |= {"rev": "turn", "revs": "turn", "gon": "grad", "cycle": "", "cycles": ""}
 _MIL = re.compile(r"\b[mM]ils?\b")
-# What files do not agree about, with what it may be.
+# Units with several meanings in files, and their possible meanings.
 _UNSURE = {
     "a": "a year, or an acceleration",
     "u": "an atomic mass, or micrometres",
@@ -35,7 +35,7 @@ _UNSURE = {
 _WORDS = frozenset(
     ["hand", "rod", "pole", "perch", "link", "chain", "point", "pica", "act", "ch", "b", "B", "c", "D", "e"]
 )
-# What stands in round brackets behind a name, and is no unit that is not known: a place, a role, a statistic.
+# Texts in round brackets after a name that are not an unknown unit: a place, a role, a statistic.
 _ROLE = re.compile(
     r"left|right|top|bottom|upper|lower|front|rear|back|inner|outer|raw|filtered|smoothed|measured|actual|real|"
     r"set ?point|target|ref(erence)?|command(ed)?|cmd|demand|desired|input|output|in|out|sensor|encoder|"
@@ -57,16 +57,16 @@ _ONLY_OF = {"in": _LENGTH, "min": _TIME, "d": _TIME, "h": _TIME}
 
 
 def to_si_unit(unit: str) -> Conversion:
-    """As that of `recording.conversion`, of a unit as files mean it.
+    """Return the conversion of a unit as files mean it, see `recording.conversion`.
 
     Raises:
-        QuantityError: it is not known, or files do not agree about it.
+        QuantityError: the unit is unknown, or files use it differently.
     """
     return conversion.to_si_unit(_meant(unit))
 
 
 def to_si_scale(text: str) -> Conversion:
-    """As that of `recording.conversion`, of units as files mean them: "0.5 mil/V".
+    """Return the conversion of a unit with a number, as files mean it: "0.5 mil/V".
 
     Raises:
         QuantityError: see `to_si_unit`; or the number is 0 or not finite.
@@ -74,31 +74,33 @@ def to_si_scale(text: str) -> Conversion:
     return conversion.to_si_scale(_meant(text) if isinstance(text, str) else text)
 
 
-@functools.lru_cache(maxsize=10_000)  # a file may have as many columns, and each is asked about several times
+@functools.lru_cache(
+    maxsize=10_000
+)  # a file may have as many columns, each of which is checked several times
 def is_unit(text: str) -> bool:
-    """Whether `to_si_unit` knows the unit."""
+    """Return whether `to_si_unit` knows the unit."""
     return conversion.is_unit(text, to_si_unit)
 
 
 def is_unit_of(name: str, text: str) -> bool:
-    """Whether what stands in round brackets behind a name is its unit, and no word."""
+    """Return whether a text in round brackets after a name is its unit, and not a word."""
     only = _ONLY_OF.get(text)
     return is_unit(text) and (only is None or only.search(name) is not None)
 
 
 def is_word(text: str) -> bool:
-    """Whether what stands in round brackets behind a name is surely no unit: "left", "load cell"."""
+    """Return whether a text in round brackets after a name is certainly not a unit: "left", "load cell"."""
     several = len(text.split()) > 1 and "unit" not in text.lower()
     return text in _WORDS or text in _ONLY_OF or several or _ROLE.fullmatch(text) is not None
 
 
 def is_unsure(unit: str) -> bool:
-    """Whether files do not agree about a unit."""
+    """Return whether files use a unit with different meanings."""
     return unit.strip() in _UNSURE
 
 
 def in_seconds(channel: FileChannel) -> bool:
-    """Whether a channel is in a unit of time."""
+    """Return whether a channel is in a unit of time."""
     return is_unit(channel.unit) and to_si_unit(channel.unit).unit == "s"
 
 

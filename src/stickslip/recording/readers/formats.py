@@ -15,7 +15,7 @@ from .. import RecordingError
 from .signatures import is_text, known_format, not_read
 from .source import Format
 
-# What read_recording takes without a `Format`.
+# Formats that read_recording takes without a `Format`.
 TEXT = "text"
 TEXT_LINE = (
     "Numbers in lines: CSV, TSV, LabVIEW's LVM, tables of oscilloscopes, with or without headers and units."
@@ -70,12 +70,12 @@ def find_format(path: Path) -> str:
 
 
 def _formats() -> list[Format]:
-    """Those of the user and of other packages before ours."""
+    """Return the formats: those of the user and of other packages first."""
     return sorted((one for _, one in registry.readers.all()), key=lambda one: not registry.origin(one.read))
 
 
 def _is_recording(path: Path, ending: str) -> bool:
-    """Whether an HDF5 file is a recording of ours; a damaged one with the ending of ours is."""
+    """Return whether an HDF5 file is one of our recordings; a damaged file with our ending counts."""
     from ...gate.hdf5 import has_attribute  # HDF5 is not for those who only read text
 
     try:

@@ -28,7 +28,7 @@ from .uff import data_sets, point
 
 Array = NDArray[np.float64]
 
-# What a column is, by its name; the first that is found.
+# Role of a column by its name; the first match counts.
 _ROLES = (
     ("", r"log|unwrap|coher|group delay|time"),
     ("frequency", r"freq|frequenz|omega|\bhz\b|^[fwω]$|^wout$"),
@@ -66,15 +66,15 @@ def read_frequency_response(
     *,
     scale: str = "1",
 ) -> xr.Dataset:
-    """A frequency response from a table or a universal file, as `identify_frequency` takes it.
+    """Return a frequency response from a table or a universal file, for `identify_frequency`.
 
     Args:
         path: text, MAT, NPZ, HDF5 or another file of columns, or a universal file (UFF, data set 58).
         columns: "frequency" with "gain" and "phase", or with "real" and "imag", -> column, as for
-            `read_recording`; found by their names if left out, then several outputs too.
-        units: of "frequency" (Hz, rad/s), "gain" (dB, "1", "um/V") and "phase" (deg, rad), stronger than what
-            the file says. The gain stands for real and imaginary parts as well.
-        scale: response that a gain of 1 (0 dB) stands for, with its unit: "0.5 um/V".
+            `read_recording`; by default found by their names, then several outputs too.
+        units: of "frequency" (Hz, rad/s), "gain" (dB, "1", "um/V") and "phase" (deg, rad); they override
+            the file. The unit of the gain also holds for real and imaginary parts.
+        scale: response at a gain of 1 (0 dB), with its unit: "0.5 um/V".
 
     Returns:
         Over "frequency" [Hz, ascending], "output" and "input" the `response`, complex. It has no `deviation`:
@@ -103,7 +103,7 @@ def read_frequency_response(
 
 
 def response_columns(channels: Sequence[FileChannel]) -> ResponseColumns | None:
-    """Return the columns of a frequency response by their names; None where the channels are none."""
+    """Return the columns of a frequency response by their names; None if the channels are not one."""
     roles = [_role(one) if one.numeric else "" for one in channels]
     frequency = [i for i, role in enumerate(roles) if role == "frequency"]
     if not frequency:
@@ -223,7 +223,8 @@ def _product(own: str, scale: str) -> str:
 def _converted(
     channel: FileChannel, unit: str, of: tuple[str, ...] | None, name: str, expected: str
 ) -> Conversion:
-    """What a unit is in SI; raises RecordingError for one that is not known, or not of the quantity."""
+    """Return the conversion of a unit to SI; raises RecordingError if it is unknown, or of another
+    quantity."""
     try:
         number = re.match(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)", unit)
         factor, text = (float(number[1]), number[2].strip()) if number else (1.0, unit.strip())
@@ -236,7 +237,7 @@ def _converted(
 
 
 def _ratio(unit: str) -> Conversion:
-    """What a unit is in SI, also one over another ("um/N")."""
+    """Return the conversion of a unit to SI, also of a ratio of two units ("um/N")."""
     above, _, below = unit.rpartition("/")
     try:
         return to_si_unit(unit)

@@ -20,7 +20,7 @@ from .source import FileChannel, FileContent, add_format, is_clock
 
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS")
 _SECONDS_SINCE = " since "  # of times of NetCDF: "seconds since 2020-02-20"
-_PLACES = (0, 512, 1024, 2048)  # where HDF5 may begin, behind a block of another program
+_PLACES = (0, 512, 1024, 2048)  # possible starts of HDF5 content, after a block of another program
 
 
 class _Signal(NamedTuple):

@@ -1,4 +1,4 @@
-"""Units that stand in the names of columns: many a script calls its columns ``disp_um``, ``timestamp_us``."""
+"""Units in the names of columns, such as ``disp_um`` and ``timestamp_us``."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def named_unit(channel: FileChannel) -> FileChannel:
 
 
 def ends_in_m(name: str) -> bool:
-    """Whether a name is that of a length and ends with "_m", which says metres, or "measured"."""
+    """Return whether a length's name ends with "_m", which can mean metres or "measured"."""
     return name[-2:].lower() in ("_m", " m") and _LENGTH.search(name) is not None
 
 

@@ -25,19 +25,21 @@ from .uff import ENDINGS as UNIVERSAL
 
 # A pause is a step of the clock longer than this many usual ones.
 PAUSE = 1.5
-LARGE, MOST = 50_000_000, 50_000  # bytes of a file, of which only so many samples are looked at
+LARGE, MOST = 50_000_000, 50_000  # size of a large file in bytes, and the number of its samples that are read
 WIDEST = 80  # characters of a name in the table of columns
 ROUNDED = 1e-6  # of an interval: what a time may be off by rounding
 
 
 class Inspection(NamedTuple):
-    """What `inspect_file` found.
+    """Result of `inspect_file`.
 
-    `columns`: see `preview.look` (none of a recording of ours), ranges of the first samples only where it is
-    `cut`; `named`, `units` and `clocks`, as `read_recording` takes them, guessed where the file does not say;
-    `recording`, read so, or None with the `problem`; `response`, where the file holds a frequency response
-    instead; `log`, where it holds blocks of "key: value". Of a `large` file the recording is the first
-    `MOST` samples.
+    Attributes:
+        columns: see `preview.look`; empty for a recording of ours; ranges of the first samples if `cut`.
+        named, units, clocks: arguments of `read_recording`, guessed where the file does not state them.
+        recording: the recording read with them, or None, with the `problem`.
+        response: a frequency response, if the file contains one instead.
+        log: blocks of "key: value", if the file contains them.
+        large: True if the recording is only the first `MOST` samples.
     """
 
     path: Path
@@ -61,7 +63,7 @@ class Inspection(NamedTuple):
 
     @property
     def pauses(self) -> list[tuple[float, float]]:
-        """Where samples are missing: time [s] and how long [s]."""
+        """Return the gaps between samples: start [s] and length [s]."""
         assert self.recording is not None
         time = self.recording["time"].values
         steps = np.diff(time)
@@ -74,8 +76,10 @@ class Inspection(NamedTuple):
         return None if self.recording is None else drive_begins(self.recording)
 
     def noise(self, name: str) -> float:
-        """Standard deviation of a channel before the drive begins, in its unit; NaN for fewer than 20
-        samples."""
+        """Return the standard deviation of a channel before the drive starts, in its unit.
+
+        NaN for fewer than 20 samples.
+        """
         begins = self.drive_begins
         if self.recording is None or begins is None:
             return math.nan
@@ -156,13 +160,13 @@ class Inspection(NamedTuple):
 
 
 def inspect_file(path: str | Path) -> Inspection:
-    """What a file holds that `read_recording` reads, with guesses where it does not say.
+    """Return the content of a file that `read_recording` reads, with guesses where the file is silent.
 
     Args:
-        path: of a format that `stickslip list readers` names, or a recording of ours.
+        path: file of a format in `stickslip list readers`, or a recording of ours.
 
     Raises:
-        RecordingError: it is of no known format, damaged, or has no columns of numbers.
+        RecordingError: the format is unknown, or the file is damaged or has no columns of numbers.
     """
     path = Path(path)
     try:
@@ -200,7 +204,8 @@ def inspect_file(path: str | Path) -> Inspection:
 
 
 def _roles(columns: list[dict[str, Any]]) -> dict[str, str | int]:
-    """What the columns of a frequency response are, by name; none where the file has a clock, or is none."""
+    """Return the columns of a frequency response, by role; empty if the file has a clock or is not a
+    response."""
     channels = [FileChannel(one["name"], one["unit"], numeric=one["numeric"]) for one in columns]
     found = None if any(one["clock"] for one in columns) else response_columns(channels)
     if found is None:

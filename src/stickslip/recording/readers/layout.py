@@ -31,7 +31,7 @@ LINE_END = re.compile(r"\r\n|\n|\r")
 
 
 class TextLayout(NamedTuple):
-    """What `find_layout` found; `channels` and `kinds` have one entry per column."""
+    """Result of `find_layout`; `channels` and `kinds` have one entry per column."""
 
     encoding: str
     delimiter: str
@@ -41,9 +41,9 @@ class TextLayout(NamedTuple):
     line_bytes: float  # mean length of a line
     channels: tuple[FileChannel, ...]
     kinds: str  # "n" numbers, "d" dates, "s" text, "e" always empty
-    missing: frozenset[str] = MISSING  # texts that stand for no number
+    missing: frozenset[str] = MISSING  # texts for missing numbers
     fortran: bool = False  # numbers are written "1.0D-03"
-    # Clocks that stand in the header, by the index of their channel: a blank column, one that numbers the
+    # Clocks in the header, by the index of their channel: a blank column, one that numbers the
     # samples, or one more than the file has.
     clocks: Mapping[int, HeaderClock] = MappingProxyType({})
     counts: bool = False  # the first column numbers the samples
@@ -54,15 +54,16 @@ class TextLayout(NamedTuple):
         return split(line, self.delimiter)
 
     def fits(self, field: str, column: int) -> bool:
-        """Whether a field is of its column's kind, or missing."""
+        """Return whether a field is of its column's kind, or missing."""
         return Signs(self.decimal, self.missing).kind(field) in (self.kinds[column], "e")
 
     def is_data(self, line: str) -> bool:
-        """Whether a line below the header is a row of data, neither blank nor a comment."""
+        """Return whether a line below the header is a row of data."""
         return bool(line.strip()) and not (self.comment and COMMENT.match(line))
 
     def rewritten(self, text: str) -> str:
-        """Return lines as pandas reads them: "1.0D-03" becomes "1.0e-03", "1.#QNAN" begins no comment."""
+        """Return lines as pandas reads them: "1.0D-03" becomes "1.0e-03", "1.#QNAN" starts no
+        comment."""
         if END in text:
             text = text.replace(END, "")
         if "#" in text:
@@ -79,13 +80,13 @@ def find_layout(
     skip: int = 0,
     missing_values: Sequence[str] = (),
 ) -> TextLayout:
-    r"""The layout of a text file.
+    r"""Return the layout of a text file.
 
     Args:
         path: the file.
-        delimiter, decimal: as the user knows them, or None. ``r"\s+"`` is any white space.
+        delimiter, decimal: given by the user, or None. ``r"\s+"`` is any white space.
         skip: lines at the top that are neither header nor data.
-        missing_values: texts that stand for no number, beside those of `MISSING`.
+        missing_values: texts for missing numbers, beside those of `MISSING`.
 
     Raises:
         RecordingError: there are no numbers, or what should be the first row of data cannot be read.
@@ -242,7 +243,7 @@ def _refuse_split_numbers(rows: dict[int, list[str]], first: int, delimiter: str
 
 
 def _begins(fields: Sequence[str], kinds: str, signs: Signs) -> bool:
-    """Whether a line is the first of data."""
+    """Return whether a line is the first row of data."""
     found = signs.kinds(fields)
     return len(found) == len(kinds) and all(
         b == "e" or a in (b, "e") for a, b in zip(found, kinds, strict=True)

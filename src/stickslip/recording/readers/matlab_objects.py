@@ -30,7 +30,7 @@ class Opaque(NamedTuple):
 
 
 class MatlabTable(NamedTuple):
-    """The columns of a timetable, and the name of that which is the time."""
+    """Columns of a timetable, and the name of its time column."""
 
     columns: dict[str, Any]
     time: str

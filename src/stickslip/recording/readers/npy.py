@@ -60,7 +60,7 @@ def _source(path: Path, reader: str, leaves: dict[str, Leaf]) -> FileContent:
 
 
 def _is_npz(head: bytes, ending: str) -> bool:
-    """Whether a ZIP archive is called so, or its first file is an array of NumPy's."""
+    """Return whether a ZIP archive is an NPZ file, by its name or its first file."""
     name = int.from_bytes(head[_NAME_LENGTH : _NAME_LENGTH + 2], "little")
     first = head[_NAME : _NAME + name]
     return head.startswith(b"PK\x03\x04") and (ending == ".npz" or first.endswith(b".npy"))

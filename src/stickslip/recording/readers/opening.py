@@ -16,12 +16,12 @@ from .time_columns import with_clocks
 
 
 def source_of(path: Path, kind: str, **text: Any) -> FileContent:
-    """The channels of a file of that format, with the units that their names say; see `find_layout` for the
-    arguments `text`.
+    """Return the channels of a file with the units in their names; see `find_layout` for the arguments
+    `text`.
 
     Raises:
         GateError: a channel has a longer name than `LIMITS` allows: every page, table and figure shows it.
-        RecordingError: the file is damaged, or not as its format is.
+        RecordingError: the file is damaged, or not of its format.
         RegistryError: there is no such format.
     """
     source = read_csv(path, **text) if kind == "text" else registry.readers.find(kind).read(path)

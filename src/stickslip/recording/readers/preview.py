@@ -35,7 +35,7 @@ _DRIVES = {"drive_voltage", "voltage"}
 
 
 def look(path: Path) -> dict[str, Any]:
-    """What is in a file that `read_recording` reads.
+    """Return the content of a file that `read_recording` reads.
 
     Returns:
         reader, samples, and columns: index, name, column (what points at it: name or index), numeric,
@@ -45,7 +45,7 @@ def look(path: Path) -> dict[str, Any]:
         guessed_unit (from the range of values, where the file says none).
 
     Raises:
-        RecordingError: it is of no known format, damaged, or has no columns.
+        RecordingError: the format is unknown, or the file is damaged or has no columns.
     """
     kind = find_format(path)
     if kind == "nc":
@@ -92,7 +92,7 @@ def _as_of_a_contact(columns: list[dict[str, Any]]) -> None:
 
 
 def _clock(channels: Sequence[FileChannel]) -> int | None:
-    """The column that is read as the time; None where there is none, or could be several."""
+    """Return the index of the time column; None without one, or if several are possible."""
     try:
         return common_clock(channels, {}, {c.name: i for i, c in enumerate(channels) if c.numeric}, {})
     except RecordingError:

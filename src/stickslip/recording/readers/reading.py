@@ -164,7 +164,7 @@ def _check_arguments(**given: Any) -> None:
 
 
 def _is_own_name(variable: FileVariable) -> bool:
-    """Whether the file's name for a variable says more than ours does."""
+    """Return whether the file's name for a variable says more than ours."""
     return variable.name not in STANDARD_NAMES and variable.column.name[:1].isalpha()
 
 
@@ -212,7 +212,7 @@ def _window(rows: tuple[int, int | None]) -> Rows:
 
 
 def _epoch(chosen: Selection) -> float:
-    """What the common clock counts from, s since 1970 where it has dates."""
+    """Return the zero of the common clock, s since 1970 if it has dates."""
     clock = next(iter(chosen.clocks.values()))
     return 0.0 if clock is None else clock.column.epoch
 

@@ -65,8 +65,7 @@ def _by_clock(found: Any, head: bytes, isf: dict[str, str]) -> dict[tuple[float,
 
 
 def _isf_settings(head: bytes, size: int) -> dict[str, str]:
-    """The settings in the text before the samples of a Tektronix ISF, of so many bytes; none of other
-    files."""
+    """Return the settings before the samples of a Tektronix ISF with this size; empty for other files."""
     curve = _ISF.match(head)
     if not curve:
         return {}

@@ -111,7 +111,8 @@ def _variable(
 
 
 def _scale(said: str, own: str, standard: str) -> Conversion:
-    """What a user's unit makes of a column in the unit `own`: "0.5 um/V" turns volts into metres."""
+    """Return the conversion for a user's unit of a column in the unit `own`: "0.5 um/V" turns volts into
+    metres."""
     if not isinstance(said, str) or (said.strip() != "1" and is_number(said)):
         raise QuantityError(f'{said!r} names no unit; a scale is said with one, "{said} {standard}"')
     made = to_si_scale(said)
@@ -141,10 +142,10 @@ def common_clock(
     named: Mapping[str, int],
     own_clocks: Mapping[str, int],
 ) -> int:
-    """The channel that is the time, be it for its unit alone ("Zeit in ms").
+    """Return the index of the time channel, found by name or by unit alone ("Zeit in ms").
 
     Raises:
-        RecordingError: there is none, or more than one may be it.
+        RecordingError: no channel, or more than one, may be the time.
     """
     if "time" in columns:
         return find_channel(channels, columns["time"])

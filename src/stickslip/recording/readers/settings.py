@@ -38,7 +38,7 @@ _RATE = re.compile(r"(?P<prefix>[kKMGm]?)(Sa?/s(ec)?|S/s|sps|SPS|samples?/s(ec)?
 _PLACES = re.compile(r"\W|_")
 _SECONDS = {"S": "s", "Sec": "s", "SEC": "s", "Time": "s"}  # siemens are across no recording
 LONGEST_KEY = 200  # characters
-# Lines that say that the samples begin.
+# Lines after which the samples start.
 MARKS = frozenset(["data", "waveformdata", "begindata", "values", "samples", "endheader", "endofheader"])
 
 
@@ -50,7 +50,7 @@ class HeaderClock(NamedTuple):
 
 
 class HeaderSettings(NamedTuple):
-    """What the lines above the samples say, by role; `lines` are those that do."""
+    """HeaderSettings in the lines above the samples, by role; `lines` are those with settings."""
 
     values: dict[str, list[str]]
     numbered: dict[str, dict[int, str]]  # "NAME0 = ...", by role and number
@@ -58,7 +58,7 @@ class HeaderSettings(NamedTuple):
     below: frozenset[int]  # of these, lines of values below their key
 
     def names(self, width: int) -> list[str]:
-        """Return the names of as many columns; none where the lines do not say so many."""
+        """Return the names of as many columns; empty if their number differs."""
         return self._said("names", width)
 
     def units(self, width: int) -> list[str]:
@@ -66,7 +66,7 @@ class HeaderSettings(NamedTuple):
         found = self._said("upward", width) or self.values.get("upward", []) or self.values.get("each", [])
         if len(found) > width and not any(found[1::2]):  # of LabVIEW, a blank beside each column of times
             found = found[::2]
-        return found * width if len(found) == 1 else found  # blank ones behind it are none
+        return found * width if len(found) == 1 else found  # blank fields after it do not count
 
     def _said(self, role: str, width: int) -> list[str]:
         numbered = self.numbered.get(role, {})
@@ -177,8 +177,9 @@ def _numbers(texts: Sequence[str], unit: str) -> list[float]:
 
 
 def in_table(rows: dict[int, list[str]]) -> tuple[dict[int, list[str]], list[HeaderClock], bool]:
-    """Return lines above the samples without the clock that stands in their fields, as Rigol writes it; that
-    clock, or none; and whether the first column numbers the samples.
+    """Return the lines above the samples without the clock in their fields, as Rigol writes it.
+
+    Also that clock, or none, and whether the first column numbers the samples.
 
     "X,CH1,Start,Increment" above "Sequence,Volt,-5e-2,5e-4", or "Time(s),CH1V,t0 =-5e-2,tInc = 5e-4".
     """
@@ -205,11 +206,11 @@ def in_table(rows: dict[int, list[str]]) -> tuple[dict[int, list[str]], list[Hea
     return rows, [], False
 
 
-def with_settings(
-    channels: Sequence[FileChannel], said: HeaderSettings, in_header: bool
-) -> list[FileChannel]:
-    """Return channels with the units that the settings say: the clocks', and the others' in order. Without a
-    clock by name, the first column of numbers is it, unless the clock stands in the header."""
+def with_settings(channels: Sequence[FileChannel], said: HeaderSettings, in_header: bool) -> list[FileChannel]:
+    """Return channels with the units of the settings: those of the clocks, and the others in order.
+
+    Without a clock by name, the first numeric column is the clock, unless the header contains one.
+    """
     made, numeric = list(channels), [i for i, one in enumerate(channels) if one.numeric]
     across = [_SECONDS.get(one, one) for one in said.values.get("across", [])]
     clocks = [i for i in numeric if is_clock(channels[i])]

@@ -1,4 +1,4 @@
-"""Formats of files by how they begin: what a file is, and how to get its numbers out of it.
+"""File formats by their first bytes: the format, and a way to get its numbers.
 
 Files of these formats are not read. Formats that are read recognise their files themselves (`source.Format`).
 """
@@ -19,8 +19,8 @@ _EXCEL = "an Excel workbook"
 
 
 class FileSignature(NamedTuple):
-    """A format: what such a file is, how it begins (a pattern of bytes), what to do, and the endings of its
-    names where the first bytes alone do not tell."""
+    """A format: description, first bytes (a pattern), what to do, and endings of file names where the first
+    bytes are ambiguous."""
 
     what: str
     begins: bytes
@@ -84,7 +84,7 @@ BINARY = (
     FileSignature("a picture", rb"\x89PNG|\xff\xd8\xff|GIF8|BM.{4}\x00{4}|II\*\x00|MM\x00\*", _NO_TABLE),
     FileSignature("a program", rb"\x7fELF|MZ|\xca\xfe\xba\xbe", _NO_TABLE),
 )
-# Files that begin as text, or are text, but no table.
+# Files that start as text, or are text, but not a table.
 TEXTS = (
     FileSignature("a file of imc FAMOS", rb"\|CF,\d", "export it as CSV in FAMOS"),
     FileSignature(

@@ -16,7 +16,7 @@ from ...quantities import registry
 from ...quantities.records import did_you_mean
 from .. import RecordingError
 
-# How a user points at a channel: its name in the file, its index (from 0), or an array's name and indices
+# Reference to a channel: its name in the file, its index (from 0), or an array's name and indices
 # (from 0).
 Column = str | int | tuple[Any, ...]
 
@@ -42,7 +42,7 @@ class FileChannel(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """As the user sees it in the file."""
+        """Name as the user sees it in the file."""
         return self.header or self.name
 
 
@@ -52,7 +52,7 @@ class FileContent(NamedTuple):
     reader: str
     channels: tuple[FileChannel, ...]
     read: Callable[[Sequence[int], Rows], list[np.ndarray]]
-    place: Callable[[int], str] = "sample {}".format  # where a sample stands in the file, for errors
+    place: Callable[[int], str] = "sample {}".format  # place of a sample in the file, for errors
 
 
 class Format(NamedTuple):
@@ -71,14 +71,14 @@ def add_format(
     endings: Sequence[str],
     recognises: Callable[[bytes, str], bool] | None = None,
 ) -> None:
-    """Make a format known; one of the user's own is asked before those of the package.
+    """Register a format; a user's own is tried before those of the package.
 
     Args:
-        read: from a path to a `Source`; what it says it is in lists is the first line of its docstring.
-        name: what to call it.
-        endings: of the names of such files; whoever has one must be of this format.
-        recognises: from the first bytes of a file, and the ending of its name, to whether it is of the
-            format; by default the ending tells.
+        read: function from a path to a `Source`; the first line of its docstring describes it in lists.
+        name: name of the format.
+        endings: endings of file names; a file with one of them must be of this format.
+        recognises: function from the first bytes of a file, and the ending of its name, to whether it is of
+            the format; by default the ending decides.
     """
     known = recognises or (lambda head, ending: ending in endings)
     registry.readers.add(Format(name, tuple(endings), known, read), name, read)
@@ -103,7 +103,8 @@ _TIME_UNITS = {
 
 
 def is_clock(channel: FileChannel) -> bool:
-    """Whether a channel is called like a time; "sec" alone is the unit of another name where it is one."""
+    """Return whether a channel has the name of a time. "sec" alone is a unit if it is the unit of another
+    name."""
     name = channel.name.strip().lower()
     named = _TIME.fullmatch(name) is not None
     return channel.stamp or named or (time_unit(name) != "" and channel.unit == time_unit(name))
@@ -115,10 +116,10 @@ def time_unit(name: str) -> str:
 
 
 def find_channel(channels: Sequence[FileChannel], column: Column) -> int:
-    """The index of the channel that `column` points at.
+    """Return the index of the channel to which `column` refers.
 
     Raises:
-        RecordingError: there is none, or more than one; names those that are there.
+        RecordingError: no channel, or more than one, matches; names the existing ones.
     """
     if isinstance(column, int) and not isinstance(column, bool):
         matches = [column] if 0 <= column < len(channels) else []
@@ -134,7 +135,7 @@ def find_channel(channels: Sequence[FileChannel], column: Column) -> int:
 
 
 def pointer(channels: Sequence[FileChannel], i: int) -> str | int:
-    """What points at a channel: its name in the file where no other has it, else its index."""
+    """Return a reference to a channel: its name in the file if unique, else its index."""
     for name in (channels[i].shown, channels[i].name):
         if name and sum(name in (one.name, one.header) for one in channels) == 1:
             return name

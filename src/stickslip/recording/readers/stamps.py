@@ -38,19 +38,19 @@ _ISO = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?"
 
 
 def is_stamp(text: str) -> bool:
-    """Whether a text is a date, a time of day, or both."""
+    """Return whether a text is a date, a time of day, or both."""
     found = _STAMP.fullmatch(text) if text[:1].isalnum() else None
     return found is not None and (_has_date(found) or found["h"] is not None)
 
 
 def has_date(text: str) -> bool:
-    """Whether a text that is a stamp says a date."""
+    """Return whether a time stamp contains a date."""
     found = _STAMP.fullmatch(text)
     return found is not None and _has_date(found)
 
 
 def has_time(text: str) -> bool:
-    """Whether a text that is a stamp says a time of day."""
+    """Return whether a time stamp contains a time of day."""
     found = _STAMP.fullmatch(text)
     return found is not None and found["h"] is not None
 
@@ -65,7 +65,7 @@ def _has_date(found: re.Match[str]) -> bool:
 
 
 def day_first(texts: Sequence[str]) -> bool | None:
-    """Whether dates say the day before the month; None where both may be."""
+    """Return whether dates have the day before the month; None if both are possible."""
     found = [one for text in texts if (one := _STAMP.fullmatch(text)) and one["y2"] is not None]
     if any(int(one["a2"]) > 12 for one in found) or any(one["sign2"] != "/" for one in found):
         return True
@@ -117,12 +117,12 @@ def _iso_date(found: re.Match[str], first_is_day: bool) -> str:
 
 
 class Stamped(NamedTuple):
-    """How a column tells the time: its texts, with those of the column `date`, or its days since a date."""
+    """Time of a column: its texts, with those of the column `date`, or its days since a date."""
 
     first_is_day: bool = True
     epoch: float = 0.0  # s since 1970 (or midnight): what the numbers of the column count from
     date: int | None = None
-    wraps: float = np.inf  # s at which times without a date begin again
+    wraps: float = np.inf  # s after which times without a date start again
     days: float | None = None  # the number of the first day, of numbers of days
 
     def whole(self, values: np.ndarray) -> np.ndarray:

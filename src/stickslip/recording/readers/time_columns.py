@@ -17,8 +17,8 @@ _NAMED_FOR = re.compile(r"(time|t|zeit)[ _.-]\w.*|.*\w[ _.-](time|t|zeit)", re.I
 def with_clocks(source: FileContent) -> FileContent:
     """Return the source with the time column of each channel, where there are several.
 
-    A time column without columns behind it is left out if it agrees with the next one, as a date beside the
-    seconds does. If it does not, the channels stay as they are, and the user is asked.
+    A time column without columns after it is left out if it agrees with the next one, as a date beside the
+    seconds does. Otherwise the channels are unchanged, and the user is asked.
     """
     channels = source.channels
     maybe = [i for i, one in enumerate(channels) if one.numeric and _may_be_time(one)]
@@ -43,7 +43,7 @@ def with_clocks(source: FileContent) -> FileContent:
 
 
 def _may_be_time(channel: FileChannel) -> bool:
-    """Whether a channel is called like a time, or in a unit of time."""
+    """Return whether a channel has the name or the unit of a time."""
     if channel.unit:
         return in_seconds(channel)
     return is_clock(channel) or _NAMED_FOR.fullmatch(channel.name.strip()) is not None
@@ -59,7 +59,7 @@ def _increases(ticks: np.ndarray) -> bool:
 
 
 def _agree(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two clocks tell the same times, but for their start."""
+    """Return whether two clocks have the same times, except for their start."""
     if one.size < 2:
         return True
     step, own = float(np.nanmedian(np.abs(np.diff(other)))), np.abs(np.diff(one))

@@ -19,7 +19,7 @@ _OVER_UNIT = re.compile(r"\s/\s(\S+)$")
 _TIGHT = re.compile(
     r"(?P<name>[^/,]*[^/,\s])\s*[/,]\s*(?P<unit>[pnuµμmckMG]?(?:[smVNAWJ]|Hz|Pa|rad)(?:/s)?|sec|deg)\s*"
 )
-# As a row below the names has it: "[ms]", "(ms)", "<ms>", "{ms}", "'ms'", "in ms".
+# Units in a row below the names: "[ms]", "(ms)", "<ms>", "{ms}", "'ms'", "in ms".
 _UNIT_ALONE = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>|\{([^{}]*)\}|'([^']*)'|in\s+(.+)")
 _HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]{0,60}\]|\([^)]{0,60}\)))?")  # "Time [s]" is one word
 
@@ -62,7 +62,7 @@ def titles(
     data: dict[int, list[str]],
     said: HeaderSettings,
 ) -> list[FileChannel]:
-    """The columns by name and unit, from the fields of the lines above the data; of that, the first line."""
+    """Return the columns by name and unit, from the lines above the data and its first line."""
     rows = {i: fields for i, fields in above.items() if len(fields) == len(kinds) and not _marks(fields)}
     texts = [i for i, fields in rows.items() if set(signs.kinds(fields)) in ({"s"}, {"s", "e"})]
     header = texts[-1] if texts else -1
@@ -99,7 +99,7 @@ def titles(
 
 
 def _marks(fields: Sequence[str]) -> bool:
-    """Whether a line says that the samples begin: "Waveform Data,"."""
+    """Return whether a line marks the start of the samples: "Waveform Data,"."""
     return re.sub(r"\W|_", "", "".join(fields)).lower() in MARKS
 
 
@@ -114,7 +114,7 @@ def _names_and_units(rows: Sequence[list[str]]) -> tuple[list[str], list[str]]:
 
 
 def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
-    """Whether a row is of units, one of which may not be known: all are, or half of them below a time."""
+    """Return whether a row contains units: all are known, or half of them below a time."""
     given = [unit for unit in units if unit]
     known = sum(map(is_unit, given))
     clocks = [any(is_clock(channel_of(one)) for one in row) for row in (units, names)]
@@ -123,7 +123,7 @@ def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
 
 
 def _ticks(numbers: Sequence[float], increment: float) -> bool:
-    """Whether numbers are the times that the header counts."""
+    """Return whether numbers are the times of the header's clock."""
     return all(0.99 < (b - a) / increment < 1.01 for a, b in pairwise(numbers))
 
 
@@ -135,7 +135,7 @@ def with_header_clock(
     data: Sequence[Sequence[str]],
     signs: Signs,
 ) -> tuple[list[FileChannel], dict[int, HeaderClock]]:
-    """The channels with their clock, where it stands in the header and in no column."""
+    """Return the channels with their clock, if it is in the header and in no column."""
     times = [i for i, one in enumerate(channels) if one.numeric and (is_clock(one) or in_seconds(one))]
     if times and not counts:
         return channels, {}
@@ -205,7 +205,7 @@ def _name_and_unit(header: str) -> tuple[str, str, bool]:
 
 
 def _of_one(name: str, unit: str) -> bool:
-    """Whether a unit is one over another of the same kind: "V/mV" is a voltage in mV."""
+    """Return whether a unit is a ratio of two units of the same kind: "V/mV" is a voltage in mV."""
     return len(name) == 1 and not to_si_unit(unit).unit
 
 

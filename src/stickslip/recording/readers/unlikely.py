@@ -13,7 +13,7 @@ from .clocks import Clocked
 from .preview import LOOKED_AT, likely_unit
 from .selection import FileVariable, Selection
 
-# What no stick-slip actuator does, nor the instruments around it: largest size in SI, and likely units.
+# Largest plausible sizes (SI) around a stick-slip actuator, and likely units.
 UNLIKELY = {
     "m": (0.2, "um or nm"),
     "V": (2e3, "mV"),

@@ -18,7 +18,7 @@ from .splitting import through
 
 
 def tabulated(piezo: Piezo | None) -> bool:
-    """Whether the drive after the piezo has a precision, instead of being exact."""
+    """Return whether the drive after the piezo is approximated instead of exact."""
     return piezo is not None and (piezo.creep is not None or is_duhem(piezo.hysteresis))
 
 
@@ -36,7 +36,7 @@ def at_piezo(
         piezo: the model; before the drive it rested long at `drive.before`, reached from 0 V.
         drive: table.
         end: s.
-        precision: V, largest error: half of it is of the hysteresis, half of the creep of that.
+        precision: V, largest error: half from the hysteresis, half from the creep.
         period: s, of a drive that repeats.
         settled: the table is that of one period, until `end`, after many.
     """
@@ -60,7 +60,7 @@ def at_piezo(
 
 
 def cycle_of(drive: Drive, period: float | None) -> int:
-    """How many segments of a table make its period [s]; 0 if it does not repeat itself exactly."""
+    """Return the number of segments in one period [s] of a table; 0 if it does not repeat exactly."""
     if period is None:
         return 0
     count = int(np.searchsorted(drive.start, period * (1.0 - 1e-9)))

@@ -61,8 +61,7 @@ def duhem_drive(of: Any, drive: Drive, end: float, precision: float, settled: bo
 
 
 def _refuse_infinite(of: Any, drive: Drive, end: float) -> None:
-    """Raise QuantityError where h is not finite after ways between the least and the greatest value that
-    segments begin at, end at and swing to."""
+    """Raise QuantityError if h is not finite between the smallest and the largest value of the segments."""
     rows = np.diff(drive.first)
     swing = np.bincount(np.repeat(np.arange(rows.size), rows), np.abs(drive.harmonic[:, 0]), rows.size)
     lasts = np.maximum(np.append(drive.start[1:], max(end, drive.start[-1])) - drive.start, 0.0)

@@ -2,7 +2,7 @@ r"""A drive through play operators: a segment table becomes a segment table, exa
 
 On each way of the drive, up or down, the operators' output is a straight line in u between the points at
 which a play is taken along or a dead zone ends. So each segment of the drive becomes some of the same
-formula, times the slope there, plus a level; they begin where the drive turns or comes to such a point.
+formula, times the slope there, plus a level; they start where the drive turns or reaches such a point.
 """
 
 from __future__ import annotations
@@ -25,8 +25,14 @@ Array = NDArray[np.float64]
 
 
 class Pieces(NamedTuple):
-    """What segments become: `start` [n], s; `source` [n], the segment of the drive; `slope` [n] and `level`
-    [n]: the output is level + slope (u(t) - u(start))."""
+    """Pieces of the output of a drive.
+
+    Attributes:
+        start: s, [n].
+        source: segment of the drive, [n].
+        slope: [n].
+        level: [n]; the output is level + slope (u(t) - u(start)).
+    """
 
     start: Array
     source: NDArray[np.int64]

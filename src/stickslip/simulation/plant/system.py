@@ -48,11 +48,21 @@ class Mode(NamedTuple):
 
 
 class Element(NamedTuple):
-    """An element: `law`, its record; `velocity` h and `push` p (per unit of output), one entry per mode,
-    None where there is none; `normal`, a factor on the output; `loaded`: 1.0 where the normal force varies
-    as the load says, or None; then the rarer inputs, None if absent: `drive_rate` d', `drive` d, `position`
-    g (per mode), `feed` l (per earlier element); `along`, a `NormalForce`, over the position of the last mode
-    that the element pushes, which nothing else may push."""
+    """Element of a plant.
+
+    Attributes:
+        law: record of the element.
+        velocity: h, one entry per mode, or None.
+        push: p per unit of output, one entry per mode, or None.
+        normal: factor of the output.
+        loaded: 1.0 if the normal force varies with the load, or None.
+        drive_rate: d', or None.
+        drive: d, or None.
+        position: g, one entry per mode, or None.
+        feed: l, one entry per earlier element, or None.
+        along: `NormalForce` over the position of the last mode that the element pushes, which nothing else
+            may push.
+    """
 
     law: Any
     velocity: tuple[float | None, ...]
@@ -78,7 +88,7 @@ class Plant(NamedTuple):
 
 
 def state_size(plant: Plant) -> int:
-    """How many numbers its state has."""
+    """Return the number of states."""
     return 2 * len(plant.modes) + sum(elements(e.law) for e in plant.elements)
 
 
