@@ -77,25 +77,25 @@ def register(
 ) -> None:
     """Make a record a friction law, known by its name from then on.
 
-        Args:
-            law_type: the record, a ``typing.NamedTuple``.
-            rate: ``rate(law, v, z) -> (F, ż)``, a plain function; none for a composed
-                law, whose elements have it.
-            breakaway: ``breakaway(law) -> N``, for a static law only.
-            elements: ``elements(law) -> int``, for a composed law only, with `element`.
-            element: ``element(law, i) -> record`` of the i-th element, itself registered.
-            project: ``project(law, z) -> z``, where the law bounds its state (a reset); applied after each step.
-            tick: ``tick(law, v, z) -> z``, for a sampled element with a field `period` [s]: called at each
-                multiple of `period`, with the input at that instant; the state is constant in between.
-            branches: parts of a law whose rate is only piecewise smooth, see `Branches`; `rate` is the whole law.
-            smooth: the record is no friction contact but an element without a kink at v = 0: a lag, an
-                amplifier, creep, a controller (see `plant.system`); the units of its input v and output F are
-    free.
-            named: false for the elements of a composed law, which nobody names.
+    Args:
+        law_type: the record, a ``typing.NamedTuple``.
+        rate: ``rate(law, v, z) -> (F, ż)``, a plain function; none for a composed
+            law, whose elements have it.
+        breakaway: ``breakaway(law) -> N``, for a static law only.
+        elements: ``elements(law) -> int``, for a composed law only, with `element`.
+        element: ``element(law, i) -> record`` of the i-th element, itself registered.
+        project: ``project(law, z) -> z``, where the law bounds its state (a reset); applied after each step.
+        tick: ``tick(law, v, z) -> z``, for a sampled element with a field `period` [s]: called at each
+            multiple of `period`, with the input at that instant; the state is constant in between.
+        branches: parts of a law whose rate is only piecewise smooth, see `Branches`; `rate` is the whole law.
+        smooth: the record is no friction contact but an element without a kink at v = 0: a lag, an
+            amplifier, creep, a controller (see `plant.system`); its input v and output F may
+            have any unit.
+        named: false for the elements of a composed law, which nobody names.
 
-        Raises:
-            TypeError: the record is no named tuple, there is not either `rate` or `elements` with `element`, the
-                arguments of a function have other names than above, or it reads a field that the record lacks.
+    Raises:
+        TypeError: the record is no named tuple, there is not either `rate` or `elements` with `element`, the
+            arguments of a function have other names than above, or it reads a field that the record lacks.
     """
     name = law_type.__name__
     if not hasattr(law_type, "_fields"):
