@@ -25,7 +25,7 @@ from .searched import Searched
 from .space import DesignSpace, built, check_conditions, space_of
 from .waveforms import check_counts, check_model, check_moves, least_of
 
-# Of a candidate: rise, frequency and swing of its sawtooth come first.
+# Number of sawtooth coordinates of a candidate: rise, frequency and swing come first.
 DRIVE = 3
 
 
@@ -126,14 +126,15 @@ def _allowed(
     output: OutputStage | None,
     frequency: tuple[float, float] | None,
 ) -> Allowed:
-    """Of all models that the ranges allow: frequencies, unless given, about those of any."""
+    """Return the drives allowed for all models within the ranges; frequencies, unless given, suit any of
+    them."""
     models = [space.model, built(space, space.low), built(space, space.high)]
     each = [allowed(model, low, high, output, frequency) for model in models]
     return each[0]._replace(slowest=min(a.slowest for a in each), fastest=max(a.fastest for a in each))
 
 
 class _Search(NamedTuple):
-    """Of one model; `minimum_speed` [m/s], `holding_force` [N]; `scale` of the goal."""
+    """Search for one model, with `minimum_speed` [m/s], `holding_force` [N] and the `scale` of the goal."""
 
     name: str
     space: DesignSpace
@@ -198,7 +199,7 @@ class _Search(NamedTuple):
         return found - SHORTFALL * self.scale * short[:, None]
 
     def held(self, values: Array) -> Array:
-        """What the contact of each candidate [n, names] holds, over `holding_force`."""
+        """Return the holding force of each candidate's contact [n, names], relative to `holding_force`."""
         fields, model = self.space.fields(values), self.space.model
         if not self.holding_force:
             return np.full(len(values), np.inf)

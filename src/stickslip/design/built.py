@@ -18,7 +18,7 @@ from .scenarios import ScenarioTable
 from .space import DesignSpace, built
 
 Array = NDArray[np.float64]
-# Nearer to an end of its range, in parts of that, a number is at the end.
+# Distance to an end of its range, relative to the range, below which a number counts as at the end.
 AT_END = 1e-3
 
 
@@ -59,7 +59,7 @@ class OptimisedActuator:
 
     @property
     def name(self) -> str:
-        """Of the best model, where several were given."""
+        """Name of the best model, if several were given."""
         return self.best.name
 
     @property
@@ -69,7 +69,7 @@ class OptimisedActuator:
 
     @property
     def unit(self) -> str:
-        """Of the goal, for this model."""
+        """Unit of the goal for this model."""
         return unit_for(self.model, self.goal.unit)
 
     @property
@@ -90,13 +90,15 @@ class OptimisedActuator:
 
     @property
     def given_value(self) -> float:
-        """That of the model as it was given, with its own best sawtooth."""
+        """Value of the given model with its own best sawtooth."""
         return self._worst(self.best.before)
 
     @property
     def table(self) -> Any:
-        """What was free of the best model, as a pandas DataFrame: given, found, low, high (SI), and which end
-        of its range it is at."""
+        """Free numbers of the best model, as a pandas DataFrame.
+
+        Columns: given, found, low, high (SI), and the end of its range at which a number is.
+        """
         space, found = self.best.space, self.best.found
         columns = {"given": space.given, "found": found, "low": space.low, "high": space.high}
         columns |= {"unit": np.array(space.units), "at": np.array(_ends(space, found))}

@@ -17,9 +17,9 @@ from ..waveform import ReverseSawtooth, Sawtooth
 from ..waveform import Sequence as Parts
 from ..waveform.signal import Waveform, value_at
 
-# Of the greatest voltage; Hz; of a period.
+# Voltages as shares of the largest voltage.
 VOLTAGES = (0.4, 0.6, 0.8, 1.0)
-# None divides a usual rate of samples: periods are not all sampled at the same instants.
+# Frequencies, Hz. None divides a usual sample rate, so that periods are sampled at different instants.
 FREQUENCIES = (5.0, 11.0, 23.0, 47.0, 97.0, 197.0, 397.0)
 RISES = (1.0, 0.8, 0.65)
 # s of a burst one way, and periods at least: one there and one back would leave out the jumps between them.
@@ -71,10 +71,10 @@ def walks_of(
     sample_rate: float,
     noise: float,
 ) -> dict[str, PlannedWalk]:
-    """Candidates by name; a bare waveform becomes a recording as long as the others.
+    """Return candidates by name; a bare waveform becomes a recording as long as the others.
 
     Raises:
-        QuantityError: there are none, or one is neither.
+        QuantityError: there is no candidate, or one is neither a recording nor a waveform.
     """
     named: Mapping[str, Any] = (
         candidates

@@ -15,15 +15,21 @@ Over = Literal["worst", "mean"]
 
 # Rounds of exchanges; each ends at a better set, and few are ever needed.
 MOST_ROUNDS = 20
-# Sets that are begun with one candidate each, at most.
+# Largest number of sets that start with one candidate each.
 MOST_BEGINS = 64
 # In the place of an infinite logarithm, for each combination of coordinates that is not told.
 UNTOLD = 1e6
 
 
 class PlanGoal(NamedTuple):
-    """What is to be known best: `name`, in words; `own`, which coordinates are of the actuator; `gradients`
-    [draws, k] of the one number that is wanted by the coordinates, None: all of them together (D-optimal)."""
+    """PlanGoal of a plan.
+
+    Attributes:
+        name: in words.
+        own: coordinates of the actuator.
+        gradients: derivatives of the one wanted number by the coordinates [draws, k]; None: all parameters
+            together (D-optimal).
+    """
 
     name: str
     own: NDArray[np.bool_]
@@ -53,9 +59,10 @@ def criterion(of: Seen, goal: PlanGoal) -> Array:
 
 
 def score(of: Seen, goal: PlanGoal, over: Over) -> Array:
-    """What a choice lowers: the `criterion` at equal time, over the draws [draws, ...]."""
+    """Return the number that a choice minimises: the `criterion` at equal time, over the draws [draws,
+    ...]."""
     found = criterion(of, goal) + 0.5 * np.log(of.duration)
-    # Of sets that do not tell the goal, that is nearest which leaves the fewest combinations untold.
+    # If no set identifies the goal, choose the set with the fewest unidentified parameter combinations.
     lost = np.isinf(found)
     if np.any(lost):
         found = np.where(lost, UNTOLD * (1.0 + untold(of)), found)
@@ -63,13 +70,13 @@ def score(of: Seen, goal: PlanGoal, over: Over) -> Array:
 
 
 def chosen(of: Seen, goal: PlanGoal, over: Over, count: int) -> list[int]:
-    """Which candidates [draws, candidates] make the best set of so many; one may be taken several times.
+    """Return the best set of `count` candidates [draws, candidates]; one may be taken several times.
 
-    The first ones of those that tell the goal: the sets of one, two, ... in their order are good ones too.
+    Its first members are good sets too: of one, two, ... recordings.
     """
     alone = criterion(of, goal) + 0.5 * np.log(of.duration)
     # Where draws want different recordings, those of one draw are seldom reached from those of another. And
-    # what tells most alone is seldom in the best set of several for one parameter.
+    # the most informative single recording is seldom in the best set of several for one parameter.
     best = np.argsort(score(of, goal, over), kind="stable")[:MOST_BEGINS]
     begins = dict.fromkeys([*best.tolist(), *np.argmin(alone, axis=1).tolist()])
     found = [_exchanged(of, goal, over, _added(of, goal, over, [first], count)) for first in begins]

@@ -92,7 +92,7 @@ def _of_knots(
     frequency: Array | None,
     direction: Array | None,
 ) -> dict[str, Array]:
-    """As `drive_columns`: knots are stretched in time, and from their least value up."""
+    """Return the columns of `drive_columns` for knots: stretched in time, and from their lowest value up."""
     if own:
         raise QuantityError(
             f"{next(iter(own))!r} is a field of the knots: where it varies, voltage, frequency and direction "

@@ -1,8 +1,8 @@
-"""Recordings whose drive is itself searched for, to tell more than any of the usual ones.
+"""Recordings with a searched drive, more informative than any usual one.
 
-A drive is a burst of a closed polygon that begins at the lowest voltage, and the same backwards in time,
-which walks back; in turn, for as long as the recording. Values and frequency are searched for by CMA-ES
-[hansen2016], from the best of the usual sawtooths on, at the values of the model and at the first few draws.
+A drive is a burst of a closed polygon that starts at the lowest voltage, and the same reversed in time, which
+walks back; in turn, for the whole recording. Values and frequency are searched by CMA-ES [hansen2016] from
+the best usual sawtooth, at the values of the model and at the first few draws.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ def searched(
     seed: int,
     progress: Progress,
 ) -> PlannedWalk:
-    """The recording that tells most.
+    """Return the most informative recording.
 
     Args:
-        asked: how it is searched for.
-        begin: the usual recording from whose drive it begins.
+        asked: options of the search.
+        begin: usual recording from whose drive it starts.
         limits, slew_rate: of voltage, and V/s.
-        told: the logarithm of the expected error of a recording, less is better; NaN: it cannot be made.
-        seed: of the search.
+        told: logarithm of the expected error of a recording, to be minimised; NaN: it cannot be made.
+        seed: seed of the search.
         progress: as for `plan_experiment`.
     """
     allowed = of_search.Allowed(
@@ -98,9 +98,11 @@ def there_and_back(shape: Polygons, duration: float) -> Parts:
 
 
 def _polygon(walk: PlannedWalk) -> Polygons:
-    """The sawtooth that a recording begins with."""
+    """Return the sawtooth at the start of a recording."""
     saw = walk.drive.parts[0][0] if isinstance(walk.drive, Parts) else None
     if not isinstance(saw, Sawtooth):
-        raise QuantityError("a free drive begins from one of the usual sawtooths, and none can be taken")
+        raise QuantityError(
+            "a free drive starts from one of the usual sawtooths, and none is within the limits"
+        )
     volts, rise = np.array([[0.0, saw.amplitude]]), min(saw.rise_fraction, 1.0 - 1e-3)
     return Polygons(np.array([[0.0, rise]]), volts, np.array([1.0 / saw.frequency]))

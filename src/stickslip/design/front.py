@@ -22,9 +22,9 @@ from .sawtooth import best_sawtooth
 from .search import Judge, Task, robust
 from .searched import Searched
 
-# Of a step along the difference of two others; chance of each number to take it.
+# Length of a step along the difference of two others; probability of each number to take it.
 FACTOR, CHANCE = 0.5, 0.7
-# Candidates of the search for the first goal alone: it and its flatter copies are what the population begins
+# Candidates of the search for the first goal alone: its result and flatter copies start the population
 # with.
 FIRST = 1000
 
@@ -86,7 +86,7 @@ def front_of(
 
 
 def _merits(searched: list[Searched], x: Array) -> Array:
-    """Of each candidate, both goals in their worst conditions [n, 2]; minus infinity without motion."""
+    """Return both goals of each candidate in their worst conditions [n, 2]; minus infinity without motion."""
     one = searched[0]
     shapes = knots(x, one.allowed)
     extras = extras_of(*(of.goal for of in searched))
@@ -110,14 +110,15 @@ def selected(merits: Array, count: int) -> Any:
 
 
 def unbeaten(merits: Array) -> Any:
-    """Which rows [n] no other is better than in one goal and as good in the other."""
+    """Return the rows [n] that no other row dominates."""
     as_good = (merits[:, None, :] >= merits[None, :, :]).all(axis=2)
     better = (merits[:, None, :] > merits[None, :, :]).any(axis=2)
     return ~(as_good & better).any(axis=0)
 
 
 def _gaps(merits: Array) -> Array:
-    """Of rows in order: how far the neighbours of each are apart, over the whole; infinite at the ends."""
+    """Return, for rows in order, the relative distance between the neighbours of each; infinite at the
+    ends."""
     gaps = np.full(len(merits), np.inf)
     fine = np.where(np.isfinite(merits), merits, 0.0)
     span = np.maximum(np.ptp(fine, axis=0), 1e-300)

@@ -1,9 +1,9 @@
 """Goals of a drive signal as records, each a number per signal and condition.
 
-`of(shapes, moved)` gives the numbers [n, conditions] of polygons that move the actuator so; `sign` is +1
-where more is better, `extras` what it needs to know beside the net step (ripple). What the voltage
-alone decides (current, heat) is the same under all conditions, and of the signal that the amplifier is asked
-for.
+`of(shapes, moved)` returns the numbers [n, conditions] of polygons and their motion; `sign` is +1
+for goals to be maximised; `extras` names further quantities (ripple). Goals of the voltage
+alone (current, heat) are the same under all conditions, and belong to the signal at the amplifier's
+input.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Speed(NamedTuple):
 
 @record
 class StepSize(NamedTuple):
-    """How far the net step per period is from `size`, m: as little as can be, of any frequency allowed."""
+    """Deviation of the net step per period from `size`, m, to be minimised at any allowed frequency."""
 
     size: Annotated[float, Quantity("m", "s", "net step that is wanted")]
 
@@ -105,7 +105,7 @@ class Heat(NamedTuple):
 
 
 class Ripple(NamedTuple):
-    """How far the end-effector departs from a uniform motion, m, from peak to peak, as little as can be."""
+    """Deviation of the end-effector from uniform motion, m, peak to peak, to be minimised."""
 
     label, unit, sign, moves, extras = "ripple", "m", -1.0, False, ("ripple",)
 
@@ -114,7 +114,7 @@ class Ripple(NamedTuple):
 
 
 NAMED: dict[str, Any] = {"speed": Speed(), "ripple": Ripple()}
-# Those that need numbers.
+# Goals with numbers of their own.
 OTHERS = {
     "step": "StepSize(size)",
     "current": "Current(capacitance)",
@@ -125,7 +125,7 @@ OTHERS = {
 
 
 def extras_of(*goals: Any) -> tuple[str, ...]:
-    """What goals need to know beside the net step."""
+    """Return the names of the quantities that goals need besides the net step."""
     return tuple(dict.fromkeys(name for goal in goals for name in getattr(goal, "extras", ())))
 
 
@@ -135,15 +135,18 @@ def direction_of(goal: Any) -> float:
 
 
 def swings_of(goal: Any) -> tuple[float, ...]:
-    """Shares of the voltage range at which a search for a sawtooth begins: all of it where more is better."""
+    """Return the shares of the voltage range at which a search for a sawtooth starts.
+
+    All of it for goals to be maximised.
+    """
     return getattr(goal, "swings", (1.0, 0.5, 0.25))
 
 
 def goal_of(given: Any) -> Any:
-    """The goal of that name, or the goal itself.
+    """Return the goal with that name, or the goal itself.
 
     Raises:
-        QuantityError: there is none, or it needs numbers.
+        QuantityError: the name is unknown, or the goal needs numbers.
     """
     if given is None:
         raise QuantityError(f"a goal is needed: {', '.join(NAMED)}, or one of {', '.join(OTHERS.values())}")
@@ -158,6 +161,6 @@ def goal_of(given: Any) -> Any:
         )
     if not all(hasattr(given, name) for name in ("of", "sign", "unit", "label", "moves")):
         raise QuantityError(
-            f"goal = {given!r:.60} is none: give 'speed', or one of {', '.join(OTHERS.values())}"
+            f"goal = {given!r:.60} is unknown: give 'speed', or one of {', '.join(OTHERS.values())}"
         )
     return given

@@ -39,12 +39,12 @@ class MapGrid(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the dimensions, in that order."""
+        """Shape of the grid, in the order of its dimensions."""
         return tuple(self.axes[name].size for name in self.dims)
 
     @property
     def frequency(self) -> Array:
-        """Of the drive at each point, Hz."""
+        """Frequency of the drive at each point, Hz."""
         if "frequency" in self.columns:
             return self.columns["frequency"]
         period = getattr(self.waveform, "period", None)
@@ -103,7 +103,7 @@ def _axis(name: str, quantity: Quantity, values: Any) -> Array:
 
 
 def _columns(model: Actuator, waveform: Waveform, at: Mapping[str, Array], count: int) -> dict[str, Array]:
-    """Those of the ensemble: fields of waveform and model."""
+    """Return the columns of the ensemble: fields of waveform and model."""
     names = record_names(waveform)
     own = {name: column for name, column in at.items() if name in names and name not in AXES}
     drive = drive_columns(waveform, own, at.get("voltage"), at.get("frequency"), at.get("direction"))

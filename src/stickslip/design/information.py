@@ -24,37 +24,40 @@ from ..identify.walk.position_channel import CHANNEL
 from ..physics.actuator import Actuator
 from ..recording.chain import Chain
 
-# s at rest before the drive begins, by which a position is set to zero.
+# s at rest before the drive starts, which define the zero of a position.
 BEFORE = 0.1
-# Of a coordinate that is scaled to 1: information below this share of the greatest is rounding.
+# Smallest information of a coordinate scaled to 1, relative to the largest; less is rounding.
 NOTHING = 1e-13
-# What a parameter's own size moves less than this part of the motion, only rounding does: a neighbour
-# differs by a millionth, and rounds otherwise.
+# If a change of a parameter by its own size moves less than this share of the motion, it is rounding: a
+# neighbour differs by a millionth, and rounds otherwise.
 ROUNDING = 1e-6
 
 Array = NDArray[np.float64]
 
 
 class FitSpace(NamedTuple):
-    """What a fit searches for: `parameters`, those of the channel among them, and what is tied to them."""
+    """Coordinates of a fit: `parameters`, including those of the channel, and tied values."""
 
     parameters: tuple[Parameter, ...]
     ties: Ties
 
     @property
     def names(self) -> list[str]:
-        """Of the parameters."""
+        """Names of the parameters."""
         return [p.name for p in self.parameters]
 
     @property
     def own(self) -> NDArray[np.bool_]:
-        """Which of them are of the actuator."""
+        """Mask of the parameters of the actuator."""
         return np.array([name not in CHANNEL for name in self.names])
 
 
 class Seen(NamedTuple):
-    """What recordings tell: the matrices A and B of the module's head [..., k, k], how long they take [...],
-    s, and the least and greatest position [...], m."""
+    """Information of recordings.
+
+    The matrices A and B of the module [..., k, k], the duration [...], s, and the lowest and highest position
+    [...], m.
+    """
 
     normal: Array
     spread: Array
@@ -63,7 +66,7 @@ class Seen(NamedTuple):
     high: Array
 
     def plus(self, other: Seen) -> Seen:
-        """Of both together."""
+        """Return the information of both together."""
         return Seen(
             self.normal + other.normal,
             self.spread + other.spread,
@@ -73,13 +76,13 @@ class Seen(NamedTuple):
         )
 
     def times(self, share: float) -> Seen:
-        """Of so many times the recordings; a part of one tells its part."""
+        """Return the information of `share` times the recordings."""
         return self._replace(
             normal=share * self.normal, spread=share * self.spread, duration=share * self.duration
         )
 
     def at(self, index: int | slice | tuple[slice, int]) -> Seen:
-        """Of one, or some, where there are several."""
+        """Return the information of one or some of several."""
         return Seen(*(one[index] for one in self))
 
 
@@ -91,15 +94,15 @@ def stacked(several: Sequence[Seen], axis: int = 0) -> Seen:
 def seen(
     model: Actuator, walk: PlannedWalk, name: str, space: FitSpace, chain: Chain, noise: Coloured | None
 ) -> Seen:
-    """What a recording tells, at the values of a model.
+    """Return the information of a recording at the values of a model.
 
     Args:
         model: the actuator.
         walk: the recording.
-        name: what to call it in errors.
-        space: what is free.
-        chain: of the position channel.
-        noise: of its samples, m; None: white, of the walk's own deviation.
+        name: name in errors.
+        space: free parameters.
+        chain: chain of the position channel.
+        noise: noise of its samples, m; None: white, with the walk's own deviation.
 
     Raises:
         ArithmeticError: the motion cannot be followed.
@@ -139,7 +142,8 @@ def zero_variance(walk: PlannedWalk, noise: Coloured | None) -> float:
 
 
 class _Directions(NamedTuple):
-    """Of A with a diagonal of 1: what divides A, eigenvalues, -vectors, and which of them tell nothing."""
+    """Eigensystem of A scaled to a diagonal of 1: the scale, eigenvalues, eigenvectors, and the null
+    directions."""
 
     scale: Array
     values: Array
@@ -156,12 +160,12 @@ def _directions(of: Seen) -> _Directions:
 
 
 def untold(of: Seen) -> Array:
-    """How many combinations of the coordinates the recordings do not tell [...]."""
+    """Return the number of combinations of the coordinates that the recordings do not identify [...]."""
     return np.count_nonzero(_directions(of).null, axis=-1).astype(float)
 
 
 def covariance(of: Seen) -> Array:
-    """Of the coordinates [..., k, k]; infinite on the diagonal of those that the recordings do not tell."""
+    """Return the covariance [..., k, k]; infinite on the diagonal of coordinates that are not identified."""
     scale, values, vectors, null = _directions(of)
     root = np.where(null, 0.0, 1.0 / np.where(null, 1.0, values))
     inverse = (vectors * root[..., None, :]) @ np.swapaxes(vectors, -1, -2)

@@ -1,4 +1,4 @@
-"""What an output stage and an actuator allow of a drive signal together."""
+"""Limits of a drive signal by an output stage and an actuator together."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def _voltages(model: Actuator, low: float | None, high: float | None) -> tuple[f
 
 
 def frequencies(given: tuple[float | str, float | str] | None) -> tuple[float, float] | None:
-    """(low, high), Hz; raises QuantityError for what is none."""
+    """Return (low, high), Hz; raises QuantityError for other values."""
     if given is None:
         return None
     try:

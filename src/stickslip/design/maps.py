@@ -75,14 +75,14 @@ def step_map(
     scheduler: str | None = None,
     progress: Progress = unheard,
 ) -> xr.Dataset:
-    """The steady step over all combinations of what is given, on all processors.
+    """Return the steady step over all combinations of the given values.
 
     Each of voltage, frequency, load, direction and the parameters is a list of values, which becomes a
     dimension, or one number; all in SI or as strings with units.
 
     Args:
         model: the actuator.
-        waveform: periodic (one with a `period`), V; left out, a `Sawtooth` with a jump that rests at 0 V, or
+        waveform: periodic (one with a `period`), V; by default a `Sawtooth` with a jump that rests at 0 V, or
             where the model's range of voltage is nearest to it.
         voltage: V, from the least to the greatest value of the drive. Points beyond the model's `min_voltage`
             and `max_voltage` are refused, with the reason.
@@ -95,24 +95,24 @@ def step_map(
             "end_effector_mass", "sigma_0", "rise_fraction"), as for `steady_steps`.
         quantities: "backlash", "ringing" and "ripple" cost about as much again; see `design.motion`.
         output: converter and amplifier that the drive of each point passes (`OutputStage.behind`). The period
-            is then the nearest whole number of updates, in the speed too. Left out, the drive reaches the
+            is then the nearest whole number of updates, in the speed too. By default the drive reaches the
             piezo as it is.
         stack: the piezo's numbers, for current, energy and heat; the drive must not jump.
         fit: of `identify_friction` or `identify_step` with the model's values, a `posterior`, or arrays by
-            name (``prior.draws(500)`` of a contact): how far its uncertainty lets the step be off, by `draws`
+            name (``prior.draws(500)`` of a contact): interval of the step from its uncertainty, by `draws`
             of its parameters at every point, the same for all.
         draws, seed: of the fit.
         normal_load: normal force over its reference, for all points: a number, or a waveform as for
             `steady_orbit`, into whose period it has to fit.
         tolerance: m, on the net step.
-        threads: how many; all processors if left out. With a `store`, processes.
+        threads: number, by default all processors. With a `store`, processes.
         store: folder in which the points are kept as studies (see `run_study`), ``steps.zarr`` and, with a
-            fit, ``draws.zarr``: the same call goes on after whatever ended it. Not with `quantities`.
+            fit, ``draws.zarr``: an interrupted call resumes. Not with `quantities`.
         scheduler: address of a dask scheduler whose workers fill the store.
-        progress: called after each block of points with what is being done and the share that is.
+        progress: called after each block of points with the current step and the done share.
 
     Returns:
-        Dataset over the dimensions given: net_step (m per period, positive towards +x; NaN where there is
+        Dataset over the given dimensions: net_step (m per period, positive towards +x; NaN if not
         none), speed (m/s), error_estimate (m), status (0 converged; see its flag_meanings) and reason (empty
         where converged). On demand backlash, ringing, ripple (m); peak_current, rms_current (A),
         energy_per_step (J), heat (W) and temperature_rise (K); net_step_low, net_step_high, speed_low,

@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 # Samples of a vibration of the stage, and their distance over the time since the drive last broke.
 PER_CYCLE, GROWTH = 32.0, 0.02
-# Of the stroke of the drive, what is no way back between two samples.
+# Largest motion back between two samples that is rounding, relative to the stroke of the drive.
 STILL = 1e-9
 # Speeds of both strokes that count as equal.
 EVEN = 0.99
@@ -55,7 +55,8 @@ def within_a_period(
     tolerance: float,
     names: Collection[str],
 ) -> dict[str, Array]:
-    """Those named, of members, m, NaN where they are not fine; `of.states` are on the orbits."""
+    """Return the named quantities of members, m, NaN for members without an orbit; `of.states` are on the
+    orbits."""
     backlash, ringing, ripple = np.full((3, fine.size), np.nan)
     gains = columns.get("gain", np.full(fine.size, model.gain))
     drives, which = of.drives, of.which
@@ -119,7 +120,7 @@ def measured(times: Array, period: float, position: Array, stroke: Array, step: 
         step: net, m, [members], >= 0.
     """
     n, rows = position.shape[1], np.arange(step.size)
-    # Of three periods: a backlash that begins in the first ends before the third does.
+    # Three periods: a backlash that starts in the first ends before the third does.
     x = np.tile(position, (1, 3)) + np.repeat(np.arange(3.0), n) * step[:, None]
     fallen = np.maximum.accumulate(x[:, : 2 * n], axis=1) - x[:, : 2 * n]
     trough = np.argmax(fallen, axis=1)

@@ -16,7 +16,7 @@ from .polygons import Polygons
 from .solving import solved
 
 Array = NDArray[np.float64]
-# Of the net step, m: in the search, and of what is reported. Fine, for an optimum may lie where the contact
+# Tolerances of the net step, m: in the search, and of the result. Fine, because at an optimum the contact may
 # just does not slip. Where the motion of the drive's period is not found at one of these, it is at another.
 SEARCHED = 1e-8
 REPORTED = (1e-11, 1e-12, 1e-10, 1e-9, 1e-8)
@@ -25,8 +25,10 @@ REPORTED_STATIC = (1e-9, 1e-10, 1e-8)
 
 
 class PeriodicMotions(NamedTuple):
-    """Of drives under conditions [n, conditions], m: net step; ripple (see `design.motion`), where it is
-    asked for. NaN: there is no periodic motion."""
+    """Motion under drives and conditions [n, conditions].
+
+    Net step, m; ripple, m (see `design.motion`), if requested. NaN without a periodic motion.
+    """
 
     steps: Array
     ripple: Array
@@ -68,7 +70,7 @@ def exactly(
     threads: int | None = None,
     extras: tuple[str, ...] = (),
 ) -> PeriodicMotions:
-    """As `moved`, of any periodic waveforms, to what is reported."""
+    """Return the motion as `moved`, for any periodic waveforms, at the final tolerance."""
     conditions = max([1, *(c.size for c in columns.values())])
     rows = PeriodicMotions(*np.full((2, len(drives), conditions), np.nan))
     members = columns or {"external_force": np.array([model.external_force])}
@@ -91,7 +93,7 @@ def _solved(
     threads: int | None,
     extras: tuple[str, ...],
 ) -> PeriodicMotions:
-    """Of each member."""
+    """Return the motion of each member."""
     found = solved(model, drive, members, tolerance, 1.0, threads, None, unheard, extras)
     if found.interrupted:
         raise KeyboardInterrupt

@@ -71,7 +71,7 @@ class OptimisedWaveform:
 
     @property
     def unit(self) -> str:
-        """Of the goal, for this model."""
+        """Unit of the goal for this model."""
         return unit_for(self.model, self.goal.unit)
 
     @property
@@ -91,7 +91,7 @@ class OptimisedWaveform:
         return self.comparison.to_dataframe()
 
     def motion(self) -> xr.Dataset:
-        """Of the drive and of the sawtooth, of the model as it is; see `motion_by`."""
+        """Return the motion under the drive and the sawtooth, for the model as it is; see `motion_by`."""
         model = self.model.replace(min_voltage=-math.inf, max_voltage=math.inf)
         return motion_by(model, {"optimised": self.at_piezo, "sawtooth": self.sawtooth_at_piezo})
 

@@ -112,7 +112,7 @@ def _limits(limits: Limits) -> dict[str, float]:
 
 
 def _actuator(model: Actuator, path: Path) -> dict[str, Any]:
-    """What an experiment file says of the model: changes in a known set, or a set of its own."""
+    """Return the model's part of an experiment file: changes in a known set, or a set of its own."""
     if model.name in available_sets():
         known = load_actuator(model.name)
         if type(known.friction) is type(model.friction) and known.piezo == model.piezo:

@@ -28,7 +28,7 @@ from .information import Seen, covariance, seen, stacked
 from .plan import Plan, of_choice
 from .starting import Start, draws_of, start
 
-# What is compared with, where nothing else is asked for: the walk of [kang2007, 5.3].
+# Default comparison: the walk of [kang2007, 5.3].
 USUAL = (65.0, 5.0)
 ALL = "all"
 # m, of a steady step that is one.
@@ -63,22 +63,22 @@ def plan_experiment(
     seed: int = 0,
     progress: Progress = unheard,
 ) -> Plan:
-    """Choose the recordings that tell most about an actuator's parameters.
+    """Choose the most informative recordings for an actuator's parameters.
 
-    What a recording tells is computed before it is made: the derivatives of its samples by all that
-    `identify_friction` would have free give the covariance of that fit (see `design.information`).
+    The information of a recording is computed before it is made: the derivatives of its samples by all free
+    parameters of `identify_friction` give the covariance of that fit (see `design.information`).
 
     Args:
-        model: the actuator as far as it is known, or a fit of one by `identify_friction`, whose free
-            parameters, delay, rate of samples and noise are then taken where these are left out.
-        candidates: recordings to choose from, waveforms or `identify.PlannedWalk`, by name or in a list. Left
-            out: a grid of sawtooths in bursts there and back, over voltage, frequency and rise, within the
+        model: the actuator with its known values, or a fit by `identify_friction`, whose free
+            parameters, delay, sample rate and noise are then the defaults.
+        candidates: recordings to choose from, waveforms or `identify.PlannedWalk`, by name or in a list.
+            By default a grid of sawtooths in bursts to and fro, over voltage, frequency and rise, within the
             limits; `design.FreeDrives()`: that grid, and a drive that is searched for.
-        free: what is to be determined, as for `identify_friction`; the stage's "natural_frequency",
+        free: parameters to determine, as for `identify_friction`; the stage's "natural_frequency",
             "damping_ratio" and "gain" too.
         goal: "all" (the product of the standard errors, correlations allowed for: D-optimal), the name of
             one parameter, or a periodic waveform, whose steady step is to be predicted best.
-        recordings: how many; a candidate may be taken more than once.
+        recordings: number; a candidate may be taken more than once.
         duration, sample_rate: s and Hz of a recording, where a candidate does not say it; 2 kHz if nothing
             does.
         noise: standard deviation of a sample, m, white; or a recording of end_effector_position at rest,
@@ -88,7 +88,7 @@ def plan_experiment(
         chain: of the position channel: delay, scale, the slew rate of the amplifier, which no flank of the
             grid passes, and whether each recording is `zeroed` by the 0.1 s before it, with an error of its
             own. Left out: with the delay of the fit.
-        channel: what is free of the channel besides.
+        channel: free parameters of the channel.
         draws: other values that the parameters may have, for the plan is one at given values, and those are
             not known: how many of a fit's normal distribution (8 of a fit, if left out), a `posterior`, or
             arrays by name, of which up to 32 sets are taken.
@@ -100,7 +100,7 @@ def plan_experiment(
 
     Returns:
         A plan: the recordings, and the expected half-width of the 95 % interval of each parameter. These are
-        linearised: of a half-width of half a value no more is to be believed than that it is wide. The
+        linearised: a half-width of half a value only says that the interval is wide. The
         filter's and the sensor's lag count as a delay, as in the fit; what they smear beyond that is a bias
         that no covariance shows. The uncertainty of a stage that is taken as known is not in it.
 
@@ -211,10 +211,9 @@ def _simulated(
     limits: Limits,
     progress: Progress,
 ) -> tuple[dict[str, Seen], dict[str, str]]:
-    """What candidates tell at all draws [draws], and why others cannot be taken.
+    """Return the information of candidates at all draws [draws], and the reasons why others are excluded.
 
-    Of very many, those are followed at the draws that tell most of the goal, or of one parameter, at the
-    values of the model.
+    Of very many candidates, only the most informative at the values of the model are computed at the draws.
     """
     found: dict[str, Seen] = {}
     left_out: dict[str, str] = {}

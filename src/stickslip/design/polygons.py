@@ -12,12 +12,15 @@ from ..waveform.periodic import Sawtooth
 from .limits import Allowed
 
 Array = NDArray[np.float64]
-# As near to a jump as the fall of a sawtooth comes, of the period.
+# Shortest flank relative to the period, as the fall of a sawtooth.
 STEEPEST = 1e-3
 
 
 class Polygons(NamedTuple):
-    """Of each [n]: `shares` [n, k] of the period, ascending from 0, `volts` there, and `period` [s]."""
+    """Periodic polygons [n].
+
+    `shares` [n, k] of the period, ascending from 0, `volts` there, and `period` [s].
+    """
 
     shares: Array
     volts: Array
@@ -40,7 +43,7 @@ class Polygons(NamedTuple):
         return self._replace(volts=np.clip(flat, allowed.low, allowed.high))
 
     def one(self, i: int) -> PeriodicKnots:
-        """As a waveform."""
+        """Return one polygon as a waveform."""
         period = float(self.period[i])
         return PeriodicKnots(tuple((self.shares[i] * period).tolist()), tuple(self.volts[i].tolist()), period)
 
@@ -54,8 +57,10 @@ class Polygons(NamedTuple):
 
 
 def knots(x: Array, allowed: Allowed) -> Polygons:
-    """What the search moves, each 0 to 1: values at even times [n, k], and last the frequency, on a
-    logarithmic scale."""
+    """Return polygons of search points, each coordinate 0 to 1.
+
+    Coordinates are the values at even times [n, k], and last the frequency on a logarithmic scale.
+    """
     count = x.shape[1] - 1
     shares = np.tile(np.arange(count) / count, (len(x), 1))
     return Polygons(
@@ -64,7 +69,7 @@ def knots(x: Array, allowed: Allowed) -> Polygons:
 
 
 def as_knots(shape: Polygons, count: int, allowed: Allowed) -> Array:
-    """Where `knots` are nearest to the one polygon given."""
+    """Return the search point whose `knots` are closest to a polygon."""
     at, period = np.arange(count) / count, float(shape.period[0])
     volts = np.interp(at, np.append(shape.shares[0], 1.0), np.append(shape.volts[0], shape.volts[0, 0]))
     span = np.log(allowed.fastest / allowed.slowest)
@@ -73,7 +78,7 @@ def as_knots(shape: Polygons, count: int, allowed: Allowed) -> Array:
 
 
 def starts(sawtooth: Polygons, count: int, allowed: Allowed) -> Array:
-    """Where a search for `knots` may begin: a sawtooth, a ramp in its sense, and in the middle."""
+    """Return initial points of a search for `knots`: a sawtooth, a ramp in its direction, and the centre."""
     first = as_knots(sawtooth, count, allowed)
     ramp = np.linspace(0.1, 0.9, count)[:: 1 if sawtooth.shares[0, 1] > 0.5 else -1]
     return np.array([first, np.append(ramp, first[-1]), np.append(np.full(count, 0.5), first[-1])])

@@ -16,8 +16,11 @@ SWINGS, LINE = (0.5, 0.05, 5e-3, 5e-4, 5e-5), np.linspace(-1.0, 1.0, 21)
 
 
 def best_sawtooth(merits: Merits, judge: Judge, count: int, swings: Sequence[float]) -> tuple[Array, int]:
-    """Where it is, [rise, frequency, swing] from 0 to 1 each, beginning at these swings, and how many members
-    that took."""
+    """Return the best sawtooth, [rise, frequency, swing] from 0 to 1 each, and the number of members
+    computed.
+
+    The search starts at the given swings.
+    """
     everything = np.arange(count)
     # Steep falls are where the best ones are: more of these, on either side.
     rises = np.array([0.001, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.999])

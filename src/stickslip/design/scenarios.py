@@ -19,7 +19,7 @@ from ..simulation.varied import element_of, free_names, law_of, with_values
 from ..study.drawn import NOT_OF_ACTUATOR, draws_in_si
 
 Array = NDArray[np.float64]
-# What says how uncertain an actuator is: draws, a fit's covariance, or arrays by name, row by row.
+# Uncertainty of an actuator: draws, the covariance of a fit, or arrays by name, row by row.
 Uncertainty = Posterior | Fit | Mapping[str, Any]
 NOMINAL = "nominal"
 _FACTOR = Quantity("", "", "a factor")
@@ -118,7 +118,7 @@ def _scenario(given: Scenario | Mapping[str, Any]) -> Scenario:
 
 
 def _changes(model: Actuator, case: Scenario) -> dict[str, float]:
-    """What a scenario makes of a model, SI."""
+    """Return the changes of a model in a scenario, SI."""
     known = [*free_names(model), *SCALES]
     for name in (*case.values, *case.factors):
         if name not in known:

@@ -22,7 +22,7 @@ from ..quantities.units import QuantityError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-# How good each candidate [n, parameters, 0 to 1] is under those conditions: [n, conditions], more is better,
+# Merits of candidates [n, parameters, 0 to 1] under conditions: [n, conditions], to be maximised,
 # NaN where there is no periodic motion.
 Merits = Callable[[Array, Index], Array]
 
@@ -30,23 +30,23 @@ Merits = Callable[[Array, Index], Array]
 # most and over the budget; a generation of CMA-ES.
 SCOUTS, FOR_HILL = 0.125, 0.5
 POPULATION, OF_BUDGET, GENERATION = 50, 0.025, 16
-# How often random candidates are drawn, where none is better than half of them by this part of the scale of
-# merits: most drives may move nothing.
+# Number of random draws, as long as no candidate exceeds half of them by this share of the scale of
+# merits: most drives may not move anything.
 LOOKS, LEVEL = 4, 0.02
 # The first spread of CMA-ES, of the range: from a single start, and near what was found before.
 WIDE, NEAR = 0.3, 0.08
-# How far inside of the bounds an evolution begins.
+# Distance of the initial points of an evolution from the bounds.
 INSIDE = 0.02
 # Conditions that candidates are judged by at first; how often more are added.
 ACTIVE, ROUNDS = 4, 4
 # The first budget over that of a later turn.
 LATER = 6
-# Those that stand for all where a quantile is asked for.
+# Number of conditions that represent all for a quantile.
 RANKS = 24
-# Of the scale of merits: a gain below it is no reason to go on.
+# Smallest gain for which a search continues, relative to the scale of merits.
 GAIN = 2e-5
 DOING = "searching for a drive signal"
-# A falling short of the baseline counts so many times.
+# Weight of a shortfall below the baseline.
 SHORTFALL = 10.0
 
 
@@ -80,7 +80,8 @@ class Task(NamedTuple):
 
 
 class Best(NamedTuple):
-    """Where; how good under all conditions; members that the search took; whether it was stopped (Ctrl-C)."""
+    """Result of a search: the point, its merits under all conditions, the members computed, and whether
+    Ctrl-C stopped it."""
 
     x: Array
     score: float
@@ -131,7 +132,7 @@ def robust(task: Task, starts: Array) -> Best:
 
 
 def _worst(merits: Array) -> Index:
-    """Which condition is the worst of these merits, [1]."""
+    """Return the index of the worst condition, [1]."""
     return np.array([int(np.argmin(np.where(np.isnan(merits), -np.inf, merits)))])
 
 

@@ -22,12 +22,12 @@ from .sawtooth import best_sawtooth
 from .scenarios import ScenarioTable
 from .search import DOING, SHORTFALL, Best, Index, Judge, Task, robust
 
-# Of the scale of the goal: what the search keeps above the sawtooth, for coarser steps and the generator; and
-# how far below it is called no worse.
+# Margin of the search above the sawtooth, relative to the scale of the goal, for coarser steps and the
+# generator; and the shortfall that counts as equal.
 MARGIN, NO_WORSE = 1e-3, 1e-6
-# Of the least speed, by which what is found may miss it.
+# Allowed shortfall of the minimum speed, relative.
 NEAR = 1e-3
-# Sawtooths that tell the scale of a goal.
+# Number of sawtooths that define the scale of a goal.
 SAMPLES = 48
 
 
@@ -44,7 +44,7 @@ class Searched(NamedTuple):
     scale: float = 1.0
 
     def result(self, count: int, budget: int, seed: int, progress: Progress) -> OptimisedWaveform:
-        """Of drives through so many values."""
+        """Return the result for drives through `count` values."""
         random = np.random.default_rng([seed, 1])
         of = self.scaled(random)
         everything = len(of.conditions.names)
@@ -96,7 +96,7 @@ class Searched(NamedTuple):
         return found
 
     def moved(self, shapes: Polygons, columns: Mapping[str, Array]) -> PeriodicMotions:
-        """As far as the goal asks."""
+        """Return the motion that the goal needs."""
         return moved(self.model, shapes, columns, self.threads, extras=extras_of(self.goal))
 
     def merits(self, shapes: Polygons, moved: PeriodicMotions) -> Array:

@@ -33,7 +33,7 @@ Common = tuple[Actuator, Waveform, Mapping[str, Array], float, Any, int | None, 
 
 
 class Solved(NamedTuple):
-    """Of all points: net steps and errors [m], `beside` (see `design.motion`), status and reasons."""
+    """Results at all points: net steps and errors [m], `beside` (see `design.motion`), status and reasons."""
 
     steps: Array
     errors: Array

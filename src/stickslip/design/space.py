@@ -55,7 +55,7 @@ class DesignSpace(NamedTuple):
         return np.where(log, low * (high / low) ** x, self.low + x * (self.high - self.low))
 
     def shares(self, values: Array) -> Array:
-        """Where values [names] are in the ranges, from 0 to 1."""
+        """Return the position of values [names] within their ranges, from 0 to 1."""
         log = self.logarithmic
         low, high = np.where(log, self.low, 1.0), np.where(log, self.high, math.e)
         inside = np.clip(values, self.low, self.high)
@@ -63,8 +63,11 @@ class DesignSpace(NamedTuple):
         return np.where(log, np.log(np.where(log, inside, 1.0) / low) / np.log(high / low), even)
 
     def columns(self, values: Array, conditions: Mapping[str, Array]) -> dict[str, Array]:
-        """Of candidates [n, names] in every condition: [n, conditions] of all that differs in any. What a
-        condition makes of the model's own number it makes of the candidate's in proportion."""
+        """Return the numbers of candidates [n, names] in every condition: [n, conditions] for all that
+        differ.
+
+        A condition changes the candidate's number in the same proportion as the model's own.
+        """
         count = max([1, *(column.size for column in conditions.values())])
         made = {name: np.tile(column, (len(values), 1)) for name, column in conditions.items()}
         for name, value in self.fields(values).items():
@@ -126,7 +129,7 @@ def _range(model: Actuator, name: str, given: Any) -> tuple[float, float]:
 
 
 def _quantity(model: Actuator, name: str) -> Quantity:
-    """What a name means."""
+    """Return the quantity of a name."""
     if name == STIFFNESS:
         return Quantity("N/m", "k", "stiffness of the stage", above=0)
     element = element_of(model.friction, name)

@@ -31,7 +31,7 @@ from ..study.drawn import draws_in_si
 from .information import FitSpace
 
 SAMPLE_RATE = 2e3  # Hz, where nothing says another
-# Of the posterior of a fit, and at most of draws that are given.
+# Number of draws from the posterior of a fit, and largest number of given draws.
 DRAWS, MOST_DRAWS = 8, 32
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ class Start:
 
     @property
     def free(self) -> list[str]:
-        """What is free of the actuator."""
+        """Free parameters of the actuator."""
         return [name for name in self.space.names if name not in CHANNEL]
 
     def at(self, values: Values) -> Start:

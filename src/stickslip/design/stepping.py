@@ -30,7 +30,8 @@ from .maps import step_map
 
 Array = NDArray[np.float64]
 
-# Of a range, at first; between two of them, in each round. Rounds at most.
+# Points of the first scan of a range, points between two of them in each round, and the largest number of
+# rounds.
 SCANNED, AGAIN, ROUNDS = 65, 15, 12
 # What counts as a step, m: the least that stick-slip actuators are sold with, and a hundred
 # times the tolerance of the solver. A presliding law creeps under any periodic drive that is not symmetric.
@@ -294,7 +295,7 @@ def _positive(value: float | str, unit: str, field: str) -> float:
 
 
 def _highest_voltage(model: Actuator, waveform: Waveform | None, asked: float | None) -> float:
-    """As `asked`, within what the model's range leaves above the rest of the drive."""
+    """Return the highest voltage: `asked`, within the model's range above the rest of the drive."""
     rest = waveform.range()[0] if waveform is not None else Sawtooth(1.0, 1.0).offset
     most = model.max_voltage - max(rest, model.min_voltage)
     if asked is not None:

@@ -26,8 +26,8 @@ class Stored(NamedTuple):
 def solved_in_store(
     common: Common, stored: Stored, progress: Progress, drawn: Mapping[str, Array] | None = None
 ) -> Solved:
-    """As `solved`, over the points, or over draws and points where there are any; what is in the store is not
-    computed again.
+    """Solve over the points, or over draws and points, as `solved`; what is in the store is not computed
+    again.
 
     Raises:
         StudyDiffers, StudyError: see `run_study`.

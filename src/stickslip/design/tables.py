@@ -120,7 +120,7 @@ def save_step_table(table: StepTable, path: str | os.PathLike[str], name: str = 
 
     Args:
         path: of the file.
-        name: what names in the header begin with.
+        name: prefix of the names in the header.
 
     Raises:
         QuantityError: another suffix, or the name is none in C.

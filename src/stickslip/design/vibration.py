@@ -32,7 +32,7 @@ from .polygons import Polygons
 Array = NDArray[np.float64]
 # Harmonics, at least and at most; Hz, up to which all of them are heard.
 HARMONICS, MOST, HEARD = 256, 2**17, 20e3
-# Of the natural frequency, by which the poles of the stage differ at least.
+# Smallest difference between the poles of the stage, relative to the natural frequency.
 APART = 1e-6
 
 Gain = Annotated[float, Quantity("m/V", "C", "displacement of the stage per volt")]
@@ -47,7 +47,7 @@ def _corners(shapes: Polygons) -> Array:
 
 
 def audible(shapes: Polygons) -> int:
-    """How many harmonics of all the polygons are heard.
+    """Return the number of audible harmonics of all the polygons.
 
     Raises:
         QuantityError: too many, of a slow drive.
@@ -55,7 +55,7 @@ def audible(shapes: Polygons) -> int:
     slowest = 1.0 / float(shapes.period.max())
     if not slowest * MOST >= HEARD:
         raise QuantityError(
-            f"frequency = {slowest:.3g} Hz is out of range: what is heard is told of drives of at least "
+            f"frequency = {slowest:.3g} Hz is out of range: audible noise is computed for drives of at least "
             f"{HEARD / MOST:.3g} Hz"
         )
     return max(HARMONICS, math.ceil(HEARD / slowest))
@@ -104,7 +104,7 @@ def least_acceleration(shapes: Polygons, gain: float, natural: float, damping: f
 
 
 def a_weighting(frequency: Array) -> Array:
-    """How much of an amplitude at a frequency [Hz] is heard, 1 at 1 kHz [iec2013]."""
+    """Return the A-weighting of amplitudes at frequencies [Hz], 1 at 1 kHz [iec2013]."""
     f2 = frequency**2
     poles = (f2 + 20.6**2) * np.sqrt((f2 + 107.7**2) * (f2 + 737.9**2)) * (f2 + 12194.0**2)
     return 10.0 ** (2.0 / 20.0) * 12194.0**2 * f2**2 / poles

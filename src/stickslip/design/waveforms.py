@@ -53,7 +53,7 @@ def optimise_waveform(
     model as it is, each scenario, and both again with the values of each draw.
 
     Args:
-        model: the actuator; or the fit of one, whose covariance then is the `uncertainty`.
+        model: the actuator; or a fit of one, whose covariance is then the `uncertainty`.
         goal: "speed", or one of the goals in `stickslip.design`.
         knots: values within a period.
         max_voltage, min_voltage: V; by default those of the model (from 0 V, where it has no least one).
@@ -62,17 +62,17 @@ def optimise_waveform(
             number of updates, and what is played is what counts.
         scenarios: loads, detunings; see `Scenario`.
         uncertainty: `draws` of the posterior, of the fit, or of arrays by name are conditions too.
-        quantile: of the conditions, in place of the worst: 0.05, say.
-        minimum_speed: m/s, in every condition (at the quantile, where one is asked for), towards +x or where
-            the goal goes; needed by goals that would stand still.
+        quantile: of the conditions, instead of the worst, such as 0.05.
+        minimum_speed: m/s, in every condition (or at the quantile), towards +x or in the direction of
+            the goal; needed by goals that would otherwise not move.
         budget: candidates of the first search; later ones, with more conditions, take a sixth.
         seed: of search and draws: the same seed, the same drive.
-        threads: how many; all processors if left out.
-        progress: called as the search goes on.
+        threads: number; by default all processors.
+        progress: called during the search.
 
     Returns:
-        Its `waveform` and `value`, and how it does beside the best sawtooth in every condition. It is worse
-        in none of them: where no such drive was found, it is the sawtooth, and `fell_back` says so.
+        The `waveform`, its `value`, and a comparison with the best sawtooth in every condition. It is worse
+        in none of them: if no better drive was found, it is the sawtooth, and `fell_back` is True.
 
     Raises:
         QuantityError: no goal, limits that exclude every drive, an unknown name in a scenario or in the
@@ -117,7 +117,7 @@ def check_model(model: Any) -> None:
 
 
 def least_of(value: float | str | None, unit: str, field: str) -> float:
-    """What must be reached at least; 0 where nothing is asked for."""
+    """Return the required minimum; 0 without one."""
     return 0.0 if value is None else Quantity(unit, "", "it", minimum=0).check(value, field)
 
 
