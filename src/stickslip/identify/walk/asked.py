@@ -1,4 +1,4 @@
-"""Check of what a fit of a walk is asked for, before any recording is read."""
+"""Checks of the arguments of a fit of a walk, before any recording is read."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
 r"""Posterior distributions of an actuator's parameters: all values that the recordings leave possible.
 
-The likelihood is that of Gaussian noise at the level that the fit found. Autocorrelated noise is allowed for
+The likelihood is Gaussian at the noise level of the fit. Autocorrelated noise is allowed for
 by an effective variance in each direction: the curvature of the likelihood at the estimate is made that of
-the fit's own covariance [ribatet2012], by asking for it at :math:`\hat q + C (q - \hat q)` with
+the fit's own covariance [ribatet2012], by evaluating it at :math:`\hat q + C (q - \hat q)` with
 :math:`C = H^{-1/2} (H^{1/2} V H^{1/2})^{-1/2} H^{1/2}`, H the curvature for white noise, V the covariance.
-Delay and offset of the channel are integrated out (see `likelihood`), and drawn beside the rest. What is
-known of the values otherwise is asked for at q itself.
+Delay and offset of the channel are integrated out (see `likelihood`), and drawn with the rest.
+The priors are evaluated at q itself.
 """
 
 from __future__ import annotations
@@ -102,11 +102,12 @@ def posterior(
 
 
 class _Space(NamedTuple):
-    """What is sampled: the parameters of a fit, and of the stage's fit those that are `kept`, as one list.
+    """Space of a posterior: the parameters of a fit, and those of the stage's fit that are `kept`, as one
+    list.
 
     Attributes:
-        centre: coordinates of both estimates; `power` is how straight valleys go along each.
-        searched: which of them points are made of; the channel's are integrated out.
+        centre: coordinates of both estimates; `power` makes the minimum straighter along each.
+        searched: coordinates of the search points; the channel's are integrated out.
         bend: the matrix C of the module's head.
     """
 
@@ -139,7 +140,8 @@ def _space(fit: Fit, stage: Fit | None, bend: Array) -> _Space:
 
 
 class _Density:
-    """Of where the likelihood is asked for, along straight valleys; the q that go with it are unbent."""
+    """Density over the search points, in coordinates in which the minimum is straight; the q are transformed
+    back."""
 
     def __init__(
         self, of: _Space, members: SimulatedWalks, variance: float, random: np.random.Generator
@@ -167,7 +169,9 @@ class _Density:
         for name, column in zip(CHANNEL, drawn, strict=True):
             if name in free:
                 at[there, self.channel[name]] = column
-                found = found - log_prior(free[name], column)  # it is drawn with it where it is asked for
+                found = found - log_prior(
+                    free[name], column
+                )  # it is drawn with it at the point where it is evaluated
         beside = at[there, own:] - of.centre[own:]
         found -= 0.5 * np.einsum("mi,ij,mj->m", beside, self.precision, beside) + stretched.sum(axis=1)
         at[:, :own] = of.centre[:own] + (at[:, :own] - of.centre[:own]) @ self.unbend.T
@@ -178,7 +182,7 @@ class _Density:
 
 
 def _variance(fit: Fit) -> float:
-    """Of the noise, m^2: as it was given, or the level at which the residuals are."""
+    """Return the variance of the noise, m^2: as given, or from the residuals."""
     given = fit.known[0].given if fit.known else None
     if fit.noise_known and given is not None:
         return float(np.mean(np.square(given)))
@@ -186,7 +190,7 @@ def _variance(fit: Fit) -> float:
 
 
 def _start(fit: Fit) -> Array:
-    """Covariance with which to begin: that of the fit, or part of the range where it has none."""
+    """Return the covariance of the fit, or a part of the range where it has none."""
     covariance = fit.uncertainty.covariance.copy()
     width = np.array([p.coordinate(p.upper) - p.coordinate(p.lower) for p in fit.parameters])
     lost = ~np.isfinite(np.diag(covariance))

@@ -34,7 +34,7 @@ from ..recorded.channels import drives_of, names_of, recordings_of
 from .friction import identify_friction
 from .position_channel import CHANNEL
 
-# What is usually noted, in SI; others are plain numbers.
+# Units of usual attributes in SI; others are plain numbers.
 UNITS = {"voltage": "V", "frequency": "Hz", "temperature": "K", "humidity": "", "load": "kg"}
 # The chance of a right model below which it is said that conditions matter.
 SURE = 0.01
@@ -63,7 +63,7 @@ class Conditions:
 
     @property
     def one_set_explains_all(self) -> bool:
-        """Whether nothing speaks against one set of values."""
+        """True if one set of values may explain all conditions."""
         return self.chance >= SURE
 
     @property
@@ -187,7 +187,7 @@ def _moves(fits: Sequence[Fit], name: str) -> float:
 
 
 def _values_of(recordings: Sequence[xr.Dataset], by: str, unit: str) -> list[float]:
-    """Of each recording, in SI."""
+    """Return the value of the attribute of each recording, in SI."""
     found = []
     for recording, name in zip(recordings, names_of(recordings), strict=True):
         attributes = {**_variables(recording), **recording.attrs}
@@ -199,5 +199,5 @@ def _values_of(recordings: Sequence[xr.Dataset], by: str, unit: str) -> list[flo
 
 
 def _variables(recording: xr.Dataset) -> dict[str, Any]:
-    """What an experiment file noted; see `variables_attribute`."""
+    """Return the variables noted by an experiment file; see `variables_attribute`."""
     return json_attribute(recording.attrs, "variables")

@@ -1,8 +1,8 @@
 """Diagnosis of a fit that does not explain its walks: which term of the model is missing.
 
-Each term that the model does not have is asked first by what a small step along it does to the simulated
+Each missing term is first tested by the effect of a small step along it on the simulated
 motion: the drop of chi-squared with everything else free beside it, linearised at the present optimum. One
-simulation with its neighbours answers for all terms. The few that promise most are fitted.
+simulation with its neighbours serves all terms. The most promising few are fitted.
 """
 
 from __future__ import annotations
@@ -41,11 +41,12 @@ from .walks import DIFFERENCE_STEP, Walks, own_values
 FEWEST_FITTED = 4
 # CPU time [s] after which no further term is fitted.
 SECONDS = 20.0
-# Of the sum of squares: a term that explains more of correlated residuals is missing, whatever the noise is.
+# Share of the sum of squares: a term that explains more of correlated residuals is missing, whatever the
+# noise.
 MOST = 0.5
 # Largest residual that errors of simulations may leave, in tolerances: recordings may be simulated too.
 SIMULATED = 3.0
-# Evaluations of each such search; it begins near its end.
+# Evaluations of each such search; it starts near its end.
 EVALUATIONS = 60
 # Standard deviations of the difference of two terms' chi-squared; fewer do not tell these apart.
 DEVIATIONS = 2.0
@@ -66,7 +67,7 @@ class Scored(NamedTuple):
 
     @property
     def start(self) -> Values:
-        """Where a search for its parameters begins."""
+        """Initial guess of a search for its parameters."""
         return self.way.start(self.does.steps)
 
 
@@ -82,7 +83,7 @@ class Tried(NamedTuple):
 
     @property
     def explains(self) -> bool:
-        """Whether no recording shows a lack of fit, nor, where nothing is known of the noise, a memory."""
+        """True if no recording shows a lack of fit or, without known noise, correlated residuals."""
         return not lacking(self.fit) and (_judged(self.fit) or not correlated(self.fit))
 
 
@@ -92,16 +93,16 @@ def lacking(fit: Fit) -> bool:
 
 
 def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
-    """Return the fit with advice on what its model lacks, where it does not explain the walks.
+    """Return the fit with advice on the missing term, if it does not explain the walks.
 
-    Where the recordings do not show their noise, or the misfit hides in it, a term that explains most of
-    correlated residuals is missing too: that is a doubt.
+    If the recordings do not show their noise, or the misfit hides in it, a term that explains most of
+    correlated residuals is reported as a doubt.
 
     Args:
-        fit: of the walks, with its model.
-        walks: what is described.
-        reacting: that of `with_reaction`, if it was searched for.
-        afar: a search of parameters that begins anywhere.
+        fit: fit of the walks, with its model.
+        walks: the fitted walks.
+        reacting: fit of `with_reaction`, if there is one.
+        afar: search of parameters from distant initial guesses.
     """
     lacks = lacking(fit)
     if fit.loss != "linear" or not (lacks or (correlated(fit) and fit.rmse > _error_of_simulation(walks))):
@@ -138,7 +139,7 @@ def with_advice_of(fit: Fit, other: Fit) -> Fit:
 
 
 def _judged(fit: Fit) -> bool:
-    """Whether every recording shows what its noise is."""
+    """Return whether every recording shows its noise."""
     return bool(fit.lack) and not any(math.isnan(one.ratio) for one in fit.lack)
 
 
@@ -251,7 +252,7 @@ def _ahead(parameters: Sequence[Parameter], moves: Array) -> Values:
 
 
 def _verdict(fit: Fit, tried: Sequence[Tried], seconds: float) -> Advice:
-    """What of all that was fitted to advise."""
+    """Return the advice from all fits."""
     names, stopped = tuple(dict.fromkeys(one.cause for one in tried)), seconds > SECONDS
     better = [one for one in tried if _lower(fit, one.fit) > CLEAR]
     explaining = [one for one in better if one.explains]
@@ -293,9 +294,9 @@ def _advice_of(fit: Fit, one: Tried) -> Advice:
 
 
 def _told_apart(fit: Fit, other: Fit) -> bool:
-    """Whether the recordings tell which of two fits is the better one.
+    """Return whether the recordings distinguish two fits.
 
-    Noise moves the difference of their chi-squared by twice the distance of what they simulate, one standard
+    Noise changes the difference of their chi-squared by twice the distance of their simulations, one standard
     deviation (Vuong's test).
     """
     left = np.concatenate(fit.residuals)
@@ -313,12 +314,12 @@ def _lower(fit: Fit, other: Fit) -> float:
 
 
 def _unit(fit: Fit) -> str:
-    """What residuals are told in: empty for a factor over the noise."""
+    """Return the unit of reported residuals; empty for a ratio to the noise."""
     return "" if lacking(fit) else fit.recordings[0].unit
 
 
 def _left(fit: Fit, of: Fit) -> float:
-    """What a fit leaves: the greatest residual over its noise, or where that does not show in another fit,
-    the root mean square."""
+    """Return the residual of a fit: the largest ratio to its noise, or the rms if another fit shows no
+    noise."""
     ratios = [one.ratio for one in fit.lack if not math.isnan(one.ratio)]
     return max(ratios, default=math.nan) if lacking(of) else fit.rmse

@@ -27,8 +27,9 @@ from ...waveform.drive import evaluate
 from ...waveform.signal import Waveform
 from ..recorded.recorded_drive import drive_over
 
-# A model that needs more for one recording is none: a trial point with a contact far too stiff. Each segment
-# of the drive takes some of its own: an amplifier's output has a hundred thousand in a second.
+# Largest number of steps for one recording; more are needed only by a trial point with a far too stiff
+# contact. Each segment of the drive takes some of its own: an amplifier's output has a hundred thousand in a
+# second.
 MAX_STEPS, OF_SEGMENT = 200_000, 3
 LOAD = RelativeLoad()
 
@@ -66,11 +67,11 @@ class Displacement:
         return short
 
     def stroke(self, model: Actuator) -> float:
-        """How far the stage goes under the drive, m, as far as the samples show it."""
+        """Return the motion of the stage under the drive, m, as far as the samples show it."""
         return model.gain * float(np.ptp(evaluate(self.drive, self.time)[0]))
 
     def _times(self, delay: float) -> tuple[int, NDArray[np.float64]]:
-        """How many samples come before the motion begins, and the times of the others in the model."""
+        """Return the number of samples before the motion starts, and the model times of the others."""
         later = self.time - delay > 0.0
         return int(np.count_nonzero(~later)), np.append(0.0, self.time[later] - delay)
 
@@ -138,13 +139,13 @@ class Displacement:
 
 
 def _held(samples: NDArray[np.float64], early: int) -> NDArray[np.float64]:
-    """The samples after the first, which stands for those before the motion begins."""
+    """Return the samples; the first represents those before the motion starts."""
     if early == 1:
         return samples
     return np.concatenate([np.repeat(samples[:1], early, axis=0), samples[1:]])
 
 
 def has_slopes(model: Actuator) -> bool:
-    """Whether `Displacement.slopes` takes the model."""
+    """Return whether `Displacement.slopes` accepts the model."""
     smooth = elements(model.friction) == 1 and not has_jumps(model.friction)
     return smooth and not model.static and not model.clamped

@@ -69,21 +69,21 @@ def explained(
     slew_rate: float | None = None,
     **options: Any,
 ) -> Explained:
-    """Fit all walks, begun at a fit to some of them.
+    """Fit all walks, starting from a fit to some of them.
 
     Args:
-        fit: of `identify_friction`.
+        fit: fit of `identify_friction`.
         walks, drives, slew_rate: as for it.
-        free: what was fitted; and those of the position channel that the fit has.
-        stage: the fit that the model's stage is from; without it the stage is taken as exact.
-        stages: those that recordings without a part of each would have given; see `piezo.left_out`.
+        free: fitted parameters, and those of the position channel.
+        stage: fit of the model's stage; without it the stage counts as exact.
+        stages: stages from recordings with parts left out; see `piezo.left_out`.
         options: of `identify_friction`.
     """
     begin = {name: fit.values[name] for name in CHANNEL if name in fit.values}
     free = [*free, *(name for name in begin if name not in free)]
     settings: dict[str, Any] = {"drive": drives, "channel": (), "begin": begin, "correlated": False}
     settings["diagnose"] = False
-    # What is left is compared, not the values: a tenth of a standard error is a hundredth of chi-squared.
+    # Residuals are compared, not values: a tenth of a standard error is a hundredth of chi-squared.
     settings |= {"averaged": False, "settled": NEAR, "slew_rate": slew_rate, "tied": fit.tied, **options}
     more = [name for name in STAGE_PARAMETERS if name not in (*free, *fit.tied) and name in fit.model._fields]
     loose = identify_friction(walks, fit.model, [*free, *more], hops=0, **settings)
@@ -127,12 +127,12 @@ def contradicted(fit: Fit, everything: Explained) -> tuple[str, ...]:
 
 
 def with_minimum_of_all(fit: Fit, there: Fit) -> Fit:
-    """Return a fit to some walks in the minimum that all walks show, or with that one in its intervals if it
+    """Return a fit to some walks in the minimum of all walks, or with that minimum in its intervals if it
     fits as well.
 
     Args:
-        fit: to some walks, which `contradicted` finds something against.
-        there: to the same walks, begun at the values of all.
+        fit: fit to some walks that `contradicted` rejects.
+        there: fit to the same walks, started at the values of all.
     """
     variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
     excess, count = (there.cost - fit.cost) / variance, len(fit.parameters)
@@ -168,8 +168,10 @@ def diagnosed_together(
 
 
 def _ahead(fit: Fit, known: Values) -> Values:
-    """Where the other values of a fit go, as far as it is linear, if some become what they are known to be;
-    none where it has no derivatives."""
+    """Return the linearised values of the other parameters if some become known.
+
+    Empty if the fit has no derivatives.
+    """
     if fit.jacobian is None or not np.all(np.isfinite(fit.jacobian)):
         return {}
     moved = np.array([p.name in known for p in fit.parameters])
@@ -217,7 +219,7 @@ def _by_values(
     slew_rate: float | None,
     stage: Fit,
 ) -> np.ndarray:
-    """How positions move with the deviations of the stage's values, [samples, values]."""
+    """Return the derivatives of positions by the deviations of the stage's values, [samples, values]."""
     kept = stage_beside(stage, fit)
     parameters = [stage.parameters[i] for i in kept]
     motions = [

@@ -33,15 +33,15 @@ from ..recorded.drives import periodic_part
 from .position_channel import CHANNEL
 
 NAMES = ("coulomb_force", "sigma_0", "sigma_1")
-# Of the greatest force, of the stroke, and of the contact's damping ratio.
+# Ranges of forces and deflections, relative to the largest force and the stroke; the contact's damping ratio.
 FORCE, DEFLECTION, DAMPING = (1e-3, 1.0), (1e-3, 1.0), 0.1
-PERIODS, FEWEST = 3, 30  # and samples within them; of a recording that begins later, all counts
-# Of a value to a bound, as a factor: nearer, the bound is none that was meant.
+PERIODS, FEWEST = 3, 30  # number of periods, and fewest samples in them; otherwise all samples count
+# Bounds closer to the estimate than this factor are treated as defaults, not as the user's choice.
 NEAR = 3.0
 # Points tried, how many of them are looked at closer, and for how many evaluations.
 TRIED, LOOKED_AT, LOOK = 64, 20, 6
 LOOKED_AT_THERE = 2  # of each part, where there are parts
-# Of them, so many are begun from, those whose values differ by more than this factor.
+# Number of initial guesses, and the factor by which their values must differ.
 BEGINS, APART = 6, 1.25
 
 Array = NDArray[np.float64]
@@ -73,7 +73,7 @@ def plausible(model: Actuator, stroke: float) -> Callable[[Array], dict[str, Arr
 
 
 def early_samples(time: Array, drive: Waveform) -> int:
-    """How many samples the first periods have, as far as a drive is known to have some; else all."""
+    """Return the number of samples in the first periods, or of all samples without periods."""
     begin, periodic = periodic_part(drive)
     if periodic is None:
         return time.size
@@ -93,21 +93,23 @@ def first_guess(
     beside: Sequence[Parameter] = (),
     parts: int = 1,
 ) -> tuple[list[Parameter], list[Values]]:
-    """The parameters within bounds wide enough, and where to begin: first where a short part of a recording
-    is described best, then at other local minima, at most `BEGINS`.
+    """Return the parameters with wide enough bounds, and initial guesses.
+
+    The first guess describes a short part of a recording best; then follow other local minima, at most
+    `BEGINS`.
 
     Args:
-        residuals: of that part, with the positions that were measured.
+        residuals: residuals of that part, with the measured positions.
         time: of its samples, s.
         jacobian: its derivatives, as `fit_least_squares` takes them.
-        parameters: with the user's start, which is one of the points tried.
+        parameters: parameters with the user's initial guess, which is tried too.
         model: the actuator.
-        stroke: of the stage under the drive, m.
-        given: whose bounds are the user's; those of others are widened to all that is plausible.
-        seed: of the points.
+        stroke: stroke of the stage under the drive, m.
+        given: parameters with the user's bounds; the other bounds are widened to all plausible values.
+        seed: seed of the points.
         beside: parameters that are fixed or tied to these.
-        parts: of the range of forces, and of that of deflections; with more than one, a start from each pair.
-            The best of all may be of one kind, such as a slider that follows its stage late.
+        parts: number of parts of the ranges of forces and deflections; with more than one, a start in each
+            pair. The best of all may be of one kind, such as a slider that follows its stage late.
     """
     names = [p.name for p in parameters if p.name in NAMES]
     if not names or not 0.0 < stroke * model.natural_frequency < math.inf:
@@ -177,15 +179,15 @@ def first_guess(
 
 
 def far(one: Values, other: Values, names: Sequence[str]) -> bool:
-    """Whether two points are in different local minima, as far as a short search tells."""
+    """Return whether two points are in different local minima, judged by a short search."""
     ends = [sorted((abs(one[name]), abs(other[name]))) for name in names]  # one may be 0, at its bound
     return any(high > APART * low for low, high in ends)
 
 
 def beside(parameters: Sequence[Parameter], values: Values, given: Container[str] = ()) -> list[Parameter]:
-    """The parameters where a search within wide bounds ended, with their own bounds again.
+    """Return the parameters at the end of a search within wide bounds, with their own bounds again.
 
-    Bounds that are nobody's wish are widened where a value stands out of them, or near them.
+    Default bounds are widened if a value is beyond or near them.
     """
 
     def at(p: Parameter) -> Parameter:

@@ -55,7 +55,7 @@ from .reaction import with_reaction, with_reaction_asked
 from .several import from_points, straightened
 from .walks import SETTLED, Walks, own_values
 
-# Noise of so many steps of a converter makes its error white, and less than a thousandth of what is left.
+# Noise, in converter steps, above which the rounding error is white and negligible.
 DITHERED = 10.0
 
 
@@ -88,69 +88,69 @@ def identify_friction(
     progress: Progress = unheard,
     each: Callable[[SearchState], None] | None = None,
 ) -> Fit:
-    """Fit an actuator to recordings of its end-effector's position, raw samples, all recordings at once.
+    """Fit an actuator to recordings of its end-effector's position (raw samples), all recordings at once.
 
-    Every recording is described by a simulation from rest, so its first sample must be at rest.
+    Every recording is simulated from rest, so its first sample must be at rest.
 
-    If the recordings hardly determine one value of the actuator, and derivatives are known, that value is
-    given at its mean over all that fits, and the intervals of the others hold for all of that
+    If the recordings hardly determine one value of the actuator, and derivatives exist, the result is
+    averaged over all plausible values of it, and the intervals of the others include them
     (see `marginal`). If the model leaves out that friction acts back on the stage, `failures` or `remarks`
-    tell what the recordings say to that (see `reaction`).
+    report whether the recordings contradict that (see `reaction`).
 
     Args:
         recordings: with end_effector_position [m]; or [rad], of an actuator that turns: then forces in the
             model are torques [N m], masses moments of inertia [kg m^2], and all in units of these.
-        model: the actuator; its values are one start of many (see `first_guess`), and the fit describes the
-            recordings no worse than they do.
-        free: what to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a
+        model: the actuator; its values are one of several initial guesses (see `first_guess`), and the fit
+            describes the recordings no worse than they do.
+        free: parameters to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a
             second element) and of the actuator ("end_effector_mass", "gain", ...); "stiction_ratio" (stiction
             over Coulomb friction) and "breakaway_share" (of the Coulomb deflection), which are bounded where
             the fields themselves are not; and of the position channel, one for all recordings, "delay" [s]
             and "offset" [m]. Stiction and breakaway deflection that are not free keep their ratio. Each a
             name, or a `Parameter` with its start, bounds and prior in SI, or fixed, or tied: those of
             another fit (``fit.parameters``), say.
-        drive: waveform of each recording (one: of all), in the time of the recording. Left out, or None: the
-            one that the recording names or its channel drive_voltage shows (see `taken_drive`), else that
+        drive: waveform of each recording (or one for all), in the time of the recording. By default, or
+            None: the one that the recording names or its channel drive_voltage shows (see `taken_drive`),
+                else that
             channel, with its jumps as far as the samples show them (see `recorded_drive`).
         slew_rate: V/s at which the amplifier follows the jumps of drive_voltage: the current limit into the
-            piezo. Left out, at once; a fit then takes the slower jump for more friction.
-        stage: the fit of `identify_step` that the model's stage is from: its uncertainty is passed on to what
-            is fitted here.
-        bounds: of free parameters, in SI or as strings; else they are searched for within a factor 30 of
-            the start first, and then as far as the law allows: no interval ends where nobody has limited it.
+            piezo. By default jumps are instantaneous; a fit then mistakes a slower jump for more friction.
+        stage: fit of `identify_step` for the model's stage: its uncertainty is added to the result.
+        bounds: bounds of free parameters, in SI or as strings; others are searched within a factor 30 of
+            the initial guess first, and then as far as the law allows: no interval ends at a default bound.
             The scale is logarithmic, but linear towards zero, and where bounds reach down to zero.
-        priors: what is known of free parameters otherwise: value and standard deviation of each, in SI or as
-            strings. They weigh against the noise, which must be given.
+        priors: independent knowledge of free parameters: value and standard deviation of each, in SI or as
+            strings. They need a given noise.
         tied: parameters that follow from others, which may be free, tied or neither: the expression of each
             by name, such as ``{"sigma_1": "0.2 * sqrt(sigma_0 * end_effector_mass)"}``; see `estimate.tied`.
-        channel: "delay" and "offset" of the position channel that are free besides. Left out, those that the
+        channel: "delay" and "offset" of the position channel, if free. By default those that the
             recordings show: an offset at rest, or what lowers the sum of squares by more than noise does;
             `remarks` of the fit say so. None of them: ().
-        begin: where "delay" and "offset" start; left out, at the delay of the stage, or 0.
-        noise: standard deviation of the position, m; left out, it is estimated from the residuals. Or a
+        begin: initial guess of "delay" and "offset"; by default the delay of the stage, or 0.
+        noise: standard deviation of the position, m; by default estimated from the residuals. Or a
             recording of the channel at rest: estimated from the residuals, but for its drift, which a short
             recording does not show; in the uncertainty that makes it the less sure.
-        starts: how many; those after the first fill the bounds.
+        starts: number of starts; those after the first fill the bounds.
         hops: see `fit_least_squares`; 0 looks for no start and no other local minimum: for a start that is
-            near, and the reaction on the stage is not asked for.
-        seed: of the further starts.
-        tolerance: m, of the simulation; left out, 1e-10 for a law of one internal state, whose derivatives
+            near; the reaction on the stage is then not tested.
+        seed: seed of the further starts.
+        tolerance: m, of the simulation; by default 1e-10 for a law of one internal state, whose derivatives
             are those of `sensitivities`. For the others they are differences over half a percent of a
             parameter, so it must be far below what that changes (a weakly determined one: some pm in steps of
             micrometres): 1e-12.
         correlated: True: allow for residuals correlated in time in the uncertainty, whatever they are. Left
             out, for noise that is correlated over some samples and for a random walk (a sensor's drift), as
             far as the residuals show them (see `coloured`), where the noise is not given.
-        averaged: False: what is hardly determined is given where the sum of squares is lowest too, and the
-            intervals are those of the curvature there.
+        averaged: False: give a hardly determined value at the lowest sum of squares too, with the
+            intervals of the curvature there.
         loss, loss_scale: see `fit_least_squares`: "soft_l1" or "huber" for recordings with outliers; the
             scale is in m unless the noise is given.
         settled: see `fit_least_squares`.
         max_evaluations: of all recordings, for each start, with slopes; where these are differences, their
             evaluations come on top. A model that still explains little after 30 s of CPU is given up, which
             its failures say.
-        diagnose: look for the term that is missing where the model does not explain a recording: `advice`
-            of the fit, and a remark, say which, and what to write. It takes some 20 s of CPU time at most.
+        diagnose: search the missing term if the model does not explain a recording: `advice`
+            of the fit, and a remark, name it. Takes at most some 20 s of CPU time.
         progress, each: called after each evaluation; see `fit_least_squares`.
 
     Returns:
@@ -266,7 +266,7 @@ def _parameters(
     turns: bool,
     free: Sequence[str],
 ) -> list[Parameter]:
-    """Of the actuator and of the channel, with what is known of them."""
+    """Return the parameters of the actuator and the channel, with bounds and priors."""
     own = [
         of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds, turns)
         for name in free
@@ -366,6 +366,6 @@ def _averaged(walks: Walks, fit: Fit, given: Values, max_evaluations: int) -> Fi
 
 
 def _at_end(walks: Walks, fit: Fit, max_evaluations: int) -> Fit:
-    """The fit, from where its search was left on its way along a valley, if it was."""
+    """Return the fit, continued along a curved minimum if its search was interrupted there."""
     there = straightened(fit.parameters, fit.values)
     return followed(fit, lambda: walks.fit(there, max_evaluations=max_evaluations))

@@ -1,4 +1,4 @@
-"""Guesses where the search for the friction of a walk begins, by the walk that goes farthest."""
+"""Initial guesses of the search for the friction of a walk, from the walk with the largest motion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .first_guess import first_guess
 from .several import from_points
 from .walks import Varied, Walks, observed, slopes_of
 
-# Of the stroke, and steps, of the simulations that only tell where to begin.
+# Tolerance relative to the stroke, and steps, of the simulations for initial guesses.
 GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
 # Parts of the range of forces, and of deflections, from which a fit that does not explain its recordings
 # begins again.
@@ -31,7 +31,7 @@ def longest(walks: Walks) -> Displacement:
 def guesses(
     walks: Walks, parameters: list[Parameter], bounds: Bounds, samples: int, parts: int = 1
 ) -> tuple[list[Parameter], list[Values]]:
-    """Return what `first_guess` does, by so many samples of the longest walk."""
+    """Return the result of `first_guess` for this number of samples of the longest walk."""
     most = walks.motions.index(longest(walks))
     stroke = max(motion.stroke(walks.model) for motion in walks.motions)
     short = walks.motions[most].beginning(samples, GUESS_TOLERANCE * stroke, GUESS_STEPS)

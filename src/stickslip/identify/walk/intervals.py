@@ -61,7 +61,7 @@ def profile_interval(
     names = [p.name for p in fit.parameters]
     if name not in names:
         raise FitError(
-            f"a profile is of a free parameter, and {name!r} is none: there are {', '.join(names)}"
+            f"a profile is of a free parameter, and {name!r} is unknown: there are {', '.join(names)}"
         )
     refuse_joint(fit, "a profile")
     if fit.loss != "linear" or len(names) < 2:
@@ -81,7 +81,7 @@ def profile_interval(
     reach = deviation if 0.0 < deviation < math.inf else 0.1 * abs(q)
 
     def distance(at: float, begin: Fit) -> tuple[float, Fit]:
-        """How far from the best fit, in standard errors, where the value is fixed."""
+        """Return the distance from the best fit, in standard errors, with the value fixed."""
         held = [
             one._replace(start=p.value(at), fixed=True, prior=None) if one.name == name else one
             for one in own
@@ -107,7 +107,8 @@ def refuse_joint(fit: Fit, what: str) -> None:
 
 
 def _end(q: float, side: float, reach: float, bound: float, t: float, distance: Any, fit: Fit) -> float:
-    """Where the profile crosses t on one side: by secants, for the distance is nearly a line."""
+    """Return the crossing of the profile with t on one side, by secants, since the distance is nearly
+    linear."""
     inner, d_inner, outer, d_outer = q, 0.0, math.nan, math.nan
     at, begin = q + side * t * reach, fit
     for _ in range(MOST_STEPS):
@@ -140,7 +141,8 @@ def _again(
 
 
 def _settings(fit: Fit, options: dict[str, Any]) -> dict[str, Any]:
-    """Those of `identify_friction` with which to fit again: what the fit has in it is taken from there."""
+    """Return the settings of `identify_friction` for another fit; what the fit contains is taken from
+    there."""
     if fit.noise_known and not fit.noise:
         raise FitError("the fit does not say what noise it was given: make it again")
     predictor, told = getattr(fit.predict, "__self__", None), options.get("noise")
@@ -158,18 +160,19 @@ def bootstrap(
 ) -> xr.Dataset:
     """Values of fits to the model with resampled residuals, in blocks, which keep their autocorrelation.
 
-    A noise that was given, and does not count as correlated, is that of the resampled residuals too. What is
-    known of a parameter otherwise is a datum like others: the centre of its prior is drawn anew about the
-    estimate with the prior's deviation, as by [bardsley2014]. With it kept, values would scatter less than
+    A given noise that does not count as correlated is used for the resampled residuals too. A prior
+    is a datum like others: its centre is drawn again about the
+    estimate with the prior's deviation [bardsley2014]. With a fixed centre, values would scatter less than
     their standard errors say.
 
     Args:
-        fit: of `identify_friction`. It carries its parameters, with their bounds, priors and ties, its loss,
+        fit: fit of `identify_friction`. It contains its parameters, with their bounds, priors and ties, its
+            loss,
             and the noise that it was given: these count, whatever `options` say.
-        recordings: those of the fit.
-        n: how often.
-        seed: of the resampling.
-        options: others of `identify_friction` that the fit was made with: drive.
+        recordings: recordings of the fit.
+        n: number of resampled fits.
+        seed: seed of the resampling.
+        options: other arguments of the fit: drive.
 
     Returns:
         Over "sample", one variable for each value, in its unit; quantiles of them are the intervals.

@@ -1,5 +1,5 @@
-r"""Friction and stage at once: a walk's fit with the stage's values free as far as they are not known from
-before, and drift of the sensor counted as noise.
+r"""Joint fit of friction and stage: a walk's fit with the stage's values free under the prior of
+the steps, and with drift of the sensor as noise.
 
 A fit that takes the stage as known is wrong where that is, and to linearise this is not enough: an error of
 the mode by a few percent can make another minimum the lowest. So can drift, which the least squares of white
@@ -13,9 +13,9 @@ that jitter of the clock moves count as much less. The covariance of the estimat
 the noise has beside the walk, as that of steps and of walks alone does (see `coloured`).
 
 There are many minima: how the contact rings on between jumps is nearly the same at other stiffnesses too, and
-where it is hardly damped, one of these can explain noise better than the truth does, as the highest of many
-lines of a periodogram. So searches begin at several stiffnesses, and the intervals hold those about every
-minimum that the noise does not reject, whichever is the lowest.
+if it is hardly damped, one of these can explain noise better than the truth does, as the highest of many
+lines of a periodogram. So searches start at several stiffnesses, and the intervals hold those about every
+minimum that the noise does not reject.
 """
 
 from __future__ import annotations
@@ -61,15 +61,18 @@ TOLERANCE = 1e-10  # m
 # Deviations of what is known of a stage's value, within which it is looked for.
 WIDE = 6.0
 MOST_EVALUATIONS = 200
-# The stiffness of the contact: searches begin at it times these too. Nearly all that come to an end do so
+# Factors of the contact's stiffness at which searches start too. Nearly all that end do so
 # within the evaluations.
 STIFFNESS, SPREAD, OF_SPREAD = "sigma_0", (0.125, 0.25, 0.5, 0.7, 0.9, 1.1, 1.4, 2.0, 4.0), 80
 SAID = "the values of the stage are free too, with what is known of them; drift counts as noise"
 
 
 class Weight(NamedTuple):
-    """Noise of a channel: `level` of its white part, in the unit of the data, and the variance that its
-    random walk gains from sample to sample, over the square of that."""
+    """Noise of a channel.
+
+    `level` of its white part, in the unit of the data, and the variance that its random walk gains per
+    sample, relative to the squared level.
+    """
 
     level: float
     walk: float
@@ -101,18 +104,18 @@ def jointly(
     start: Actuator,
     hops: int = 6,
 ) -> Fit:
-    """The fit of friction once more, the stage's values free with what is known of them.
+    """Fit the friction again with the stage's values free under their prior.
 
     Args:
-        fit: of `identify_friction`, with this stage taken as known; by a law that has derivatives.
-        recordings, drives, slew_rate: of that fit.
-        stage: the fit that the stage is from.
-        start: whose friction another search begins at.
+        fit: fit of `identify_friction` with this stage fixed; its law must have derivatives.
+        recordings, drives, slew_rate: arguments of that fit.
+        stage: fit of the stage.
+        start: actuator with the friction of a further initial guess.
         hops: as for `identify_friction`.
 
     Returns:
-        The fit with the stage's values among its own. Its residuals are those of the positions, m; its
-        uncertainty is that of weighted least squares.
+        The fit including the stage's values. Its residuals are positions, m; its
+        uncertainty comes from weighted least squares.
 
     Raises:
         FitError: see `fit_least_squares`.
@@ -145,12 +148,12 @@ def jointly(
 
 
 def _spread(near: Values) -> list[Values]:
-    """Where the contact is softer than there, and where it is stiffer."""
+    """Return initial guesses with a softer and a stiffer contact."""
     return [{**near, STIFFNESS: near[STIFFNESS] * by} for by in SPREAD]
 
 
 class _Known(NamedTuple):
-    """What is known of a stage: its parameters, the fit that it is from, and their places there."""
+    """Prior of a stage: its parameters, the fit that they come from, and their places there."""
 
     own: list[Parameter]
     fit: Fit

@@ -42,7 +42,7 @@ class Tabulated(NamedTuple):
     unit: str = "V"
 
     def range(self) -> tuple[float, float]:
-        """None that a model could refuse: the drive is checked."""
+        """Return an empty range: the drive was checked before."""
         return 0.0, 0.0
 
     def drive(self, duration: float) -> Drive:
@@ -51,8 +51,11 @@ class Tabulated(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Of the residuals of members at the nodes: products of each two [members, nodes, nodes] and sums
-    [members, nodes], over so many samples (`size`). NaN where a member has no model."""
+    """Sums over the residuals of members at the nodes.
+
+    Products of each two nodes [members, nodes, nodes] and sums [members, nodes], over `size` samples. NaN for
+    members without a model.
+    """
 
     products: Array
     sums: Array
@@ -98,20 +101,20 @@ class SimulatedWalks:
         self.grid = estimate + (np.linspace(-REACH, REACH, GRID) * error if free else np.zeros(1))
         self._read = []
         for motion in motions:
-            # What comes before the drive begins is the position at rest.
+            # Before the drive starts, the position is the position at rest.
             wanted = np.maximum(motion.time - self.nodes[:, None], 0.0)
             times, place = np.unique(np.append(0.0, wanted), return_inverse=True)
             drive: Any = Tabulated(motion.drive, float(times[-1]))
             self._read.append((drive, times, place[1:].reshape(wanted.shape)))
 
     def weights(self, delay: Array) -> Array:
-        """Of the nodes at delays [s], [points, nodes]."""
+        """Return the weights of the nodes at delays [s], [points, nodes]."""
         if self.nodes.size == 1:
             return np.ones((delay.size, 1))
         return np.asarray(make_interp_spline(self.nodes, np.eye(self.nodes.size))(delay))
 
     def __call__(self, own: Mapping[str, Array], count: int) -> Sums:
-        """Of members with these values of the actuator, [members] each."""
+        """Return the sums of members with these values of the actuator, [members] each."""
         k, size = self.nodes.size, sum(x.size for x in self.measured)
         found = Sums(np.zeros((count, k, k)), np.zeros((count, k)), size)
         columns = dict(own) or {"load": np.ones(count)}
@@ -179,7 +182,7 @@ def eliminated(
 
 
 def log_prior(p: Parameter | None, q: Array) -> Array | float:
-    """Of what is known of a parameter otherwise, at coordinates, up to a constant."""
+    """Return the log prior at coordinates, up to a constant."""
     if p is None or p.prior is None:
         return 0.0
     mean, deviation = p.expected

@@ -20,7 +20,7 @@ from .walks import Walks
 
 # Samples at rest that tell a mean, and of how many standard errors it is one.
 FEWEST, SURE = 10, 4.0
-# Of the sum of squares: a fit without them that leaves more than this is no description.
+# Ratio of sums of squares above which a fit without delay and offset describes nothing.
 FAR = 2.0
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ def freed_near(
     taken: Collection[str],
     first: Values,
 ) -> tuple[Fit, list[str]]:
-    """As `freed`, of a start that is near: only what is asked for is searched for."""
+    """Return the fit as `freed`, from a near initial guess: only the given parameters are searched."""
     asked = [name for name in shown_at_rest(walks.known, walks.measured) if name not in taken]
     fit = searched([*free, *asked])
     more = [] if walks.budget.over else _asked_for(fit, walks, first, {*taken, *asked})
@@ -94,8 +94,7 @@ def freed_near(
 
 
 def _asked_for(fit: Fit, walks: Walks, first: Values, free: Collection[str]) -> list[str]:
-    """Those of offset and delay that would lower the sum of squares of a fit without them by more than noise
-    does."""
+    """Return delay or offset if they would lower the sum of squares by more than noise does."""
     pairs = zip(fit.residuals, walks.measured, walks.motions, strict=True)
     moving = [-np.gradient(r + x, motion.time) for r, x, motion in pairs]
     slopes = {"delay": np.concatenate(moving), "offset": np.ones(sum(x.size for x in walks.measured))}
