@@ -18,8 +18,7 @@ from .recorded.channels import channel, names_of, recordings_of
 
 
 class Candidate(NamedTuple):
-    """A law with its start values, what is free in it, bounds where the usual ones do not do, how many
-    searches to begin within them, what is tied to what is free, and priors of it."""
+    """A law to compare: initial values, free parameters, bounds, number of searches, ties and priors."""
 
     label: str
     model: Any

@@ -53,7 +53,7 @@ class Squared(NamedTuple):
 
     @classmethod
     def are(cls, bounds: Bounds, name: str) -> bool:
-        """Whether those of a parameter are such."""
+        """Return whether the bounds of a parameter are linear."""
         return isinstance(bounds.get(name), cls)
 
 
@@ -71,16 +71,16 @@ def exchangeable(
 
 
 def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Parameter:
-    """Return the parameter of that name (one of `free_names`), starting at the model's value; of a body that
-    turns, in the units of that.
+    """Return the named parameter (one of `free_names`), starting at the model's value.
 
-    Without bounds it is searched for within a factor `REACH` of the start first, and then as far as the law
+    Without bounds it is searched within a factor `REACH` of the start first, and then as far as the law
     allows: down to zero, where it may be zero. A damping that starts at zero has the size of the law's force
     at `TYPICAL_SPEED`. The scale is logarithmic, unless bounds reach down to zero or
     below, or are `LinearBounds`.
 
     Raises:
-        QuantityError: it starts at zero without bounds and its size is not known, or the bounds are wrong.
+        QuantityError: the parameter starts at zero without bounds and its size is unknown, or the bounds are
+            wrong.
     """
     start, quantity = value_of(model, name)
     if name in NORMAL_FIELDS and model.normal_force is None and name in bounds:
@@ -132,7 +132,7 @@ def check_motion(model: Any, unit: str) -> None:
 
 
 def value_of(model: Any, name: str) -> tuple[float, Quantity | None]:
-    """What the model has of one of `free_names`, and what that is; a ratio is no quantity of a record."""
+    """Return the model's value of one of `free_names`, and its quantity; a ratio has none."""
     law = law_of(model)
     element, ratio = element_of(law, name), ratios_of(law).get(name)
     if ratio is not None and name not in law._fields:
@@ -145,8 +145,8 @@ def value_of(model: Any, name: str) -> tuple[float, Quantity | None]:
 
 
 class Said(NamedTuple):
-    """What is said of the parameters of a fit: names of the `free` ones, and by name what else; `values` are
-    where those that are a `Parameter` start."""
+    """Parameters of a fit: names of the `free` ones, and their settings by name; `values` are the initial
+    values of those given as a `Parameter`."""
 
     free: list[str]
     bounds: dict[str, Any]
@@ -211,7 +211,7 @@ class NamedValues(NamedTuple):
 
 
 def known_of(model: Any, others: Mapping[str, tuple[float, str]], turns: bool = False) -> NamedValues:
-    """Those of a model, and others besides; see `parameter`."""
+    """Return the known values of a model, and others; see `parameter`."""
 
     def of(name: str) -> tuple[float, str]:
         if name in others:
@@ -304,7 +304,7 @@ def linear(
 
 
 def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
-    """Those of one parameter in SI, if it has any; QuantityError unless the lower comes first."""
+    """Return the bounds of one parameter in SI, or None; QuantityError unless the lower comes first."""
     given = bounds.get(name)
     if given is None or (isinstance(given, LinearBounds) and given == LinearBounds()):
         return None

@@ -1,9 +1,9 @@
 """Uncertainty from recorded quantities that a fit takes as exact: the steps of a converter or an encoder,
 which more samples do not average away, and noise that bends what follows from them.
 
-Samples at one level say only that the quantity is within half a step of it. So each level is moved at random
-by up to half a step, each sample by as much noise again, and what the fit would make of that is added to its
-uncertainty, linearised. What all draws have in common, such as small reversals that noise adds to a motion,
+Samples at one level only show that the quantity is within half a step of it. So each level is moved at random
+by up to half a step, each sample by as much noise again, and the effect on the fit is added to its
+uncertainty, linearised. The common effect of all draws, such as small reversals that noise adds to a motion,
 is a bias; it counts as a standard error.
 """
 

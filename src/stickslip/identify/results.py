@@ -82,10 +82,11 @@ def _written(known: Mapping[str, Quantity], values: Mapping[str, Any]) -> dict[s
 
 
 def model_of(numbers: Mapping[str, Any]) -> Actuator:
-    """The actuator of `model_numbers`, from what was read from results.json.
+    """Return the actuator of `model_numbers`, read from results.json.
 
     Raises:
-        QuantityError: it is none, or a field is missing, out of range, or in a unit that it cannot have.
+        QuantityError: the numbers are not of an actuator, or a field is missing, out of range, or in a unit
+            that it cannot have.
     """
     try:
         turns = numbers["actuator"].get("rotary") is True

@@ -52,10 +52,10 @@ def saved_types() -> dict[str, type]:
 
 
 def save_fit(fit: Fit, path: str | os.PathLike[str]) -> None:
-    """Save a fit as JSON, whole: values, uncertainty, residuals, and what it predicts with.
+    """Save a whole fit as JSON: values, uncertainty, residuals, and its prediction.
 
     Raises:
-        FitError: its model is none of the package's, or the file would be too large to be read again.
+        FitError: the model is not from the package, or the file would be too large to read.
     """
     law = getattr(fit.model, "friction", fit.model)
     said = registry.laws.written(type(law)) if is_law(law) else {}

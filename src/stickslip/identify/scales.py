@@ -1,4 +1,4 @@
-"""Scales of the channels that a fit takes as exact, and what their errors do to its values.
+"""Scales of the channels that a fit takes as exact, and the effect of their errors on its values.
 
 A sensor whose scale is wrong by a share s shows (1 + s) times the motion. Least squares then give other
 values, linearised as for all that a fit takes as known (`estimate.moves`). What was identified through the

@@ -2,7 +2,7 @@ r"""Steady friction from points of velocity and force, as a tribometer or a serv
 
 .. math:: F = \mathrm{sgn}(v)\,\Big[F_C + (F_S - F_C)\, e^{-|v/v_s|^\delta}\Big] + \sigma_2 v + F_0
 
-with the offset F_0 of the force sensor where it is asked for [olsson1998; armstrong1994]. A point is one
+with the offset F_0 of the force sensor, if free [olsson1998; armstrong1994]. A point is one
 steady velocity and the mean friction force at it, not a sample of a transient.
 """
 

@@ -31,8 +31,10 @@ from .walk.prediction import Predictor
 
 
 class Requirement(NamedTuple):
-    """What every recording has to fulfil: a figure of merit of `Verification.table`, and its limit in SI;
-    `unit`: that it was said in, m or rad, None where it was a number."""
+    """Requirement on every recording: a figure of `Verification.table`, and its limit in SI.
+
+    `unit` is the unit of the limit as given, m or rad; None for a plain number.
+    """
 
     figure: str
     relation: str
@@ -66,11 +68,11 @@ class Requirement(NamedTuple):
         return cls(figure, relation, to_si(limit, unit, figure), unit or None)
 
     def met(self, value: float) -> bool:
-        """Whether a value fulfils it; NaN does not."""
+        """Return whether a value fulfils the requirement; NaN does not."""
         return bool(_RELATIONS[self.relation](value, self.limit))
 
     def broken(self, value: float, unit: str | None = None) -> str:
-        """What a value is and should be, with units, and with as many digits as tell the two apart."""
+        """Return a sentence on a value and its limit, with units and enough digits to distinguish them."""
         own = FIGURES[self.figure] if unit is None else unit
         ends = [[self._shown(x, own, digits) for x in (value, self.limit)] for digits in (5, 7, 9, 12)]
         apart = next((pair for pair in ends if pair[0] != pair[1]), ends[-1])
@@ -93,7 +95,7 @@ FIGURES = {
     "largest_error": "m",
     "net_step_error": "",
 }
-# Of the rms error: what is left besides its mean, where that is most of it.
+# Share of the rms error that is its mean, above which the error counts as constant.
 MOSTLY = 0.5
 _WHY_NOT = {
     "r_squared": "what was measured is constant",
@@ -105,19 +107,19 @@ _WHY_NOT = {
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """How well a model predicts recordings.
+    """Comparison of a model's predictions with recordings.
 
     Attributes:
         observed: name of the channel.
         unit: its unit.
-        recordings: the goodness of each.
+        recordings: goodness of each recording.
         steps: net step per period of each, measured and predicted; NaN where the drive does not repeat.
         predictions: for each a recording with measured, predicted and residual (predicted minus measured).
-        lacks: what each says of the model, by the noise that it shows besides: see `lack_of_fit`.
-        remarks: sentences on recordings that show no noise besides, and on those that differ by a constant.
+        lacks: comparison of each residual with the recording's noise, see `lack_of_fit`.
+        remarks: sentences on recordings without separate noise, and on those that differ by a constant.
         unexplained: sentences on recordings that show no noise besides, of which more is left than their
             white noise where the fit has doubts, or more than measured loops leave (`loops.missing`).
-        taken: sentences on what the drive of each walk was taken for, where none was given.
+        taken: sentences on the drive of each walk, if none was given.
     """
 
     observed: str
@@ -172,12 +174,13 @@ class Verification:
         )
 
     def unmet(self, requirements: Sequence[Requirement]) -> list[str]:
-        """A sentence for each recording and requirement that it does not meet.
+        """Return a sentence for each recording and requirement that is not met.
 
-        A requirement on the net step is none of recordings that have none, unless no recording has one.
+        Recordings without a net step are not checked against the net-step requirement. It is an error if no
+        recording has one.
 
         Raises:
-            QuantityError: one is in m, and the positions are in rad, or the other way round.
+            QuantityError: a requirement is in m and the positions are in rad, or the reverse.
         """
         table = self.table
         sentences = []
@@ -256,9 +259,9 @@ def _finite(number: float) -> float | None:
 
 
 def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: Any) -> float:
-    """Displacement per period while the drive repeats itself, m; NaN where it does not do so twice.
+    """Return the displacement per period of a repeated drive, m; NaN with fewer than two periods.
 
-    The mean position over the last period less that over the second (of two, the first, which begins at rest
+    The mean position over the last period minus that over the second (of two, the first, which starts at rest
     and is like no other), by the number of periods between: each sample counts, where peaks [kang2007,
     appendix 9] would take the noise for displacement. Of a sequence, of its first part that has a period.
     """
@@ -278,7 +281,7 @@ def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: An
     return (mean(begin + (count - 1) * period) - mean(begin + first * period)) / (count - 1 - first)
 
 
-# What values of a unit are called.
+# Names of the values of a unit.
 _KINDS = {"m": "positions", "rad": "positions", "N": "forces", "N m": "torques"}
 
 

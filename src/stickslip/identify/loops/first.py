@@ -1,4 +1,4 @@
-"""Error by the noise of the force before the motion, with which the prediction begins."""
+"""Error from the noise of the force before the motion, from which the prediction starts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def with_first(fit: Fit, recordings: Sequence[xr.Dataset], response: Callable[[x
         count = at_rest(recording["position"].values)
         moved.append(response(recording.assign({OBSERVED: recording[OBSERVED] + g.rmse})))
         moved[-1] -= response(recording.assign({OBSERVED: recording[OBSERVED] - g.rmse}))
-        # Of the median, whose variance is that of the mean times pi/2.
+        # Variance of the median: that of the mean times pi/2.
         variances.append((0.5 * math.pi if count > 2 else 1.0) / count)
     columns = 0.5 * np.asarray(block_diag(*(column[:, None] for column in moved)))
     return with_inherited(fit, columns, np.diag(variances))

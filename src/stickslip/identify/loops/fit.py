@@ -6,9 +6,10 @@ are identified with the law:
 .. math:: F_{meas} = b + \left(\frac{N}{N_0}\right)^p \left( 1 + c\,(t - t_0) \right)
           \left( q + F + a |F| + h F^2 \right), \qquad F = F_{law}
 
-bias b [N] of the channel, what it shows without a contact; of the contact the exponent p of its load (1:
-Amontons; 2/3: one elastic asperity), the drift c [1/s] of its strength, as in running-in, and what differs
-forward and backward, which no odd law does: a part q [N] of its force that does not turn with the motion, a
+b [N] is the bias of the channel without a contact; p the exponent of the load (1:
+Amontons; 2/3: one elastic asperity); c [1/s] the drift of the strength, as in running-in; and three terms
+that differ
+forward and backward: a part q [N] of the force that does not reverse with the motion, a
 share a of strength, a curvature h [1/N]. Each is 0 (p: 1) unless it is free. Under a constant load b and q
 are the same; samples without load tell which it is.
 """
@@ -61,12 +62,12 @@ from .response import CHANNEL, OBSERVED, LoopPrediction, own_of, response_of
 from .sampled import with_sampling
 from .starts import loop_starts, stribeck_starts
 
-# What is noticed where it is not free.
+# Terms that are reported if they are not free.
 NOTICED = ("drift", "asymmetry", "contact_offset")
 LOAD_EXPONENTS = (0.2, 2.0)
 # A contact whose force grows with its load, and that holds in both directions.
 LIMITS = {"load_exponent": (0.0, math.inf), "asymmetry": (-0.99, 0.99)}
-# How often a search begins again at a stiffness that leaves less by this share.
+# Number of restarts at a stiffness with a lower residual, and the share by which it must be lower.
 CLIMBS, SAME_COST = 3, 1e-6
 # Relative; the response to it is far above the error of a simulation at 1e-9 m.
 DIFFERENCE_STEP = 1e-3
@@ -103,7 +104,7 @@ def identify_loops(
         recordings: with position [m] and friction_force [N], positive when the driving body moves towards +x;
             or with an angle [rad] and a torque [N m] as these, and all parameters in units of these.
         model: law record; its values are the start, and its forces hold at `reference_normal_force`.
-        free: what to fit: scalar fields of the law, elements ("stiffness_2"), "stiction_ratio" and
+        free: parameters to fit: scalar fields of the law, elements ("stiffness_2"), "stiction_ratio" and
             "breakaway_share" (see `identify_friction`), and "bias", "contact_offset", "asymmetry",
             "curvature", "drift" and "load_exponent" (see above). Each a name or a `Parameter`, as for
             `identify_friction`.
@@ -112,11 +113,11 @@ def identify_loops(
         bounds: of free parameters, in SI or as strings, else they are searched for within a factor 30 of
             the start and of what the sizes of the loops say first (the channel's and contact's: the largest
             force, half its inverse, the inverse of the length in time), and then as far as the law allows.
-        priors: what is known of free parameters otherwise, as for `identify_friction`; they weigh against the
-            noise, which must be given.
+        priors: independent knowledge of free parameters, as for `identify_friction`; they need a
+            given noise.
         tied: parameters that follow from others, as for `identify_friction`:
             ``{"strength_2": "0.5 * strength_1"}``.
-        noise: standard deviation of the force, N; left out, it is estimated from the residuals.
+        noise: standard deviation of the force, N; by default estimated from the residuals.
         starts, seed, max_evaluations, progress: as `identify_friction`.
         tolerance: m, on the deflections; never more than a millionth of the stroke.
         correlated: allow for residuals correlated in time in the uncertainty: here they are model error. As
@@ -258,7 +259,7 @@ def _searched(
     progress: Progress,
     budget: EvaluationBudget,
 ) -> Fit:
-    """The lowest minimum of searches that begin at these values, and at `starts` random ones around it."""
+    """Return the lowest minimum of searches from these values, and from `starts` random ones around them."""
 
     problem.budget = budget
 
@@ -293,15 +294,18 @@ def _residuals(
 
 
 def _unasked(had: Collection[str]) -> list[str]:
-    """What is noticed where a fit has not had it: without a varying load an offset may be the channel's."""
+    """Return the terms to report if a fit has not included them.
+
+    Without a varying load an offset may belong to the channel.
+    """
     return [n for n in NOTICED if n not in had and not (n == "contact_offset" and "bias" in had)]
 
 
 def _turns(recordings: Sequence[xr.Dataset]) -> bool:
-    """Whether the motion is an angle [rad], and so the force a torque [N m].
+    """Return whether the motion is an angle [rad], and so the force a torque [N m].
 
     Raises:
-        RecordingError: only one of both is.
+        RecordingError: only one of the two is.
     """
     motion, force = unit_of(recordings, "position"), unit_of(recordings, OBSERVED)
     turns = motion == "rad"
@@ -315,7 +319,7 @@ def _turns(recordings: Sequence[xr.Dataset]) -> bool:
 def _reach(
     recordings: Sequence[xr.Dataset], measured: Sequence[NDArray[np.float64]], origin: float
 ) -> dict[str, float]:
-    """How far from 0 the values of `CHANNEL` may be, but for the exponent."""
+    """Return the largest plausible sizes of the values of `CHANNEL`, except the exponent."""
     largest = max(float(np.max(np.abs(force))) for force in measured)
     span = max(float(r["time"].values[-1]) for r in recordings) - origin
     return {

@@ -37,10 +37,10 @@ from ..recorded.channels import channel, names_of, recordings_of, unit_of
 from ..recorded.known_noise import NOTHING, more_than_white, white_noise
 from ..recorded.screen import refuse_loop
 
-# Windows begin twice in the length of one: so they share hardly any noise, and leave hardly any unused.
+# Number of windows that start within the length of one: they share little noise and leave little unused.
 OVERLAP = 2
-# The velocity whose sign counts is that over so many parts of a window; and how many deviations of its noise
-# it must be to have a sign.
+# Parts of a window over which the velocity is averaged for its sign; and standard deviations of its noise
+# above which it has a sign.
 SMOOTHED, AT_REST = 32, 3.0
 FEWEST = 16  # samples of a window
 DRAWS = 16  # of the position's noise
@@ -51,7 +51,7 @@ UNPREDICTED = (
     "position does not show; its remarks say what the body leaves of the averages"
 )
 NAMES = ("mass", "viscous", "coulomb_force", "offset")
-# Of inertia, viscous and Coulomb friction.
+# Units of inertia, viscous and Coulomb friction.
 UNITS = ("kg", "N s/m", "N")
 
 
@@ -154,7 +154,7 @@ def _weighted(left: Array, variance: Array, values: Array) -> tuple[float, float
 
 
 def _doubts(fit: Fit) -> tuple[str, ...]:
-    """What no body has, said with what makes it appear; the friction's sign as surely as a lack of fit."""
+    """Return sentences on impossible values, with the sign of the friction judged as a lack of fit."""
     if fit.values["mass"] < 0.0:
         return ("the mass is negative: the force or the position has the wrong sign",)
     if fit.confidence_intervals(1.0 - 2.0 * fit.judgement.false_alarm)["viscous"][1] < 0.0:
@@ -167,7 +167,8 @@ def _vector(values: Values) -> Array:
 
 
 def _by_noise_of_position(fit: Fit, moved: Sequence[tuple[_Averages, Array]]) -> Array:
-    """What noise of the position, seen in its fourth differences, makes of the averages [windows, draws].
+    """Return the effect of the position's noise, seen in its fourth differences, on the averages [windows,
+    draws].
 
     A body that passes rest has a sign in each sample, though the design may have none: so have the draws.
     """
@@ -223,17 +224,18 @@ class _Averages:
         return self._windows(values) @ self.shape
 
     def _sign(self, position: Array, *, passes: bool = False) -> Array:
-        """Of the velocity: 0 where it is not sure; of a body that `passes` rest, that which it has."""
+        """Return the sign of the velocity: 0 if uncertain; with `passes`, the sign at a body that passes
+        rest."""
         velocity = uniform_filter1d(np.gradient(position), self.smooth, mode="nearest")
         sign = np.sign(velocity)
         if not passes:
-            # What the mean and the differences take off a curved velocity: a second mean shows two thirds.
+            # Error of the mean and the differences for a curved velocity: a second mean shows two thirds.
             curved = 1.5 * np.abs(uniform_filter1d(velocity, self.smooth, mode="nearest") - velocity)
             sign[np.abs(velocity) <= AT_REST * noise_level(position) / self.smooth + curved] = 0.0
         return sign
 
     def design(self, position: Array, *, passes: bool = False) -> Array:
-        """Of acceleration, velocity, its sign (see `_sign`), and one: [windows, 4]."""
+        """Return acceleration, velocity, its sign (see `_sign`), and one: [windows, 4]."""
         x, sign = self._windows(position), self._sign(position, passes=passes)
         return np.column_stack([x @ self.bend, -x @ self.slope, self.of(sign), np.ones(self.begins.size)])
 

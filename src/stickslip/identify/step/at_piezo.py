@@ -1,8 +1,8 @@
-r"""A step of the drive as it comes out of a piezo with hysteresis and creep: ramps, and lags behind them.
+r"""A step of the drive after a piezo with hysteresis and creep: ramps, and lags behind them.
 
-While the drive goes one way the plays' output is a straight line between the voltages at which one is taken
-along, so that a step (or the ramp that an amplifier makes of it) becomes a sum of ramps. Creep adds to it the
-answer of each of its terms, :math:`a_k / (1 + \tau_k s)`.
+While the drive moves in one direction the plays' output is linear between the voltages at which a play
+starts to move, so that a step (or the ramp that an amplifier makes of it) becomes a sum of ramps. Creep adds
+to it the answer of each of its terms, :math:`a_k / (1 + \tau_k s)`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class VoltageRamp(NamedTuple):
-    """A part of the step: its height [V], when it begins and how long it takes [s]."""
+    """Part of the step: its height [V], start and duration [s]."""
 
     height: float
     begin: float
@@ -63,7 +63,10 @@ def ramps(piezo: Piezo | None, voltage: float, rest: float, slew_rate: float | N
 def response(
     piezo: Piezo | None, slew_rate: float | None
 ) -> Callable[[Array, float, float, list[complex], list[complex]], Array]:
-    """What linear parts behind the piezo make of a step: of times [s], height [V], rest [V], poles, zeros."""
+    """Return the response of linear parts behind the piezo to a step.
+
+    A function of times [s], height [V], rest [V], poles and zeros.
+    """
     known: dict[tuple[float, float], list[VoltageRamp]] = {}
     creep = None if piezo is None else piezo.creep
 
@@ -78,7 +81,7 @@ def response(
         rising, later = (time > 0.0) & (time < end), time >= end
 
         def integral(since: Array) -> Array:
-            """Of the answer to a step of 1 V."""
+            """Return the integral of the response to a step of 1 V."""
             after = np.maximum(since, 0.0)
             return level * after + np.real(np.expm1(after[..., None] * p) @ (c / p))
 
@@ -101,7 +104,7 @@ def _with_creep(creep: Creep | None, c: NDArray, p: NDArray) -> tuple[float, NDA
         return 1.0, c, p
     tau, shares = np.array(creep.time_constants), np.array(creep.shares)
     behind = c / (1.0 + tau[:, None] * p)
-    own = -1.0 - behind.sum(axis=1)  # each begins at 0
+    own = -1.0 - behind.sum(axis=1)  # each starts at 0
     return (
         1.0 + float(shares.sum()),
         np.append(c + shares @ behind, shares * own),

@@ -23,7 +23,7 @@ from .recorded_step import StepTest
 # Angular frequency times the time in which a response goes from a quarter to three quarters: 0.6 without
 # damping, 1.7 with a critical one.
 CROSSED = 0.9
-# Of that first frequency: tried ones, for a slow amplifier or sensor may hide how fast the stage is.
+# Tried multiples of the first frequency, because a slow amplifier or sensor may hide how fast the stage is.
 FACTORS = np.geomspace(0.3, 8.0, 13)
 DAMPINGS = np.geomspace(2e-3, 2.5, 12)
 # Peaks of the spectrum that are tried, and how far from the first frequency they may be.
@@ -34,7 +34,7 @@ PERIODS, CHOSEN_BY, POLISHED_BY = 60.0, 1200, 5000
 LARGEST_RINGING = 0.8
 # Periods that a recording lasts after its rise at least: to the peak and half back.
 LEAST_AFTER = 0.75
-# Standard deviations of the rest below which a rise is none.
+# Smallest rise, in standard deviations of the rest.
 SEEN = 4.0
 
 Array = NDArray[np.float64]
@@ -60,12 +60,12 @@ class Look(NamedTuple):
         return 2.0 * math.pi / (self.natural_frequency * math.sqrt(1.0 - zeta**2))
 
 
-# What is seen of a step by a look, for a gain of 1.
+# Response to a step for a guess of its parameters, with a gain of 1.
 Response = Callable[[StepTest, Look], Array]
 
 
 def plain(test: StepTest, look: Look) -> Array:
-    """What is seen without piezo, amplifier and filter."""
+    """Return the response without piezo, amplifier and filter."""
     poles = second_order_poles(look.damping_ratio, look.natural_frequency)
     return test.voltage * step_response(test.time - look.delay, poles)
 
@@ -112,7 +112,7 @@ def common_look(tests: Sequence[StepTest], looks: Sequence[Look]) -> int:
 
 
 def _crossing(test: StepTest) -> tuple[float, float, tuple[float, float]]:
-    """How long the middle half of the rise lasts, and when it is half over [s]; the rest, and the rise."""
+    """Return the duration of the middle half of the rise, its centre [s], and the levels before and after."""
     t, x = test.time, test.position
     before, after = x[t <= 0.0], x[t > 0.0]
     if before.size < 2 or after.size < 2:
@@ -147,7 +147,7 @@ def _rings(test: StepTest, half: float, rise: float, angular: float) -> list[flo
 
 
 def _thinned(test: StepTest, most: int) -> StepTest:
-    """The samples from the step on, every so many of them."""
+    """Return every n-th sample from the step on."""
     every = np.flatnonzero(test.time >= 0.0)
     every = every[:: max(every.size // most, 1)]
     return test._replace(time=test.time[every], position=test.position[every])
@@ -164,7 +164,7 @@ def _aligned(look: Look, test: StepTest, half: float, response: Response) -> Loo
 
 
 def _left(look: Look, test: StepTest, response: Response) -> Array:
-    """What the response with the best gain leaves."""
+    """Return the residual of the response with the best gain."""
     shape = response(test, look)
     power = float(shape @ shape)
     return test.position - (float(shape @ test.position) / power if power > 0.0 else 0.0) * shape

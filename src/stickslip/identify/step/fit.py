@@ -42,11 +42,11 @@ from .recorded_step import POSITION, StepTest, step_tests
 # The window, in peak times or in decays before and after the step, the longer of both: what comes later only
 # says how the sensor drifts.
 WINDOW, DECAYS = 8.0, 3.0
-# Windows before the step: a longer rest tells the drift hardly better, and a sensor wanders meanwhile.
+# Length of the rest before the step, in windows: a longer rest hardly shows the drift better.
 REST = 8.0
 # The damping ratio is at least that of a good tuning fork; at most, that of two poles a thousand times apart.
 DAMPING_RATIOS = (1e-4, 30.0)
-# Of the response time, below which a lag is none.
+# Shortest lag that is fitted, as a fraction of the response time.
 LEAST_LAG = 1e-6
 # Standard errors: a greater drift is said, and taken off before a first look.
 SEEN = 3.0
@@ -72,32 +72,32 @@ def identify_step(
 ) -> Fit:
     """Fit a second-order system, seen through a sensor with delay and lag, to step responses.
 
-    The model is exact (a sum of exponentials). The noise of a filtered sensor is autocorrelated, which the
+    The model is exact (a sum of exponentials). A filtered sensor has autocorrelated noise, which the
     intervals allow for (see `coloured`).
 
     Args:
         recordings: with end_effector_position [m, or rad where it turns], the end-effector fixed to the
             stage, and drive_voltage [V] unless voltages and start are given.
-        model: an actuator into which the result is put. What its `piezo` makes of a step, which is taken as
-            known and as annealed before each, is part of the model; the gain is then what multiplies that.
+        model: actuator for the result. Its `piezo`, taken as
+            known and annealed before each step, is part of the model; the gain multiplies its output.
         voltages: height of each step, V.
         start: instant of the steps in the time of the recordings, s.
         filter: low-pass filter that the position went through, if it is known; its analogue counterpart is
-            part of the model. Unknown, delay and lag stand in for it.
-        slew_rate: V/s that the amplifier rises at, if it is known: the current limit into the piezo. Unknown,
-            the step is taken as one.
+            part of the model. Otherwise delay and lag approximate it.
+        slew_rate: V/s of the amplifier, if known: the current limit into the piezo. By default
+            the step is a jump.
         lag: fit a first-order lag of the sensor.
         window: s before and after the step that are fitted; left out, eight peak times, or three decays, and
             eight times as much before it.
-        timing: for the classical numbers, from which the fit then starts; left out, times and start are
-            those of the second-order response that a recording looks most like.
+        timing: times of the classical numbers, which start the fit; by default times and start come from
+            the second-order response most similar to a recording.
         observed: name of the position channel.
         tied: parameters that follow from others, as for `identify_friction`.
 
     Returns:
         A fit of damping_ratio, natural_frequency [rad/s], gain [m/V], delay [s], lag [s], and of each
         recording the offset [m] and the drift of its sensor [m/s]; `predict(recording)` gives the position
-        without these two, which `step_level` gives. The delay is how late the sensor is in all, the lag
+        without these two, which `step_level` returns. The delay is the total delay of the sensor, the lag
         included, counted from the sample after the step of drive_voltage. Where the stage is overdamped,
         nothing tells its two poles from the lag's: the intervals hold all three ways, and `other_minima`
         tells them; without a lag (``lag=False``) there is one.
@@ -194,8 +194,10 @@ def _with_exchanged(problem: Problem, fit: Fit) -> Fit:
 
 
 def step_level(values: Values, number: int, since: Array) -> Array:
-    """Where the sensor would be without the step, m, shape (n,): offset and drift of the recording of that
-    number, from 1 on, so long after its step [s]."""
+    """Return the level of the sensor without the step, m, shape (n,).
+
+    Offset and drift of the recording with that number, from 1 on, at times after its step [s].
+    """
     return values[f"offset_{number}"] + values[f"drift_{number}"] * since
 
 
@@ -261,7 +263,7 @@ def _begun(
 
 
 def _by_formulas(first: Sequence[dict[str, float]]) -> Look:
-    """What the classical numbers say, on average."""
+    """Return the mean of the classical numbers."""
     names = ("natural_frequency", "damping_ratio", "delay", "peak_time")
     omega, zeta, delay, peak = (float(np.mean([row[name] for row in first])) for name in names)
     if not np.isfinite(zeta):  # no overshoot: the peak is where the noise put it
@@ -270,7 +272,7 @@ def _by_formulas(first: Sequence[dict[str, float]]) -> Look:
 
 
 def _seen(response: Callable[[StepTest, Values], Array]) -> Response:
-    """What is seen of a step by a look, for a gain of 1."""
+    """Return the response to a step for a gain of 1."""
     return lambda test, look: response(test, {**look._asdict(), "gain": 1.0})
 
 
@@ -302,7 +304,7 @@ def _parameters(first: Sequence[dict[str, float]], look: Look, lag: bool, unit: 
 def _response(
     filter: Filter | None, slew_rate: float | None, piezo: Piezo | None
 ) -> Callable[[StepTest, Values], Array]:
-    """What the position channel shows of a step, from rest at 0."""
+    """Return the response of the position channel to a step, from rest at 0."""
     zeros, known = filter_zeros_poles(filter) if filter else ([], [])
     stepped = piezo_response(piezo, slew_rate)
 
@@ -327,16 +329,16 @@ def step_formula_errors(
     n: int = 200,
     seed: int = 0,
 ) -> xr.Dataset:
-    """How far the classical formulas are from the truth if the fit is the truth, and why.
+    """Return the errors of the classical formulas if the fit is the truth, and their causes.
 
-    The fit's own response is read by the same formulas, without noise: what is wrong then is the work of the
-    sensor (lag, filter, the onset that is not seen). And again with noise, the recordings' own residuals
-    begun elsewhere each time: what is wrong on average beyond that is the work of the noise, of that on the
-    peak above all, for the greatest of many noisy samples is too great, and seldom the right one.
+    The formulas are applied to the fit's own response without noise: the error then comes from the sensor
+    (lag, filter, undetected onset). Then with noise, the recordings' residuals from random starts: the
+    further mean error comes from the noise, above all at the peak, because the largest of many noisy samples
+    is too large.
 
     Args:
-        fit: of `identify_step`.
-        recordings: those of the fit.
+        fit: fit of `identify_step`.
+        recordings: recordings of the fit.
         voltages, start, timing: as for the fit; left out, times and start are those of the second-order
             response that the fit's own looks most like.
         n: noisy repetitions.

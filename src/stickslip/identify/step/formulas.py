@@ -17,7 +17,7 @@ from ..recorded.channels import recordings_of, unit_of
 from .first_look import Look, first_look
 from .recorded_step import POSITION, StepTest, step_tests
 
-# Samples from the rise to the peak below which neither can be told.
+# Fewest samples from the rise to the peak.
 FEWEST_TO_PEAK = 6
 # Samples until it has settled, below which there is no rise to look at: two or three natural periods.
 FEWEST_IN_RISE = 8
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @record
 class Timing(NamedTuple):
-    """Where the classical numbers are read; the bias is that of the two samples before the rise."""
+    """Times of the classical numbers; the bias is the mean of the two samples before the rise."""
 
     steady_after: Annotated[
         float, Quantity("s", "", "time from the rise until the motion has settled", above=0.0)
@@ -49,8 +49,8 @@ SETTLED = 7.0
 
 
 def timing_of(test: StepTest, look: Look) -> Timing:
-    """Where the classical numbers of a recording are read: the peak within a period, the level over a period
-    once it has settled, or over the last that is recorded."""
+    """Return the times of the classical numbers: the peak within a period, the level over a settled
+    period."""
     lasts = float(test.time[-1]) - look.delay
     over = min(look.period, 0.5 * lasts)
     after = min(SETTLED / look.decay, (1.0 - 1e-6) * (lasts - over))
@@ -58,7 +58,7 @@ def timing_of(test: StepTest, look: Look) -> Timing:
 
 
 def own_timing(test: StepTest) -> Timing:
-    """As `timing_of`, by what the recording looks like.
+    """Return the times as `timing_of`, from the recording's own response.
 
     Raises:
         RecordingError: see `first_look`.
@@ -126,7 +126,7 @@ def second_order(overshoot: float, peak_time: float) -> tuple[float, float]:
 
 
 def _onset(t: Array, x: Array, where: str, timing: Timing) -> float:
-    """When the rise begins: it is first a parabola, so the times to 5 and 20 % are as 1 to 2."""
+    """Return the start of the rise: at first it is a parabola, so the times to 5 and 20 % are as 1 to 2."""
     before = x[t <= 0.0]
     settled = t - timing.rise_at - timing.steady_after
     level = x[(settled >= 0.0) & (settled <= timing.steady_over)]
@@ -159,9 +159,9 @@ def step_features(
     timing: Timing | None = None,
     observed: str = POSITION,
 ) -> xr.Dataset:
-    """Delay, bias, steady value, peak time and overshoot of steps, and the second-order system they make.
+    """Return delay, bias, steady value, peak time and overshoot of steps, and the second-order system.
 
-    The formulas trust one sample, the peak, and know no sensor: `step_formula_errors` says what that costs.
+    The formulas trust one sample, the peak, and ignore the sensor; `step_formula_errors` estimates the error.
 
     Args:
         recordings: with end_effector_position [m], and drive_voltage [V] unless voltages and start are given.

@@ -74,8 +74,9 @@ def step_tests(
 def _step_of(u: Array, time: Array, where: str) -> tuple[float, float]:
     """Return instant [s] and height [V] of the one step.
 
-    A jump within one interval is at the sample after it, for a converter holds its value. A rise over several
-    samples, as of an amplifier with a slew rate, begins where the line through them leaves the first level.
+    A jump within one interval is at the sample after it, because a converter holds its value. A rise over
+    several samples, as of an amplifier with a slew rate, starts where the line through them leaves the first
+    level.
     """
     at = int(np.argmax(np.abs(np.diff(u)))) + 1
     first, last = float(np.median(u[:at])), float(np.median(u[at:]))
