@@ -96,7 +96,7 @@ class Tuning(NamedTuple):
     lag: float
     models: int
     loops: tuple[Loop, ...] = ()
-    requirement: Requirement = DEFAULT
+    requirement: MarginRequirement = DEFAULT
 
     def regulator(self, rate: float | str, **options: Any) -> Regulator:
         """Return the regulator at a rate [Hz].

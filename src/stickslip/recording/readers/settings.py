@@ -206,7 +206,9 @@ def in_table(rows: dict[int, list[str]]) -> tuple[dict[int, list[str]], list[Hea
     return rows, [], False
 
 
-def with_settings(channels: Sequence[FileChannel], said: HeaderSettings, in_header: bool) -> list[FileChannel]:
+def with_settings(
+    channels: Sequence[FileChannel], said: HeaderSettings, in_header: bool
+) -> list[FileChannel]:
     """Return channels with the units of the settings: those of the clocks, and the others in order.
 
     Without a clock by name, the first numeric column is the clock, unless the header contains one.
