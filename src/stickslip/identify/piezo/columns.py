@@ -61,7 +61,7 @@ class Observed(NamedTuple):
         return np.array([high, low, self.rest] if rises else [low, high, self.rest])
 
 
-class Lateness(NamedTuple):
+class DelayAndLag(NamedTuple):
     """How late the piezo's voltage is: `delay`, s, then a first-order `lag`, s."""
 
     delay: float = 0.0
@@ -169,7 +169,7 @@ def repeated(drive: Array) -> tuple[float, float, float]:
     return none
 
 
-def at_piezo(observed: Observed, timing: Lateness) -> Array:
+def at_piezo(observed: Observed, timing: DelayAndLag) -> Array:
     """The voltage at the piezo, V, shape (n,)."""
     time, rest, late = observed.time, observed.rest, observed.drive
     if observed.cycled:  # it went on as it now begins
@@ -189,7 +189,7 @@ def lagged(time: Array, values: Array, tau: Array, rest: float) -> Array:
     return found
 
 
-def columns(observed: Observed, timing: Lateness, grid: PlayGrid) -> Columns:
+def columns(observed: Observed, timing: DelayAndLag, grid: PlayGrid) -> Columns:
     """All columns of a recording."""
     way = observed.way
     u = np.append(way, at_piezo(observed, timing))

@@ -28,7 +28,7 @@ from ..scales import DRIVE, by_prediction, with_scales
 from .choice import ENOUGH, Choice, Shape, chosen, left_of_all, range_of
 from .columns import (
     Columns,
-    Lateness,
+    DelayAndLag,
     Observed,
     PlayGrid,
     at_piezo,
@@ -44,7 +44,7 @@ from .timing import Edges, Lateness, edges_of, lateness
 
 OBSERVED = "stage_position"
 NOT_LATE = Lateness(
-    Lateness(),
+    DelayAndLag(),
     ("delay and lag are taken as 0 s: what the edges of the drive show of them predicts no better",),
     Edges((), ()),
 )
@@ -158,7 +158,7 @@ def identify_piezo(
         other = chosen(seen, [shape], operators, creep, taus)
         if other.score < (1.0 - LATE) * choice.score:
             fit, remarks = _fitted(seen, choice := other, unit)
-    timing = Lateness(fit.values["delay"], fit.values["lag"])
+    timing = DelayAndLag(fit.values["delay"], fit.values["lag"])
     prediction = _predicting(fit, choice.grid, timing, seen, observed)
     fit = replace(
         fit,
@@ -228,7 +228,7 @@ def _unexplained(fit: Fit, seen: Sequence[Observed]) -> list[str]:
     return said
 
 
-def _begun(seen: Sequence[Observed], timing: Lateness, assumed: float | None) -> list[Observed]:
+def _begun(seen: Sequence[Observed], timing: DelayAndLag, assumed: float | None) -> list[Observed]:
     """The recordings with what was before each, by a first model without creep. Where they rested, but not as
     it was taken, that `assumed` [V], if any: the model has yet to learn how late the voltage is."""
     grid, _, solution = first_model(seen, timing)
@@ -248,11 +248,11 @@ def _begun(seen: Sequence[Observed], timing: Lateness, assumed: float | None) ->
 def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) -> Lateness:
     """As given, or as the edges show."""
     if delay is not None or lag is not None:
-        given = Lateness(delay or 0.0, lag or 0.0)
+        given = DelayAndLag(delay or 0.0, lag or 0.0)
         if min(given) < 0.0:
             raise QuantityError(f"delay = {given.delay:g} s and lag = {given.lag:g} s must be >= 0 s")
         return Lateness(given, ("delay and lag are as given",), Edges((), ()))
-    grid, parts, found = first_model(seen, Lateness())
+    grid, parts, found = first_model(seen, DelayAndLag())
     still = [found.position(c) + o for c, o in zip(parts, found.offsets, strict=True)]
     return lateness(seen, grid, edges_of(seen, still))
 
@@ -269,18 +269,19 @@ def named(found: Solution, grid: PlayGrid) -> Values:
     return values | {f"offset_{i}": float(o) for i, o in enumerate(found.offsets, 1)} | {"gain": found.gain}
 
 
-def _problem(seen: Sequence[Observed], grid: PlayGrid, timing: Lateness, unit: str, timed: bool) -> Problem:
+def _problem(
+    seen: Sequence[Observed], grid: PlayGrid, timing: DelayAndLag, unit: str, timed: bool
+) -> Problem:
     """All coefficients at once, and delay and lag with them where these are `timed`."""
-    begin = named(
-        solved([columns(one, timing, grid) for one in seen], [one.position for one in seen], grid), grid
-    )
+    found = solved([columns(one, timing, grid) for one in seen], [one.position for one in seen], grid)
+    begin = named(found, grid)
     plays = [f"weight_{i}" for i in range(1, grid.thresholds.size + 1)]
     low, high = range_of(seen)
     ends = {"skew": (-0.4 / (high - low), 2.0 / (high - low))}  # the plays' voltage turns back at -0.5
     described = _Described(seen, grid, [*plays, *(["curvature"] if grid.zones.size else [])], timed)
     units = {"curvature": f"{unit}/V²", "skew": "1/V", "creep": "", "delay": "s", "lag": "s"}
     reach = {name: 2.0 * begin["gain"] for name in plays} | {"creep": 1.0}
-    reach |= {name: max(10.0 * sum(timing), 1e-9) for name in Lateness._fields}
+    reach |= {name: max(10.0 * sum(timing), 1e-9) for name in DelayAndLag._fields}
     parameters = [
         Parameter(
             name,
@@ -309,11 +310,11 @@ class _Described:
     def __init__(self, seen: Sequence[Observed], grid: PlayGrid, names: Sequence[str], timed: bool) -> None:
         self.seen, self.grid, self.names, self.timed = seen, grid, names, timed
         self.known: dict[tuple[float, ...], list[Columns]] = {}
-        self.shifted = [*(["skew"] if grid.skew else []), *(Lateness._fields if timed else ())]
+        self.shifted = [*(["skew"] if grid.skew else []), *(DelayAndLag._fields if timed else ())]
 
     def parts(self, values: Values) -> list[Columns]:
         """At the delay, lag and skew of these values."""
-        timing, skew = Lateness(values["delay"], values["lag"]), values.get("skew", 0.0)
+        timing, skew = DelayAndLag(values["delay"], values["lag"]), values.get("skew", 0.0)
         if (*timing, skew) not in self.known:
             if len(self.known) > KEPT:
                 self.known.clear()
@@ -341,7 +342,7 @@ class _Described:
         rows = []
         for i, (part, one) in enumerate(zip(self.parts(values), self.seen, strict=True)):
             now = self.shown(values, i)
-            step = dict.fromkeys(Lateness._fields, DIFFERENCE * float(one.time[1]))
+            step = dict.fromkeys(DelayAndLag._fields, DIFFERENCE * float(one.time[1]))
             step["skew"] = SKEWED / (high - low)
             by = {
                 name: (self.shown({**values, name: values[name] + step[name]}, i) - now) / step[name]
@@ -367,7 +368,7 @@ def _known(observed: Observed) -> KnownNoise:
 
 
 def _predicting(
-    fit: Fit, grid: PlayGrid, timing: Lateness, seen: Sequence[Observed], observed: str
+    fit: Fit, grid: PlayGrid, timing: DelayAndLag, seen: Sequence[Observed], observed: str
 ) -> PiezoPrediction:
     """`prediction_of` a fit; where that is no piezo, what to change is said."""
     try:
@@ -382,7 +383,7 @@ def _predicting(
 
 
 def prediction_of(
-    values: Values, grid: PlayGrid, timing: Lateness, seen: Sequence[Observed], observed: str
+    values: Values, grid: PlayGrid, timing: DelayAndLag, seen: Sequence[Observed], observed: str
 ) -> PiezoPrediction:
     ends, count = range_of(seen), len(seen)
     weights = np.array([values[f"weight_{i}"] for i in range(1, grid.thresholds.size + 1)])
@@ -392,9 +393,8 @@ def prediction_of(
     skews = grid.skew * grid.bends if grid.skew else np.zeros(0)
     rows = (grid.thresholds, weights / gain, grid.zones, slopes, skews)
     hysteresis = PrandtlIshlinskii(*(tuple(row.tolist()) for row in rows))
-    creep = None
-    if grid.times.size:
-        shares = (values["creep"] * distance(grid.times),) * grid.times.size
-        creep = Creep(tuple(grid.times.tolist()), shares)
+    count_of_times, creep = grid.times.size, None
+    if count_of_times:
+        creep = Creep(tuple(grid.times.tolist()), (values["creep"] * distance(grid.times),) * count_of_times)
     offset = float(np.mean([values[f"offset_{i}"] for i in range(1, count + 1)]))
     return PiezoPrediction(Piezo(hysteresis, creep), gain, offset, *timing, *ends, observed)

@@ -10,7 +10,7 @@ from ...estimate.result import Fit
 from ...physics.piezo.creep import Lags, before_creep
 from ...quantities.units import QuantityError, array_si, optional_si
 from ...waveform import Sampled
-from .columns import Lateness, Observed, at_piezo
+from .columns import DelayAndLag, Observed, at_piezo
 from .prediction import PiezoPrediction, warn_beyond
 
 # Of the range of the drives that were fitted to: so far beyond it no drive is given without a warning.
@@ -71,7 +71,7 @@ def inverse_drive(
         u = prediction.piezo.hysteresis.inverse(h, rest)
     except QuantityError as error:
         raise QuantityError(f"positions [m] cannot be reached: {error}") from None
-    timing = Lateness(prediction.delay, prediction.lag)
+    timing = DelayAndLag(prediction.delay, prediction.lag)
 
     def ahead(volts: Array) -> Array:
         return np.interp(t + timing.delay, t, volts + timing.lag * np.gradient(volts, t))

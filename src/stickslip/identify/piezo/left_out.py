@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ...estimate.result import Fit
 from ...physics.piezo import Piezo
 from ..recorded.channels import names_of, recordings_of
-from .columns import Lateness, PlayGrid, columns, observe
+from .columns import DelayAndLag, PlayGrid, columns, observe
 from .fit import named, prediction_of
 from .linear import solve
 from .prediction import PiezoPrediction
@@ -44,7 +44,7 @@ def without_parts(
     grid = PlayGrid(np.array(law.thresholds), np.array(law.dead_zones), np.array(times))
     if any(law.skews):
         grid = grid._replace(skew=law.skews[0] / float(grid.bends[0]))
-    timing = Lateness(known.delay, known.lag)
+    timing = DelayAndLag(known.delay, known.lag)
     seen = [observe(r, name, fit.observed, None) for r, name in zip(found, names_of(found), strict=True)]
     seen = [known.begun(one) for one in seen]
     made = [columns(one, timing, grid) for one in seen]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...physics.piezo import Piezo
 from ...recording import RecordingWarning
 from ..recorded.channels import channel, names_of
-from .columns import Lateness, Observed, at_piezo, lagged, observe
+from .columns import DelayAndLag, Observed, at_piezo, lagged, observe
 
 # Of the stroke: nearer than this the first position is where the drive's first value has it.
 AT_REST = 0.05
@@ -59,7 +59,7 @@ class PiezoPrediction(NamedTuple):
 
     def position(self, observed: Observed) -> Array:
         """m, without the level."""
-        u = at_piezo(observed, Lateness(self.delay, self.lag))
+        u = at_piezo(observed, DelayAndLag(self.delay, self.lag))
         return self.gain * after_hysteresis(self.piezo, observed, u)
 
     def begun(self, observed: Observed) -> Observed:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from .choice import Choice, Shape, range_of
-from .columns import Columns, Lateness, Observed, PlayGrid, columns
+from .columns import Columns, DelayAndLag, Observed, PlayGrid, columns
 from .linear import Solution, residuals, solved
 from .timing import Lateness, lateness
 
@@ -25,7 +25,7 @@ LONGEST = 0.1
 
 
 def first_model(
-    seen: Sequence[Observed], timing: Lateness, skew: float = 0.0
+    seen: Sequence[Observed], timing: DelayAndLag, skew: float = 0.0
 ) -> tuple[PlayGrid, list[Columns], Solution]:
     """A model of plays and square, without creep, at this timing."""
     grid = PlayGrid.over(*range_of(seen), FIRST_PLAYS, True, 0.0, skew)
@@ -42,7 +42,7 @@ def skewed_shape(seen: Sequence[Observed], late: Lateness, fixed: bool) -> Shape
         """Of plays whose voltage is exp(q) times as steep at the high end as at the low one."""
         return 0.5 * math.expm1(q) / (high - low)
 
-    def best(timing: Lateness) -> float:
+    def best(timing: DelayAndLag) -> float:
         def left(q: float) -> float:
             _, parts, found = first_model(seen, timing, skew(q))
             return float(np.std(residuals(parts, positions, found)))
@@ -68,7 +68,7 @@ def lagging_shape(seen: Sequence[Observed], choice: Choice) -> Shape:
     positions = [one.position for one in seen]
 
     def left(lag: float) -> float:
-        parts = [columns(one, Lateness(0.0, lag), choice.grid) for one in seen]
+        parts = [columns(one, DelayAndLag(0.0, lag), choice.grid) for one in seen]
         return float(np.std(residuals(parts, positions, solved(parts, positions, choice.grid))))
 
     ends = (0.0, LONGEST * min(_time_of_a_way(one) for one in seen))
@@ -78,7 +78,7 @@ def lagging_shape(seen: Sequence[Observed], choice: Choice) -> Shape:
         f"lag {lag:.3g} s is the one that fits all samples best: without edges of the drive, a part of it "
         "may be hysteresis, which other frequencies or edges would tell"
     )
-    late = choice.late._replace(timing=Lateness(0.0, lag), remarks=(said,))
+    late = choice.late._replace(timing=DelayAndLag(0.0, lag), remarks=(said,))
     return Shape(bool(choice.grid.zones.size), choice.grid.skew, late)
 
 

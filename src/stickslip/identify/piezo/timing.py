@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from .columns import Columns, Lateness, Observed, PlayGrid, columns
+from .columns import Columns, DelayAndLag, Observed, PlayGrid, columns
 from .linear import Solution, solve
 
 # An edge: of the drive's range within one sample, and over its usual change.
@@ -48,7 +48,7 @@ class Edges(NamedTuple):
 class Lateness(NamedTuple):
     """`timing`, sentences on where it is from, and the `edges` that show it."""
 
-    timing: Lateness
+    timing: DelayAndLag
     remarks: tuple[str, ...]
     edges: Edges
 
@@ -93,18 +93,18 @@ def _until(left: Array, first: int, end: int) -> int:
 
 
 def lateness(
-    observed: Sequence[Observed], grid: PlayGrid, edges: Edges, near: Lateness | None = None
+    observed: Sequence[Observed], grid: PlayGrid, edges: Edges, near: DelayAndLag | None = None
 ) -> Lateness:
     """Delay and lag that fit best after the edges; searched for from those that are `near`, if given."""
     if not edges.number:
         said = (
             "the drive has no edges: a lag of the voltage cannot be told from hysteresis, and is taken as 0 s"
         )
-        return Lateness(Lateness(), (said,), edges)
+        return Lateness(DelayAndLag(), (said,), edges)
     positions = [one.position for one in observed]
 
     def misfit(x: Array) -> Array:
-        timing = Lateness(abs(float(x[0])), abs(float(x[1])))
+        timing = DelayAndLag(abs(float(x[0])), abs(float(x[1])))
         parts = [columns(one, timing, grid) for one in observed]
         return after(parts, positions, solve(parts, positions, grid, edges.masks), edges)
 
@@ -132,7 +132,7 @@ def lateness(
         f"{spread.lag:.1g} s) are those seen after {edges.number} edge{'s' * (edges.number > 1)} of the "
         "drive; the intervals of the others hold for them"
     )
-    return Lateness(Lateness(*best.tolist()), (said,), edges)
+    return Lateness(DelayAndLag(*best.tolist()), (said,), edges)
 
 
 def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution, edges: Edges) -> Array:
@@ -146,7 +146,7 @@ def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution,
     return np.concatenate(left)
 
 
-def _spread(misfit: Callable[[Array], Array], best: Array, step: float) -> Lateness:
+def _spread(misfit: Callable[[Array], Array], best: Array, step: float) -> DelayAndLag:
     """Standard errors of both, linearised; NaN where they cannot be told."""
     h, r = 0.05 * step, misfit(best)
     ends = [(np.maximum(best - d, 0.0), best + d) for d in h * np.eye(2)]  # neither is negative
@@ -154,5 +154,5 @@ def _spread(misfit: Callable[[Array], Array], best: Array, step: float) -> Laten
     try:
         covariance = np.linalg.inv(slopes.T @ slopes) * float(r @ r) / max(r.size - 2, 1)
     except np.linalg.LinAlgError:
-        return Lateness(math.nan, math.nan)
-    return Lateness(*np.sqrt(np.diag(covariance)).tolist())
+        return DelayAndLag(math.nan, math.nan)
+    return DelayAndLag(*np.sqrt(np.diag(covariance)).tolist())
