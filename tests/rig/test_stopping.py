@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +23,7 @@ from stickslip.rig.limits import Limits
 from stickslip.rig.protocols import RigWarning
 from stickslip.rig.stopping import StopState, follow_stop
 from stickslip.rig.supervisor import Order, StopRequested, Supervisor
+from stickslip.rig.wire import receive, send
 
 from rig.laboratory import ACTUATOR, BENCH  # isort: skip
 
@@ -124,3 +127,70 @@ def test_a_monitor_that_still_reads_a_voltage_is_an_error() -> None:
     with pytest.raises(StopRequested) as caught:
         one.fetch(0.0)
     assert "reads 42 V" in caught.value.__notes__[0]
+
+
+class Answering:
+    """The rig's process, as far as a stop talks to it: it says these phases one after the other, and the last
+    one for ever; "gone" ends the connection."""
+
+    def __init__(self, folder: Path, phases: list[str], stopped: dict[str, object]) -> None:
+        self._phases, self._stopped = phases, stopped
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        port = self._listening.getsockname()[1]
+        (folder / "rig.json").write_text(json.dumps({"port": port, "token": "a token", "pid": 1}))
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        while True:
+            link, _ = self._listening.accept()
+            with link, suppress(OSError, EOFError):
+                receive(link)
+                send(link, {"pid": 1})
+                receive(link)
+                if self._phases[0] == "gone":
+                    self._next()
+                    continue
+                send(link, {"stopped": True})
+                receive(link)
+                send(link, {"phase": self._phases[0], "stopped": self._stopped})
+                self._next()
+
+    def _next(self) -> None:
+        self._phases = self._phases[1:] or self._phases
+
+
+def states(folder: Path, phases: list[str], stopped: dict[str, object]) -> tuple[list[StopState], StopState]:
+    """What people are told of a stop, and its end."""
+    Answering(folder, phases, stopped)
+    told: list[StopState] = []
+    end = follow_stop(folder, "a test", told.append, lambda: True, time.perf_counter())
+    return told, end
+
+
+def test_a_stop_goes_through_its_states(tmp_path: Path) -> None:
+    told, end = states(tmp_path, ["preparing", "running", "running", "stopping", "gone", "idle"], {})
+    assert [one.state for one in told] == ["preparing", "delivered", "ramping", "ramped"]
+    assert (end.state, end.measured, end.alarm) == ("ramped", None, "")
+    assert 0.0 < end.after < 60.0
+
+
+def test_a_stop_that_failed_is_an_alarm(tmp_path: Path) -> None:
+    failed = "the stop failed (the cable is out): switch the amplifier off"
+    told, end = states(tmp_path, ["stopping", "idle"], {"failed": failed})
+    assert end.state == "ramped"
+    assert told[-1].alarm == failed
+
+
+def test_a_rig_that_answers_but_does_not_ramp_is_an_alarm(tmp_path: Path) -> None:
+    told, _ = states(tmp_path, ["running"] * 60 + ["idle"], {"measured": 0.1})
+    alarms = [one for one in told if one.alarm]
+    assert alarms[0].state == "delivered"
+    assert alarms[0].alarm == UNANSWERED
+    assert alarms[0].after > 1.0
+    assert (told[-1].state, told[-1].measured, told[-1].alarm) == ("measured", 0.1, "")
+
+
+def test_where_nothing_goes_on_there_is_nothing_to_stop(tmp_path: Path) -> None:
+    told: list[StopState] = []
+    assert follow_stop(tmp_path, "a test", told.append, lambda: False, time.perf_counter()) == StopState()
+    assert not told
