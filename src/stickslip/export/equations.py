@@ -49,7 +49,7 @@ _SAME = ("OF(name)", "WATCHED(test)")
 
 
 class SignalChain(NamedTuple):
-    """What stands between a program and the actuator; each part may be missing."""
+    """Parts between a program and the actuator; each may be missing."""
 
     amplifier: Amplifier | None = None
     capacitance: float | None = None  # F, of the piezo; with the amplifier

@@ -19,23 +19,24 @@ _HELD = 2.0**24
 # Shares of an error by which the end-effector's position, and over the step its velocity, are corrected
 # alone: of steps longer than a period of stage and contact, after which a deflection is forgotten.
 _SHARES = ((1.0, 0.0), (1.0, 0.01), (1.0, 0.1), (1.0, 0.5), (0.3, 0.03), (0.1, 0.003))
-# 2^36 steps have passed after so many doublings: what falls by less than a part in 1e10 a step
+# Number of doublings for 2^36 steps: an error that falls by less than a part in 1e10 a step
 # counts as growing.
 _DOUBLINGS = 36
 
 
 @single_threaded
 def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
-    """How stage position and velocity (of its first mode), end-effector position and velocity, bristles, and
-    position and velocity of each further mode follow a measured position of the end-effector, shape (5 + 2
-    further modes,); None if there is no gain at which the error stays bounded wherever the contact stays.
+    """Return the gain of the observer, or None.
 
-    The motion is taken as linear about each state in which the contact can be (`contacts`). The Kalman
-    filter of each, and gains that correct the end-effector alone, are tried in all, and that is taken whose
-    greatest stationary error is smallest. Where the contact passes through, for friction falls with the
-    speed and the model alone runs away, the error may grow if it must. What the model does not know is taken
-    as white forces of a tenth of the friction on both bodies. A stage that follows the input is not
-    corrected.
+    The gain says how stage position and velocity (of its first mode), end-effector position and velocity,
+    bristles, and each further mode's position and velocity follow a measured position; shape (5 + 2 further
+    modes,). None if no gain bounds the error wherever the contact stays.
+
+    The motion is linearised at each possible state of the contact (`contacts`). The Kalman filter of each
+    state, and gains that correct the end-effector alone, are tried in all states; the one with the smallest
+    worst stationary error is taken. The error may grow in states that the contact only passes, where friction
+    falls with speed and the model itself diverges. Unknown forces are white, a tenth of the friction on both
+    bodies. A stage that follows the input is not corrected.
 
     Args:
         model: actuator or pulled slider.
@@ -60,7 +61,7 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     stays = np.max(np.abs(np.linalg.eigvals(steps)), axis=1) < _RUNS_AWAY
     if np.max(np.abs(steps[stays]), initial=0.0) > _HELD:
         return None
-    # What is not corrected has errors of its own, but for what is known exactly.
+    # States without correction have errors too, except those known exactly.
     whole = wanted if method.clamped or method.kinematic else list(range(method.size))
     whole = [i for i in whole if i != Z or elements(law)]
     filters = np.zeros((len(steps) + len(_SHARES), method.size))
@@ -83,7 +84,7 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
 
 
 def _corrected(method: Method, static: bool) -> list[int]:
-    """Which parts of the state are."""
+    """Return the indices of the corrected states."""
     stage = [j for i in method.stage if i != Y or not method.kinematic for j in (i, i + 1)]
     if method.clamped:
         return stage
@@ -133,7 +134,7 @@ def kalman_gains(steps: Matrix, seen: Matrix, noises: Matrix) -> Matrix:
 
 
 def _solved(left: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
-    """Of each system of a stack; NaN where one is singular."""
+    """Return the solution of each system of a stack; NaN for singular ones."""
     try:
         return np.linalg.solve(left, right)
     except np.linalg.LinAlgError:

@@ -13,8 +13,8 @@ from ..simulation.models import mechanism, stage_mode
 
 Matrix = NDArray[np.float64]
 
-# Of a state: position and velocity of the stage (of its first mode) and of the end-effector, the bristles as
-# one, then position and velocity of each further mode of the stage.
+# Order of a state: position and velocity of the stage (of its first mode) and of the end-effector, the
+# bristles as one, then position and velocity of each further mode of the stage.
 Y, W, X, S, Z, MORE = range(6)
 # In how many times that a bristle relaxes a step is taken to lie at most: beyond, it is at its equilibrium.
 _FASTEST = 1e4
@@ -66,7 +66,7 @@ class Method:
         self.motion, self.push = a, push
 
     def after(self, contact: ContactSlopes) -> Matrix:
-        """What becomes of a small error of the state within a step, shape (size, size)."""
+        """Return the transition of a small error of the state over a step, shape (size, size)."""
         a, push, start = self.motion.copy(), self.push, np.eye(self.size)
         if self.kinematic:  # the stage is where its input is, whatever it was
             start[[Y, W]] = 0.0
@@ -126,7 +126,7 @@ def _still(one: Any, v: float) -> float:
 
 
 def _slopes(parts: list[Any], at: list[float], v: float, rest: bool) -> ContactSlopes:
-    """Of all elements as one, at rest on the way to v [m/s], or sliding at v."""
+    """Return the slopes of all elements as one, at rest on the way to v [m/s], or sliding at v."""
     force_z = force_v = taken = given = 0.0
     for one, z in zip(parts, at, strict=True):
         d, other = 1e-6 * max(at) + 1e-15, 0.0 if rest else 0.999 * v

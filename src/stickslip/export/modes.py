@@ -9,7 +9,7 @@ from ..simulation.models import stage_mode
 
 
 def modes_c(made: Translation, model: Any) -> list[str]:
-    """How many further modes a stage has, what each is, and what a force does to it."""
+    """Return the C of the further modes of a stage: their number, values, and response to a force."""
     modes = getattr(model, "further_modes", None)
     count = 0 if modes is None else len(modes.gain)
     lines = [f"#define STICKSLIP_FURTHER {count} /* modes of the stage after its first */"]

@@ -35,7 +35,7 @@ def refused(piezo: Piezo | None) -> str:
 
 
 def piezo_c(made: Translation, piezo: Piezo | None) -> list[str]:
-    """What a piezo makes of the voltage, as functions that the step method calls."""
+    """Return the C functions of a piezo that the step method calls."""
     hysteresis, creep = (None, None) if piezo is None else piezo
     port = isinstance(hysteresis, MaxwellCapacitor)
     counts = {

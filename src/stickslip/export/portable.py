@@ -55,32 +55,32 @@ def export_c(
     chain: Chain | None = None,
     measurement_noise: float | str = 10e-9,
 ) -> Path:
-    """Write a model as C99 that needs nothing but a compiler: plant, observer and feedforward, for a host and
-    a microcontroller.
+    """Write a model as C99 without dependencies: plant, observer and feedforward, for a host and a
+    microcontroller.
 
     Args:
         source: an `Actuator` or `PulledSlider`, a `Fit` of one, the name or file of a parameter set, or the
             results.json of ``stickslip identify`` on a walk.
-        out: the folder to make.
+        out: new folder.
         step: s, of the example programs and of the observer's gain; the code takes any.
-        waveform: that the example plays; left out, a sawtooth of 65 V (or what the actuator takes) and 5 Hz,
-            which falls in 0.4 ms where the model cannot follow a jump (a static stage with a presliding law,
-            a `MaxwellCapacitor`).
-        duration: s, of it; left out, its own, or eight periods.
-        motion: that the feedforward example follows, a waveform in m; left out, a sine of a tenth of the
+        waveform: waveform of the example; by default a sawtooth of 65 V (or what the actuator takes) and 5
+            Hz, which falls in 0.4 ms where the model cannot follow a jump (a static stage with a presliding
+            law, a `MaxwellCapacitor`).
+        duration: s, of the waveform; by default its own, or eight periods.
+        motion: motion of the feedforward example, a waveform in m; by default a sine of a tenth of the
             stroke.
         amplifier: between the input and the piezo; needs the `piezo_capacitance` [F].
         sensor: a linear sensor on the end-effector, with its bandwidth.
-        chain: what lies between the input and the piezo (its slew rate, without an amplifier), and between
-            the end-effector and its channel: the sensor's output is then late by its delay, in m. Left out,
-            that of a fit of walks or of a campaign's results.json; a delay below 0 is then none.
+        chain: signal chain between the input and the piezo (its slew rate, without an amplifier), and between
+            the end-effector and its channel: the sensor's output is then late by its delay, in m. By default
+            the chain of a fit of walks or of a campaign's results.json; a delay below 0 is ignored.
         measurement_noise: m, standard deviation of a measured position, for the observer's gain.
 
     Returns:
         The folder.
 
     Raises:
-        ExportError: nothing that can be exported, or `out` exists.
+        ExportError: the source cannot be exported, or `out` exists.
         TranslationError: the law is not written in the subset of Python that can be translated to C.
         ParameterSetError, QuantityError: a file or a value is wrong.
     """
@@ -154,7 +154,7 @@ def _engine(*texts: str) -> dict[str, str]:
 
 
 def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
-    """The observer's gain; raises ExportError where there is none."""
+    """Return the observer's gain; raises ExportError if none is possible."""
     does, why = None, "none is stable"
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
@@ -218,7 +218,7 @@ def signal_chain(
     sensor: StrainGauge | None,
     chain: Chain | None,
 ) -> SignalChain:
-    """Amplifier and sensor, or what stands for them in a chain, checked; raises QuantityError."""
+    """Return amplifier and sensor, or their substitutes in a chain, checked; raises QuantityError."""
     parts = (("amplifier", amplifier, Amplifier), ("sensor", sensor, StrainGauge), ("chain", chain, Chain))
     for name, part, kind in parts:
         of_kind(part, kind | None, name)

@@ -40,10 +40,10 @@ def sensor_after(sensor, position, now, h):
 
 
 def channel_output(chain, seen):
-    """What a position channel shows, m, of the position that it is late to see."""
+    """Return the output of a position channel, m, for the delayed position."""
     return chain.scale * seen + chain.offset
 
 
 def sensor_output(sensor, seen):
-    """What the conditioner gives out, V."""
+    """Return the output of the conditioner, V."""
     return seen / sensor.sensitivity - sensor.offset

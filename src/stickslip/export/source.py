@@ -103,7 +103,7 @@ def _of_results(file: Path) -> Exported:
 
 
 def _sources(model: Any, fitted: dict[str, str]) -> dict[str, str]:
-    """Where each value comes from, in words."""
+    """Return the source of each value, in words."""
     load = load_actuator if isinstance(model, Actuator) else load_pulled_slider
     parameters, original = None, {}
     if model.name:

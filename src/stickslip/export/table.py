@@ -16,8 +16,8 @@ from ..waveform.signal import Waveform
 
 _MOST_STEPS = 20_000_000
 _MOST_LINES = 20_000
-# Steps: lines up to so long are searched for from many begins at once, in arrays of so many values; longer
-# ones in parts of at most so many.
+# Steps: longest line that is searched from many starts at once, number of values in those arrays, and longest
+# part of longer lines.
 _SHORT, _AT_ONCE, _LONG = 64, 4096, 65536
 
 
@@ -39,7 +39,7 @@ class Played(NamedTuple):
 
     @property
     def steps(self) -> int:
-        """Of all repeats."""
+        """Number of steps of all repeats."""
         return self.repeats * sum(line.steps for line in self.lines)
 
 
@@ -82,15 +82,17 @@ def played(
 
 
 def _jumps_between(table: Drive, h: float, least: float) -> bool:
-    """Whether a drive jumps by more than the least within a step of h [s]."""
+    """Return whether a drive jumps by more than `least` within a step of h [s]."""
     breaks, nearly = table.start[1:], h * 1e-7
     jump = np.abs(evaluate(table, breaks + nearly)[0] - evaluate(table, breaks - nearly)[0])
     return bool(np.any((jump > least) & (np.abs(breaks / h - np.rint(breaks / h)) > 1e-6)))
 
 
 class _Steps(NamedTuple):
-    """Of each step, its value at the begin and at the end, and the greater and the less of that at the end
-    and at the begin of the next: what a line that goes on has to be near to, both."""
+    """Values of each step at its start and end, and the larger and smaller of its end and the next start.
+
+    A line that continues must be near both.
+    """
 
     begin: NDArray[np.float64]
     end: NDArray[np.float64]
@@ -99,12 +101,15 @@ class _Steps(NamedTuple):
 
 
 def _lines(begin: NDArray[Any], end: NDArray[Any], tolerance: float) -> list[TableLine]:
-    """As few lines as a greedy search finds, each as long as one can be; cut off above `_MOST_LINES`."""
+    """Return few lines by a greedy search, each as long as possible; stops above `_MOST_LINES`."""
     then = np.append(begin[1:], end[-1])
     steps = _Steps(begin, end, np.maximum(end, then), np.minimum(end, then))
     made: list[TableLine] = []
     first = 0
-    likely, ahead = 8, 16  # above the length of the next line, and from how many begins on, by the last ones
+    likely, ahead = (
+        8,
+        16,
+    )  # added to the length of the next line, and number of starts tried, from the previous lines
 
     def add(length: int) -> None:
         nonlocal first

@@ -81,7 +81,7 @@ def write_chunk(path: Path, data: bytes) -> None:
     """Write a chunk with its checksum under another name, and give it its name.
 
     Raises:
-        OSError: the disk is full, or worse; what was begun is removed.
+        OSError: the disk is full, or another failure; the partial file is removed.
     """
     check = checksum(data).to_bytes(_CRC, "little")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -141,15 +141,15 @@ def texts_of(name: str, packed: bytes, count: int) -> NDArray[Any]:
 
 
 def read_chunk(store: Path, name: str, size: int | None = None) -> bytes:
-    """What a chunk holds, without its checksum.
+    """Return the content of a chunk, without its checksum.
 
     Args:
-        store: its folder.
-        name: of the file, in the store.
-        size: bytes that it must have, without its checksum; None: any.
+        store: folder of the store.
+        name: name of the file in the store.
+        size: required bytes without the checksum; None: any.
 
     Raises:
-        ChunkError: it is not there, of another length, or not what was written.
+        ChunkError: the chunk is missing, of another length, or damaged.
     """
     data = plain_bytes(store, name, _CRC + (MOST_CHUNK_BYTES if size is None else size))
     if len(data) < _CRC or (size is not None and len(data) != size + _CRC):

@@ -56,7 +56,7 @@ def one_task(path: str, number: int) -> None:
 
 
 def _read(path: Path) -> Load:
-    """What the worker was told to read, and nothing else: the name of the file has its hash."""
+    """Return what a worker has to read; the name of the file contains its hash."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -103,7 +103,7 @@ def run_on_cluster(
 
 
 class _RunningShare:
-    """A task with the scheduler: what stands for its result, and since when it is there [s]."""
+    """A task at the scheduler: the future of its result, and its start [s]."""
 
     def __init__(self, number: int, future: Future) -> None:
         self.number, self.future, self.begun = number, future, time.monotonic()
@@ -151,7 +151,7 @@ def _run(
 
 
 def _threads(client: Client) -> dict[str, int]:
-    """Of each worker; all that a scheduler knows of its workers would be kilobytes of each."""
+    """Return the threads of each worker; a scheduler's full information would be kilobytes per worker."""
     found: Any = client.nthreads()
     return found
 
@@ -164,7 +164,7 @@ def _give(
     answers: queue.Queue[_RunningShare],
     workers: list[str] | None = None,
 ) -> None:
-    # The name of each is new: a result of before is none now.
+    # Each name is new, so that a result of an earlier run is not taken.
     keys = [f"{uuid.uuid4().hex[:8]}-{number}" for number in numbers]
     futures = client.map(what, numbers, key=keys, pure=False, workers=workers) if numbers else []
     for number, key, future in zip(numbers, keys, futures, strict=True):

@@ -42,7 +42,7 @@ class Compared(NamedTuple):
 
     @property
     def equal(self) -> bool:
-        """Whether both hold the same, to the last bit."""
+        """True if both have the same results, to the last bit."""
         return not (self.only_first or self.only_second or any(v.members for v in self.variables))
 
 

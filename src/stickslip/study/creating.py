@@ -37,7 +37,7 @@ def create(
 
     Raises:
         QuantityError: a name cannot be that of a variable, or there are too many tasks.
-        StudyError: there is something else of that name, or no room.
+        StudyError: the name is taken by something else, or the disk is full.
     """
     path = Path(path)
     begun = part_beside(path)

@@ -1,4 +1,4 @@
-"""Description of a study in plain values: its store holds it, and a run that goes on compares it."""
+"""Description of a study in plain values: stored in its store, and compared when a run resumes."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def identity(description: Mapping[str, Any]) -> str:
 
 
 def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
-    """What differs between two descriptions, in words, place by place."""
+    """Return the differences between two descriptions, in words, place by place."""
     first, second = (dict(_leaves(one)) for one in (there, here))
     return [
         f"{place}: {_short(first.get(place, 'nothing'))} there, {_short(second.get(place, 'nothing'))} here"

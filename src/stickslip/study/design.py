@@ -18,26 +18,26 @@ from .measures import Columns, Measure, as_dataset, one_by_one
 from .own import OwnFunction, own_function
 from .points import Part, StudyAxis, axes_of
 
-# What a user's summary adds to the status.
+# Additional status of a failed summary of the user's.
 SUMMARY_FAILED = "summary_failed"
 _STATUS = ("status", "reason")
 
 
 @dataclass(frozen=True)
 class Study:
-    """Many members of one kind, and what to keep of each.
+    """Many members of one kind, and the results to keep.
 
     Args:
         points: a `Grid`, a `Random` design, `Draws`, or several of them: all combinations.
-        measure: what is done with each member: `SteadySteps`, `WalksFromRest` or a function of your `Own`.
+        measure: computation for each member: `SteadySteps`, `WalksFromRest` or a function of your `Own`.
         summary: a function of your own, or ``"FILE.py:NAME"``, that is given the dataset of some members (as
-            `steady_steps` or `simulate_ensemble` returns it, trajectories included where they are asked for)
+            `steady_steps` or `simulate_ensemble` returns it, with trajectories if requested)
             and returns arrays [member] by name, or `xarray.DataArray` with units in their attributes.
-        keep: names of what the measure finds to be kept; left out, all, but for trajectories where there is
+        keep: names of the results to keep; by default all, except trajectories if there is
             a summary.
-        task: members of a task, which is what a worker does at a time and what is done again after a crash;
-            left out, a number that suits most studies, which depends on the study alone.
-        title: in words.
+        task: members per task: the work of a worker at a time, and what a crash loses;
+            by default a number that suits most studies and depends on the study alone.
+        title: title in words.
     """
 
     points: Part | Sequence[Part]
@@ -55,12 +55,12 @@ class Study:
             raise QuantityError(f"task = {task!r} must be a whole number of members > 0")
 
     def __getstate__(self) -> dict[str, Any]:
-        """What is given, without what was made of it."""
+        """Return the arguments, without computed parts."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @cached_property
     def axes(self) -> list[StudyAxis]:
-        """What varies along each dimension; raises QuantityError."""
+        """Axes of the varied quantities, one per dimension; raises QuantityError."""
         return axes_of(self.points, self.measure.read)
 
     @property
@@ -72,7 +72,7 @@ class Study:
         return tuple(axis.size for axis in self.axes)
 
     def columns(self, place: dict[str, slice]) -> Columns:
-        """What varies, of the members of a part, the last dimension fastest."""
+        """Return the varied values of the members of a part, the last dimension fastest."""
         parts = [axis.at(place[axis.dim].start, place[axis.dim].stop) for axis in self.axes]
         shape, found = tuple(part.shape[1] for part in parts), {}
         for i, (axis, part) in enumerate(zip(self.axes, parts, strict=True)):
@@ -104,10 +104,10 @@ class Study:
         return found[[name for name in dict.fromkeys(kept) if name not in _STATUS] + list(_STATUS)]
 
     def layout(self) -> Layout:
-        """How the results are laid out, found by computing two members.
+        """Layout of the results, found by computing two members.
 
         Raises:
-            QuantityError: something in the study cannot be.
+            QuantityError: a part of the study is impossible.
             StudyError: a function of the user's own fails for both, so that it is not known what it returns.
         """
         made = self._trial
@@ -142,7 +142,7 @@ class Study:
         return self.computed({name: column[:2] for name, column in self.columns(place).items()})
 
     def _summarised(self, found: xr.Dataset, columns: Columns) -> tuple[xr.Dataset, xr.Dataset]:
-        """What the summary says of members, and what was found, with those that it fails for."""
+        """Return the summary of members, and the results, with the members for which it failed."""
         assert isinstance(self.summary, OwnFunction)
         summary, given = self.summary, found.assign({n: ("member", c) for n, c in columns.items()})
 

@@ -18,9 +18,9 @@ from ..simulation.varied import RATIOS, changed_fields, free_names, quantity_of
 
 Array = NDArray[np.float64]
 
-# Of samples and fits, what belongs to the sensor's channel or to the sampler, not to the actuator.
+# Values of samples and fits that belong to the sensor's channel or the sampler, not to the actuator.
 NOT_OF_ACTUATOR = {"delay": "s", "offset": "m", "log_posterior": ""}
-# How far the model may be from the estimate of the fit, relative: it is meant to be that of the fit.
+# Largest relative difference between the model and the estimate of the fit, which should be equal.
 SAME = 1e-6
 
 
@@ -57,7 +57,8 @@ def drawn_parameters(
 
 
 def _arrays(source: Mapping[str, ArrayLike], model: Actuator) -> dict[str, Array]:
-    """Of parameters of the model, or of what a posterior has besides; raises QuantityError for others."""
+    """Return arrays for parameters of the model, or extra values of a posterior; raises QuantityError for
+    others."""
     known, found = [*free_names(model), *NOT_OF_ACTUATOR], {}
     for name, one in source.items():
         if name not in known:

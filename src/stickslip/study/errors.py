@@ -6,8 +6,10 @@ STOPPED = "stopped, as was asked: what is finished is kept, and the same command
 
 
 class StudyError(Exception):
-    """A study that cannot go on: a full disk, workers that die, tasks that fail everywhere. What is finished
-    is kept, and the same call goes on from there."""
+    """A study that cannot continue: a full disk, workers that die, tasks that fail everywhere.
+
+    Finished tasks are kept, and the same call resumes.
+    """
 
 
 class StudyDiffers(ValueError):

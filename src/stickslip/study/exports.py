@@ -22,10 +22,11 @@ from .store import Store
 def export_study(
     store: str | os.PathLike[str], file: str | os.PathLike[str], progress: Progress = unheard
 ) -> int:
-    """Write the results so far to a file, by its ending: ``.nc`` (all that the store has, over its
-    dimensions), ``.parquet`` (needs pyarrow, extra ``stickslip[parquet]``) or ``.csv`` (a line for each
-    member that is computed, with what varies, without results over dimensions of their own, such as time).
-    Tables are written task by task, whatever their length; NetCDF takes the memory of all results.
+    """Write the results so far to a file, by its ending.
+
+    ``.nc`` contains everything, ``.parquet`` (extra ``stickslip[parquet]``) and ``.csv`` a line for each
+    computed member with its varied values, without results over further dimensions such as time. Tables are
+    written task by task; NetCDF takes the memory of all results.
 
     Args:
         store: folder of the study.
@@ -33,11 +34,11 @@ def export_study(
         progress: called after each task.
 
     Returns:
-        How many members are computed.
+        The number of computed members.
 
     Raises:
         QuantityError: another ending.
-        StudyError: it is no store of a study, or a damaged one.
+        StudyError: the folder is not a store of a study, or a damaged one.
         OSError: the file cannot be written; names it.
     """
     there, file = Store(store), Path(file)

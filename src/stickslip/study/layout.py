@@ -31,7 +31,7 @@ class StudyVariable(NamedTuple):
 
     @property
     def missing(self) -> Any:
-        """What stands where nothing is computed yet."""
+        """Value of results that are not computed yet."""
         return "" if self.dtype == TEXT else -1 if self.dtype == "int8" else float("nan")
 
 
@@ -59,7 +59,7 @@ class Layout(NamedTuple):
 
     @property
     def bytes(self) -> int:
-        """Of all results, but for texts."""
+        """Size of all results in bytes, without texts."""
         return self.tasks * sum(self.size(v) for v in self.variables if v.dtype != TEXT)
 
     def place(self, number: int) -> dict[str, slice]:
@@ -114,7 +114,7 @@ def usual(members: int, bytes_of_one: int) -> int:
 
 
 def layout_text(layout: Layout) -> str:
-    """As JSON."""
+    """Return the layout as JSON."""
     return json.dumps(layout._asdict() | {"variables": [v._asdict() for v in layout.variables]})
 
 
@@ -122,7 +122,7 @@ def layout_of(found: Mapping[str, Any]) -> Layout:
     """Return the layout that `layout_text` wrote.
 
     Raises:
-        LookupError, TypeError, ValueError: it is none.
+        LookupError, TypeError, ValueError: the content is not a layout.
     """
     made = Layout(
         tuple(found["dims"]),
@@ -135,8 +135,7 @@ def layout_of(found: Mapping[str, Any]) -> Layout:
 
 
 def check_layout(layout: Layout) -> None:
-    """Raise ValueError for a layout that no study has: names that would lead out of the store, sizes that
-    are none."""
+    """Raise ValueError for an impossible layout: names that lead out of the store, or wrong sizes."""
     for name in (*layout.dims, *(v.name for v in layout.variables)):
         if not str(name).isidentifier():
             raise ValueError(f"{str(name)[:60]!r} is no name of a variable: take letters, digits and _")

@@ -30,7 +30,7 @@ from .task import Done, Load
 ATTEMPTS = 3
 # A task is late when it takes this many times as long as others do, and at least so long [s].
 LATE, AT_LEAST = 3.0, 2.0
-# s in which a worker begins; doubled with each that is lost, for the machine may be busy.
+# s allowed for the start of a worker; doubled after each that is lost, because the machine may be busy.
 BEGINS = 60.0
 # One thread for each worker: what libraries have of their own would fight for the processors.
 ONE_THREAD = (
@@ -41,7 +41,7 @@ ONE_THREAD = (
 
 
 def processors() -> int:
-    """Those that this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -97,7 +97,7 @@ class Worker:
             self.process.stdin.flush()
 
     def end(self) -> None:
-        """Of a worker that was stopped too."""
+        """End the worker, also a stopped one."""
         self.process.kill()
         self.process.wait()
         self._listener.join()
@@ -109,7 +109,7 @@ class Worker:
 
 @dataclass
 class Tasks:
-    """What is still to do, and what became of it."""
+    """Tasks to do, and their outcomes."""
 
     waiting: list[int]
     attempts: dict[int, int] = field(default_factory=dict)
@@ -125,7 +125,7 @@ class Tasks:
         return None
 
     def finish(self, done: Done) -> bool:
-        """Whether it is news."""
+        """Record a finished task; return whether it is new."""
         self.seconds.append(done.seconds)
         new = done.number not in self.done
         self.done.add(done.number)
@@ -143,7 +143,8 @@ class Tasks:
             self.failed[number] = why
 
     def late(self, running: Iterable[tuple[int, float]]) -> int | None:
-        """Of tasks and since when they run [s], the one that is latest, if one is late and runs once."""
+        """Return the latest of the running tasks, given their starts [s], if it is late and runs once; else
+        None."""
         now, found, limit = time.monotonic(), list(running), self.limit()
         numbers = [number for number, _ in found]
         late = [(now - since, n) for n, since in found if now - since > limit and numbers.count(n) == 1]
@@ -192,7 +193,7 @@ def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done],
                     worker.end()
                     lost = 0 if worker.ready else lost + 1
                     if lost >= ATTEMPTS:
-                        raise StudyError(f"workers end before they begin (exit {worker.process.returncode})")
+                        raise StudyError(f"workers end before they start (exit {worker.process.returncode})")
                     if worker.task is not None:
                         tasks.again(worker.task, f"its worker ended ({_ending(worker.process.returncode)})")
                     team.append(Worker(load, answers))

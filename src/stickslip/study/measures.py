@@ -47,7 +47,7 @@ class SteadySteps:
         return _read(self.model, self.waveform, name, values)
 
     def computed(self, columns: Columns) -> xr.Dataset:
-        """What became of members, over "member"."""
+        """Return the results of members, over "member"."""
         return _quietly(
             lambda: steady_steps(
                 self.model,
@@ -83,11 +83,11 @@ class WalksFromRest:
     max_steps: int = 2_000_000
 
     def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
-        """As of `SteadySteps`."""
+        """Return a value with its unit, as `SteadySteps` does."""
         return _read(self.model, self.waveform, name, values)
 
     def computed(self, columns: Columns) -> xr.Dataset:
-        """What became of members, over "member" (and "time", where trajectories are asked for)."""
+        """Return the results of members, over "member" (and "time", for trajectories)."""
         return _quietly(
             lambda: simulate_ensemble(
                 self.model,
@@ -123,13 +123,13 @@ class Own:
         object.__setattr__(self, "function", own_function(self.function))
 
     def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
-        """As of `SteadySteps`; a string has the unit of the name."""
+        """Return a value as `SteadySteps` does; a string has the unit of the name."""
         unit = self.units.get(name, "")
         column = np.atleast_1d(array_si(values, unit, name))
         return column, {"units": unit} if unit else {}
 
     def computed(self, columns: Columns) -> xr.Dataset:
-        """What the function makes of members, with status and reason."""
+        """Return the function's results for members, with status and reason."""
         of_all = next(iter(columns.values())).size
         found, failed = one_by_one(lambda rows: self._of({n: c[rows] for n, c in columns.items()}), of_all)
         status = np.array([failed.get(m, "") != "" for m in range(of_all)], np.int8)
@@ -147,10 +147,11 @@ Measure = SteadySteps | WalksFromRest | Own
 
 
 def one_by_one(work: Callable[[slice], xr.Dataset], count: int) -> tuple[xr.Dataset, dict[int, str]]:
-    """What `work` makes of members; where it raises, of each by itself, with the error of those that fail.
+    """Return the results of `work` for members; if it raises, member by member, with the errors of failed
+    ones.
 
     Raises:
-        Exception: what `work` raises of all of them.
+        Exception: the error of `work` if all members fail.
     """
     try:
         return work(slice(0, count)), {}
@@ -177,10 +178,10 @@ def told(error: BaseException) -> str:
 
 
 def as_dataset(found: Any, count: int, of: str) -> xr.Dataset:
-    """What a user's function returned, over "member".
+    """Return the results of a user's function, over "member".
 
     Raises:
-        QuantityError: it is no mapping of arrays [member].
+        QuantityError: the result is not a mapping of arrays [member].
     """
     if not isinstance(found, Mapping):
         raise QuantityError(f"{of} returned a {type(found).__name__}, not arrays [member] by name")

@@ -45,7 +45,7 @@ class StudyPicture(NamedTuple):
 
 
 def pictured(store: Store) -> tuple[dict[str, StudyVariable], dict[str, StudyVariable]]:
-    """What varies, and the results that are one number of each member, by name.
+    """Return the varied values, and the results with one number per member, by name.
 
     Raises:
         StudyError: coordinates of the store are damaged.
@@ -112,7 +112,7 @@ def _at_random(store: Store) -> set[str]:
 
 
 def _coordinates(store: Store) -> dict[str, tuple[StudyVariable, Array]]:
-    """What varies along one dimension of the study."""
+    """Return the values that vary along one dimension of the study."""
     found = store.coordinates()
     return {
         name: one
@@ -158,8 +158,8 @@ def _columns(
 
 
 def _edges(values: Array, known: Array | None) -> Array:
-    """Where cells meet: halfway between the values of a grid, where these are few; else evenly, by their
-    ratios where these are large."""
+    """Return the edges of cells: halfway between the values of a small grid, else evenly (or by ratios if
+    wide)."""
     low, high = float(values.min()), float(values.max())
     log = low > 0.0 and high / low > WIDE
     if known is not None and 1 < known.size <= 2 * CELLS:
@@ -174,7 +174,7 @@ def _edges(values: Array, known: Array | None) -> Array:
 
 
 def _log(edges: Array) -> bool:
-    """Whether edges are nearer to be evenly apart by their ratios."""
+    """Return whether edges are more evenly spaced by their ratios."""
     if edges.size < 3 or not edges[0] > 0.0:
         return False
     uneven = [np.ptp(apart) / abs(apart.mean()) for apart in (np.diff(edges), np.diff(np.log(edges)))]
@@ -186,7 +186,7 @@ def _cell(values: Array, edges: Array) -> NDArray[np.intp]:
 
 
 def _of_cells(flat: NDArray[np.intp], values: Array, count: int, statistic: Statistic) -> Array:
-    """The statistic of the values in each cell; NaN where there are none."""
+    """Return the statistic of the values in each cell; NaN for empty cells."""
     many = np.bincount(flat, minlength=count)
     if statistic == "count":
         return np.where(many > 0, many, np.nan).astype(float)

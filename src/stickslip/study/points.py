@@ -26,7 +26,7 @@ Method = Literal["sobol", "halton", "uniform"]
 Spacing = Literal["linear", "log"]
 
 MOST_MEMBERS = 10**12
-# Of SciPy's Sobol sequence, of 30 bits.
+# Largest length of SciPy's Sobol sequence, of 30 bits.
 MOST_SOBOL = 2**30
 
 
@@ -96,7 +96,7 @@ class StudyAxis(NamedTuple):
     drawn: Callable[[int, int], Array] | None = None
 
     def at(self, start: int, stop: int) -> Array:
-        """Of the points from `start` to before `stop`, [names, points]."""
+        """Return the points from `start` up to `stop`, [names, points]."""
         return self.values[:, start:stop] if self.drawn is None else self.drawn(start, stop)  # type: ignore[index]
 
 

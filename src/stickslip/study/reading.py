@@ -1,4 +1,4 @@
-"""Results of a store as an xarray Dataset: each chunk is checked when it is asked for."""
+"""Results of a store as an xarray Dataset; each chunk is checked when it is read."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from .store import Store
 
 
 def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
-    """The results of a study so far, as `xarray.open_zarr` opens them: read when they are asked for.
+    """Return the results of a study so far, as `xarray.open_zarr` opens them, read on demand.
 
     Where nothing was computed when the store was opened, status is -1, numbers are NaN and reasons empty.
 
     Raises:
-        StudyError: it is no store of a study, or its metadata are damaged. Reading damaged or misplaced
-            results raises StudyError too.
+        StudyError: the folder is not a store of a study, or its metadata are damaged. Reading damaged or
+            misplaced results raises StudyError too.
     """
     store = Store(path)
     known = {name: (one.dims, values, one.about) for name, (one, values) in store.coordinates().items()}

@@ -33,7 +33,7 @@ OFTEN, SHARE = 2.0, 0.01
 
 
 class Estimate(NamedTuple):
-    """What a study costs: members, tasks, `cpu` time [s] and bytes on the disk. `seconds` of one member."""
+    """Cost of a study: members, tasks, `cpu` time [s], bytes on the disk, and `seconds` per member."""
 
     members: int
     tasks: int

@@ -14,7 +14,7 @@ from .store import Store
 
 # s, within which tasks are counted for the rate.
 LATELY = 300.0
-# What members are said to be whose status cannot be read; who goes on with the study computes them again.
+# State of members with an unreadable status; a resumed run computes them again.
 DAMAGED = "damaged"
 
 
@@ -40,10 +40,10 @@ class StudyState(NamedTuple):
 
 
 def study_state(path: str | os.PathLike[str]) -> StudyState:
-    """How far a study is.
+    """Return the progress of a study.
 
     Raises:
-        StudyError: it is no store of a study.
+        StudyError: the folder is not a store of a study.
     """
     store, now = Store(path), time.time()
     layout, status = store.layout, store.layout.variables[-1]
@@ -84,11 +84,13 @@ def study_state(path: str | os.PathLike[str]) -> StudyState:
 
 
 def stop_study(path: str | os.PathLike[str]) -> None:
-    """Ask all that work on a study, on whatever machine that sees its store, to end, within a second or so.
-    Tasks that are done are kept; who runs the study again goes on with it.
+    """Ask all processes that work on a study, on any machine that sees its store, to end within a second or
+    so.
+
+    Finished tasks are kept; a run of the same study resumes.
 
     Raises:
-        StudyError: it is no store of a study.
-        OSError: it cannot be written.
+        StudyError: the folder is not a store of a study.
+        OSError: the store cannot be written.
     """
     Store(path).stop()

@@ -46,19 +46,19 @@ from .layout import TEXT, Layout, StudyVariable, layout_of, layout_text
 from .sealing import SEAL, checks_of, file_hash, key_of, store_seal, task_seal
 
 FORMAT = 2
-# s, after which a chunk that was begun is one that nobody finishes.
+# s, after which a partial chunk counts as abandoned.
 ABANDONED = 86_400.0
-# A file of that name asks all runs to stop, when it is made or changed.
+# Name of a file that asks all runs to stop when it is made or changed.
 STOP = ".stop"
 _NUMBER = re.compile("0|[1-9][0-9]{0,8}")  # below 1e9, as tasks are
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class Store:
-    """What is known of a store from its manifest.
+    """A store, known from its manifest.
 
     Raises:
-        StudyError: it is no store of a study, or its metadata are not as they were written.
+        StudyError: the folder is not a store of a study, or its metadata are damaged.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -147,7 +147,7 @@ class Store:
         return found
 
     def damage(self, number: int) -> str:
-        """What is wrong with a task that is done; empty where nothing is."""
+        """Return the damage of a finished task; empty if there is none."""
         try:
             for variable in self.layout.variables:
                 self._content(variable, number)
@@ -156,7 +156,7 @@ class Store:
         return ""
 
     def lacks(self, number: int) -> str:
-        """What of a task that is done is gone; without a look into what is there."""
+        """Return the missing part of a finished task, without reading it; empty if there is none."""
         gone = (one.name for one in self.layout.variables if not self._file(one, number).exists())
         return next((f"{name} is missing" for name in gone), "")
 
@@ -173,7 +173,7 @@ class Store:
                 raise StudyError(self.repair(number, damage))
 
     def repair(self, number: int, damage: str) -> str:
-        """What is wrong with a task, and the way out."""
+        """Return the message for a damaged task, with the way to repair it."""
         return f"{self.path}: task {number}: {damage}: run the study again, which computes it anew"
 
     def forget(self, number: int) -> None:
@@ -279,8 +279,10 @@ class Store:
             raise ChunkError(f"{name} {error}") from None
 
     def coordinates(self) -> dict[str, tuple[StudyVariable, NDArray[np.float64]]]:
-        """What varies and is known beforehand: values of grids and draws, and coordinates of the results'
-        own, such as time; raises StudyError."""
+        """Return the varied values known in advance: grids, draws, and coordinates of results, such as time.
+
+        Raises StudyError.
+        """
         self.check_known()
         known = {name.partition("/")[0] for name in self.files} - {one.name for one in self.layout.variables}
         try:
@@ -308,7 +310,7 @@ class Store:
         os.utime(self.path / STOP)
 
     def must_end(self) -> bool:
-        """Whether somebody asked since this was opened."""
+        """True if somebody asked to stop since this store was opened."""
         return self._asked() != self._asked_before
 
     def _asked(self) -> int:
@@ -323,7 +325,7 @@ class Store:
         return np.array([file.stat().st_mtime for file in files])
 
     def tidy(self) -> None:
-        """Remove chunks that were begun long ago by processes that were killed."""
+        """Remove old partial chunks of processes that were killed."""
         for file in self.path.rglob(f".*{PART}"):
             with contextlib.suppress(OSError):
                 if time.time() - file.stat().st_mtime > ABANDONED:

@@ -25,8 +25,11 @@ class Done(NamedTuple):
 
 
 class Load(NamedTuple):
-    """What a worker is given once: the study, pickled; the user's own files that it needs; the store; what
-    the worker must have too, the version and the identity of the study; the folders of the user's modules."""
+    """Data given to a worker once.
+
+    The study, pickled; the user's own files that it needs; the store; the version and identity that the
+    worker must share; the folders of the user's modules.
+    """
 
     study: bytes
     files: list[tuple[str, bytes]]

@@ -1,7 +1,7 @@
-"""A worker of this machine: a process that is given a study on its standard input, then tasks by number.
+"""A worker of this machine: a process that reads a study from its standard input, then tasks by number.
 
 It answers each with a line of JSON. It ends when its input does: a study whose process was killed leaves
-nothing behind that goes on computing.
+no process behind.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who asked for the study
     if hasattr(signal, "pthread_sigmask"):  # not on Windows
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see `sigint_blocked`
-    # What a user's function prints does not go among the answers.
+    # Output of a user's function must not mix with the answers.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     load: Load = pickle.load(sys.stdin.buffer)

@@ -30,7 +30,7 @@ typedef struct {
     real_t to_end;
 } ss_lagged_result;
 
-/* stickslip.physics.electronics.charging._ramped: Of d seconds at the limit: how many it lasts (at least the `least`), the mean square and whether the steady current limits after them, and whether that is the end of the piece. */
+/* stickslip.physics.electronics.charging._ramped: Return a part of d seconds at the limit. */
 static inline ss_ramped_result ss_ramped(const ss_ChargingLimits *of, real_t d, real_t over, real_t side, real_t s, real_t rate, real_t square, bool folded, real_t least)
 {
     real_t now = R(NAN);
@@ -62,7 +62,7 @@ static inline ss_ramped_result ss_ramped(const ss_ChargingLimits *of, real_t d, 
     return (ss_ramped_result){d, square, (real_t)folded, (real_t)to_end};
 }
 
-/* stickslip.physics.electronics.charging._until_as_fast: How long [s] until an output that begins `bend` [V] from following a slope s [V/s] is as fast as `rate`, below abs(s). */
+/* stickslip.physics.electronics.charging._until_as_fast: Return the time [s] at which the output rate reaches `rate`, below abs(s). */
 static inline real_t ss_until_as_fast(real_t tau, real_t rate, real_t s, real_t bend)
 {
     return -tau * r_log(tau * (rate - r_abs(s)) / (s > R(0.0) ? bend : -bend));
@@ -94,7 +94,7 @@ static inline real_t ss_mean_square(const ss_ChargingLimits *of, real_t t, real_
     return found;
 }
 
-/* stickslip.physics.electronics.charging._lagged: As `_ramped`, of d seconds below the limit. */
+/* stickslip.physics.electronics.charging._lagged: Return a part of d seconds below the limit; results as `_ramped`. */
 static inline ss_lagged_result ss_lagged(const ss_ChargingLimits *of, real_t d, real_t gap, real_t s, real_t rate, real_t square, bool folded, real_t least)
 {
     real_t until = R(NAN);

@@ -13,7 +13,7 @@ typedef struct {
     real_t gamma;
 } ss_BoucWen;
 
-/* stickslip.physics.piezo.bouc_wen.decay_of: r of dh/du = ? - r h on a way in the direction `up`, on the side of h; at 0 that which it moves to. */
+/* stickslip.physics.piezo.bouc_wen.decay_of: Return r of dh/du = ? - r h for motion in the direction `up`, on the side of h (at 0, of the motion). */
 static inline real_t ss_decay_of(const ss_BoucWen *of, real_t h, real_t up)
 {
     real_t side = h == R(0.0) ? up : r_copysign(R(1.0), h);

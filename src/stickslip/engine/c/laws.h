@@ -315,7 +315,7 @@ static inline real_t ss_element_bound(const ss_MaxwellElement *law, real_t z)
     return r_min(r_max(z, -limit), limit);
 }
 
-/* stickslip.friction.maxwell_slip.over_limit: How far its deflection is over that at which it slides, relative; and how fast that grows, over the speed: above 1 the spring cannot follow. */
+/* stickslip.friction.maxwell_slip.over_limit: Return the relative excess of the deflection over the slip deflection, and its growth relative to the speed. Above a growth of 1 the spring cannot follow. */
 static inline ss_over_limit_result ss_over_limit(const ss_MaxwellElement *law, real_t speed, real_t growth, real_t z)
 {
     real_t fall = R(0.0);

@@ -20,7 +20,7 @@ static inline real_t ss_play(real_t v, real_t r, real_t z)
     return r_max(v - r, r_min(v + r, z));
 }
 
-/* stickslip.physics.piezo.operators.beyond: How far the drive value u is beyond the end s of a dead zone. */
+/* stickslip.physics.piezo.operators.beyond: Return the excess of the drive value u over the end s of a dead zone. */
 static inline real_t ss_beyond(real_t u, real_t s)
 {
     return r_max(u - s, R(0.0));
