@@ -18,7 +18,7 @@ from stickslip.quantities.units import QuantityError
 def test_all_kinds_with_a_line_each() -> None:
     found = ss.jobs.catalogue()
     kinds = "laws, actuators, piezo models, waveforms, sensors, readers, rigs, amplifiers, stacks, "
-    kinds += "materials, friction pairs, benches, "
+    kinds += "materials, friction pairs, data sheets, benches, "
     assert list(found) == [*kinds.split(", ")[:-1], "calibrations", "datasets"]
     assert list(found["laws"])[: len(ss.LAWS)] == [law.__name__ for law in ss.LAWS]  # then what others add
     assert {"text", "npy", "npz", "mat", "mdf"} <= set(found["readers"])

@@ -49,7 +49,6 @@ from .waveform import Sine as Sine
 from .waveform import Step as Step
 
 # Simulation
-from .simulation import friction_response as friction_response
 from .simulation import simulate as simulate
 from .simulation import simulate_ensemble as simulate_ensemble
 from .simulation import steady_orbit as steady_orbit
@@ -85,6 +84,7 @@ from .identify import save_fit as save_fit
 from .identify.verification import verify as verify
 
 # Design
+from .design import from_data_sheet as from_data_sheet
 from .design import optimise_waveform as optimise_waveform
 from .design import step_map as step_map
 from .design import plan_experiment as plan_experiment

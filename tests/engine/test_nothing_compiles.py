@@ -26,7 +26,8 @@ ss.steady_step(a, w)
 ss.steady_steps(a, w, parameters={"frequency": [20.0, 50.0]})
 ss.simulation.sensitivities(a, w, 0.1, parameters=["sigma_0", "amplitude"])
 ss.simulation.steady_step_derivatives(a, w, parameters=["sigma_0", "amplitude"])
-ss.friction_response(a.friction, np.linspace(0.0, 1.0, 99), 1e-6 * np.sin(np.linspace(0.0, 9.0, 99)))
+t = np.linspace(0.0, 1.0, 99)
+ss.simulation.friction_response(a.friction, t, 1e-6 * np.sin(9.0 * t))
 assert "numba" not in sys.modules
 """
 

@@ -9,6 +9,7 @@ from .frame import app as app  # first: it says so where typer is missing
 # isort: split
 from . import commands as commands
 from . import control as control
+from . import data_sheet as data_sheet
 from . import export as export
 from . import history as history
 from . import inspection as inspection

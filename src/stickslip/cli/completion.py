@@ -47,6 +47,12 @@ def _stacks() -> Iterable[str]:
     return available_parts("stack")
 
 
+def _data_sheets() -> Iterable[str]:
+    from ..design.data_sheet import available_data_sheets
+
+    return available_data_sheets()
+
+
 def _benches() -> Iterable[str]:
     from ..rig.bench import available_benches
 
@@ -93,6 +99,7 @@ sets = _completing(_sets)
 laws = _completing(_laws)
 waveforms = _completing(_waveforms)
 stacks = _completing(_stacks)
+data_sheets = _completing(_data_sheets)
 benches = _completing(_benches)
 calibrations = _completing(_calibrations)
 cited = _completing(_cited)

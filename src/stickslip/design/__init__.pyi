@@ -27,3 +27,9 @@ from .tables import voltage_for as voltage_for
 from .plan import Plan as Plan
 from .plan_file import save_plan as save_plan
 from .planning import plan_experiment as plan_experiment
+from .data_sheet import DataSheet as DataSheet
+from .data_sheet import SheetSource as SheetSource
+from .data_sheet import available_data_sheets as available_data_sheets
+from .data_sheet import load_data_sheet as load_data_sheet
+from .sheet_model import SheetModel as SheetModel
+from .sheet_model import from_data_sheet as from_data_sheet

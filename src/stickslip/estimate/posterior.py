@@ -191,7 +191,7 @@ def _described(
     columns = {p.name: (dims, values[p.name], {"units": p.unit}) for p in kept}
     columns["log_posterior"] = (dims, np.take_along_axis(density, path, axis=1), {"units": ""})
     samples = xr.Dataset(columns, attrs={"simulations": done})
-    summary = _summary(samples.drop_vars("log_posterior"), arviz)
+    summary = summary_of(samples.drop_vars("log_posterior"))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of its own arithmetic, where there are few
         heavy = float(arviz.psislw(weights[np.isfinite(weights)])[1])
@@ -208,7 +208,9 @@ def _described(
     return Posterior(samples, summary, converged, text, accepted)
 
 
-def _summary(samples: xr.Dataset, arviz: Any) -> xr.Dataset:
+def summary_of(samples: xr.Dataset) -> xr.Dataset:
+    """Return mean, sd, interval, R-hat and effective numbers of each variable, over "parameter"."""
+    arviz = _arviz()
     names = list(samples.data_vars)
     if samples.sizes["draw"] < 4:
         raise FitError(f"{samples.sizes['draw']} draws of a chain say nothing: allow more simulations")

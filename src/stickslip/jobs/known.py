@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from ..design.data_sheet import available_data_sheets, load_data_sheet
 from ..parameters import available_sets, load_set
 from ..physics.contact.catalogue import available_materials, available_pairs, title_of
 from ..physics.electronics import available_parts, load_part
@@ -28,6 +29,7 @@ KINDS: Mapping[str, Callable[[], dict[str, str]]] = {
     "stacks": lambda: {name: load_part(name).title for name in available_parts("stack")},
     "materials": lambda: {name: title_of(name, "material") for name in available_materials()},
     "friction pairs": lambda: {name: title_of(name, "friction pair") for name in available_pairs()},
+    "data sheets": lambda: {name: load_data_sheet(name).sheet.title for name in available_data_sheets()},
     "benches": lambda: {name: load_bench(name).title for name in available_benches()},
     "calibrations": lambda: {name: load_calibration(name).source for name in available_calibrations()},
     "datasets": lambda: {name: f"{one.credit} ({one.licence})" for name, one in DATASETS.items()},
@@ -39,8 +41,8 @@ def catalogue(*kinds: str) -> dict[str, dict[str, str]]:
 
     Args:
         kinds: of "laws", "actuators" (parameter sets), "piezo models", "waveforms", "sensors", "readers",
-            "rigs", "amplifiers", "stacks", "materials", "friction pairs", "benches", "calibrations" and
-            "datasets"; all of them, if left out.
+            "rigs", "amplifiers", "stacks", "materials", "friction pairs", "data sheets", "benches",
+            "calibrations" and "datasets"; all of them, if left out.
 
     Raises:
         QuantityError: there is no such kind.

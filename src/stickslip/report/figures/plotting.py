@@ -20,6 +20,7 @@ from .frequency import polar
 from .identification import beside
 from .plans import draw_plan
 from .scale import Scale, scale_for
+from .sheets import draw_sheet
 from .style import BLUE, SERIES, WIDTH, drawn, legend_above, shown, trace
 from .waveforms import draw_waveforms
 
@@ -30,7 +31,8 @@ _DECADES = 30.0  # a parameter over more than this factor has a logarithmic axis
 
 @drawn
 def plot(data: Any, axes: Any = None) -> NDArray[Any]:
-    """Draw a recording, a trajectory, a fit, a verification, a frequency response, a map or a plan.
+    """Draw a recording, a trajectory, a fit, a verification, a frequency response, a map, a plan or the model
+    of a data sheet.
 
     Args:
         data: a `Fit`; a `Verification`; a result of `step_map` or `design.load_speed_curve`; a plan; an
@@ -241,5 +243,6 @@ _DRAWN: dict[str, Callable[[xr.Dataset, Any], NDArray[Any]]] = {
     "frequency": _over_frequency,
     "member": _over_members,
     "candidate": draw_plan,
+    "quantity": draw_sheet,
     "phase": _over_phase,
 }

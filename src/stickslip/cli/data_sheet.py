@@ -1,0 +1,63 @@
+"""The command on data sheets."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import completion
+from .frame import Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
+
+
+@app.command("data-sheet")
+def data_sheet(
+    sheet: Annotated[
+        str,
+        typer.Argument(
+            metavar="[SHEET|FILE.toml]",
+            help="A data sheet of the package (stickslip list 'data sheets'), or a file.",
+            autocompletion=completion.data_sheets,
+        ),
+    ] = "",
+    changes: Annotated[
+        list[str],
+        typer.Option(
+            "--set",
+            metavar="NUMBER=VALUE",
+            help="A number of the sheet: step='50 nm', speed='2 mm/s', stall_force=1N, ...",
+        ),
+    ] = [],  # noqa: B006  # typer copies it
+    draws: Annotated[int, typer.Option(help="Number of draws of the posterior.")] = 960,
+    seed: Annotated[int, typer.Option(help="Seed of the draws.")] = 0,
+    out: Out = Path("out/data-sheet"),
+    show_traceback: Traceback = False,
+) -> None:
+    """An actuator that reproduces a data sheet, with what the sheet leaves open: model.toml and posterior.nc,
+    which design files and other commands take."""
+    begun = time.perf_counter()
+    with errors_in_one_line(show_traceback):
+        check_output(out)
+        from ..design import from_data_sheet, load_data_sheet
+        from ..jobs.analysis.sheet_document import sheet_document
+
+        citations = load_data_sheet(sheet).citations if sheet else ()
+        with progress_bar() as progress:
+            found = from_data_sheet(
+                sheet or None, draws=draws, seed=seed, progress=progress, **_numbers(changes)
+            )
+            document = sheet_document(found, citations)
+        found.save(out)
+        write(document, out, begun)
+
+
+def _numbers(changes: list[str]) -> dict[str, str]:
+    found = {}
+    for change in changes:
+        name, equals, value = (one.strip() for one in change.partition("="))
+        if not equals or not name or not value:
+            raise ValueError(f"--set {change}: write NUMBER=VALUE, such as step='50 nm'")
+        found[name] = value
+    return found

@@ -1,0 +1,157 @@
+"""How well actuators reproduce a data sheet: step, speed and stall force of many members at once."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..friction import LuGre
+from ..physics.actuator import Actuator
+from ..simulation.errors import SimulationWarning
+from ..simulation.steady_members import CONVERGED, steady_steps
+from ..waveform import Sawtooth
+from .data_sheet import DataSheet
+from .sheet_priors import HALF, NAMES, Expectations
+
+Array = NDArray[np.float64]
+
+RATES_BELOW_RESONANCE = (
+    20.0  # a step is measured so many times below the resonance, where nothing else is said
+)
+SHARE_OF_FRICTION = 0.98  # of F_C; a contact slides away under a load beyond it
+TOLERANCE = 1e-3  # of the simulations, as a share of the step
+
+
+class Datum(NamedTuple):
+    """A number of the sheet that follows from a simulation: its value, SI, and its unit."""
+
+    name: str
+    value: float
+    unit: str
+
+
+class Simulated(NamedTuple):
+    """What simulations of a sheet need.
+
+    Attributes:
+        step_rate, speed_rate: Hz, of the drives that show the step and the speed; 0 without a speed.
+        data: what is compared.
+        deviation: of the logarithm of each number.
+    """
+
+    sheet: DataSheet
+    expected: Expectations
+    model: Actuator
+    step_rate: float
+    speed_rate: float
+    data: tuple[Datum, ...]
+    deviation: float
+
+    @classmethod
+    def of(cls, sheet: DataSheet, expected: Expectations) -> Simulated:
+        """Make it; the rates that the sheet does not print follow from resonance, speed and step."""
+        middle = {name: float(one[0]) for name, one in expected.values(np.zeros((1, len(NAMES)))).items()}
+        data = [Datum("step", sheet.step, "m")] if sheet.step is not None else []
+        speed_rate = 0.0
+        if sheet.speed is not None:
+            of_step = sheet.step or middle["gain"] * (expected.high - expected.low)
+            speed_rate = sheet.frequency or sheet.speed / of_step
+            data.append(Datum("speed", sheet.speed, "m/s"))
+        elif sheet.frequency is not None:
+            speed_rate = sheet.frequency
+        if sheet.stall_force is not None:
+            data.append(Datum("stall_force", sheet.stall_force, "N"))
+        slow = middle["natural_frequency"] / (2.0 * math.pi * RATES_BELOW_RESONANCE)
+        step_rate = sheet.step_frequency or (min(slow, speed_rate) if speed_rate else slow)
+        deviation = math.log1p(sheet.tolerance) / HALF
+        model = actuator_of(middle, expected)
+        return cls(sheet, expected, model, step_rate, speed_rate, tuple(data), deviation)
+
+    @property
+    def drive(self) -> Sawtooth:
+        """The drive of the step: slow rise over all voltages, then a jump."""
+        return Sawtooth(self.expected.high - self.expected.low, self.step_rate, offset=self.expected.low)
+
+    def predicted(self, values: Mapping[str, Array]) -> dict[str, Array]:
+        """The sheet's numbers of members, by name; NaN where a member does not walk forward."""
+        free = self._steps(values, self.step_rate, 0.0)
+        return {one.name: self._number(one.name, values, free) for one in self.data}
+
+    def _number(self, name: str, values: Mapping[str, Array], free: Array) -> Array:
+        if name == "step":
+            return free
+        if name == "speed":
+            return self.speed_rate * self._steps(values, self.speed_rate, 0.0)
+        return self._stall(values, free)
+
+    def log_likelihood(self, points: Array, least: Array) -> Array:
+        """Log likelihoods of standard normal points [n, k]; -inf for those below `least` [n]."""
+        values, found = self.expected.values(points), np.zeros(len(points))
+        if not self.data:
+            return found
+        free = self._steps(values, self.step_rate, 0.0)
+        for datum in self.data:
+            left = np.flatnonzero(found >= least)
+            if not left.size:
+                break
+            of = self._number(datum.name, {name: one[left] for name, one in values.items()}, free[left])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                away = np.log(of / datum.value) / self.deviation
+            found[left] -= np.where(np.isfinite(away), 0.5 * away**2, np.inf)
+        return np.where(found >= least, found, -np.inf)
+
+    def _steps(self, values: Mapping[str, Array], rate: float, load: float) -> Array:
+        """Net steps [members] at a step rate against a load, NaN where there is none, or no step forward."""
+        drawn = {name: values[name] for name in NAMES} | {"stiction_force": values["coulomb_force"]}
+        count = drawn["gain"].size
+        walks = np.flatnonzero(load < SHARE_OF_FRICTION * drawn["coulomb_force"])
+        steps = np.full(count, np.nan)
+        if not walks.size:
+            return steps
+        given = {name: one[walks] for name, one in drawn.items()}
+        given |= {"external_force": np.full(walks.size, -load), "frequency": np.full(walks.size, rate)}
+        scale = self.expected.known["gain"].value * (self.expected.high - self.expected.low)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SimulationWarning)  # of members that are improbable
+            of = steady_steps(self.model, self.drive, parameters=given, tolerance=TOLERANCE * scale)
+        kept = (of["status"].values == CONVERGED) & ((of["net_step"].values > 0.0) | (load > 0.0))
+        steps[walks[kept]] = of["net_step"].values[kept]
+        return steps
+
+    def _stall(self, values: Mapping[str, Array], free: Array) -> Array:
+        """The load at which the step is zero, by the steps just below and above the sheet's stall force.
+
+        Between both it is interpolated; beyond them the step is taken to fall with the load as it does there.
+        """
+        stall, force = float(self.sheet.stall_force or 0.0), values["coulomb_force"]
+        low, high = stall / (1.0 + self.sheet.tolerance), stall * (1.0 + self.sheet.tolerance)
+        below, above = (self._steps(values, self.step_rate, load) for load in (low, high))
+        first = np.where(np.isfinite(above), low, 0.0)  # the line goes through two known steps
+        of_first = np.where(np.isfinite(above), below, free)
+        second, of_second = (
+            np.where(np.isfinite(above), high, low),
+            np.where(np.isfinite(above), above, below),
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = (of_first - of_second) / (second - first)
+            zero = second + of_second / slope
+            found = np.where(np.isfinite(zero) & (slope > 0.0) & (zero > 0.0), zero, np.nan)
+        return np.minimum(found, force)
+
+
+def actuator_of(values: Mapping[str, float], expected: Expectations) -> Actuator:
+    """Return the actuator of values by name, with a LuGre contact without Stribeck effect."""
+    law = LuGre(
+        sigma_0=values["sigma_0"],
+        sigma_1=values["sigma_1"],
+        sigma_2=0.0,
+        coulomb_force=values["coulomb_force"],
+        stiction_force=values["coulomb_force"],
+    )
+    own: dict[str, Any] = {name: values[name] for name in NAMES if name not in law._fields}
+    return Actuator(**own, friction=law, min_voltage=expected.low, max_voltage=expected.high)

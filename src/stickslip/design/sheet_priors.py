@@ -1,0 +1,162 @@
+r"""What is expected of an actuator before its data sheet is used: a value and a factor for each parameter.
+
+A factor means that 68 % of actuators lie within it either way. What the sheet prints has the factor of its
+tolerance. What it does not print is expected about a value that follows from what it prints:
+
+.. math:: C \approx 1.5\,\Delta x / \Delta u, \qquad F_C \approx 2 F_0, \qquad m_e \approx F_C / a_0, \qquad
+          \frac{F_C}{\sigma_0} \approx \frac{\Delta x}{10}, \qquad
+          \sigma_1 \approx 2\zeta_b\sqrt{\sigma_0 m_e}
+
+with a_0 = 5 m/s² and ζ_b = 0.1. These are assumptions, with wide factors, not knowledge; the actuator of
+[kang2007] lies within 1.3 factors of each.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..quantities.units import QuantityError
+from .data_sheet import DataSheet
+
+Array = NDArray[np.float64]
+
+# Standard deviations of half a 95 % interval.
+HALF = 1.959964
+# Expected where the sheet says nothing, and the factor within which 68 % are expected.
+GAIN_OVER_STEP, OF_GAIN = 1.5, 1.5  # stroke over net step
+RESONANCE_OVER_RATE, LEAST_RESONANCE, OF_RESONANCE = 5.0, 500.0, 3.0  # over the step rate; Hz
+DAMPING, OF_DAMPING = 0.15, 3.0  # of the stage
+FRICTION_OVER_STALL, OF_FRICTION = 2.0, 2.0
+ACCELERATION, OF_ACCELERATION = 5.0, 3.0  # F_C / m_e, m/s^2
+MASS, OF_MASS = 0.05, 3.0  # kg
+PRESLIDING_SHARE, OF_PRESLIDING = 0.1, 3.0  # F_C / sigma_0 over the net step
+BRISTLE_DAMPING, OF_BRISTLE = 0.1, 3.0
+STAGE_OVER_MOVED, OF_STAGE = 1.0, 3.0  # effective mass of the stage over the moved mass
+VOLTAGE = 100.0  # V, of a sheet without one: the gain is then per this voltage
+SHEET = "printed"
+
+
+class Expected(NamedTuple):
+    """A value in SI, the factor within which 68 % are expected either way, and why."""
+
+    value: float
+    factor: float
+    reason: str
+
+
+# In the order of what is sampled.
+NAMES = (
+    "gain", "natural_frequency", "damping_ratio", "end_effector_mass", "stage_mass", "coulomb_force",
+    "sigma_0", "sigma_1",
+)  # fmt: skip
+UNITS = {
+    "gain": "m/V", "natural_frequency": "rad/s", "damping_ratio": "", "end_effector_mass": "kg",
+    "stage_mass": "kg", "coulomb_force": "N", "sigma_0": "N/m", "sigma_1": "N s/m",
+}  # fmt: skip
+
+
+class Expectations(NamedTuple):
+    """What is expected of each coordinate, and the voltages of the sheet's drive.
+
+    `known` has one `Expected` per name of `NAMES`, but "sigma_0" is F_C/σ_0 [m] and "sigma_1" the damping
+    ratio of the bristle, and masses that the sheet does not print are F_C/m_e [m/s²] and m/m_e.
+    """
+
+    known: Mapping[str, Expected]
+    low: float
+    high: float
+    mass_of_force: bool  # the moved mass is expected by the friction
+    stiffness: float | None  # N/m; the stage's mass is this over ω_n²
+
+    def values(self, points: Array) -> dict[str, Array]:
+        """Parameters in SI at standard normal coordinates [n, k]."""
+        found = {
+            name: self.known[name].value * self.known[name].factor ** points[:, i]
+            for i, name in enumerate(NAMES)
+        }
+        force = found["coulomb_force"]
+        if self.mass_of_force:
+            found["end_effector_mass"] = force / found["end_effector_mass"]
+        moved = found["end_effector_mass"]
+        if self.stiffness is not None:
+            found["stage_mass"] = found["stage_mass"] * self.stiffness / found["natural_frequency"] ** 2
+        else:
+            found["stage_mass"] = found["stage_mass"] * moved
+        found["sigma_0"] = force / found["sigma_0"]
+        found["sigma_1"] = 2.0 * found["sigma_1"] * np.sqrt(found["sigma_0"] * moved)
+        return found
+
+
+def expectations(sheet: DataSheet) -> Expectations:
+    """Return what a sheet lets expect.
+
+    Raises:
+        QuantityError: the sheet has neither a step, nor a stroke, nor a speed with its step rate.
+    """
+    printed = math.exp(math.log1p(sheet.tolerance) / HALF)
+    low = sheet.min_voltage
+    high = low + VOLTAGE if sheet.max_voltage is None else sheet.max_voltage
+    step = sheet.step
+    if step is None and sheet.speed is not None and sheet.frequency is not None:
+        step = sheet.speed / sheet.frequency
+    if step is None and sheet.stroke is not None:
+        step = sheet.stroke / GAIN_OVER_STEP
+    if step is None:
+        raise QuantityError(
+            "the data sheet says nothing of the step: give step, or stroke, or speed with the frequency "
+            "at which it is reached"
+        )
+    known: dict[str, Expected] = {}
+    if sheet.stroke is not None:
+        known["gain"] = Expected(sheet.stroke / (high - low), printed, SHEET)
+    else:
+        known["gain"] = Expected(
+            GAIN_OVER_STEP * step / (high - low), OF_GAIN, f"stroke of {GAIN_OVER_STEP:g} steps"
+        )
+    if sheet.resonance is not None:
+        known["natural_frequency"] = Expected(2.0 * math.pi * sheet.resonance, printed, SHEET)
+    else:
+        rate = sheet.frequency or (sheet.speed / step if sheet.speed else 0.0)
+        hertz = max(RESONANCE_OVER_RATE * rate, LEAST_RESONANCE)
+        known["natural_frequency"] = Expected(
+            2.0 * math.pi * hertz, OF_RESONANCE, f"{RESONANCE_OVER_RATE:g} times the step rate"
+        )
+    known["damping_ratio"] = Expected(DAMPING, OF_DAMPING, "of stages with a piezo")
+    if sheet.holding_force is not None:
+        known["coulomb_force"] = Expected(sheet.holding_force, printed, SHEET)
+    elif sheet.stall_force is not None:
+        known["coulomb_force"] = Expected(
+            FRICTION_OVER_STALL * sheet.stall_force,
+            OF_FRICTION,
+            f"{FRICTION_OVER_STALL:g} times the stall force",
+        )
+    elif sheet.mass is not None:
+        known["coulomb_force"] = Expected(
+            ACCELERATION * sheet.mass, OF_ACCELERATION, f"{ACCELERATION:g} m/s² times the moved mass"
+        )
+    else:
+        known["coulomb_force"] = Expected(
+            ACCELERATION * MASS, OF_ACCELERATION, f"{ACCELERATION:g} m/s² times {1e3 * MASS:g} g"
+        )
+    if sheet.mass is not None:
+        known["end_effector_mass"] = Expected(sheet.mass, printed, SHEET)
+    else:
+        known["end_effector_mass"] = Expected(
+            ACCELERATION, OF_ACCELERATION, f"friction accelerates it by {ACCELERATION:g} m/s²"
+        )
+    if sheet.stiffness is not None:
+        known["stage_mass"] = Expected(1.0, printed, "stiffness over ω_n²")
+    else:
+        known["stage_mass"] = Expected(STAGE_OVER_MOVED, OF_STAGE, "as much as the moved mass")
+    known["sigma_0"] = Expected(
+        PRESLIDING_SHARE * step, OF_PRESLIDING, f"F_C/σ_0 of {PRESLIDING_SHARE:g} steps"
+    )
+    known["sigma_1"] = Expected(
+        BRISTLE_DAMPING, OF_BRISTLE, f"damping ratio of the bristle of {BRISTLE_DAMPING:g}"
+    )
+    return Expectations(known, low, high, sheet.mass is None, sheet.stiffness)

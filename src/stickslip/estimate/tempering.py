@@ -1,0 +1,171 @@
+r"""Tempered sequential Monte Carlo: samples of a posterior with a wide prior and a narrow likelihood.
+
+Points drawn from the prior follow the densities p(z) L(z)^β from β = 0 to 1 [delmoral2006]. At each level
+they are weighted, resampled, and moved by Metropolis steps with the covariance of the points of another run.
+Several runs give the chains of the `Posterior`; R-hat shows whether they agree.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..quantities.progress import Progress, unheard
+from .posterior import CHAINS, Posterior, summary_of
+from .problem import FitError
+
+Array = NDArray[np.float64]
+# From points [n, k] and bounds [n] to log likelihoods [n]: -inf where a point is impossible, or where its log
+# likelihood is below its bound, which may be seen before all of it is computed.
+LogLikelihood = Callable[[Array, Array], Array]
+
+KEPT = 0.6  # effective share of the points that a level keeps
+MOVES, LAST_MOVES = 4, 40  # Metropolis steps at each level, and at the last one
+MOST_LEVELS = 60
+WANTED_ACCEPTANCE = 0.25  # of random walks in several dimensions [gelman1997]
+START = 4  # points of the prior for each draw
+AGREEING = 1.1  # R-hat of independent runs, below which they agree [gelman1992]
+FARTHEST = 6.0  # standard deviations of the prior, beyond which no point is tried
+
+
+def sample_tempered(
+    log_likelihood: LogLikelihood,
+    size: int,
+    columns: Callable[[Array], dict[str, Array]],
+    units: Sequence[tuple[str, str]],
+    *,
+    draws: int = 960,
+    seed: int = 0,
+    progress: Progress = unheard,
+) -> Posterior:
+    """Sample the posterior of a likelihood with a standard normal prior.
+
+    Args:
+        log_likelihood: of points, up to a constant, at most 0.
+        size: number of coordinates.
+        columns: values by name of points [n, k].
+        units: name and unit of each column.
+        draws: number of points of all runs together.
+        seed: of the draws.
+        progress: called after each level.
+
+    Raises:
+        FitError: no point of the prior has a likelihood.
+    """
+    random = np.random.default_rng(seed)
+    count = max(2 * size, draws // CHAINS)
+    z = random.standard_normal((CHAINS, START * count, size))
+    found = _of_all(log_likelihood, z, np.full(z.shape[:2], -np.inf))
+    if np.any(np.sum(np.isfinite(found), axis=1) < 2):
+        raise FitError("no point of the prior has a likelihood")
+    beta, scale, moved = np.zeros(CHAINS), np.full(CHAINS, 2.38 / math.sqrt(size)), 0.0
+    levels, done = 0, False
+    while not done:
+        if levels == MOST_LEVELS:
+            raise FitError(f"the posterior was not reached in {MOST_LEVELS} levels")
+        levels += 1
+        last = np.array([_next(beta[c], found[c]) for c in range(CHAINS)])
+        at = np.array(
+            [_systematic(_weights((last - beta)[c] * found[c]), count, random) for c in range(CHAINS)]
+        )
+        z, found = np.take_along_axis(z, at[:, :, None], axis=1), np.take_along_axis(found, at, axis=1)
+        beta = last
+        done = bool(np.all(beta >= 1.0))
+        for _ in range(LAST_MOVES if done else MOVES):
+            moved = _move(log_likelihood, z, found, beta, scale, random)
+        progress("sampling the posterior", float(np.mean(beta)) if not done else 1.0)
+    return _described(z, found, columns, units, moved, levels, random)
+
+
+def _of_all(log_likelihood: LogLikelihood, z: Array, least: Array) -> Array:
+    """Log likelihoods of points [runs, n, k]; -inf for those that are below `least` [runs, n]."""
+    flat, bounds = z.reshape(-1, z.shape[-1]), least.ravel()
+    tried = (np.max(np.abs(flat), axis=1) < FARTHEST) & (bounds <= 0.0)
+    found = np.full(len(flat), -np.inf)
+    if np.any(tried):
+        found[tried] = log_likelihood(flat[tried], bounds[tried])
+    return np.where(np.isfinite(found), found, -np.inf).reshape(z.shape[:-1])
+
+
+def _weights(log_weights: Array) -> Array:
+    weights = np.exp(log_weights - np.max(log_weights))
+    return weights / weights.sum()
+
+
+def _next(beta: float, found: Array) -> float:
+    """The next level of one run, at which a share `KEPT` of its points is effective."""
+    possible = found[np.isfinite(found)]
+
+    def effective(to: float) -> float:
+        return 1.0 / float(np.sum(_weights((to - beta) * possible) ** 2))
+
+    wanted = KEPT * possible.size
+    if beta >= 1.0 or effective(1.0) >= wanted:
+        return 1.0
+    low, high = beta, 1.0
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if effective(middle) > wanted else (low, middle)
+    return low
+
+
+def _systematic(weights: Array, count: int, random: np.random.Generator) -> NDArray[np.int64]:
+    """Indices [count] of points, each as often as its weight says."""
+    wanted = (np.arange(count) + random.random()) / count
+    return np.minimum(np.searchsorted(np.cumsum(weights), wanted), weights.size - 1)
+
+
+def _move(
+    log_likelihood: LogLikelihood,
+    z: Array,
+    found: Array,
+    beta: Array,
+    scale: Array,
+    random: np.random.Generator,
+) -> float:
+    """One Metropolis step of all points, in place; each run with the covariance of another run's points.
+
+    Returns the share of accepted steps.
+    """
+    proposed = np.empty_like(z)
+    for c in range(CHAINS):
+        covariance = np.cov(z[c - 1].T) + 1e-9 * np.eye(z.shape[2])
+        proposed[c] = z[c] + scale[c] * random.standard_normal(z[c].shape) @ np.linalg.cholesky(covariance).T
+    chance = np.log(random.random(found.shape))
+    of_prior = -0.5 * (np.sum(proposed**2, axis=2) - np.sum(z**2, axis=2))
+    least = found + (chance - of_prior) / beta[:, None]
+    other = _of_all(log_likelihood, proposed, least)
+    accepted = other > least
+    z[accepted], found[accepted] = proposed[accepted], other[accepted]
+    share = accepted.mean(axis=1)
+    scale *= np.exp(share - WANTED_ACCEPTANCE)
+    return float(share.mean())
+
+
+def _described(
+    z: Array,
+    found: Array,
+    columns: Callable[[Array], dict[str, Array]],
+    units: Sequence[tuple[str, str]],
+    acceptance: float,
+    levels: int,
+    random: np.random.Generator,
+) -> Posterior:
+    for run in range(CHAINS):  # the order of the points means nothing, and copies stand side by side
+        order = random.permutation(z.shape[1])
+        z[run], found[run] = z[run][order], found[run][order]
+    values = columns(z.reshape(-1, z.shape[2]))
+    dims, shape = ("chain", "draw"), z.shape[:2]
+    made = {name: (dims, values[name].reshape(shape), {"units": unit}) for name, unit in units}
+    log_posterior = found - 0.5 * np.sum(z**2, axis=2)
+    samples = xr.Dataset(made).assign(log_posterior=(dims, log_posterior, {"units": ""}))
+    summary = summary_of(samples.drop_vars("log_posterior"))
+    worst = float(summary["r_hat"].max())
+    converged = worst < AGREEING
+    said = f"{CHAINS} runs of {shape[1]} draws, {levels} levels: R-hat at most {worst:.3f}"
+    text = f"converged: {said}" if converged else f"NOT CONVERGED: {said}; below {AGREEING:g} is wanted"
+    return Posterior(samples, summary, converged, text, acceptance)

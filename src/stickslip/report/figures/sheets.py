@@ -1,0 +1,84 @@
+"""A model of a data sheet: its numbers beside those of the draws, and the intervals before and after."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from ...quantities.units import QuantityError, with_prefix
+from .style import BLUE, VERMILLION, WIDTH, drawn, legend_above, shown
+
+_BEFORE = "#C9C6BC"
+
+
+@drawn
+def draw_sheet(sheet: xr.Dataset, axes: Any = None) -> NDArray[Any]:
+    """Two panels: what the draws say of the sheet's numbers, and the interval of each parameter.
+
+    Args:
+        sheet: `SheetModel.dataset`.
+        axes: two of Matplotlib's; left out, those of a new figure.
+    """
+    if axes is None:
+        axes = shown(WIDTH, 3.0).subplots(1, 2, width_ratios=(1.0, 1.3))
+    found = np.asarray(axes, dtype=object).reshape(-1)
+    if found.size != 2:
+        raise QuantityError(f"{found.size} axes are given, and 2 panels need 2")
+    _reproduced(found[0], sheet)
+    _intervals(found[1], sheet)
+    return found
+
+
+def _reproduced(panel: Axes, sheet: xr.Dataset) -> None:
+    stated = sheet["stated"].values
+    at = -np.arange(stated.size)
+    low, middle, high = (
+        sheet[name].values / stated for name in ("predicted_low", "predicted", "predicted_high")
+    )
+    panel.hlines(at, low, high, color=BLUE, lw=3.0)
+    panel.plot(middle, at, "o", color=BLUE, ms=5, label="draws")
+    panel.axvline(1.0, color=VERMILLION, lw=1.0, label="sheet")
+    names, units = sheet["quantity"].values.tolist(), sheet["quantity_unit"].values.tolist()
+    labels = [
+        f"{name.replace('_', ' ')}\n{with_prefix(float(value), unit, 3)}"
+        for name, value, unit in zip(names, stated, units, strict=True)
+    ]
+    panel.set_yticks(at, labels)
+    panel.set(xlabel="model / data sheet", ylim=(-stated.size + 0.4, 0.6))
+    panel.margins(x=0.15)
+    legend_above(panel, 2)
+
+
+def _intervals(panel: Axes, sheet: xr.Dataset) -> None:
+    names = sheet["parameter"].values.tolist()
+    at = -np.arange(len(names))
+    value = sheet["value"].values
+    panel.hlines(
+        at,
+        sheet["expected_low"].values / value,
+        sheet["expected_high"].values / value,
+        color=_BEFORE,
+        lw=6.0,
+        label="expected",
+    )
+    panel.hlines(
+        at,
+        sheet["low"].values / value,
+        sheet["high"].values / value,
+        color=BLUE,
+        lw=2.5,
+        label="with sheet",
+    )
+    panel.plot(np.ones(value.size), at, "|", color="#202020", ms=9)
+    units = sheet["parameter_unit"].values.tolist()
+    labels = [
+        f"{name.replace('_', ' ')}  {with_prefix(float(one), unit, 2)}"
+        for name, one, unit in zip(names, value, units, strict=True)
+    ]
+    panel.set_yticks(at, labels)
+    panel.set(xscale="log", xlabel="95 % interval / value of the model")
+    legend_above(panel, 2)
