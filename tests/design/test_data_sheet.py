@@ -176,6 +176,7 @@ def test_maps_designs_loops_and_plans_take_it(made: design.SheetModel) -> None:
     plan = made.plan(duration="0.2 s", sample_rate="5 kHz", draws=None, recordings=1)
     assert set(plan.dataset["parameter"].values) == set(made.open) - {"stage_mass"}
     assert np.all(np.isfinite(plan.dataset["half_width"]))
+    assert "leaves open" in str(ss.view(made))
     axes = ss.plot(made)
     assert next(label.get_text() for label in axes[0].get_yticklabels()) == "step\n10 µm"
 

@@ -40,15 +40,14 @@ def data_sheet(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
-        from ..design import from_data_sheet, load_data_sheet
-        from ..jobs.analysis.sheet_document import sheet_document
+        from ..design import from_data_sheet
+        from ..report import view
 
-        citations = load_data_sheet(sheet).citations if sheet else ()
         with progress_bar() as progress:
             found = from_data_sheet(
                 sheet or None, draws=draws, seed=seed, progress=progress, **_numbers(changes)
             )
-            document = sheet_document(found, citations)
+            document = view(found)
         found.save(out)
         write(document, out, begun)
 

@@ -54,7 +54,7 @@ class SheetModel:
             from a simulation: stated, predicted (median), predicted_low and predicted_high (95 %).
         drive: of the sheet's step: a sawtooth over all voltages.
         speed_rate: Hz, step rate of the sheet's speed; 0 where there is none.
-        sources: of the numbers, by name.
+        sources: of the numbers, by name; `citations`, keys of the references.
     """
 
     sheet: DataSheet
@@ -64,6 +64,7 @@ class SheetModel:
     drive: Sawtooth
     speed_rate: float
     sources: Mapping[str, str]
+    citations: tuple[str, ...]
 
     @property
     def determined(self) -> tuple[str, ...]:
@@ -198,9 +199,10 @@ def from_data_sheet(
         ParameterSetError: see `design.load_data_sheet`.
     """
     sources: Mapping[str, str] = {}
+    citations: tuple[str, ...] = ()
     if isinstance(sheet, str | os.PathLike):
         found = load_data_sheet(sheet)
-        sheet, sources = found.sheet, found.sources
+        sheet, citations, sources = found
     if sheet is not None and not isinstance(sheet, DataSheet):
         raise QuantityError(f"sheet = {sheet!r:.60} must be a design.DataSheet, a name or a TOML file")
     given: dict[str, Any] = dict(numbers)
@@ -227,7 +229,9 @@ def from_data_sheet(
         ) from error
     model = _most_probable(posterior, simulated)
     dataset = _dataset(simulated, posterior, model, np.random.default_rng([seed, 1]))
-    return SheetModel(of, model, posterior, dataset, simulated.drive, simulated.speed_rate, sources)
+    return SheetModel(
+        of, model, posterior, dataset, simulated.drive, simulated.speed_rate, sources, citations
+    )
 
 
 def _columns_of(expected: Expectations) -> Callable[[Array], dict[str, Array]]:

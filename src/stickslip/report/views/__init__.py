@@ -3,6 +3,7 @@
 from . import comparison as comparison
 from . import conditions as conditions
 from . import control as control
+from . import data_sheet as data_sheet
 from . import datasets as datasets
 from . import drives as drives
 from . import fits as fits

@@ -1,4 +1,4 @@
-"""The report of an actuator from a data sheet."""
+"""View of an actuator from a data sheet."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ from ...design import SheetModel
 from ...identify.results import model_numbers
 from ...parameters import bibtex
 from ...quantities.records import quantities
-from ...report import Column, Document, Number, Picture, Section, Table
-from ...report.figures.plotting import plot
-from ...report.figures.style import svg
+from ..document import Column, Document, Number, Picture, Section, Table
+from ..figures.plotting import plot
+from ..figures.style import svg
+from ..viewing import document_of
 
 
-def sheet_document(found: SheetModel, citations: tuple[str, ...] = ()) -> Document:
-    """Return the report: the sheet with its sources, what reproduces it, and what it leaves open."""
+@document_of.register
+def sheet_document(found: SheetModel) -> Document:
+    """The sheet with its sources, what reproduces it, and what it leaves open."""
     of, known = found.dataset, quantities(type(found.sheet))
     numbers = found.sheet.numbers
     stated = Table(
@@ -67,7 +69,7 @@ def sheet_document(found: SheetModel, citations: tuple[str, ...] = ()) -> Docume
             "model": model_numbers(found.model),
         },
         assumptions=[f"{name}: {reason}" for name, _, reason, said in parameters if said != "prints it"],
-        citations=bibtex(*citations) if citations else "",
+        citations=bibtex(*found.citations) if found.citations else "",
         failures=[] if found.posterior.converged else [found.posterior.message],
     )
 
