@@ -112,15 +112,14 @@ def step_map(
         progress: called after each block of points with the current step and the done share.
 
     Returns:
-        Dataset over the given dimensions: net_step (m per period, positive towards +x; NaN if not
-        none), speed (m/s), error_estimate (m), status (0 converged; see its flag_meanings) and reason (empty
-        where converged). On demand backlash, ringing, ripple (m); peak_current, rms_current (A),
-        energy_per_step (J), heat (W) and temperature_rise (K); net_step_low, net_step_high, speed_low,
-        speed_high (ends of the 95 % interval; NaN where fewer than nine draws of ten converged) and
-        draws_converged;
-        inequality, without the dimension of the direction (NaN where the steps are within a hundred
-        tolerances). Stopped by Ctrl-C it returns what is done;
-        the others have the status "not_computed", and ``attrs["interrupted"]`` is 1.
+        Dataset over the given dimensions: net_step (m per period, positive towards +x; NaN if not found),
+        speed (m/s), error_estimate (m), status (0 converged; see its flag_meanings) and reason (empty where
+        converged). On demand backlash, ringing, ripple (m); peak_current, rms_current (A), energy_per_step
+        (J), heat (W) and temperature_rise (K); net_step_low, net_step_high, speed_low, speed_high (ends of
+        the 95 % interval; NaN where fewer than nine draws of ten converged) and draws_converged; inequality,
+        without the dimension of the direction (NaN where the steps are within a hundred tolerances). Stopped
+        by Ctrl-C it returns what is done; the others have the status "not_computed", and
+        ``attrs["interrupted"]`` is 1.
 
     Raises:
         QuantityError: a value, or a name, that cannot be; see also `steady_orbit`.

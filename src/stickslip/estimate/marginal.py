@@ -1,11 +1,10 @@
 r"""Marginal ranges of the other parameters where one is not determined.
 
-If the data hardly determine a value :math:`\psi` (the damping of the contact in slow samples), the minimum
-of the
-sum of squares is long and curved, and its curvature at the lowest point is not typical: the
-estimate and its linearised intervals follow whatever noise put that point there. So the others are fitted
-with :math:`\psi` fixed at points all over its bounds, and these fits are averaged with the weights that the
-data give them,
+If the data hardly determine a value :math:`\psi` (the damping of the contact in slow samples), the minimum of
+the sum of squares is long and curved, and its curvature at the lowest point is not typical: the estimate and
+its linearised intervals follow whatever noise put that point there. So the others are fitted with
+:math:`\psi` fixed at points all over its bounds, and these fits are averaged with the weights that the data
+give them,
 
 .. math:: w_i \propto e^{-\chi^2_i / 2} \, |C_i|^{1/2} \, \Delta\psi_i,
 

@@ -23,11 +23,10 @@ ROUNDING = 1e-12
 class Parameter(NamedTuple):
     """A parameter to fit: start and bounds in its (SI) unit.
 
-    `log` fits its logarithm: for positive parameters of unknown order of magnitude. False
-    keeps the value linear in all fits, as for an offset. With `log`, a
-    `lower` of 0 means no lower bound. `square` fits its square: for parameters that act by it, and may
-    be 0. With `log`, a search may go along the value (`power` 1) or its inverse (-1): where the data are
-    closer to linear in that, the minimum is less curved.
+    `log` fits its logarithm: for positive parameters of unknown order of magnitude. False keeps the value
+    linear in all fits, as for an offset. With `log`, a `lower` of 0 means no lower bound. `square` fits its
+    square: for parameters that act by it, and may be 0. With `log`, a search may go along the value (`power`
+    1) or its inverse (-1): where the data are closer to linear in that, the minimum is less curved.
 
     `prior` is independent knowledge: value and standard deviation, in its unit. In the coordinate
     that is fitted it is a normal distribution of that width.

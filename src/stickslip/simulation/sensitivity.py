@@ -289,8 +289,8 @@ def sensitivities(
     Returns:
         Dataset over "parameter" and "time" (s) of derivative, in m per unit of the parameter, whose unit is
         the coordinate "unit"; end_effector_position (m); and derivative_error [parameter]: change of the
-        derivative since ten times the tolerance. If it is more than a hundredth
-        after four times, a `SimulationWarning` names the parameter.
+        derivative since ten times the tolerance. If it is more than a hundredth after four times, a
+        `SimulationWarning` names the parameter.
 
     Raises:
         QuantityError: an unknown name, a static law, a waveform that jumps at another place for the smallest

@@ -96,9 +96,8 @@ def simulate(
         deflections (m). A sample at a jump of drive or load holds what is after it: the drive, the force
         under it, and the deflection including newly pressed contact, which carries no force yet.
         attrs["final_state"]: see `final_state`. attrs["error_estimate"] (m): error of the end-effector's
-        position; if it stays above the tolerance, a `SimulationWarning` says so. If
-        the motion could not be followed to the end: a `SimulationWarning`, the part until then, and the
-        reason in attrs["outcome"].
+        position; if it stays above the tolerance, a `SimulationWarning` says so. If the motion could not be
+        followed to the end: a `SimulationWarning`, the part until then, and the reason in attrs["outcome"].
 
     Raises:
         QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate;
@@ -153,10 +152,10 @@ class FollowedTrajectory(NamedTuple):
     """A trajectory without labels, up to where it could be followed; `outcome` is COMPLETE or says why not.
 
     `samples` [times, columns]: stage position and velocity, end-effector's position and velocity, friction
-    force, bristles, then `System.further`; `work` see `engine.binding`; `start`, the state before,
-    with the energy account; `drive`, the segment table;
-    `error`, how far the end-effector may be off, m, where it was estimated; `final`, the last state, and
-    `resume`, from where it can be taken up again (a row of the engine).
+    force, bristles, then `System.further`; `work` see `engine.binding`; `start`, the state before, with the
+    energy account; `drive`, the segment table; `error`, how far the end-effector may be off, m, where it was
+    estimated; `final`, the last state, and `resume`, from where it can be taken up again (a row of the
+    engine).
     """
 
     times: NDArray[np.float64]

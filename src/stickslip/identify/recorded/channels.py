@@ -164,10 +164,9 @@ def refuse_clipped(
     """Raise `RecordingError` if a channel stands at its greatest or least value as a saturated one does.
 
     That is: it comes to it in full motion and stays there exactly, for `FEWEST_CLIPPED` samples, and longer
-    than it takes to turn where a converter's levels are coarse; and where it
-    follows a `drive` [n], that moves meanwhile, by more than what the `step` between the channel's levels
-    hides. What `rests` at its ends, as the force of a contact that slips, is clipped if it has noise
-    elsewhere, however it comes there.
+    than it takes to turn where a converter's levels are coarse; and where it follows a `drive` [n], that
+    moves meanwhile, by more than what the `step` between the channel's levels hides. What `rests` at its
+    ends, as the force of a contact that slips, is clipped if it has noise elsewhere, however it comes there.
     """
     meaning = STANDARD_NAMES.get(name)
     unit = f" [{meaning.unit}]" if meaning else ""

@@ -78,8 +78,8 @@ def identify_step(
     Args:
         recordings: with end_effector_position [m, or rad where it turns], the end-effector fixed to the
             stage, and drive_voltage [V] unless voltages and start are given.
-        model: actuator for the result. Its `piezo`, taken as
-            known and annealed before each step, is part of the model; the gain multiplies its output.
+        model: actuator for the result. Its `piezo`, taken as known and annealed before each step, is part of
+            the model; the gain multiplies its output.
         voltages: height of each step, V.
         start: instant of the steps in the time of the recordings, s.
         filter: low-pass filter that the position went through, if it is known; its analogue counterpart is

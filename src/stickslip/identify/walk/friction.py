@@ -109,9 +109,8 @@ def identify_friction(
             and "offset" [m]. Stiction and breakaway deflection that are not free keep their ratio. Each a
             name, or a `Parameter` with its start, bounds and prior in SI, or fixed, or tied: those of
             another fit (``fit.parameters``), say.
-        drive: waveform of each recording (or one for all), in the time of the recording. By default, or
-            None: the one that the recording names or its channel drive_voltage shows (see `taken_drive`),
-                else that
+        drive: waveform of each recording (or one for all), in the time of the recording. By default, or None:
+            the one that the recording names or its channel drive_voltage shows (see `taken_drive`), else that
             channel, with its jumps as far as the samples show them (see `recorded_drive`).
         slew_rate: V/s at which the amplifier follows the jumps of drive_voltage: the current limit into the
             piezo. By default jumps are instantaneous; a fit then mistakes a slower jump for more friction.

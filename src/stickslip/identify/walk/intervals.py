@@ -160,15 +160,13 @@ def bootstrap(
 ) -> xr.Dataset:
     """Values of fits to the model with resampled residuals, in blocks, which keep their autocorrelation.
 
-    A given noise that does not count as correlated is used for the resampled residuals too. A prior
-    is a datum like others: its centre is drawn again about the
-    estimate with the prior's deviation [bardsley2014]. With a fixed centre, values would scatter less than
-    their standard errors say.
+    A given noise that does not count as correlated is used for the resampled residuals too. A prior is a
+    datum like others: its centre is drawn again about the estimate with the prior's deviation [bardsley2014].
+    With a fixed centre, values would scatter less than their standard errors say.
 
     Args:
         fit: fit of `identify_friction`. It contains its parameters, with their bounds, priors and ties, its
-            loss,
-            and the noise that it was given: these count, whatever `options` say.
+            loss, and the noise that it was given: these count, whatever `options` say.
         recordings: recordings of the fit.
         n: number of resampled fits.
         seed: seed of the resampling.
