@@ -115,7 +115,7 @@ def test_refusals() -> None:
     drive, response = periodic(np.random.default_rng(7), 4)
     for u, y, said in (
         (drive, response[..., :1], "differ in samples"),
-        (np.repeat(drive[:, :1], 2, axis=1), response, "do not tell the inputs apart"),
+        (np.repeat(drive[:, :1], 2, axis=1), response, "do not distinguish the inputs"),
         (np.where(drive > 2, np.nan, drive), response, "drive .* not finite"),
         (drive[..., None], response, "5 axes"),
     ):

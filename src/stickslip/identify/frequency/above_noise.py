@@ -33,7 +33,7 @@ class Left(NamedTuple):
 
     @classmethod
     def of(cls, fit: Fit) -> Left:
-        """Of all recordings of a fit."""
+        """Return the residual of all recordings of a fit."""
         parts = [np.asarray(r / n, dtype=float) for r, n in zip(fit.residuals, _noises(fit), strict=True)]
         square = float(sum(part @ part for part in parts))
         share = float(np.mean([independent_samples(part) / part.size for part in parts]))

@@ -34,7 +34,8 @@ from .response import drive_rms
 
 Array = NDArray[np.float64]
 
-# Of an amplitude: levels nearer to each other are one, and so far beyond them a prediction is not warned of.
+# Relative difference of amplitudes below which levels are equal, and up to which a prediction beyond them
+# needs no warning.
 ALIKE = 0.02
 
 
@@ -97,16 +98,16 @@ def predict_response(
     amplitude: float | str | None = None,
     periodic: bool = True,
 ) -> Array:
-    """The response to a drive, each realisation at its own amplitude.
+    """Return the response to a drive, each realisation at its own amplitude.
 
     Args:
         model: of `identify_levels`; or of `identify_frequency`, the same at all amplitudes.
         drive: V, shape (samples,), (samples, inputs) or (samples, inputs, realisations); or a recording with
             drive_voltage, of an actuator with one input.
-        sample_rate: Hz; of a recording, its own.
-        amplitude: V rms; left out, that of the whole drive over all inputs, which a long rest would lower.
+        sample_rate: Hz; by default that of a recording.
+        amplitude: V rms; by default of the whole drive over all inputs, which a long rest would lower.
         periodic: the drive is whole periods of a steady state, without power above half the sample rate;
-            otherwise it begins at rest, and is held from sample to sample.
+            otherwise it starts at rest, and is held from sample to sample.
 
     Returns:
         m, of the shape of the drive with outputs for inputs; (samples,) for one output if the drive was.

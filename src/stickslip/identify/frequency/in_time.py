@@ -38,7 +38,7 @@ def held_response(
     Args:
         drive: shape (samples, inputs, ...).
         sample_rate: Hz.
-        periodic: the drive is one period, the response the steady one; otherwise it begins at rest.
+        periodic: the drive is one period of a steady state; otherwise it starts at rest.
     """
     u, sample = np.moveaxis(drive, 0, -1), 1 / sample_rate
     found = np.einsum("oi,i...->o...", model.remainder, _held_delay(u, model.delay, sample, periodic))
@@ -102,13 +102,13 @@ def identify_in_time(
         drive: shape (samples, inputs, recordings).
         response: shape (samples, outputs, recordings).
         sample_rate: Hz.
-        start: poles to start from, and the delay, which is kept: within a sample, gain and rate gain can
-            stand for it. The gains are solved for.
-        periodic: the recordings are one period of a steady state; otherwise they begin at rest.
+        start: initial poles, and the fixed delay: within a sample, gain and rate gain can
+            replace it. The gains are solved for.
+        periodic: the recordings are one period of a steady state; otherwise they start at rest.
         unit: of response by drive.
         correlated: allow for errors that are correlated in time, as those of a model always are.
         tied: poles that follow from others, as for `identify_frequency`.
-        progress: called as the work goes on; see `progress`.
+        progress: called during the work; see `progress`.
 
     Returns:
         As `identify_frequency`, without the delay. Every sample counts alike: it follows what moves most. A

@@ -17,7 +17,7 @@ from ...physics.electronics import Amplifier, Filter, amplifier_output
 from ...physics.electronics.filters import sections
 from ...quantities.units import to_si
 
-# The output is computed at so many times the sample rate, within so many volts, and passed through a low-pass
+# Oversampling and accuracy [V] of the computed output, which is then passed through a low-pass
 # that leaves everything up to 0.8 of half the sample rate as it is.
 _FINER, _TOLERANCE = 16, 1e-4
 _SPAN, _EDGE = 32, 0.9
@@ -26,14 +26,14 @@ _SPAN, _EDGE = 32, 0.9
 def applied_voltage(
     command: ArrayLike, sample_rate: float | str, amplifier: Amplifier, capacitance: float | str
 ) -> NDArray[np.float64]:
-    """What an amplifier did with a command, as an ideal recorder would have seen it.
+    """Return the output of an amplifier for a command, as an ideal recorder would see it.
 
-    Its bandwidth, slew rate and current limit are those of `amplifier`, and so is its range; its gain and
-    offset are not used, for the command is in volts at the piezo. The command must hold for a whole sample
-    each, so the output is set once or less per sample.
+    Bandwidth, slew rate, current limit and range are those of `amplifier`; its gain and
+    offset are not used, because the command is in volts at the piezo. The command must hold for a whole
+    sample each, so the output is set once or less per sample.
 
     Args:
-        command: V, shape (n,); before its first sample it was like that.
+        command: V, shape (n,); constant before its first sample.
         sample_rate: Hz.
         amplifier: see `Amplifier`.
         capacitance: F, of the piezo.

@@ -36,11 +36,12 @@ from .modal import (
 
 Array = NDArray[np.float64]
 
-# As three levels of a mirror's piezos show (0.41 to 0.60); with 1, the two outer ones predict worse.
+# Exponent for two levels, from three levels of a mirror's piezos (0.41 to 0.60); 1 predicts their outer
+# levels worse.
 TWO_LEVELS_EXPONENT = 0.5
 LEAST_EXPONENT, MOST_EXPONENT = -3.0, 4.0
 STEEPEST = 1.0  # slope of a pole: its relative change by that of the amplitude
-# Of all natural frequencies together, between levels next to each other; modes are often 1 % wide.
+# Tried relative shifts of all natural frequencies between neighbouring levels; modes are often 1 % wide.
 SHIFTS = np.linspace(-0.2, 0.2, 81)
 
 
@@ -150,9 +151,9 @@ def _check(levels: Sequence[xr.Dataset], volts: Array) -> None:
 
 
 def _softening(levels: Sequence[xr.Dataset], poles: Array, kind: ModalForm) -> Array:
-    """Of all natural frequencies alike, the logarithm of their shift at each level from the middle one.
+    """Return the logarithm of the common shift of all natural frequencies at each level from the middle one.
 
-    Modes of two levels are not paired one by one: fitted alone, each level has its own idea of the weak ones.
+    Modes of two levels are not paired one by one, because weak modes differ between levels.
     """
     middle = len(levels) // 2
     shifts = np.zeros(len(levels))
@@ -165,7 +166,7 @@ def _softening(levels: Sequence[xr.Dataset], poles: Array, kind: ModalForm) -> A
 
 
 def _left(level: xr.Dataset, poles: Array, shift: float, kind: ModalForm) -> float:
-    """What modes of shifted frequencies leave of the responses, all lines alike."""
+    """Return the residual of the responses with shifted frequencies, all lines weighted alike."""
     level = level.isel(frequency=slice(None, None, max(1, level.sizes["frequency"] // LINES_IN_SEARCH)))
     shifted = np.append(poles[:-1].reshape(-1, 2) * [np.exp(shift), 1.0], poles[-1])
     basis = modal_design(level["frequency"].to_numpy(), shifted, kind).matrix
@@ -261,7 +262,7 @@ class _Levels:
         return given[:n], np.append(given[n:-1], 0.0), float(given[-1])
 
     def model(self, fit: Fit) -> AmplitudeModel:
-        """Of the fit."""
+        """Return the model of a fit."""
         base, slope, p = self._split(fit.values)
         rest = np.array([fit.values[q.name] for q in fit.parameters if q.name not in self.names])
         rest = np.moveaxis(rest.reshape(self.outputs.size, self.inputs.size, 2, -1), (2, 3), (0, 1))

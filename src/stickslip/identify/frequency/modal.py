@@ -4,7 +4,7 @@ r"""Modal models: second-order modes that share their poles over all channels, a
           \frac{\omega_m^2}{s^2 + 2\zeta_m\omega_m s + \omega_m^2}\Big]
 
 One mode with B = D = 0 is the stage of [kang2007, eq. 3.18]. A_m is a mode's static gain; B_m, its rate gain,
-is zero if the damping is proportional (real mode shapes); D stands for the modes above the band. Every matrix
+is zero if the damping is proportional (real mode shapes); D represents the modes above the band. Every matrix
 is (outputs, inputs).
 """
 
@@ -36,7 +36,7 @@ from .above_noise import FALSE_ALARM, Left, chances, left_by_delay, said_of_nois
 # Damping ratios among which a further mode is looked for.
 TRIAL_DAMPING = (0.005, 0.01, 0.02, 0.05, 0.2)
 LINES_IN_SEARCH = 1000
-# Of the phase that modes turn in all, half a turn each: by so much the phase's slope may exceed the delay's.
+# Shares of the phase of all modes (half a turn each) by which the phase's slope may exceed the delay's.
 TURNED = (0.3, 0.6, 0.9)
 # Over the deviations; what a model may leave for its distortion and the modes it lacks.
 MOST_LEFT = 10.0
@@ -119,10 +119,10 @@ def identify_frequency(
     """Fit a modal model to measured frequency responses; all channels share poles and delay.
 
     Args:
-        response: as `frequency_response` gives it, or a selection of its outputs, inputs or frequencies. Each
+        response: result of `frequency_response`, or a selection of its outputs, inputs or frequencies. Each
             line weighs by its `deviation`; without one, all lines count alike. A model of too few modes may
-            want equal ones, to follow what moves most rather than what is best known.
-        modes: how many, or the start of each: natural frequency [Hz] and damping ratio; or a model to start
+            need equal ones, to follow the largest motion rather than the best known.
+        modes: number, or initial natural frequency [Hz] and damping ratio of each; or a model to start
             from, its delay as well. By their number, they are found one after the other, each where it
             explains most of what is left, at the best of several delays.
         complex_modes: fit rate gains (B) as well.
@@ -132,7 +132,7 @@ def identify_frequency(
             lines by `welch_frequency_response`.
         tied: poles and delay that follow from others, as for `identify_friction`; modes are numbered by
             frequency: ``{"damping_ratio_2": "damping_ratio_1"}``.
-        progress: called as the work goes on; see `progress`.
+        progress: called during the work; see `progress`.
 
     Returns:
         A `Fit` with natural_frequency_1 [rad/s], damping_ratio_1, ..., delay [s], gain_1, rate_gain_1, ...,
@@ -157,7 +157,7 @@ def identify_frequency(
     options["tied"] = tied
     fit = _fit(response, sorted(starts), delay, kind, **options)
     frequencies, dampings, delay = fit.model[:3]
-    if np.any(np.diff(frequencies) < 0):  # modes have passed each other: number them anew
+    if np.any(np.diff(frequencies) < 0):  # modes have passed each other: number them again
         starts = sorted(zip(frequencies / (2 * np.pi), dampings, strict=True))
         fit = _fit(response, starts, delay, kind, **options)
     left = Lack("the responses", math.sqrt(fit.reduced_chi_squared), 0.0, "their deviations")
@@ -205,10 +205,10 @@ def _unseen(fit: Fit, response: xr.Dataset, kind: ModalForm) -> tuple[str, ...]:
 def starts_of(
     modes: int | Sequence[tuple[float | str, float]] | ModalModel,
 ) -> int | tuple[list[tuple[float, float]], float]:
-    """How many modes; or natural frequency [Hz] and damping ratio of each, and the delay [s].
+    """Return the number of modes; or natural frequency [Hz] and damping ratio of each, and the delay [s].
 
     Raises:
-        QuantityError: a frequency is none.
+        QuantityError: a value is not a frequency.
     """
     if isinstance(modes, ModalModel):
         poles = zip(modes.natural_frequency / (2 * np.pi), modes.damping_ratio, strict=True)
@@ -219,9 +219,9 @@ def starts_of(
 
 
 def _found(response: xr.Dataset, n_modes: int, kind: ModalForm) -> tuple[list[tuple[float, float]], float]:
-    """Starts of so many modes, and of the delay: each mode explains most of what those before it left.
+    """Return initial values of modes and delay: each mode explains most of the residual of the previous ones.
 
-    All lines count alike here: weighed by their deviations, quiet bands would be served before large motion.
+    All lines count alike here; weighted by their deviations, quiet bands would come before large motion.
     """
     response = response.assign(deviation=xr.ones_like(response["deviation"]))
     longest = LONGEST / float(response["frequency"][-1])
@@ -246,8 +246,11 @@ def _found(response: xr.Dataset, n_modes: int, kind: ModalForm) -> tuple[list[tu
 
 
 def _delays(frequency: np.ndarray, measured: np.ndarray, n_modes: int) -> list[float]:
-    """Where the delay may begin, s: from one that is wrong by half a period of a mode, its fit ends with the
-    wrong sign. The mean slope of the phase is that of the delay and of what the modes turn it by."""
+    """Return initial delays, s.
+
+    A delay that is wrong by half a period of a mode leads to a wrong sign. The mean slope of the phase is the
+    sum of the delay and the phase of the modes.
+    """
     turned = measured[1:] * measured[:-1].conj()
     mean = np.sum(turned / (np.abs(turned) + 1e-300))
     slope = -np.angle(mean) / (2 * np.pi * float(np.median(np.diff(frequency))))
@@ -256,13 +259,13 @@ def _delays(frequency: np.ndarray, measured: np.ndarray, n_modes: int) -> list[f
 
 
 class ModalForm(NamedTuple):
-    """Which coefficients a model has beside the gains."""
+    """Coefficients of a model besides the gains."""
 
     complex_modes: bool
     remainder: bool
 
     def names(self, n_modes: int) -> list[str]:
-        """Of the coefficients of a channel, in the order of the design's columns."""
+        """Return the names of a channel's coefficients, in the order of the design's columns."""
         kinds = ["gain", "rate_gain"] if self.complex_modes else ["gain"]
         names = [f"{kind}_{m}" for kind in kinds for m in range(1, n_modes + 1)]
         return [*names, "remainder"] if self.remainder else names
@@ -322,7 +325,7 @@ def pole_parameters(starts: Sequence[tuple[float, float]], ends: tuple[float, fl
 
 
 def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: ModalForm) -> ModalModel:
-    """Of a fit whose coefficients come after the poles and the delay, whose `names` are given."""
+    """Return the model of a fit, whose coefficients follow the poles and the delay, given their `names`."""
     *poles, delay = (fit.values[name] for name in names)
     rest = np.array([fit.values[p.name] for p in fit.parameters if p.name not in names])
     return modal_model(

@@ -36,13 +36,13 @@ def frequency_response(
     smoothing: int = 21,
     units: tuple[str, str] = ("V", "m"),
 ) -> xr.Dataset:
-    """The response to a periodic drive (multisine), from whole periods in the steady state.
+    """Return the response to a periodic drive (multisine), from whole periods in the steady state.
 
     Least squares over all realisations at each excited line, so the realisations need not be orthogonal.
 
     Args:
-        drive: as the mechanism gets it (see `applied_voltage` where it is a command), shape (samples of a
-            period, inputs, realisations, periods); axes at the end may be left out.
+        drive: at the mechanism (see `applied_voltage` for a command), shape (samples of a
+            period, inputs, realisations, periods); trailing axes may be omitted.
         response: the same with outputs for inputs.
         sample_rate: Hz.
         band: frequencies to keep, Hz.
@@ -57,7 +57,7 @@ def frequency_response(
         The coordinate `drive_rms` is the amplitude of the drive, over all inputs, for `identify_levels`.
 
     Raises:
-        ResponseError: the shapes do not fit, or the inputs cannot be told apart.
+        ResponseError: the shapes do not fit, or the inputs cannot be distinguished.
     """
     sample_rate, lowest, highest = _hertz(sample_rate, band)
     u, y = _four_axes(drive, "drive"), _four_axes(response, "response")
@@ -77,7 +77,7 @@ def frequency_response(
     lines = (power > EXCITED * power.max()) & (frequency >= lowest) & (frequency <= highest)
     U, Y = U[lines], Y[lines]
     if np.linalg.cond(U).max() > 1e3:
-        raise ResponseError("the realisations do not tell the inputs apart: drive them independently")
+        raise ResponseError("the realisations do not distinguish the inputs: drive them independently")
 
     gram = np.linalg.inv(U @ _adjoint(U))
     mean = Y.mean(axis=3)
@@ -110,12 +110,13 @@ def welch_frequency_response(
     band: tuple[float | str, float | str] = (0.0, np.inf),
     units: tuple[str, str] = ("V", "m"),
 ) -> xr.Dataset:
-    """The response to any other persistent drive (noise, sweeps), by Welch's method with Hann's window.
+    """Return the response to any other persistent drive (noise, sweeps), by Welch's method with Hann's
+    window.
 
     Leakage biases it by about 20 (T/L)^2, with a mode's decay time T and the length L of a segment, however
-    long the record. Neighbouring lines share their window, so their errors go together: identify with
+    long the record. Neighbouring lines share their window, so their errors are correlated: identify with
     `correlated=True`. A drive that repeats (a chirp too) has neither fault in `frequency_response`, where the
-    result is explained. Noise and distortion cannot be told apart, so `noise_deviation` is NaN.
+    result is explained. Noise and distortion cannot be distinguished, so `noise_deviation` is NaN.
 
     Args:
         drive: shape (samples,) or (samples, inputs).

@@ -8,7 +8,7 @@ from ...physics.actuator import Actuator, StageModes
 from ...quantities.units import QuantityError
 from .modal import ModalModel
 
-# Of the stroke at rest: what a stage of real modes may leave out.
+# Largest share of the stroke at rest that a stage of real modes may leave out.
 LEFT_OUT = 0.02
 
 

@@ -24,12 +24,12 @@ FOLDS = 6
 # Share of what the best model leaves beyond white noise that a smaller one may leave more; and difference of
 # chi-squared below which noise alone may make one better.
 ENOUGH, NOISE = 0.02, 10.0
-# Of the recordings' length, to which creep may go on: real stacks creep for hours.
+# Largest length of creep, in lengths of the recordings: real stacks creep for hours.
 BEYOND = 10.0
-# A recording shows creep if it is so many times longer than where creep begins.
+# Shortest recording that shows creep, in multiples of the start of creep.
 LONG_ENOUGH = 20.0
 SAMPLES_PER_PLAY = 10
-# Of its range, within which a drive rests.
+# Largest change of a resting drive, relative to its range.
 STILL = 0.01
 
 
@@ -141,8 +141,12 @@ def left_of_all(observed: Sequence[Observed], late: Lateness, grid: PlayGrid) ->
 
 
 def _lasting(observed: Sequence[Observed], choice: Choice, lasts: float) -> Choice:
-    """With creep that ends with the recordings of so many s, or goes on: whichever leaves less, for both have
-    as many numbers. Taken to end, creep that goes on is found greater by a sixth."""
+    """Return the choice with creep that ends with the recordings (of `lasts` s), or continues, whichever fits
+    better.
+
+    Both have the same number of parameters. If creep that continues is assumed to end, it is found a sixth
+    too large.
+    """
     beyond = choice.grid._replace(times=spread(CREEP_BEGINS, BEYOND * lasts))
     tried = [
         (*left_of_all(observed, choice.late, grid), end, grid)
@@ -179,7 +183,7 @@ def _as_good(squares: NDArray[np.float64], best: NDArray[np.float64], white: flo
 
 
 def _rests(one: Observed) -> bool:
-    """Whether its drive is held long enough for creep to show by itself."""
+    """Return whether the drive is constant long enough to show creep."""
     size = int(LONG_ENOUGH * CREEP_BEGINS / one.time[1])
     if size > one.time.size:
         return False

@@ -24,11 +24,11 @@ from ..recorded.channels import channel
 
 # Dead zones that draw the square, over the range of the drive.
 ZONES = 8
-# s, at which creep is taken to begin: the convention of data sheets, "per decade of time after 0.1 s".
+# s, start of creep, as in data sheets ("per decade of time after 0.1 s").
 CREEP_BEGINS = 0.1
-# Of the drive's range: smaller ways back are no reversal.
+# Smallest reversal of the drive, relative to its range.
 TURNED = 0.05
-# Of the range, to which periods are the same; and samples of one, at least.
+# Largest difference of equal periods, relative to the range; and fewest samples in a period.
 SAME, FEWEST_IN_PERIOD = 2e-3, 16
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ class Observed(NamedTuple):
     cycled: bool = False
 
     def begins_as(self, other: Observed) -> bool:
-        """Whether the same was before."""
+        """Return whether both recordings have the same past."""
         return (self.rest, self.cycled) == (other.rest, other.cycled)
 
     @property
@@ -62,15 +62,18 @@ class Observed(NamedTuple):
 
 
 class DelayAndLag(NamedTuple):
-    """How late the piezo's voltage is: `delay`, s, then a first-order `lag`, s."""
+    """Lateness of the piezo's voltage: `delay`, s, then a first-order `lag`, s."""
 
     delay: float = 0.0
     lag: float = 0.0
 
 
 class PlayGrid(NamedTuple):
-    """What the columns are of: `thresholds` of plays [V], `zones` of the square [V], time constants of the
-    creep [s]; either of the latter may be empty. `skew` [1/V] of what plays see, where there are zones."""
+    """Grid of the columns.
+
+    `thresholds` of plays [V], `zones` of the square [V] and time constants of the creep [s], either of which
+    may be empty; `skew` [1/V] of the plays' input, if there are zones.
+    """
 
     thresholds: Array
     zones: Array
@@ -116,8 +119,10 @@ class PlayGrid(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Of one recording: `at_once` [n, k], the plays and, as the last if there is one, the square; `crept`
-    [n, k], the creep of each."""
+    """Columns of one recording.
+
+    `at_once` [n, k], the plays and, last, the square, if there is one; `crept` [n, k], the creep of each.
+    """
 
     at_once: Array
     crept: Array
@@ -136,7 +141,7 @@ def observe(recording: xr.Dataset, name: str, channel_name: str, rest: float | N
 
 
 def turns(observed: Observed) -> bool:
-    """Whether the drive turns back anywhere, by more than a small part of its range."""
+    """Return whether the drive turns back by more than a small part of its range."""
     way = np.append(observed.rest, observed.drive)
     fallen = float(np.max(np.maximum.accumulate(way) - way))
     risen = float(np.max(way - np.minimum.accumulate(way)))
@@ -172,7 +177,7 @@ def repeated(drive: Array) -> tuple[float, float, float]:
 def at_piezo(observed: Observed, timing: DelayAndLag) -> Array:
     """The voltage at the piezo, V, shape (n,)."""
     time, rest, late = observed.time, observed.rest, observed.drive
-    if observed.cycled:  # it went on as it now begins
+    if observed.cycled:  # the drive continued before as it starts now
         slope = float(late[1] - late[0]) / float(time[1])
         early = time - timing.delay
         late = np.where(early < 0.0, rest + slope * early, np.interp(early, time, late))

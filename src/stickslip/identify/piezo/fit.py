@@ -48,14 +48,14 @@ NOT_LATE = Lateness(
     ("delay and lag are taken as 0 s: what the edges of the drive show of them predicts no better",),
     Edges((), ()),
 )
-# What is left of a recording that is not explained: over its white noise, and over the standard deviation of
+# Largest residuals of an explained recording: relative to its white noise, and to the standard deviation of
 # its positions, of which a straight line leaves 10 to 15 % and fits of measured stacks 1 %.
 MANY, TOO_LITTLE = 3.0, 0.05
 # Relative: what a lag must explain of parts left out, where no edge tells it.
 LATE = 0.1
-# Of its range: a drive further from its first value has moved.
+# Smallest motion of the drive from its first value, relative to its range.
 MOVED = 0.01
-# Of a sample's interval, the step of derivatives by delay and lag; and timings whose columns are kept.
+# Difference step by delay and lag, in sampling intervals; and number of timings whose columns are kept.
 DIFFERENCE, KEPT = 0.02, 4
 # Over the range, the step of the derivative by skew.
 SKEWED = 1e-4
@@ -83,32 +83,32 @@ def identify_piezo(
 
     Slow against the stage's resonance, free of contact: the recorded displacement is the piezo's. Thresholds
     are spread evenly over half the range of the drive: wider plays are not determined. Creep is logarithmic
-    from 0.1 s to the length of the recordings, or to ten times that where it leaves less. How many plays, and
-    whether the square B(u) and creep are there, is chosen by cross-validation: the smallest model that
-    predicts parts of the recordings that it was not fitted to about as well as the best one. Where that
-    leaves more than noise, so is the skew a of what the plays see, by which loops are wider at one end. Delay
-    and lag are those seen after edges of the drive, unless the model explains as much without; without edges,
-    a lag is hardly told from hysteresis, and only one that predicts clearly better is taken. A recording
-    begins after a rest, or amid the motion with which it goes on, whichever explains it better.
+    from 0.1 s to the length of the recordings, or to ten times that if it fits better. The number of plays,
+    and whether to include the square B(u) and creep, are chosen by cross-validation: the smallest model that
+    predicts parts left out about as well as the best one. If that leaves more than noise, so is the skew a of
+    the plays' input, which widens loops at one end. Delay and lag come from edges of the drive, unless the
+    model explains as much without; without edges, a lag is hardly distinguished from hysteresis, and is
+    included only if it predicts clearly better. A recording starts after a rest or during a motion, whichever
+    explains it better.
 
     Args:
         recordings: with drive_voltage [V] and stage_position [m].
-        model: an actuator into which gain and piezo are put.
-        operators: number of plays; left out, chosen.
-        asymmetric: whether B(u) is there, and a may be; left out, chosen.
-        creep: whether creep is there; left out, chosen.
-        time_constants: s, of creep, with equal shares; left out, two to the decade from 0.1 s on.
-        delay: s, of the voltage at the piezo; left out, seen after edges.
+        model: actuator for gain and piezo.
+        operators: number of plays; by default chosen.
+        asymmetric: include B(u), and possibly a; by default chosen.
+        creep: include creep; by default chosen.
+        time_constants: s, of creep, with equal shares; by default two per decade from 0.1 s on.
+        delay: s, of the voltage at the piezo; by default from edges.
         lag: s, of the voltage at the piezo, of first order: amplifier, capacitance and sensor; likewise.
-        rest_voltage: V at which the piezo rested before each recording, reached from 0 V; left out, that
-            which the first position shows.
+        rest_voltage: V at which the piezo rested before each recording, reached from 0 V; by default
+            from the first position.
         observed: name of the position channel.
 
     Returns:
         A fit of weight_1, ... [m/V] of the plays, curvature κ [m/V²], skew a [1/V], creep g (share per
         decade), and the offset of each recording [m]; beside them gain, their sum, delay and lag [s].
         `predict(recording)` is the position, m: its level is that of the recording's own positions, where it
-        has any. `model` is the actuator given, or a `Piezo`. `failures` name recordings of which much of the
+        has any. `model` is the actuator, or a `Piezo`. `failures` name recordings of which much of the
         motion is left; a remark is enough where it is little, but more than noise.
 
     Raises:
@@ -177,9 +177,11 @@ def identify_piezo(
 
 
 def _explains_more(seen: Sequence[Observed], choice: Choice, other: Choice) -> bool:
-    """Whether a choice leaves less of all samples than another, and loses no more than that of parts left
-    out: the mean over the parts hides what a lag does after a single edge, and all samples alone would let a
-    lag in that stands for hysteresis."""
+    """Return whether a choice leaves less of all samples than another, and predicts parts left out no worse.
+
+    The mean over the parts hides the effect of a lag after a single edge; all samples alone would accept a
+    lag that approximates hysteresis.
+    """
     less = left_of_all(seen, choice.late, choice.grid)[0] / left_of_all(seen, other.late, other.grid)[0]
     return less < 1.0 and less * choice.score < other.score
 
@@ -197,7 +199,7 @@ def _fitted(seen: Sequence[Observed], choice: Choice, unit: str) -> tuple[Fit, t
 
 
 def _only_noise(fit: Fit, seen: Sequence[Observed]) -> bool:
-    """Whether no more is left than white noise of the positions."""
+    """Return whether the residuals are only white noise."""
     return not _left(fit, seen)
 
 
@@ -214,9 +216,10 @@ def _left(fit: Fit, seen: Sequence[Observed]) -> tuple[str, ...]:
 
 
 def _unexplained(fit: Fit, seen: Sequence[Observed]) -> list[str]:
-    """A sentence on each recording of which a model leaves many times the noise, and too much of the motion
-    for hysteresis to be told: real piezos are off by more than the noise of good sensors, and that alone is a
-    remark."""
+    """Return a sentence on each recording with a residual far above the noise and a large part of the motion.
+
+    A residual above the noise of good sensors alone is only a remark, because real piezos leave it.
+    """
     lacking, said = {one.name for one in fit.lack if one.seen}, []
     for g, one in zip(fit.recordings, seen, strict=True):
         white, moved = white_noise(one.position), float(np.std(one.position))
@@ -246,7 +249,7 @@ def _begun(seen: Sequence[Observed], timing: DelayAndLag, assumed: float | None)
 
 
 def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) -> Lateness:
-    """As given, or as the edges show."""
+    """Return delay and lag as given, or from the edges."""
     if delay is not None or lag is not None:
         given = DelayAndLag(delay or 0.0, lag or 0.0)
         if min(given) < 0.0:
@@ -305,7 +308,7 @@ def _problem(
 
 
 class _Described:
-    """The residuals of a problem and their derivatives; columns are made anew only for another timing."""
+    """Residuals of a problem and their derivatives; columns are computed again only for another timing."""
 
     def __init__(self, seen: Sequence[Observed], grid: PlayGrid, names: Sequence[str], timed: bool) -> None:
         self.seen, self.grid, self.names, self.timed = seen, grid, names, timed
@@ -361,7 +364,7 @@ class _Described:
 
 
 def _known(observed: Observed) -> KnownNoise:
-    """What a recording shows of its noise: before the drive moves, and between periods that it repeats."""
+    """Return the noise of a recording: before the drive moves, and between repeated periods."""
     u = observed.drive
     at_rest = first_change(u, MOVED) if observed.rest == u[0] else 0
     return KnownNoise(None, at_rest, repeated(u), resolution(observed.position))

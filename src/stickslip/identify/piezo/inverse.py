@@ -13,7 +13,7 @@ from ...waveform import Sampled
 from .columns import DelayAndLag, Observed, at_piezo
 from .prediction import PiezoPrediction, warn_beyond
 
-# Of the range of the drives that were fitted to: so far beyond it no drive is given without a warning.
+# Distance beyond the fitted drives, relative to their range, above which a drive gives a warning.
 BEYOND = 0.02
 # The lag's inverse takes slopes from samples beside, and is corrected so often where there are corners.
 CORRECTIONS = 3
@@ -28,19 +28,19 @@ def inverse_drive(
     *,
     rest_voltage: float | str | None = None,
 ) -> Sampled:
-    """The drive under which the piezo of a fit goes through positions: its creep, hysteresis, lag and delay
-    undone.
+    """Return the drive that moves the piezo of a fit through positions, with creep, hysteresis, lag and delay
+    compensated.
 
-    Hysteresis and creep are inverted exactly, sample by sample; the lag by the slope of what comes out, so
-    that positions should be smooth within it. `inverse_residual` says what remains in operation: about
-    what the fit leaves of recordings that it has not seen (`verify`), and what its delay and lag are off.
+    Hysteresis and creep are inverted exactly, sample by sample; the lag by the slope of the result, so
+    that positions should be smooth within it. `inverse_residual` estimates the error in operation: about
+    the error on unseen recordings (`verify`), plus the errors of delay and lag.
 
     Args:
-        fit: of `identify_piezo`.
+        fit: fit of `identify_piezo`.
         times: s, shape (n,), ascending from 0 or later.
         positions: m, shape (n,), as the recordings of the fit count them (`fit.values["offset_1"]`, ... is
             where 0 V is, at first).
-        rest_voltage: V at which it rests before, reached from 0 V; left out, that which holds the first
+        rest_voltage: V at which it rests before, reached from 0 V; by default the voltage of the first
             position.
 
     Returns:
@@ -84,13 +84,14 @@ def inverse_drive(
 
 
 def inverse_residual(fit: Fit, drive: Sampled, positions: ArrayLike) -> float:
-    """What is expected to remain of positions under their `inverse_drive`, rms, m, without the level: what
-    the fit leaves of the recordings it is from, and what the drive leaves by the fit's own model.
+    """Return the expected rms error of positions under their `inverse_drive`, m, without the level.
+
+    It contains the residual of the fit on its recordings, and the error of the drive by the fit's own model.
 
     Args:
-        fit: of `identify_piezo`.
-        drive: of `inverse_drive`.
-        positions: m, shape (n,), that it was asked for.
+        fit: fit of `identify_piezo`.
+        drive: result of `inverse_drive`.
+        positions: m, shape (n,), wanted positions.
 
     Raises:
         FitError: the fit is not one of `identify_piezo`.

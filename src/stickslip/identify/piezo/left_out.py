@@ -35,8 +35,11 @@ Array = NDArray[np.float64]
 def without_parts(
     fit: Fit, recordings: xr.Dataset | Sequence[xr.Dataset], parts: int = PARTS
 ) -> list[tuple[float, Piezo]]:
-    """Gain [m/V] and piezo by the recordings of a fit of `identify_piezo`, each time without one of so many
-    parts; thresholds, time constants, delay and lag are those of the fit."""
+    """Return gain [m/V] and piezo from the recordings of a fit of `identify_piezo`, each time without one
+    part.
+
+    Thresholds, time constants, delay and lag are those of the fit.
+    """
     found = recordings_of(recordings)
     known: PiezoPrediction = fit.predict.__self__  # type: ignore[union-attr]
     law, creep = known.piezo.hysteresis, known.piezo.creep

@@ -34,7 +34,7 @@ class Solution(NamedTuple):
         return float(self.weights.sum())
 
     def coefficients(self, of: Columns) -> Array:
-        """Those of its columns."""
+        """Return the coefficients of the columns."""
         bent = of.at_once.shape[1] > self.weights.size
         return np.append(self.weights, self.curvature) if bent else self.weights
 
@@ -85,7 +85,7 @@ def solved(parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid)
 
 
 def residuals(parts: Sequence[Columns], positions: Sequence[Array], found: Solution) -> Array:
-    """What a solution leaves of all samples, m."""
+    """Return the residuals of a solution at all samples, m."""
     rows = zip(parts, positions, found.offsets, strict=True)
     return np.concatenate([y - found.position(c) - offset for c, y, offset in rows])
 

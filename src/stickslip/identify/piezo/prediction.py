@@ -14,13 +14,13 @@ from ...recording import RecordingWarning
 from ..recorded.channels import channel, names_of
 from .columns import DelayAndLag, Observed, at_piezo, lagged, observe
 
-# Of the stroke: nearer than this the first position is where the drive's first value has it.
+# Largest distance, relative to the stroke, of a first position that belongs to the drive's first value.
 AT_REST = 0.05
 # Relative; what a motion before the recording must explain more of it than a rest.
 CLEARLY = 0.02
-# Of the range of the drives that were fitted to: so far beyond it nothing is predicted without a warning.
+# Distance beyond the fitted drives, relative to their range, above which a prediction gives a warning.
 BEYOND = 0.1
-# Of the voltages used: a rest farther outside is none.
+# Largest distance of a rest voltage outside the used voltages, relative to their range.
 FAR = 0.5
 
 Array = NDArray[np.float64]
@@ -63,16 +63,21 @@ class PiezoPrediction(NamedTuple):
         return self.gain * after_hysteresis(self.piezo, observed, u)
 
     def begun(self, observed: Observed) -> Observed:
-        """With what the positions show of the time before: a rest, or the motion that the drive goes on with
-        (which a rest is preferred to, unless it leaves more)."""
+        """Return the recording with the past that its positions show: a rest, or a motion that the drive
+        continues.
+
+        A rest is preferred unless it fits worse.
+        """
         rested = observed._replace(rest=self._rest_shown(observed), cycled=False)
         cycled = observed._replace(rest=float(observed.drive[0]), cycled=True)
         left = [float(np.std(one.position - self.position(one))) for one in (rested, cycled)]
         return cycled if left[1] < (1.0 - CLEARLY) * left[0] else rested
 
     def _nearer(self, observed: Observed) -> Observed:
-        """With the rest at which the first position is, where that leaves clearly less: a few volts beside
-        it, slow creep goes on for the whole recording."""
+        """Return the recording with the rest of its first position, if that fits clearly better.
+
+        A few volts beside it, slow creep would continue for the whole recording.
+        """
         if observed.cycled:
             return observed
         left = observed.position - self.position(observed)
@@ -110,7 +115,7 @@ def warn_beyond(prediction: PiezoPrediction, drive: Array, what: str, beyond: fl
 
 
 def after_hysteresis(piezo: Piezo, observed: Observed, u: Array) -> Array:
-    """Hysteresis and creep of a voltage [V], shape (n,), after the way on which the recording began."""
+    """Return hysteresis and creep of a voltage [V], shape (n,), after the recording's past."""
     way = observed.way
     h = piezo.hysteresis.output(np.append(way, u), way[0])
     before, h = float(h[way.size - 1]), h[way.size :]

@@ -18,7 +18,7 @@ from .linear import Solution, residuals, solved
 from .timing import Lateness, lateness
 
 FIRST_PLAYS = 8  # of the model by which rest, lateness and skew are found
-# How much steeper plays may see the voltage at one end of its range than at the other.
+# Largest ratio of the slopes of the plays' input at the two ends of its range.
 STEEPEST = 2.5
 # The longest lag, of the shortest mean time between reversals.
 LONGEST = 0.1
@@ -39,7 +39,7 @@ def skewed_shape(seen: Sequence[Observed], late: Lateness, fixed: bool) -> Shape
     positions = [one.position for one in seen]
 
     def skew(q: float) -> float:
-        """Of plays whose voltage is exp(q) times as steep at the high end as at the low one."""
+        """Return the skew of plays whose input is exp(q) times as steep at the high end as at the low one."""
         return 0.5 * math.expm1(q) / (high - low)
 
     def best(timing: DelayAndLag) -> float:
