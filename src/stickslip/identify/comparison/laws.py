@@ -55,7 +55,7 @@ _PERIODS = 8  # of the drive, as recorded in the thesis
 
 @dataclass(frozen=True)
 class LawCharacter:
-    """What the experiments found of one law; see the module.
+    """Results of the experiments on one law; see the module.
 
     Fields: `states`, internal states; `stiffness`, N/m, infinite for a rigid contact; `elastic_range` and
     `presliding_range`, m; `stiction` and `stribeck_fall`, over the sliding force (0 for none); `viscous`,
@@ -180,7 +180,7 @@ def _elastic_range(law: Any, z_c: float) -> float:
 
 
 def _presliding_range(law: Any, z_c: float) -> float:
-    """Displacement [m] at which the force first is 99 % of that after 30 z_c."""
+    """Return the displacement [m] at which the force first reaches 99 % of the force after 30 z_c."""
     if z_c == 0.0:
         return 0.0
     way = np.linspace(0.0, 30.0 * z_c, 3001)
@@ -225,7 +225,7 @@ def _force_jump(law: Any, amplitude: float) -> float:
     differences = []
     for samples in (2000, 8000):
         phase = np.linspace(0.0, 4.0 * math.pi, 2 * samples + 1)
-        position = amplitude * 0.5 * (1.0 - np.cos(phase))  # begins at rest
+        position = amplitude * 0.5 * (1.0 - np.cos(phase))  # starts at rest
         force = friction_response(law, phase / (10.0 * math.pi), position)["friction_force"].values
         differences.append(float(np.abs(np.diff(force[1:])).max()))
     coarse, fine = differences

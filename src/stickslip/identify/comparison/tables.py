@@ -9,7 +9,7 @@ from ...quantities.units import with_prefix
 from .laws import LawCharacter
 from .limits import Limit
 
-# Less than this is none: of the sliding force, and of lengths (m).
+# Smallest share of the sliding force, and smallest length (m), that are shown.
 _NO_SHARE, _NO_LENGTH = 5e-3, 1e-12
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 # Neighbours that undo each other leave at least this part of the variance without them: so little the events
 # of a recording do not tell.
 LEAST = 0.1
-# Of each quantity's own variance: keeps quantities that are the same apart from rounding apart.
+# Relative addition to each variance, which separates quantities that differ by rounding only.
 ROUNDING = 1e-9
 
 Array = NDArray[np.floating]
@@ -35,6 +35,8 @@ def covariance_of_mean(rows: Array) -> Array:
 
 
 def degrees_of_freedom(n: int) -> float:
-    """Of Student's t for what is fitted to means of n by that covariance: three lags share the rows, and one
-    is lost to weights that are estimated from the same rows."""
+    """Return the degrees of freedom of Student's t for fits to means of n by that covariance.
+
+    Three lags share the rows, and one degree is lost to the weights estimated from the same rows.
+    """
     return max(n / 3.0 - 1.0, 1.0)

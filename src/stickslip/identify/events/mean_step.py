@@ -16,16 +16,16 @@ Array = NDArray[np.float64]
 
 
 def mean_step(differences: Array, moves: Array) -> tuple[float, float]:
-    """The mean step of a walk, and its standard error.
+    """Return the mean step of a walk, and its standard error.
 
     Peak k lies at k steps, each with a scatter of its own, plus white noise of the position. So differences
-    of peaks have the variance b moves + 2 a, and neighbours the covariance -a. The peaks tell the ratio a/b
+    of peaks have the variance b moves + 2 a, and neighbours the covariance -a. The peaks show the ratio a/b
     only roughly: results of generalised least squares for all ratios are weighted by their restricted
-    likelihoods, and the error contains how far they differ.
+    likelihoods, and the error includes their differences.
 
     Args:
         differences: from each peak to the next, shape (n,), in any unit.
-        moves: how many steps each of them is, shape (n,).
+        moves: number of steps in each, shape (n,).
 
     Returns:
         Step and standard error in that unit; NaN for the error of a single difference.
@@ -41,7 +41,7 @@ def mean_step(differences: Array, moves: Array) -> tuple[float, float]:
 
 
 def degrees_of_freedom(n: int) -> int:
-    """Of Student's t for the error of `mean_step` of n differences: less the step and the ratio."""
+    """Return the degrees of freedom of Student's t for the error of `mean_step` of n differences."""
     return max(n - 2, 1)
 
 

@@ -42,20 +42,20 @@ from .mean_covariance import covariance_of_mean, degrees_of_freedom
 _EVENT = 0.08
 # Free periods between events, below which there is hardly any rest between the swings.
 INERTIAL = 2.0
-# A mean period is shorter than the free one where it is by this share and so many standard errors.
+# Smallest relative shortening of a mean period, and its size in standard errors.
 QUICKER, SURE = 0.02, 3.0
 # The stationary part of a simulation: that many events, after as many.
 _EVENTS = 12
 # Fewer events say too little of their spread.
 _LEAST = 10
-# Noise is added to the simulation until it has so many times the events of the recording.
+# Number of noisy events in the simulation, in multiples of the recorded events.
 _NOISY = 10
 UNPREDICTED = "it is of the means of events; a simulated PulledSlider with its coefficients has such events"
 
 
 @record
 class PulledRig(NamedTuple):
-    """How the slider was pulled."""
+    """Arrangement that pulls the slider."""
 
     mass: Annotated[float, Quantity("kg", "m", "mass of the slider", above=0.0)]
     stiffness: Annotated[float, Quantity("N/m", "k", "stiffness of the spring", above=0.0)]
@@ -92,10 +92,10 @@ class Events:
 
     @property
     def regime(self) -> str:
-        """What the motion is: "stick-slip", "inertial" (oscillating, with hardly any rest) or "steady".
+        """Regime of the motion: "stick-slip", "inertial" (oscillating, with hardly any rest) or "steady".
 
-        A slip lasts at most a free period; so the slider rests most of the time where events come further
-        apart than two of them.
+        A slip lasts at most a free period; so the slider rests most of the time if events are further apart
+        than two free periods.
         """
         if self.period.size == 0:
             return "steady"
@@ -120,9 +120,9 @@ class Events:
         )
 
     def summary(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-        """Mean top, bottom and period, and the covariance of these means [3, 3].
+        """Return mean top, bottom and period, and the covariance of these means [3, 3].
 
-        An event that begins high ends low and late, and its period is part of two events: the means are
+        An event that starts high ends low and late, and its period belongs to two events: the means are
         correlated, and events with their neighbours.
         """
         n = self.period.size
@@ -188,7 +188,7 @@ def _force(recording: xr.Dataset, channel: str) -> NDArray[np.float64]:
 
 
 def _range_of_noise(force: NDArray[np.float64], size: int) -> float:
-    """How far apart the extremes of white noise as strong as the force's lie after the median filter."""
+    """Return the expected range of white noise as strong as the force's after the median filter."""
     # Fourth differences see only what is fast; the median of n has 1.25 times the spread of their mean.
     spread = 1.2533 * noise_level(force) / math.sqrt(size) if size > 1 else noise_level(force)
     return 2.0 * math.sqrt(2.0 * math.log(force.size)) * spread
@@ -230,19 +230,20 @@ def identify_pulled_slider(
     *,
     tied: Mapping[str, str] | None = None,
 ) -> Fit:
-    """Static and dynamic friction coefficients from the events of one recording.
+    """Fit static and dynamic friction coefficients to the events of one recording.
 
     Least squares on the mean top, bottom and period, weighted by their covariance (see `Events.summary`),
-    against the simulated slider, sampled as the recording; what the recording's noise does to them is taken
-    off, as it does it to the simulated ones. `slider` makes the model from the values. One of both
+    against the simulated slider, sampled as the recording; the effect of the recording's noise is
+    removed, by its effect on the simulated events. `slider` makes the model from the values. One of both
     coefficients may be `tied` to the other, as for `identify_friction`:
     ``{"stiction_excess": "0.2 * dynamic_coefficient"}``.
 
-    Events do not tell damping from friction: a slip with a damping ratio zeta ends higher by exp(-pi zeta),
-    and is taken for one without, so the excess is found low by about pi/2 zeta of itself (8 % at 0.05). The
+    Events do not distinguish damping from friction: a slip with a damping ratio zeta ends higher by exp(-pi
+        zeta),
+    but counts as undamped, so the excess is found low by about pi/2 zeta of itself (8 % at 0.05). The
     middle of top and bottom rises with the bottom, so the dynamic coefficient is found high, by about pi/2
-    zeta of the excess (2.5 % of itself at 0.05, where the excess is a third of it). No interval knows of
-    either.
+    zeta of the excess (2.5 % of itself at 0.05, where the excess is a third of it). Neither is in
+    the intervals.
 
     Raises:
         QuantityError: an expression that ties is wrong.
@@ -286,7 +287,7 @@ def identify_pulled_slider(
     repeats = math.ceil(_NOISY * events.period.size / _EVENTS)
     found = fit(means, np.diag(np.diag(covariance)))
     clean = force(found.values)
-    # Where the samples fall in the simulated events moves their means too.
+    # The sampling of the simulated events shifts their means too.
     covariance = covariance + slip_events(clean, rig).summary()[1]
     found = fit(means - _shift(clean, rig, noise, repeats), covariance)
     return replace(found, unpredicted=UNPREDICTED)

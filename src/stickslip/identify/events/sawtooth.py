@@ -16,20 +16,20 @@ from .slips import SlipEvents, slips_of
 from .vibration import vibration_of
 
 POSITION = "end_effector_position"
-# Of the slow part of a period: what is used to tell the position just before a slip, and after one.
+# Parts of the slow motion in a period that show the position just before a slip, and after one.
 BEFORE, AFTER = (0.65, 0.97), (0.25, 0.6)
-# Of a period, after a slip: what the spectrum is of.
+# Part of a period after a slip that is in the spectrum.
 SPECTRUM = 0.25
 
 Array = NDArray[np.float64]
 
 
 def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: str = POSITION) -> xr.Dataset:
-    """Steps, scatter, drift, asymmetry and residual vibration of walks under a sawtooth.
+    """Return steps, scatter, drift, asymmetry and residual vibration of walks under a sawtooth.
 
-    Everything is found from the data: the slips by the jumps of drive_voltage and the delay behind them, or
-    without that channel by the position alone. The position just before a slip (the peak) and after it is
-    that of a line through part of the slow motion, extrapolated to the slip.
+    Everything comes from the data: the slips from the jumps of drive_voltage and the delay after them, or
+    without that channel from the position alone. The position just before a slip (the peak) and after it is
+    extrapolated to the slip by a line through part of the slow motion.
 
     Args:
         recording: with end_effector_position [m], and drive_voltage [V] if there is one.
@@ -85,7 +85,7 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
     return found
 
 
-# Of a position in m.
+# Units of the features for a position in m.
 SLIP_UNITS = {
     "peak": "m",
     "valley": "m",
@@ -128,7 +128,7 @@ def _mean(t: Array, x: Array, first: float, last: float) -> float:
 
 
 def _steps(t: Array, x: Array, slips: SlipEvents) -> dict[str, Any]:
-    """Peak, valley and steps of each slip."""
+    """Return peak, valley and steps of each slip."""
     p = slips.period
     ends = np.append(slips.time[1:], t[-1])
     peak = np.array([_line(t, x, s - (1 - BEFORE[0]) * p, s - (1 - BEFORE[1]) * p, s) for s in slips.time])
@@ -159,7 +159,7 @@ def _walk(t: Array, x: Array, slips: SlipEvents, steps: dict[str, Array], number
     along = -float(slips.sign[own][0])
     places = np.concatenate([[0], np.cumsum(np.maximum(1, np.round(np.diff(time) / p)))])
     before = _mean(t, x, time[0] - 1.5 * p, time[0] - 1.05 * p)
-    # A forward sawtooth rises before it falls; a reverse one begins with a jump.
+    # A forward sawtooth rises before it falls; a reverse one starts with a jump.
     down = float(np.nanmedian(steps["down_step"][own]))
     slip_first = not along * (peak[0] - before) > 0.5 * down
     start = time[0] if slip_first else time[0] - p

@@ -18,7 +18,7 @@ JUMP = 0.3
 APART = 4.5
 # A slip of the position stands this far above the noise of what looks for it.
 ABOVE_NOISE = 5.0
-# Of a period, how irregular slips may come.
+# Largest irregularity of slips, relative to a period.
 IRREGULAR = 0.25
 
 Array = NDArray[np.float64]
@@ -74,9 +74,9 @@ def _edges(x: Array, half: int) -> Array:
 
 
 def _delay(t: Array, x: Array, jumps: Array, sign: NDArray[np.int64], period: float) -> tuple[float, int]:
-    """How late the slips come [s], and whether they go with the jumps (+1) or against them (-1).
+    """Return the delay of the slips [s], and +1 if they follow the jumps or -1 if they oppose them.
 
-    The edges of the position, added up over all jumps, are greatest then; a parabola tells between samples.
+    The sum of the position's edges over all jumps is then largest; a parabola interpolates between samples.
     """
     interval = float(np.median(np.diff(t)))
     half = max(3, min(int(0.05 * period / interval), 40))
@@ -105,14 +105,14 @@ def _in_position(t: Array, x: Array, where: str) -> tuple[Array, NDArray[np.int6
         half = int(1.5 * half) + 1
     clearness, peaks, sign = best
     if clearness < ABOVE_NOISE * peaks.size or not peaks.size:
-        raise RecordingError(f"no slips stand out of the noise in the position of {where}")
+        raise RecordingError(f"no slips exceed the noise in the position of {where}")
     period = float(np.median(np.diff(t[peaks])))
     refuse_coarse(t, period, where)
     return t[peaks], sign, period
 
 
 def _stand_out(x: Array, half: int) -> tuple[float, NDArray[np.int64], NDArray[np.int64]]:
-    """How clearly (summed), where and how edges stand out; 0 where they do not come regularly."""
+    """Return the significance (sum), places and signs of edges; 0 if they are not regular."""
     edges = _edges(x, half)
     slow = edges - median_filter(edges, 8 * half + 1, mode="nearest")
     size = np.abs(slow)

@@ -13,15 +13,15 @@ from scipy.optimize import least_squares
 
 from .slips import SlipEvents
 
-# Of a period, after a slip: where the ring is looked for. A fast one decays soon; a slow one needs time for
-# its cycles; and the body may slide at first. The first window that shows a ring is taken.
+# Parts of a period after a slip that are searched for a ring. A fast one decays soon; a slow one needs time
+# for its cycles; and the body may slide at first. The first window that shows a ring is taken.
 BEGINS, LENGTHS, END = (0.0, 0.1, 0.2, 0.35), (0.25, 0.5, 1.0), 0.95
 NAMES = ("vibration_amplitude", "vibration_frequency", "vibration_decay", "vibration_start")
 # Fewer cycles in a window are no ring: a trend or a slide can look so.
 CYCLES = 3.0
 # A vibration this many times its standard error is one.
 SIGNIFICANT = 4.0
-# It explains this share of the variance, or leaves no more than so many times the variance of the noise.
+# Smallest share of the variance that a ring explains, or largest remaining variance relative to the noise.
 EXPLAINED, NOISE_LEFT = 0.9, 1.3
 # A ring decays slower than this part of its angular frequency: else it has hardly a cycle.
 DAMPED = 0.4
@@ -34,8 +34,11 @@ Array = NDArray[np.float64]
 
 
 class VibrationWindow(NamedTuple):
-    """What follows the slips in a part of the period, without trend: time [n] from its beginning [s], the
-    mean over the slips [n], the standard deviation of that mean's samples, and the trend's basis [n, 3]."""
+    """Mean motion after the slips in a part of the period, without trend.
+
+    Time [n] from its start [s], the mean over the slips [n], the standard deviation of the mean's samples,
+    and the trend's basis [n, 3].
+    """
 
     time: NDArray[np.floating]
     mean: NDArray[np.floating]
@@ -43,7 +46,7 @@ class VibrationWindow(NamedTuple):
     trend: NDArray[np.floating]
 
     def without_trend(self, of: Array) -> Array:
-        """What a slow trend does not explain of values [n, ...]."""
+        """Return values [n, ...] without a slow trend."""
         return of - self.trend @ (self.trend.T @ of)
 
     def basis(self, q: Array) -> Array:
@@ -53,7 +56,7 @@ class VibrationWindow(NamedTuple):
         return self.without_trend(np.stack([decay * np.cos(phase), decay * np.sin(phase)], axis=1))
 
     def left(self, q: Array) -> Array:
-        """What the best ring of that frequency and decay does not explain, [n]."""
+        """Return the residual of the best ring with that frequency and decay, [n]."""
         b = self.basis(q)
         return self.mean - b @ np.linalg.lstsq(b, self.mean, rcond=None)[0]
 
@@ -68,7 +71,7 @@ def vibration_of(t: Array, x: Array, slips: SlipEvents) -> dict[str, float]:
         found = window and _ring(window, interval)
         if found:
             amplitude, frequency, decay = found
-            # What is still there at the next slip is kept up by sliding: its decay is no damping.
+            # A ring that lasts until the next slip is sustained by sliding: its decay is not damping.
             decay = decay if decay * slips.period > DECAYED else math.nan
             start = begin * slips.period + 2.0 * interval
             return dict(zip(NAMES, (amplitude, frequency, decay, start), strict=True))
@@ -113,7 +116,7 @@ def _ring(window: VibrationWindow, interval: float) -> tuple[float, float, float
     n, span, power = window.time.size, window.time[-1], float(window.mean @ window.mean)
     unexplained = [(float(np.sum(window.left(q) ** 2)), q) for q in _starts(window, interval)]
     starts = [q for _, q in sorted(unexplained, key=lambda one: one[0])]
-    # A significant ring has twice this power at its best, and more than half of that at a start.
+    # A significant ring has twice this power at its best, and more than half of it at a start.
     if not starts or power - min(one for one, _ in unexplained) < SIGNIFICANT**2 * window.noise**2:
         return None
     scale = math.sqrt(power / n)

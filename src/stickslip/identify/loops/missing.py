@@ -23,9 +23,10 @@ from ...estimate.score import ASKED, gain, step
 from ...quantities.units import turned, with_prefix
 from ..recorded.known_noise import more_than_white, white_noise
 
-# Of the range of the force: what the simplest law with presliding leaves of measured loops; more is a doubt.
+# Residual of the simplest presliding law on measured loops, relative to the range of the force; more is a
+# doubt.
 MEASURED = 0.05
-# Of the sum of squares: a term that explains more of it is what the law lacks.
+# Share of the sum of squares: a term that explains more is missing in the law.
 MOST = 0.5
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ class Slope(NamedTuple):
 
 
 def viscous_slope(recordings: Sequence[xr.Dataset], turns: bool) -> Slope:
-    """That of viscous friction, a force in proportion to the velocity."""
+    """Return the derivative by viscous friction, a force proportional to the velocity."""
     velocity = [
         np.gradient(one["position"].values.astype(float), one["time"].values, edge_order=2)
         for one in recordings
@@ -55,7 +56,8 @@ def missing(fit: Fit, model: Any, viscous: Slope, others: Sequence[Slope]) -> tu
     the others only where they explain something beside it.
     """
     asked = [one for one in others if gain(fit, one.by) > ASKED]
-    # Freed it also moves the begin of the prediction, which an error of the first force would be taken for.
+    # Free, it also moves the start of the prediction, which would be mistaken for an error of the first
+    # force.
     if "sigma_2" in fit.values:
         return [_said(fit, one) for one in asked], []
     share = _explained(fit, viscous)

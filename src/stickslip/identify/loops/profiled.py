@@ -118,13 +118,13 @@ def _fixed(
 
 
 def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float = 1.0) -> Fit:
-    """The fit whose intervals hold those that the noise does not reject.
+    """Return the fit with intervals that contain all points that the noise does not reject.
 
     Args:
-        fit: of all parameters.
+        fit: fit of all parameters.
         points: fits with the named value fixed.
-        name: of that value.
-        less: by which an excess of chi-squared counts less.
+        name: name of that value.
+        less: factor that reduces an excess of chi-squared.
     """
     if not points:
         return fit
@@ -137,7 +137,7 @@ def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float 
     else:  # a ladder ends where two rungs are rejected; where the last one fits, those beyond it do
         ends = min(tried := [one.values[name] for one in (fit, *points)]), max(tried)
     for one in points:
-        # Where it is fixed, the fit has no prior of it.
+        # With the value fixed, the fit has no prior of it.
         value = one.values[name]
         cost = one.cost + p.prior_cost(p.coordinate(value))
         excess = max(cost - fit.cost, 0.0) / variance / less if variance > 0.0 else 0.0

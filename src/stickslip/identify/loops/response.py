@@ -30,11 +30,11 @@ CHANNEL = {
     "drift": "1/s",
     "load_exponent": "",
 }
-# Of the reference, below which a normal force carries nothing: the contact begins relaxed.
+# Smallest normal force that carries friction, relative to the reference; below it the contact starts relaxed.
 UNLOADED = 0.02
 # Deviations of a position's noise, within which it has not moved.
 SAME = 4.0
-# Of the stroke: a tolerance that is greater bends short strokes by more than the noise.
+# Largest tolerance relative to the stroke; a larger one bends short strokes by more than the noise.
 FINEST = 1e-6
 # Largest error of the law's force in a step, over the range of the recorded force. A stiff contact slips
 # after less than the tolerance: its force would be the error of the simulation, with a minimum anywhere.
@@ -42,7 +42,8 @@ FORCE_ERROR = 1e-6
 
 
 class LoopPrediction(NamedTuple):
-    """What the force channel shows by a law with values; settings as for `identify_loops`, `origin` [s]."""
+    """Prediction of the force channel by a law with values; settings as for `identify_loops`, `origin`
+    [s]."""
 
     law: Any
     values: Values
@@ -113,7 +114,7 @@ def _within(law: Any, error: float, tolerance: float) -> float:
 
 
 def at_rest(position: NDArray[np.float64]) -> int:
-    """How many samples there are before the motion: while the position is within its noise of the first."""
+    """Return the number of samples before the motion, while the position is within its noise of the first."""
     gone = np.abs(position - position[0]) > SAME * noise_level(position)
     return int(np.argmax(gone)) if np.any(gone) else position.size
 

@@ -22,7 +22,7 @@ from ..recorded.channels import FEWEST_SAMPLES
 
 Array = NDArray[np.float64]
 
-# Of what the fit leaves, root mean square: where sampling may make so much, it is said.
+# Share of the rms residual that sampling may cause before it is reported.
 MUCH = 0.5
 # Parts of an interval in which the velocity changes by more than this share of itself.
 PIECES, CHANGES = 8, 0.2
@@ -65,7 +65,7 @@ def with_sampling(
         error = np.zeros(size)
         if size >= 2 * FEWEST_SAMPLES:
             shown = response(recording)
-            # A sample right after a turn is in one of the halves; both begin with the first sample.
+            # A sample right after a reversal is in one of the halves; both start with the first sample.
             for half in (np.arange(0, size, 2), np.append(0, np.arange(1, size, 2))):
                 error[half] = (shown[half] - response(recording.isel(time=half))) / 3.0
         errors.append(error)

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from ...estimate.parameter import REACH, Parameter, Values
 
-# Of the stroke, over which a contact may yield: from what the sampling hardly shows to all of it.
+# Yield distances of a contact relative to the stroke: from hardly sampled to the whole stroke.
 YIELDS = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
 
-# Of the largest speed, at which friction may have fallen; and stiction over Coulomb friction to begin at.
+# Stribeck velocities relative to the largest speed; initial stiction over Coulomb friction.
 FALLS, RATIO = (0.003, 0.01, 0.03, 0.1, 0.3), 1.2
 
 Array = NDArray[np.float64]
@@ -25,17 +25,17 @@ def loop_starts(
     measured: Sequence[Array],
     given: Container[str],
 ) -> tuple[list[Parameter], list[Values]]:
-    """The parameters, within bounds that hold what the loops may be, and points to begin at besides.
+    """Return the parameters within bounds for the loops, and further initial guesses.
 
-    Half the range of the force is its Coulomb friction. What the contact yields over is some share of the
+    Half the range of the force is its Coulomb friction. The contact yields over some share of the
     stroke: a stiffness for each of `YIELDS`. Of a law of several elements all stiffnesses, or strengths, keep
     their ratios.
 
     Args:
-        parameters: as the user starts them.
+        parameters: parameters with the user's initial guess.
         recordings: with position [m].
         measured: the force of each, N.
-        given: names whose bounds are the user's.
+        given: names with the user's bounds.
     """
     force = 0.5 * max(float(np.ptp(x)) for x in measured)
     stroke = max(float(np.ptp(r["position"].values)) for r in recordings)
