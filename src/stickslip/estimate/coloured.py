@@ -1,10 +1,10 @@
 r"""Autocorrelated noise: least squares stays right, its uncertainty does not.
 
 Noise of a filtered, drifting sensor is an autoregressive part and a random walk. The estimate by least
-squares is unbiased under both; its covariance is the sandwich :math:`(J^TJ)^{-1} J^T \Sigma J (J^TJ)^{-1}`
-with the covariance :math:`\Sigma` of a model of the noise, whose few numbers come from the residuals.
-Weighting by :math:`\Sigma^{-1}` would gain little and trust the model at frequencies where the filter leaves
-no noise.
+squares is unbiased under both; its covariance is the sandwich
+:math:`(J^TJ)^{-1} J^T \Sigma J (J^TJ)^{-1}` with the covariance :math:`\Sigma` of a model of the noise, whose
+few numbers come from the residuals. Weighting by :math:`\Sigma^{-1}` would gain little and trust the model at
+frequencies where the filter leaves no noise.
 """
 
 from __future__ import annotations

@@ -79,8 +79,8 @@ def register(
 
     Args:
         law_type: the record, a ``typing.NamedTuple``.
-        rate: ``rate(law, v, z) -> (F, ż)``, a plain function; none for a composed law, whose elements have
-            it.
+        rate: ``rate(law, v, z) -> (F, ż)``, a plain function; none for a composed
+            law, whose elements have it.
         breakaway: ``breakaway(law) -> N``, for a static law only.
         elements: ``elements(law) -> int``, for a composed law only, with `element`.
         element: ``element(law, i) -> record`` of the i-th element, itself registered.

@@ -11,8 +11,8 @@ not, the contact has lifted off and the motion is not followed.
 
 A contact can press harder in one direction of its force (a tilted guide, a preload that the friction itself
 changes). With the asymmetry a it has n (1 + a) where its force is positive and n (1 - a) where it is
-negative: F + a |F| instead of F. The force stays continuous. For a law without bristles the same is a
-constant external force of a F_C.
+negative: F + a |F| instead of F. The force stays continuous.
+For a law without bristles the same is a constant external force of a F_C.
 
 A contact of stiffness :math:`\sigma_0 n^q` and friction F_C n: q = 1 of many asperities [persson2007], q =
 1/3 of smooth balls [mindlin1949]. What is newly loaded carries no tangential force; what is unloaded loses

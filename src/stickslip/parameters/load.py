@@ -2,7 +2,11 @@
 
 A file has ``title``, ``citations`` (keys of references.bib), ``kind`` and one table per value::
 
-    [gain] value = 0.1057 unit = "um/V" symbol = "C" source = "eq. 5.10"
+    [gain]
+    value = 0.1057
+    unit = "um/V"
+    symbol = "C"
+    source = "eq. 5.10"
 
 A value that the source does not print has ``assumed = true`` and a ``reason``. ``[friction]`` names its law,
 ``law = "LuGre"``, or one in a file of the user's own beside it, ``law = "my_law.py:MyLaw"``, and has

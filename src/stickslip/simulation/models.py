@@ -32,8 +32,8 @@ class Mechanism(NamedTuple):
 
     .. math::
 
-       \ddot y   &= b\,u(t) + a_s - c\,\dot y - k\,y - r F \\ \ddot x_e &= b_e\,u(t) + a_e - c_e\,\dot x_e -
-       k_e\,x_e + \mu F, \qquad v = \dot y - \dot x_e
+       \ddot y   &= b\,u(t) + a_s - c\,\dot y - k\,y - r F \\
+       \ddot x_e &= b_e\,u(t) + a_e - c_e\,\dot x_e - k_e\,x_e + \mu F, \qquad v = \dot y - \dot x_e
 
     With k = ωₙ², c = 2ζωₙ, b = Cωₙ², r = 1/m and μ = 1/m_e this is the thesis's model
     [kang2007, eq. 3.20-3.25]; r = 0 drops the reaction of the friction on the stage as the thesis does in

@@ -7,8 +7,8 @@ contact, a spring and a damper between the masses, is neither undamped nor rigid
 
 .. math::
 
-    F_C < m A \omega_n^2, \qquad F_C / \sigma_0 < A, \qquad \zeta_c = \frac{\sigma_1}{2 \sqrt{\sigma_0 m}}
-    \sim 10^{-2} \ldots 10^{0}
+    F_C < m A \omega_n^2, \qquad F_C / \sigma_0 < A, \qquad
+    \zeta_c = \frac{\sigma_1}{2 \sqrt{\sigma_0 m}} \sim 10^{-2} \ldots 10^{0}
 
 So three decades of force and of deflection hold the truth, wherever the user starts. They are filled with
 points, with a damping in the middle, which shows least; the first periods of a recording choose among them.

@@ -2,8 +2,13 @@
 
 A file names the rig, the actuator on it, the input that shows the position, and the target::
 
-    title: A millimetre, then nanometres actuator: {set: kang2007} position: {input: interferometer} limits:
-    {max_voltage: 100 V} target: 1 mm within: 10 nm hold: 1 s
+    title: A millimetre, then nanometres
+    actuator: {set: kang2007}
+    position: {input: interferometer}
+    limits: {max_voltage: 100 V}
+    target: 1 mm
+    within: 10 nm
+    hold: 1 s
 """
 
 from __future__ import annotations

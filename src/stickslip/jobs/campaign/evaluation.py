@@ -52,13 +52,13 @@ class CampaignResult(NamedTuple):
 
     `gathered` are the recordings in the scale of the reference, walks less their drift; `scale` is None
     without a reference, `stage` and `formulas` (how far the thesis's formulas are off, see
-    `step_formula_errors`) without steps; `hysteresis` is that of the stage, None without recordings of it;
-    `start` is the actuator that the fit of the friction began with; `inherited` is what that fit takes over
-    from stage and scale, None without both or for a law without derivatives; `walks` are the recordings of
-    `verification`, in its order, and `features` what they show without a model; `chain` is what the
-    prediction takes between the model and the channel; `everything` are the fits to all walks, which say
-    whether one set of values explains them; `additional` is what was done on request; `priors`, what each did
-    to the fit of the friction.
+    `step_formula_errors`) without steps;
+    `hysteresis` is that of the stage, None without recordings of it; `start` is the actuator that the fit of
+    the friction began with; `inherited` is what that fit takes over from stage and scale, None without both
+    or for a law without derivatives; `walks` are the recordings of `verification`, in its order, and
+    `features` what they show without a model; `chain` is what the prediction takes between the model and the
+    channel; `everything` are the fits to all walks, which say whether one set of values explains them;
+    `additional` is what was done on request; `priors`, what each did to the fit of the friction.
     """
 
     gathered: list[Aligned]

@@ -19,7 +19,8 @@ def read_npy(path: Path) -> FileContent:
     """The channels of a .npy file: an index along each axis but the longest, which is time.
 
     In a two-dimensional array the index of a column is that of the channel; in a higher one it is a tuple, in
-    the order of the axes: (0, 2, 1) is the channel ``array[:, 0, 2, 1]``.
+    the
+    order of the axes: (0, 2, 1) is the channel ``array[:, 0, 2, 1]``.
 
     Raises:
         RecordingError: the file is damaged, holds objects, or a single number.

@@ -2,9 +2,9 @@ r"""A system: linear modes of bodies, and elements that act on or between them.
 
 .. math::
 
-   \ddot q_m &= b_m u(t) + a_m - c_m \dot q_m - k_m q_m + \sum_e p_{em} f_e \\ s_e &= \sum_m \left( h_{em}
-   \dot q_m + g_{em} q_m \right) + d_e u + d'_e \dot u + \sum_{i<e} l_{ei} f_i \\ f_e &= N_e(t)\,F_e(s_e,
-   z_e), \qquad \dot z_e = \dot Z_e(s_e, z_e) - \frac{\max(\dot N_e, 0)}{N_e} z_e
+   \ddot q_m &= b_m u(t) + a_m - c_m \dot q_m - k_m q_m + \sum_e p_{em} f_e \\
+   s_e &= \sum_m \left( h_{em} \dot q_m + g_{em} q_m \right) + d_e u + d'_e \dot u + \sum_{i<e} l_{ei} f_i \\
+   f_e &= N_e(t)\,F_e(s_e, z_e), \qquad \dot z_e = \dot Z_e(s_e, z_e) - \frac{\max(\dot N_e, 0)}{N_e} z_e
 
 A body is one mode (a rigid slider: k = 0) or several, whose positions add up; a body that follows the drive
 has none, and enters an element through d' (its velocity). An element is a record with one ``rate(record, s,
@@ -18,9 +18,10 @@ A share that is None is a zero that costs nothing.
 
 The last term is what a changing normal force does to a contact: what is newly loaded carries no tangential
 force (F stays, z falls in proportion), what is unloaded loses its share in proportion (z stays)
-[mindlin1953]. It takes the stiffness as proportional to the normal force: rough surfaces of many asperities.
-A contact whose normal force changes along the stroke, N_e(t, x), or whose stiffness follows it with another
-power, has `along` (see `friction.normal_force`).
+[mindlin1953]. It takes the
+stiffness as proportional to the normal force: rough surfaces of many asperities. A contact whose normal force
+changes along the stroke, N_e(t, x), or whose stiffness follows it with another power, has `along` (see
+`friction.normal_force`).
 """
 
 from __future__ import annotations
