@@ -1,14 +1,14 @@
-"""Friction laws side by side, by what they do: section 3.2 of [kang2007], measured instead of argued.
+"""Comparison of friction laws by simulated experiments: section 3.2 of [kang2007].
 
-Each entry is the outcome of a small simulated experiment on the law as a black box, so a user's own law can
-stand in the table too:
+Each entry is the result of a small simulated experiment on the law as a black box, which also works for a
+user's own law:
 
 * tribometer, slow: presliding stiffness; the widest push that gives all its work back (elastic); the distance
   after which 99 % of the sliding force is reached;
 * tribometer, constant speeds: the Stribeck effect (how far the force falls with speed) and the viscous part;
 * tribometer, smooth strokes: a jump of the force is a difference of neighbouring samples that stays when they
   get closer;
-* a mass pulled slowly through a spring: stiction, the force at breakaway over that of sliding;
+* a mass pulled slowly through a spring: stiction, the force at breakaway over the sliding force;
 * the same mass under a load that swings below breakaway: drift per cycle;
 * the actuator: net step per period, and what eight periods cost the solver.
 """

@@ -41,7 +41,7 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
         before to the peak) and `down_step` (peak to valley), both [m], positive along the walk, NaN where
         there is none before. Over "walk": `direction`, `n_slips`, `missing` (periods without a slip), `start`
         [s], `bias` [m]; `up` and `down` [m], the thesis's a and b (a - b is the mean difference of peaks,
-        N a - (N-1) b the last peak; of a walk that begins with a jump, medians of up_step and down_step);
+        N a - (N-1) b the last peak; for a walk that starts with a jump, medians of up_step and down_step);
         `net_step` [m], the mean step of the process that made the walk, with its standard error
         `net_step_error`, which noise of the positions and scatter of the steps are in, and the degrees of
         freedom of Student's t for it, `net_step_freedom`; `scatter` [m] of the net steps, their `drift` [m

@@ -21,13 +21,13 @@ from .linear import Solution, solve
 
 # An edge: of the drive's range within one sample, and over its usual change.
 EDGE, UNUSUAL = 0.05, 8.0
-# Of an edge's height, what is left of it when it is over; how much longer than that it is looked at; and
-# samples of a window, at least and at most.
+# Share of an edge's height at which it is over; length of the examined time relative to that; and
+# smallest and largest number of samples in a window.
 OVER, LONGER, FEWEST, MOST = 0.05, 1.5, 8, 400
-# Of the samples until the next edge, those of a window at most: the others show the hysteresis.
+# Largest share of the samples until the next edge in a window; the others show the hysteresis.
 AFTER = 0.5
 EDGES = 40  # that are looked at, evenly chosen
-# Where the search begins: delays in samples, lags over the length of the windows.
+# Initial guesses of the search: delays in samples, lags relative to the length of the windows.
 DELAYS, LAGS = (0.2, 0.8, 1.4, 2.2), (0.1, 0.2, 0.4)
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ class Edges(NamedTuple):
 
     @property
     def number(self) -> int:
-        """Of all windows."""
+        """Number of samples in all windows."""
         return sum(map(len, self.windows))
 
 
@@ -114,7 +114,7 @@ def lateness(
     step = float(np.median(np.diff(observed[0].time)))
     lengths = [end - first for windows in edges.windows for first, end in windows]
     lasts = float(np.median(lengths)) * step
-    # every sample within which an edge falls is a valley of its own
+    # every sample that may contain an edge is a local minimum of its own
     starts = [np.array([d * step, share * lasts]) for d in DELAYS for share in LAGS]
     start = min(starts, key=square) if near is None else np.array(near)
     simplex = start + np.array([[0.0, 0.0], [0.3 * step, 0.0], [0.0, 0.3 * start[1]]])
@@ -136,7 +136,8 @@ def lateness(
 
 
 def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution, edges: Edges) -> Array:
-    """What is left after the edges, m, each window without its mean: creep from before is not the lag's."""
+    """Return the residuals after the edges, m, each window without its mean, because earlier creep is not
+    a lag."""
     left = []
     for of, y, windows in zip(parts, positions, edges.windows, strict=True):
         shown = found.position(of)
@@ -147,7 +148,7 @@ def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution,
 
 
 def _spread(misfit: Callable[[Array], Array], best: Array, step: float) -> DelayAndLag:
-    """Standard errors of both, linearised; NaN where they cannot be told."""
+    """Return the linearised standard errors of both; NaN if they cannot be determined."""
     h, r = 0.05 * step, misfit(best)
     ends = [(np.maximum(best - d, 0.0), best + d) for d in h * np.eye(2)]  # neither is negative
     slopes = np.column_stack([(misfit(b) - misfit(a)) / float(np.sum(b - a)) for a, b in ends])

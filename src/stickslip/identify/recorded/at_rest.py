@@ -33,10 +33,10 @@ class AtRest(NamedTuple):
 
 
 def noise_at_rest(recording: xr.Dataset, channel: str) -> AtRest:
-    """Of a channel.
+    """Return the noise of a channel at rest.
 
     Raises:
-        QuantityError: it is not there, has too few samples, or shows no noise.
+        QuantityError: the channel is missing, has too few samples, or shows no noise.
     """
     if channel not in recording or recording.sizes.get("time", 0) < FEWEST:
         raise QuantityError(f"noise: a recording at rest has at least {FEWEST} samples of {channel}")

@@ -15,7 +15,7 @@ from ...waveform.signal import Waveform
 from .levels import converter_step
 
 FEWEST_SAMPLES = 10
-# As many samples in a row that are exactly the greatest or the least are no chance.
+# Number of equal extreme samples in a row that cannot be chance.
 FEWEST_CLIPPED = 5
 # A channel that stands at its greatest level passed so many levels in as long a time before: a smooth turn
 # comes from nine, from up to twelve with noise, a sawtooth's from one or two.
@@ -25,16 +25,16 @@ FEWEST_LEVELS = 12.5
 BEFORE = 4
 # Steps of a channel that the drive passes unseen where it turns: two, as a piezo is half as steep after that.
 HIDDEN = 3.0
-# Of a drive's range, a change within one sample that is an edge.
+# Smallest change within one sample that is an edge, relative to the drive's range.
 EDGE = 0.05
 
 
 def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Dataset]:
-    """One recording, or several, as a list.
+    """Return one or several recordings as a list.
 
     Raises:
-        RecordingError: there is none, one of them is no recording, or the scale of a channel has an
-            uncertainty that is no number from 0 to 1.
+        RecordingError: the list is empty, an item is not a recording, or the scale of a channel has an
+            uncertainty that is not a number from 0 to 1.
     """
     if hasattr(recordings, "columns"):  # of pandas, which would be a list of names
         raise RecordingError(f"a {type(recordings).__name__} is no recording: make_recording makes one")
@@ -71,7 +71,7 @@ def _refuse_twice(recordings: Sequence[xr.Dataset]) -> None:
 
 
 def names_of(recordings: Sequence[xr.Dataset]) -> list[str]:
-    """What to call each: its title where that is one of its own, else its number."""
+    """Return the name of each recording: its title if unique, else its number."""
     titles = [str(r.attrs.get("title", "")) for r in recordings]
     if all(titles) and len(set(titles)) == len(titles):
         return titles
@@ -131,7 +131,7 @@ def same_number(items: Sequence[Any] | None, recordings: Sequence[xr.Dataset], w
 def drives_of(
     drive: Waveform | Sequence[Waveform | None] | None, recordings: Sequence[xr.Dataset]
 ) -> list[Waveform | None]:
-    """The waveform of each recording; one stands for all."""
+    """Return the waveform of each recording; a single one is for all."""
     # A waveform is a tuple too, so it is known by its method.
     given: Any = [drive] * len(recordings) if hasattr(drive, "drive") else drive
     return same_number(given, recordings, "drives")
@@ -161,12 +161,13 @@ def refuse_clipped(
     step: float = 0.0,
     rests: bool = False,
 ) -> None:
-    """Raise `RecordingError` if a channel stands at its greatest or least value as a saturated one does.
+    """Raise `RecordingError` if a channel stays at its largest or smallest value like a saturated one.
 
-    That is: it comes to it in full motion and stays there exactly, for `FEWEST_CLIPPED` samples, and longer
-    than it takes to turn where a converter's levels are coarse; and where it follows a `drive` [n], that
-    moves meanwhile, by more than what the `step` between the channel's levels hides. What `rests` at its
-    ends, as the force of a contact that slips, is clipped if it has noise elsewhere, however it comes there.
+    A saturated channel reaches the value in full motion and stays there exactly, for `FEWEST_CLIPPED`
+    samples and longer than it takes to turn where a converter's levels are coarse; and where it follows a
+    `drive` [n], that moves meanwhile, by more than what the `step` between the channel's levels hides. What
+    `rests` at its ends, as the force of a contact that slips, is clipped if it has noise elsewhere, however
+    it comes there.
     """
     meaning = STANDARD_NAMES.get(name)
     unit = f" [{meaning.unit}]" if meaning else ""
@@ -199,15 +200,17 @@ def refuse_clipped(
 
 
 def _settles(away: NDArray[np.float64]) -> bool:
-    """Whether a channel, so many levels away from an end before it comes there, comes to rest at it."""
+    """Return whether a channel comes to rest at an end, given its distance in levels before."""
     further = np.flatnonzero(away > 1.5)
     last = away.size - 1 - int(further[-1]) if further.size else away.size
     return last > 1 and bool(away[max(away.size - BEFORE * last, 0)] > 2.0 * BEFORE)
 
 
 def _noisy(values: NDArray[np.float64]) -> bool:
-    """Whether a channel has noise above the steps of its converter, where it is not at its ends: fourth
-    differences of noise turn from one to the next, and those of what is smooth do not."""
+    """Return whether a channel has noise above its converter steps, except at its ends.
+
+    Fourth differences of noise alternate in sign; those of a smooth signal do not.
+    """
     ends = (values == values.max()) | (values == values.min())
     runs = np.split(values, np.flatnonzero(np.diff(ends)) + 1)
     turns = [change[1:] * change[:-1] for change in (np.diff(run, 4) for run in runs if run.size > 5)]

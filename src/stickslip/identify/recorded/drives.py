@@ -1,4 +1,4 @@
-"""The drive as it is at the piezo: when it begins in a recording, how fast its jumps are, what repeats."""
+"""Drive at the piezo: its start in a recording, the speed of its jumps, and its periods."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ from ...waveform.signal import Waveform, value_at
 from ...waveform.slewed import Slewed
 from .channels import channel, drives_of
 
-# Of the range of the drive; the channel differs from the waveform by no more, on average, if it is of it.
+# Largest mean difference between the channel and its waveform, relative to the drive's range.
 ALIKE = 0.1
 # The same over the worst of its periods: late, slewed and noisy as the channel may be.
 STRETCH = 0.25
-# Of a period. A walk is told by the slope of its slow part and the levels before and behind its slip: lines
-# through a third and means over a tenth of a period (see `sawtooth`), three samples and one by then.
+# Shares of a period. A walk is recognised by the slope of its slow part and the levels before and after its
+# slip: lines through a third and means over a tenth of a period (see `sawtooth`), three samples and one by
+# then.
 FEWEST_PER_PERIOD = 10
 
 
@@ -33,13 +34,13 @@ def taken_drives(
 ) -> tuple[list[xr.Dataset], list[Waveform | None]]:
     """Return recordings with the waveform of each, in its time.
 
-    Where none is given, the recording's own is taken (see `taken_drive`), in time since the first sample;
-    None stands for the samples of drive_voltage.
+    By default the recording's own waveform is used (see `taken_drive`), in time since the first sample;
+    None means the samples of drive_voltage.
 
     Args:
-        recordings: of walks.
-        drive: the waveform of each, or one of all, where they are known.
-        slew_rate: V/s at which the amplifier follows the jumps of what is taken.
+        recordings: recordings of walks.
+        drive: waveform of each, or one for all, if known.
+        slew_rate: V/s at which the amplifier follows the jumps.
     """
     found, drives = list(recordings), drives_of(drive, recordings)
     for i, (recording, given) in enumerate(zip(found, drives, strict=True)):
@@ -51,8 +52,11 @@ def taken_drives(
 
 
 class SeenDrive(NamedTuple):
-    """What is known of the drive beside a prediction: `recording` in the time of the waveforms `whole` (the
-    drive) and `repeats` (whose periods are seen), and what was taken, if none was given."""
+    """Known drive of a prediction.
+
+    `recording` in the time of the waveforms `whole` (the drive) and `repeats` (with visible periods), and the
+    statement on the chosen drive, if none was given.
+    """
 
     recording: xr.Dataset
     whole: Any
@@ -72,9 +76,9 @@ class SeenDrive(NamedTuple):
 
 
 def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
-    """The instant [s] of a recording at which a drive begins, by its channel drive_voltage.
+    """Return the start [s] of a drive in a recording, by its channel drive_voltage.
 
-    Where they differ least: in the sum of squares by whole samples, then in the mean between them.
+    The difference is minimised: by squares for whole samples, then by the mean between them.
 
     Raises:
         RecordingError: the channel is missing, too short or constant, or it shows another drive.
@@ -83,11 +87,13 @@ def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
     since, table = t - t[0], drive.drive(float(t[-1] - t[0]))
     begin, differ = best_begin(since, u, drive)
     low, high = drive.range()
-    silence = float(np.mean(np.abs(u - table.before)))  # as if it began after the recording's end
+    silence = float(
+        np.mean(np.abs(u - table.before))
+    )  # difference if the drive started after the recording's end
     if differ > min(ALIKE * (high - low), 0.5 * silence):
         raise RecordingError(
             f"drive_voltage [V] of {where} is not the drive that the file names: they differ by "
-            f"{differ:.3g} V on average, wherever it begins"
+            f"{differ:.3g} V on average, for any start"
         )
     asked = since <= begin + drive.duration  # what comes later may be anything
     _refuse_stretch(
@@ -135,8 +141,10 @@ def warn_of_other_drive(recording: xr.Dataset, drive: Waveform | None, where: st
 def greatest_difference(
     time: NDArray[np.float64], u: NDArray[np.float64], wanted: NDArray[np.float64], drive: Waveform
 ) -> tuple[float, float]:
-    """By how many volts a channel differs from a drive, on average over the period (of what has none, a tenth
-    of it all) in which it does most; and the middle of that [s]."""
+    """Return the largest mean difference [V] between channel and drive over a period, and its centre [s].
+
+    Without periods, over a tenth of the recording.
+    """
     _, periodic = periodic_part(drive)
     whole = float(time[-1] - time[0]) or 1.0  # a single sample
     lasting = 0.1 * whole if periodic is None else float(periodic.period)
@@ -148,7 +156,7 @@ def greatest_difference(
 
 
 def periodic_part(drive: Any, begin: float = 0.0) -> tuple[float, Any]:
-    """When [s] the first part with a period begins, and that part; None where there is none."""
+    """Return the start [s] of the first part with a period, and that part or None."""
     if isinstance(drive, Slewed):
         return periodic_part(drive.source, begin)
     if not isinstance(drive, Sequence):

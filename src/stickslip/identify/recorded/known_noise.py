@@ -16,14 +16,15 @@ from ...waveform.signal import Waveform, value_at
 from .drives import periodic_part
 from .levels import converter_step
 
-# Of the samples after the drive's end, those that are not taken as at rest.
+# Share of the samples after the drive's end that do not count as rest.
 RINGS = 0.25
-# Of its range: a drive_voltage further from its first sample has begun.
+# Smallest change of a drive_voltage from its first sample that is a start, relative to its range.
 BEGUN = 0.02
 # m (rad), to which motions are simulated in fits and verifications: no less is a lack of the model.
 SIMULATED = 1e-10
 LEAST_STEP = math.sqrt(12.0) * SIMULATED
-# What a model leaves over the white noise of the samples, if that is all; over their range, if it is nothing.
+# Largest residual that is only noise, relative to the white noise of the samples; and that is negligible,
+# relative to their range.
 NOISY, NOTHING = 1.3, 1e-4
 
 Array = NDArray[np.float64]
@@ -72,7 +73,7 @@ def said_unjudged(
 
 
 def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) -> KnownNoise:
-    """Of a channel's values [n] under a drive in the recording's time; None: its channel drive_voltage."""
+    """Return the noise of a channel's values [n] under a drive; None: its channel drive_voltage."""
     time, step = recording["time"].values, resolution(values)
     interval = float(time[-1] - time[0]) / (time.size - 1)
     if drive is None:
@@ -98,11 +99,11 @@ def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) ->
 
 
 def _settled(samples: int) -> int:
-    """Of the samples after the drive has ended, those by which what it moved rings no longer."""
+    """Return the number of samples after the drive's end in which the vibration has decayed."""
     return samples - int(RINGS * samples)
 
 
 def first_change(drive: Array, share: float) -> int:
-    """How many samples come before a drive [n] leaves its first level by this share of its range."""
+    """Return the number of samples before a drive [n] leaves its first level by this share of its range."""
     moved = np.abs(drive - drive[0]) > share * np.ptp(drive)
     return int(np.argmax(moved)) if np.any(moved) else 0

@@ -1,4 +1,4 @@
-"""Levels that a converter's readings stand at."""
+"""Levels of a converter's readings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST_LEVELS, WHOLE = 0.25, 0.05
 
 
 def converter_step(values: Array) -> float:
-    """The step between the levels that the values [n] stand at, in their unit; 0 where they stand at none."""
+    """Return the step between the levels of values [n], in their unit; 0 without levels."""
     levels = np.unique(values)
     if levels.size < 2:
         return 0.0
