@@ -13,11 +13,11 @@ from ..gate.text import load_json
 from ..recording import RecordingError
 from ..recording.shown_drive import drive_begins
 
-TRIGGER, DRIVE = "trigger", "begin of the drive"  # what a clock may begin at, the better first
+TRIGGER, DRIVE = "trigger", "begin of the drive"  # possible zeros of a clock, the better first
 
 
 def differences(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """What is not the same in all rows of an index: name -> one value a row; None where it says nothing.
+    """Return what differs between rows of an index: name -> one value per row; None without a value.
 
     Settings are taken apart: ``variables.voltage``, ``capture.interval``.
     """
@@ -46,8 +46,11 @@ def _flat(content: Any, name: str = "") -> dict[str, Any]:
 
 
 class Zero(NamedTuple):
-    """Where the clock of a compared recording begins: at `time` [s] of its own, which is that of `event`; ""
-    for a recording that shows none, whose clock stays as it is."""
+    """Zero of the clock of a compared recording.
+
+    `time` [s] of its own clock at which `event` happened; "" for a recording without one, whose clock stays
+    as it is.
+    """
 
     time: float
     event: str
@@ -55,10 +58,10 @@ class Zero(NamedTuple):
 
 
 def common_zeros(recordings: Sequence[xr.Dataset]) -> list[Zero]:
-    """Where to begin the clock of each, so that what happened at one time is seen at one time.
+    """Return the zero of each clock, so that simultaneous events coincide.
 
-    All begin at the same event if they have one; which is that of the first that most of the others have too.
-    What is compared with the first is only what begins as it does: see `comparable`.
+    All start at the same event if they have one: that event of the first which most of the others have too.
+    Only recordings with that zero are compared with the first: see `comparable`.
     """
     known = [_events(one) for one in recordings]
 
@@ -74,12 +77,13 @@ def common_zeros(recordings: Sequence[xr.Dataset]) -> list[Zero]:
 
 
 def comparable(zeros: Sequence[Zero]) -> list[bool]:
-    """Of each, whether it begins as the first does: a difference between other clocks says nothing."""
+    """Return whether each recording has the same zero as the first; differences between other clocks mean
+    nothing."""
     return [zero.event != "" and zero.event == zeros[0].event for zero in zeros]
 
 
 def _events(recording: xr.Dataset) -> dict[str, float]:
-    """What a recording shows that a clock may begin at, and when [s], the better first."""
+    """Return the events that a clock may start at, and their times [s], the better first."""
     capture = _capture(recording)
     before, triggered = capture.get("pre_trigger", 0.0), bool(capture.get("trigger"))
     found = {TRIGGER: float(before)} if triggered else {}

@@ -99,7 +99,7 @@ def described_fit(path: Path) -> dict[str, Any]:
 
 
 def _mapping(folder: Path, name: str, most: int = MOST_RESULT_BYTES) -> dict[str, Any]:
-    """Return the content of a JSON file of a folder, of up to `most` bytes; empty if there is none."""
+    """Return the content of a JSON file of a folder, of up to `most` bytes; empty if it does not exist."""
     path = inside(folder, name)
     found = read_json(path, most) if path.is_file() else {}
     if not isinstance(found, dict):
@@ -108,8 +108,11 @@ def _mapping(folder: Path, name: str, most: int = MOST_RESULT_BYTES) -> dict[str
 
 
 def _outcome(phase: str, failures: Any) -> str:
-    """Of a fit or a verification: one that ended may still say that its model does not explain the data, or
-    that a requirement is not met. The word is that of the commands, which end with an error then."""
+    """Return the outcome of a fit or verification.
+
+    A finished one may still report that its model does not explain the data, or that a requirement is not
+    met. The word is the same as in the commands, which then end with an error.
+    """
     if phase not in ("done", "complete"):
         return phase
     said = "; ".join(map(str, failures)) if isinstance(failures, list) else ""
@@ -117,7 +120,7 @@ def _outcome(phase: str, failures: Any) -> str:
 
 
 def _brief(value: Any) -> Any:
-    """As it is, but of long lists their number and a checksum: a drive of samples stays in its file."""
+    """Return a value; for long lists only their length and a checksum."""
     if isinstance(value, dict):
         return {key: _brief(one) for key, one in value.items()}
     if isinstance(value, list) and len(value) > MOST_LISTED:

@@ -1,4 +1,4 @@
-"""The index: one table in SQLite beside the files, brought up to date with them whenever it is asked."""
+"""Index of a folder: one SQLite table beside the files, updated whenever it is read."""
 
 from __future__ import annotations
 
@@ -61,18 +61,18 @@ class Index:
             self._own.close()
 
     def rebuild(self) -> None:
-        """Forget what is known; the next question reads every file anew."""
+        """Delete the index; the next question reads every file again."""
         (self.folder / _FOLDER / "runs.sqlite").unlink(missing_ok=True)
 
     def rows(self, search: str = "", **equal: str) -> list[dict[str, Any]]:
         """Return the rows of all entries, the newest first.
 
         Args:
-            search: words that must all stand somewhere in the texts of a row, case does not matter.
-            equal: columns and the text that they must begin with: ``outcome="stopped"``.
+            search: words that must all occur in the texts of a row, in any case.
+            equal: columns and the start of their text: ``outcome="stopped"``.
 
         Raises:
-            ValueError: there is no such column.
+            ValueError: a column is unknown.
         """
         for column in equal:
             if column not in COLUMNS:
@@ -106,7 +106,7 @@ class Index:
                     "instr(lower(" + " || ' ' || ".join(f"coalesce({c}, '')" for c in TEXTS) + "), ?)"
                 )
                 given.append(storable_text(word.lower()))
-            # When a run began; of somebody's own file, when it was changed last.
+            # Start of a run; for somebody's own file, its last change.
             made = "coalesce(CAST(strftime('%s', nullif(begun, '')) AS REAL), changed)"
             chosen = (
                 f"SELECT * FROM runs WHERE {' AND '.join(where)} ORDER BY {made} DESC, changed DESC, name"

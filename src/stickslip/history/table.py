@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def runs(folder: str | os.PathLike[str], search: str = "", **equal: str) -> pd.DataFrame:
-    """The recordings and fits of a folder and of those in it, the newest first, as a table of pandas.
+    """Return the recordings and fits of a folder and its subfolders, the newest first, as a pandas table.
 
     Columns: name (the path in the folder), kind (recording or fit), changed (time), bytes, begun, title,
     notes, tags, operator, rig, parameter_set, outcome ("complete", why it was stopped, or, of a fit, what is
@@ -23,13 +23,13 @@ def runs(folder: str | os.PathLike[str], search: str = "", **equal: str) -> pd.D
     be deleted at any time.
 
     Args:
-        folder: the lab's.
-        search: words that must all stand somewhere in a row.
-        equal: columns and the text that they must begin with: ``outcome="stopped"``, ``operator="Kang"``.
+        folder: folder of the laboratory.
+        search: words that must all occur in a row.
+        equal: columns and the start of their text: ``outcome="stopped"``, ``operator="Kang"``.
 
     Raises:
-        OSError: there is no such folder.
-        ValueError: there is no such column.
+        OSError: the folder does not exist.
+        ValueError: a column is unknown.
     """
     import pandas as pd
 

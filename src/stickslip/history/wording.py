@@ -22,10 +22,10 @@ _UNITS = {"seconds": "s"} | {
 
 
 def worded(found: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """What `differences` found in rows of the index, to be shown.
+    """Return the differences found in rows of the index, in words.
 
     Returns:
-        for each: what it is in words, the values, one a row, and their units (SI; "" where there is none).
+        for each difference: its name in words, the values, one per row, and their units (SI; "" without one).
     """
     flat = flat_rows(rows)
     shown = []

@@ -38,7 +38,7 @@ BESIDE = 5
 SURELY = 5.0
 # In intervals: how far noise may move a point out of its interval, and what is no distance at all.
 MARGIN, TOUCHING = 0.05, 1e-6
-# Of the range: what a line may miss, a converter's steps; and how many samples it must join to be one.
+# Largest error of a line, relative to the range, beside converter steps; and fewest samples of a line.
 STRAIGHT, FEWEST_STRAIGHT = 3e-3, 20
 
 TIMED = "as jumps at the instants to which the slopes beside them point"
@@ -67,10 +67,11 @@ class RecordedDrive:
 
     @property
     def period(self) -> None:
-        """None: it happens once."""
+        """Period: None, because a recording does not repeat."""
 
     def range(self) -> tuple[float, float]:
-        """Of the samples: what was measured is checked against an actuator's limits, not what is inferred."""
+        """Return the range of the samples, because measured values are checked against limits, not
+        interpolated ones."""
         return self.least, self.greatest
 
     def drive(self, duration: float) -> Drive:
@@ -102,7 +103,7 @@ class StraightLine(NamedTuple):
 
 
 def recorded_drive(recording: xr.Dataset, where: str, slew_rate: float | None = None) -> RecordedDrive:
-    """The drive_voltage [V] of a recording as a waveform, timed from its first sample.
+    """Return the drive_voltage [V] of a recording as a waveform, timed from its first sample.
 
     A cubic spline through the samples, broken at jumps and kinks. What changes within one interval is a jump:
     at the instant at which the line on one side of it is at the level at rest (that of the first sample), or
@@ -113,8 +114,8 @@ def recorded_drive(recording: xr.Dataset, where: str, slew_rate: float | None = 
 
     Args:
         recording: with drive_voltage.
-        where: what to call it in messages.
-        slew_rate: V/s at which the amplifier follows a jump; left out, at once.
+        where: name of the recording in messages.
+        slew_rate: V/s at which the amplifier follows a jump; by default instantaneous.
 
     Raises:
         RecordingError: the channel is missing, too short or not finite.
@@ -170,7 +171,7 @@ def drive_over(
 
 
 def _usual(changes: Array) -> Array:
-    """What is usual on either side: the greater of the medians to the left and to the right."""
+    """Return the usual size: the larger of the medians to the left and to the right."""
     sides = (AROUND // 2, -(AROUND // 2))
     return np.max([median_filter(changes, AROUND, mode="nearest", origin=side) for side in sides], axis=0)
 

@@ -27,8 +27,7 @@ def moved_by(
     drives: Sequence[Waveform | None],
     slew_rate: float | None,
 ) -> Array:
-    """What each stage, with its mode, gain and piezo, makes of the positions, less what the fit's own does:
-    [samples of all recordings, stages], m."""
+    """Return the change of the positions with each other stage (mode, gain, piezo), [samples, stages], m."""
     delay, names = fit.values.get("delay", 0.0), names_of(recordings)
 
     def positions(model: Actuator) -> Array:

@@ -34,13 +34,13 @@ GONE, FEWEST = 3.0, 4.0
 # Searches stand half a minimum apart, up to so many on each side and to this logarithm of the stiffness, and
 # take few evaluations; anew where one led lower, at most so often.
 RUNGS, REACH, LOOK, CLIMBS = 12, 0.5, 5, 4
-# Of what they found, so many are searched to their ends.
+# Number of results, from the lowest, that are searched to their ends.
 FOLLOWED = 2
 STIFFNESS = ("N/m", turned("N/m"))
 
 
 def cycles(model: Actuator, stiffness: float, motions: Sequence[Displacement]) -> float:
-    """How often the contact rings from jump to jump of the drive; 0 where it rings down before, or never."""
+    """Return the number of vibrations of the contact between jumps of the drive; 0 if they decay before."""
     gaps = []
     for motion in motions:
         jumps = np.flatnonzero(np.diff(edges(evaluate(motion.drive, motion.time)[0]).astype(int)) == 1)
@@ -95,6 +95,6 @@ def _looks(fit: Fit, walks: Walks, stiffnesses: Sequence[str], n: float) -> list
 
 
 def _far(one: Fit, other: Fit, stiffnesses: Sequence[str], least: float) -> bool:
-    """Whether two stiffnesses differ by more than this [logarithm]."""
+    """Return whether two stiffnesses differ by more than this [logarithm]."""
     sums = [sum(fit.values[name] for name in stiffnesses) for fit in (one, other)]
     return abs(math.log(sums[0] / sums[1])) > least

@@ -20,7 +20,7 @@ from ..recorded.channels import channel, refuse_clipped, unit_of
 from ..recorded.drives import refuse_sampling
 
 OBSERVED = "end_effector_position"
-# Of the channel, not of the actuator.
+# Parameters of the channel, not of the actuator.
 CHANNEL = ("delay", "offset")
 # A delay is looked for within this share of the shortest recording.
 LONGEST_DELAY = 0.02

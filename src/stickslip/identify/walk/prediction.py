@@ -18,7 +18,7 @@ from ..recorded.known_noise import SIMULATED
 from .displacement import Displacement
 from .position_channel import OBSERVED
 
-# Of a simulation that stands beside a recording: far below any noise.
+# Tolerance of a simulation beside a recording: far below any noise.
 TOLERANCE = SIMULATED
 
 
