@@ -51,6 +51,11 @@ def running(client: httpx.Client) -> None:
             pass
 
 
+def acknowledge(client: httpx.Client) -> None:
+    """The fault of the last run."""
+    client.post("/interlock/acknowledge", json={"why": "it was meant"}).raise_for_status()
+
+
 def stop(client: httpx.Client) -> None:
     """An emergency stop by the stream, until the log says that the ramp began."""
     with streaming(client) as stream:
@@ -154,6 +159,10 @@ def test_end_stops_count_from_home_over_runs_and_restarts(tmp_path: Path) -> Non
             change(client, ["limits", "max_position"], "30 um").raise_for_status()
             for last in (["done", "failed"], ["failed", "failed"])[len(seen) // 2]:
                 seen.append(ran(client, "/bench/start", {"runs": ["forward"]}, last)["position"])
+                if last == "failed":
+                    refused = client.post("/bench/start", json={"runs": ["forward"]})
+                    assert "not acknowledged: the end-effector is at" in refused.text
+                    acknowledge(client)
             back = ran(client, "/bench/home", {})["position"] if len(seen) == 4 else None
     assert 15e-6 < seen[0] < 25e-6
     assert max(seen) < 34e-6, "a block beyond the stop, no more"
@@ -331,6 +340,8 @@ def test_a_panel_that_is_killed_or_frozen_leaves_no_voltage(tmp_path: Path) -> N
         panel = Panel(tmp_path)
         try:
             with connected(panel, ME) as client:
+                if sign == signal.SIGSTOP:
+                    acknowledge(client)  # the panel was killed
                 running(client)
                 time.sleep(0.3)
                 rig = json.loads((tmp_path / ".rig" / "rig.json").read_text())["pid"]

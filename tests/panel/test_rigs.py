@@ -119,6 +119,7 @@ def test_a_controller_is_chosen_and_recorded_from(client: httpx.Client, folder: 
         assert not now["rig"]["streams"]
         assert [one["name"] for one in now["content"]["runs"]] == ["forward"]
         assert {one["name"] for one in now["channels"]} == {"drive_voltage", "end_effector_position"}
+        client.post("/interlock/arm", json={"why": "a test"}).raise_for_status()
         ran(client, "/bench/start", {"runs": ["forward"]})
         recording = open_recording(folder / client.get("/recordings").json()[0]["name"])
         device = json.loads(recording.attrs["device"])

@@ -27,7 +27,7 @@ def prepare(folder: Path, **rig: object) -> None:
         "drive_voltage": {"input": "drive"},
         "end_effector_position": {"input": "encoder", "zero": True},
     }
-    content["limits"]["max_position"] = "200 mrad"
+    content["limits"] |= {"min_position": "-200 mrad", "max_position": "200 mrad"}
     content["panel"] = [
         {"kind": "display", "variables": ["end_effector_position", "position"], "width": 12},
         {

@@ -30,8 +30,9 @@ from stickslip.rig import (
 from stickslip.rig.devices import virtual_device
 from stickslip.rig.gate import PositionInput
 from stickslip.rig.home import Home
+from stickslip.rig.protocols import StopRequested
 from stickslip.rig.samples import recover
-from stickslip.rig.supervisor import Order, StopRequested, Supervisor
+from stickslip.rig.supervisor import Order, Supervisor
 from stickslip.rig.turns import ASKED, AT, WANTED
 from stickslip.waveform import Sine
 

@@ -20,9 +20,9 @@ from stickslip.rig.devices import virtual_device
 from stickslip.rig.home import Home
 from stickslip.rig.hosted import UNANSWERED
 from stickslip.rig.limits import Limits
-from stickslip.rig.protocols import RigWarning
+from stickslip.rig.protocols import RigWarning, StopRequested
 from stickslip.rig.stopping import StopState, follow_stop
-from stickslip.rig.supervisor import Order, StopRequested, Supervisor
+from stickslip.rig.supervisor import Order, Supervisor
 from stickslip.rig.wire import receive, send
 
 from rig.laboratory import ACTUATOR, BENCH  # isort: skip
@@ -67,7 +67,7 @@ def test_a_stop_ends_when_the_monitor_reads_no_voltage(link: Link) -> None:
     assert told[-1].state == "measured"
     assert abs(told[-1].measured or 0.0) < 1.0
     assert not any(one.alarm for one in told)
-    assert "a test: ramped to 0 V, the monitor reads" in (link.folder / "rig.log").read_text()
+    assert "a test: ramped to 0 V, the monitor reads" in (link.folder / "log.jsonl").read_text()
 
 
 def test_a_rig_that_is_frozen_is_told_of_until_it_answers(link: Link) -> None:

@@ -14,8 +14,8 @@ from stickslip.rig import Capabilities, LimitError, RigError, VirtualRig
 from stickslip.rig.gate import Gate, PositionInput
 from stickslip.rig.home import Home
 from stickslip.rig.limits import Limits, check_drive
-from stickslip.rig.protocols import ControllerSpec
-from stickslip.rig.supervisor import Order, StopRequested, Supervisor, state_of
+from stickslip.rig.protocols import ControllerSpec, StopRequested
+from stickslip.rig.supervisor import Order, Supervisor, state_of
 
 from rig.laboratory import ACTUATOR, BENCH  # isort: skip
 from rig.own_controllers import Ramping  # isort: skip

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from stickslip.rig import armed
+
 from .serving import drive
+
+
+@pytest.fixture(autouse=True)
+def _armed() -> Iterator[None]:
+    """Behind a twin no piezo is waiting: its rigs are armed for every test."""
+    with armed("a twin"):
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -93,6 +93,7 @@ def test_a_red_pitaya_stops_in_mid_run_and_tells_what_is_wrong(monkeypatch: pyte
         rig = RedPitayaRig("127.0.0.1", port=port, timeout="30 s", **BOARD)
         with pytest.raises(RigError, match="input 1 was beyond 1 V"):
             ss.rig.measure(rig, DRIVE, CHANNELS, CAPTURE, LIMITS)
+        ss.rig.interlock_of(rig).acknowledge("a test", "it was meant")
         monkeypatch.setattr(board, "_data", lambda channel, count: "{0.1,nonsense}")
         with pytest.raises(RigError, match=r"ACQ:SOUR2:DATA\? is answered by '\{0\.1,nonsense\}'"):
             ss.rig.measure(rig, DRIVE, CHANNELS, CAPTURE, LIMITS)

@@ -13,6 +13,7 @@ from . import data_sheet as data_sheet
 from . import export as export
 from . import history as history
 from . import inspection as inspection
+from . import interlock as interlock
 from . import laboratory as laboratory
 from . import panel as panel
 from . import study as study

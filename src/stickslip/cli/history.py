@@ -1,4 +1,4 @@
-"""The command on a lab's history."""
+"""The commands on a lab's history: runs, log."""
 
 from __future__ import annotations
 
@@ -67,6 +67,48 @@ def runs(
         for row in found:
             typer.echo(_line(row))
         typer.echo(f"{len(found)} in {folder}")
+
+
+@app.command()
+def log(
+    place: Annotated[
+        Path,
+        typer.Argument(
+            exists=True, metavar="FILE.yaml|FOLDER", help="An experiment file of a rig, or a panel's folder."
+        ),
+    ] = Path("out/panel"),
+    search: Annotated[str, typer.Option(help="Words that must all stand somewhere in a line.")] = "",
+    last: Annotated[int, typer.Option(help="Lines at most, the newest.", min=1)] = 100,
+    as_json: Annotated[bool, typer.Option("--json", help="Print all fields, as JSON.")] = False,
+    show_traceback: Traceback = False,
+) -> None:
+    """Show who did what to a rig, when, from where and why: the log of a rig, or of a panel and its rig."""
+    with only_reading(show_traceback):
+        from ..rig.experiment.laboratory import rigs_of
+        from ..rig.experiment.running import read_experiment
+        from ..rig.logbook import FILE, read_log
+
+        if place.is_dir():
+            folders = {"panel": place, "rig": place / ".rig"}
+        else:
+            folders = {"rig": rigs_of(read_experiment(place), place.parent / ".rig", place.parent)}
+        found = [
+            {**one._asdict(), "of": of}
+            for of, folder in folders.items()
+            for one in read_log(folder / FILE, search, last)
+        ]
+        found = sorted(found, key=lambda one: one["time"])[-last:]
+        if as_json:
+            typer.echo(json.dumps(found, indent=1, ensure_ascii=False))
+            return
+        for one in found:
+            when = datetime.fromisoformat(one["time"]).astimezone().strftime("%Y-%m-%d %H:%M:%S")
+            by = ", ".join(filter(None, (one["who"], one["where"])))
+            more = "".join(
+                f"  {text}" for text in (one["why"] and f"({one['why']})", by and f"[{by}]") if text
+            )
+            typer.echo(f"{when}  {one['of']:5}  {one['what']}{more}")
+        typer.echo(f"{len(found)} lines")
 
 
 def _check_present(folder: Path, names: list[str]) -> None:

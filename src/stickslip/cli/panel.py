@@ -32,6 +32,18 @@ def panel(
             help="What a browser must show; other than on this machine one is made if none is given.",
         ),
     ] = "",
+    need_token: Annotated[
+        bool,
+        typer.Option("--need-token", help="On this machine too, which may have other users: one is made."),
+    ] = False,
+    roles: Annotated[
+        list[str],
+        typer.Option(
+            "--role",
+            metavar="watch|operate|maintain",
+            help="Make a token of this role too; --token is one to maintain.",
+        ),
+    ] = [],  # noqa: B006  # typer copies it
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
     show_traceback: Traceback = False,
 ) -> None:
@@ -45,11 +57,17 @@ def panel(
         from ..panel import create_app
         from ..panel.connections import server_config
         from ..panel.guard import LOOPBACK
+        from ..panel.roles import ROLES
 
         local = host in _LOOPBACK
         if token and len(token) < 16:
             raise ValueError("--token: at least 16 characters")
-        secret = token or (None if local else secrets.token_urlsafe(24))
+        for role in roles:
+            if role not in ROLES:
+                raise ValueError(f"--role {role}: there are {', '.join(ROLES)}")
+        open_to_all = local and not need_token and not roles
+        secret = token or (None if open_to_all else secrets.token_urlsafe(24))
+        tokens = {secrets.token_urlsafe(24): role for role in dict.fromkeys(roles) if role != "maintain"}
         folder.mkdir(parents=True, exist_ok=True)
         listening = socket.create_server(
             (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -59,9 +77,12 @@ def panel(
         number = listening.getsockname()[1]
         shown = f"[{host}]" if ":" in host else host
         names = LOOPBACK | {shown.lower(), socket.gethostname().lower()}
-        served = create_app(folder, token=secret, hosts=names, any_address=not local)
-        address = f"http://{shown}:{number}/" + (f"?token={secret}" if secret else "")
+        served = create_app(folder, token=secret, tokens=tokens, hosts=names, any_address=not local)
+        plain = f"http://{shown}:{number}/"
+        address = plain + (f"?token={secret}" if secret else "")
         typer.echo(f"Panel: {address}")
+        for one, role in tokens.items():
+            typer.echo(f"Panel, to {role}: {plain}?token={one}")
         if browser:
             _open(address)
         server = uvicorn.Server(server_config(served))

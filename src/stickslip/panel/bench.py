@@ -10,12 +10,15 @@ from fastapi import APIRouter, Request, Response
 
 from ..quantities.input_file import Strict
 from ..quantities.units import QuantityError
+from ..rig import Limits
 from .control import Control
 from .document import BenchDocument
 from .folder import Folder
+from .interlocking import Interlocks
 from .journal import Journal
 from .live import Live
 from .rigs import offered
+from .roles import need_role
 from .running import Runner
 from .starting import Starter
 from .stream import Client, Hub
@@ -80,6 +83,7 @@ def bench_routes(
     live: Live,
     document: BenchDocument,
     starter: Starter,
+    interlocks: Interlocks,
 ) -> APIRouter:
     """The routes of the Bench page."""
     routes = APIRouter(prefix="/bench")
@@ -89,7 +93,9 @@ def bench_routes(
         return [_described(document), json.dumps(state)]
 
     def emergency(client: Client, said: dict[str, Any]) -> None:
-        if not runner.stop("emergency stop"):
+        stopped = runner.stop("emergency stop")
+        interlocks.disarm("emergency stop")
+        if not stopped:
             text = "Nothing was running: the output is at 0 V."
             client.put(json.dumps({"kind": "notice", "text": text, "level": ""}))
 
@@ -170,6 +176,15 @@ def _add_experiment(
     document: BenchDocument,
 ) -> None:
     """The experiment on the bench: changed, undone, loaded, saved."""
+
+    def limits_change(before: Limits, after: Limits) -> None:
+        """Refuse it to who may not, and log it."""
+        need_role("maintain")
+        old, new = before._asdict(), after._asdict()
+        said = [f"{name} {old[name]:g} -> {new[name]:g}" for name in new if old[name] != new[name]]
+        journal(f"limits changed: {', '.join(said)}", "warning")
+
+    document.limits_change = limits_change
 
     @routes.post("/set")
     def change(asked: Change, request: Request) -> dict[str, str]:

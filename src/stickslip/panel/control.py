@@ -6,12 +6,12 @@ makes of that.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import threading
 import time
 from collections.abc import Callable
 
+from .asking import shown
 from .stream import Client, Hub, Message
 
 PATIENCE = 10.0  # s that a page which is gone keeps control: it may be loading anew
@@ -83,8 +83,3 @@ class Control:
 
     def _message(self) -> Message:
         return json.dumps({"kind": "control", "holder": shown(self.holder), "asking": shown(self.asking)})
-
-
-def shown(identity: str) -> str:
-    """What others know a page by; "" for nobody."""
-    return hashlib.sha256(identity.encode()).hexdigest()[:16] if identity else ""

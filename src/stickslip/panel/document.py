@@ -7,7 +7,7 @@ import itertools
 import math
 import re
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -59,6 +59,8 @@ class BenchDocument:
     def __init__(self, folder: Folder, read: Reader) -> None:
         self._folder, self._read = folder, read
         self.name = ""
+        # Called before the limits change, with those before and after; what it raises refuses the change.
+        self.limits_change: Callable[[Limits, Limits], None] = lambda before, after: None
         self._lock = threading.Lock()  # a change is made to what the change before it left
         self._before: list[Checked] = []
         self._undone: list[Checked] = []
@@ -104,8 +106,14 @@ class BenchDocument:
     def _take(self, made: Checked) -> None:
         """Put it on the bench, to be taken back."""
         if made.content != self.checked.content:
+            self._ask(made)
             self._before = [*self._before, self.checked][-MOST_KEPT:]
             self.checked, self._undone = made, []
+
+    def _ask(self, made: Checked) -> None:
+        """Raise what `limits_change` refuses new limits with."""
+        if made.limits != self.checked.limits:
+            self.limits_change(self.checked.limits, made.limits)
 
     def undo(self, again: bool = False) -> bool:
         """Take the last change back, or make it `again`; whether there was one."""
@@ -113,6 +121,7 @@ class BenchDocument:
             source, target = (self._undone, self._before) if again else (self._before, self._undone)
             if not source:
                 return False
+            self._ask(source[-1])
             target.append(self.checked)
             self.checked = source.pop()
             return True
@@ -141,7 +150,9 @@ class BenchDocument:
     def replace(self, content: dict[str, Any], name: str) -> None:
         """Put another experiment on the bench; raises ValueError or RigError where it cannot be recorded."""
         with self._lock:
-            self.checked, self.name = self._check(content), name
+            made = self._check(content)
+            self._ask(made)
+            self.checked, self.name = made, name
             self._before, self._undone = [], []
 
     def load(self, name: str) -> None:

@@ -6,7 +6,7 @@ import asyncio
 import hmac
 import ipaddress
 from collections import Counter
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
@@ -14,6 +14,8 @@ from urllib.parse import parse_qs
 from starlette.exceptions import HTTPException
 
 from ..quantities.registry import nothing_run
+from .asking import Asker, asked_by, shown
+from .roles import enough, least_role
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -43,7 +45,8 @@ class Guard:
         app: what is guarded.
         hosts: names that the Host header may have; None: any address in numbers too, for a panel that is
             served to a network behind a token. A name that somebody else's DNS points here is in neither.
-        token: what a client must show, as a bearer, a cookie, or once as ``/?token=``; None: nothing.
+        tokens: the role of each token (see `roles`). A client must show one as a bearer, a cookie, or once
+            as ``/?token=``; with none, it needs to show nothing, and may maintain.
         largest_body: bytes of a request.
     """
 
@@ -52,11 +55,11 @@ class Guard:
         app: Any,
         hosts: frozenset[str] = LOOPBACK,
         any_address: bool = False,
-        token: str | None = None,
+        tokens: Mapping[str, str] | None = None,
         largest_body: int = LARGEST_BODY,
     ) -> None:
         self._app, self._hosts, self._any_address = app, hosts, any_address
-        self._token, self._largest = token, largest_body
+        self._tokens, self._largest = dict(tokens or {}), largest_body
         self._wrong: Counter[str] = Counter()  # wrong tokens that wait for their answer, by address
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -68,22 +71,26 @@ class Guard:
             await self._app(scope, receive, send)
             return
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
-        refused = self._refused(scope, headers)
+        token = self._shown(scope, headers)
+        role = self._tokens.get(token, "" if self._tokens else "maintain")
+        refused = self._refused(scope, headers, role)
         if refused:
             if refused[0] == 401:
                 refused = await self._slowly(scope, headers, refused)
             await _answer(scope, receive, send, *refused)
             return
-        if scope["type"] == "websocket":
-            await self._app(scope, receive, send)
-            return
-        await self._http(scope, receive, send)
+        address = (scope.get("client") or ("",))[0]
+        with asked_by(Asker(shown(headers.get("x-client", "")), address, role)):
+            if scope["type"] == "websocket":
+                await self._app(scope, receive, send)
+                return
+            await self._http(scope, receive, send, token)
 
     async def _slowly(
         self, scope: Scope, headers: dict[str, str], refused: tuple[int, str]
     ) -> tuple[int, str]:
         """The same answer, late where a wrong token was shown."""
-        if not any(self._tokens(scope, headers)):
+        if not any(_offered(scope, headers)):
             return refused
         address = (scope.get("client") or ("",))[0]
         self._wrong[address] += 1
@@ -95,9 +102,9 @@ class Guard:
                 del self._wrong[address]
         return refused
 
-    async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if self._token is not None and scope["path"] == "/" and b"token=" in scope["query_string"]:
-            cookie = f"{_COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
+    async def _http(self, scope: Scope, receive: Receive, send: Send, token: str) -> None:
+        if token and scope["path"] == "/" and b"token=" in scope["query_string"]:
+            cookie = f"{_COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/"
             await _answer(scope, receive, send, 303, "", {"location": "/", "set-cookie": cookie})
             return
         taken = 0
@@ -122,19 +129,22 @@ class Guard:
     def _too_large(self) -> str:
         return f"a request may have up to {self._largest / 2**20:.3g} MiB"
 
-    def _refused(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
-        """Status and reason, or None."""
+    def _refused(self, scope: Scope, headers: dict[str, str], role: str) -> tuple[int, str] | None:
+        """Status and reason, or None. `role` is that of the token, "" without a right one."""
         host = headers.get("host", "").lower()
         if not self._known(host):
             return 421, "this panel does not answer under that host name"
         origin = headers.get("origin")
         if origin is not None and origin.lower() not in (f"http://{host}", f"https://{host}"):
             return 403, "a page of another origin may not use this panel"
-        if self._token is not None and not self._shown(scope, headers):
+        if not role:
             # The right token never waits, however many wrong ones come from its address, as by a tunnel.
             if self._wrong.get((scope.get("client") or ("",))[0], 0) >= MOST_WRONG:
                 return 429, "too many wrong tokens: wait a moment"
             return 401, "the panel needs its token: open the address that the command printed"
+        least = least_role(scope.get("method", "GET"), scope["path"])
+        if not enough(role, least):
+            return 403, f"this needs the role {least}, and your token is one to {role}"
         length = headers.get("content-length", "0")
         if not length.isdecimal() or int(length) > self._largest:
             return 413, self._too_large()
@@ -152,20 +162,26 @@ class Guard:
             return False
         return True
 
-    def _shown(self, scope: Scope, headers: dict[str, str]) -> bool:
-        secret = str(self._token).encode()
-        return any(hmac.compare_digest(one.encode(), secret) for one in self._tokens(scope, headers))
+    def _shown(self, scope: Scope, headers: dict[str, str]) -> str:
+        """The right token that a client shows, "" for none; compared in constant time."""
+        offered, found = _offered(scope, headers), ""
+        for token in self._tokens:
+            if any(hmac.compare_digest(one.encode(), token.encode()) for one in offered):
+                found = token
+        return found
 
-    def _tokens(self, scope: Scope, headers: dict[str, str]) -> list[str]:
-        """What a client shows as the token."""
-        shown = [headers.get("authorization", "").removeprefix("Bearer ")]
-        if scope["path"] == "/":
-            shown += parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
-        try:
-            cookie = SimpleCookie(headers.get("cookie", "")).get(_COOKIE)
-        except CookieError:
-            cookie = None
-        return shown + ([cookie.value] if cookie else [])
+
+def _offered(scope: Scope, headers: dict[str, str]) -> list[str]:
+    """What a client shows as tokens. In the address of the page it is the only one: it may be another role
+    than that of the cookie."""
+    if scope["path"] == "/" and b"token=" in scope["query_string"]:
+        return parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
+    try:
+        cookie = SimpleCookie(headers.get("cookie", "")).get(_COOKIE)
+    except CookieError:
+        cookie = None
+    bearer = headers.get("authorization", "").removeprefix("Bearer ")
+    return [bearer, cookie.value] if cookie else [bearer]
 
 
 async def _answer(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from ..history.index import READING
 from ..history.wording import worded
 from ..quantities.input_file import Strict
 from ..recording.readers.process import Reader
+from ..rig.logbook import FILE as LOG
+from ..rig.logbook import read_log
 from .control import Control
 from .decimation import window
 from .folder import Folder, FolderError
@@ -61,8 +64,11 @@ class Overlay(Strict):
     points: int = 2000
 
 
-def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> APIRouter:
-    """The routes. The index belongs to no page; a damaged file costs its time once."""
+def history_routes(
+    folder: Folder, hub: Hub, control: Control, read: Reader, logs: Callable[[], dict[str, Path]]
+) -> APIRouter:
+    """The routes. The index belongs to no page; a damaged file costs its time once. `logs` gives the folders
+    of the logs, by name."""
     routes = APIRouter(prefix="/history")
     shelf = Shelf(folder, read)
     shared = Shared()
@@ -128,6 +134,16 @@ def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> 
             [_from(one, zero.time) for one, zero in zip(found, zeros, strict=True)], asked.channel
         )
         return Response(_overlaid(made, asked, zeros), media_type="application/octet-stream")
+
+    @routes.get("/log")
+    def log(search: str = "") -> dict[str, Any]:
+        """The newest lines of the panel's log and of the log of the rig on the bench."""
+        found = [
+            {**one._asdict(), "of": of}
+            for of, path in logs().items()
+            for one in read_log(path / LOG, search[:200], MOST_ROWS)
+        ]
+        return {"rows": sorted(found, key=lambda one: one["time"], reverse=True)[:MOST_ROWS]}
 
     _add_bin(routes, folder, hub, control, read)
     add_uploads(routes, folder, hub, read)

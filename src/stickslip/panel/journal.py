@@ -1,45 +1,49 @@
-"""The page's log: the last lines, numbered, so that a page can ask for those it missed."""
+"""The log of the panel: lines on the disk, told to every page, which asks for those that it missed."""
 
 from __future__ import annotations
 
-import itertools
 import json
-import threading
-from collections import deque
-from collections.abc import Iterable
-from datetime import UTC, datetime
+from collections.abc import Callable, Iterable
 from typing import Any
 
+from ..rig.logbook import Entry, Logbook, tail
+from .asking import asking
 from .folder import Folder
 from .stream import Client, Hub, Message
 
-KEPT = 500  # lines
+SHOWN = 200  # lines that a page is told when it comes
 
 
 class Journal:
-    """Numbered lines with the time, told to every page."""
+    """Writes lines with who has asked for what they tell.
+
+    Args:
+        hub: tells the pages.
+        folder: the panel's, which has the file.
+    """
 
     def __init__(self, hub: Hub, folder: Folder) -> None:
         self._hub, self._folder = hub, folder
-        self._lines: deque[dict[str, Any]] = deque(maxlen=KEPT)
-        self._numbers = itertools.count(1)
-        self._lock = threading.Lock()
+        self._book = Logbook(folder.root)
+        self.operator: Callable[[], str] = lambda: ""  # whom the experiment names
         hub.greetings.append(self._missed)
 
-    def __call__(self, text: str, level: str = "info") -> None:
+    def __call__(self, text: str, level: str = "info", why: str = "") -> None:
         """Write a line; from any thread. Levels: info, warning, error."""
-        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        asker = asking()
+        who = asker.named(self.operator())
         shown = self._folder.told(" ".join(text.split()))
-        with self._lock:
-            line = {"id": next(self._numbers), "time": now, "level": level, "text": shown}
-            self._lines.append(line)
-        self._hub.tell("log", entries=[line])
+        entry = self._book.write(shown, who=who, where=asker.address, why=why, level=level)
+        self._hub.tell("log", entries=[_line(entry)])
 
     def _missed(self, client: Client, said: dict[str, Any]) -> Iterable[Message]:
-        last = said.get("log", 0)
-        with self._lock:
-            lines = [line for line in self._lines if not isinstance(last, int) or line["id"] > last]
-            if isinstance(last, int) and self._lines and last > self._lines[-1]["id"]:
-                lines = list(self._lines)  # numbers of a server that is gone
+        lines, last = [_line(one) for one in tail(self._book.path, SHOWN)], said.get("log", 0)
+        if lines and isinstance(last, int) and last <= lines[-1]["id"]:  # else it knows those of another file
+            lines = [one for one in lines if one["id"] > last]
         if lines:
             yield json.dumps({"kind": "log", "entries": lines})
+
+
+def _line(entry: Entry) -> dict[str, Any]:
+    """As pages are told; ids begin at 1."""
+    return {**entry._asdict(), "id": entry.id + 1, "text": entry.what}

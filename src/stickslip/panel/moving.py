@@ -40,6 +40,7 @@ from ..rig.experiment.cells import Cell, cells
 from ..rig.experiment.file import ExperimentFile
 from ..rig.experiment.laboratory import PlanningLaboratory
 from ..rig.experiment.running import check_experiment
+from ..rig.limits import check_edges
 from ..rig.measurement import DRIVE, POSITION
 from .control import Control
 from .document import BenchDocument
@@ -178,8 +179,7 @@ class Moves:
         laboratory = PlanningLaboratory(file, self._folder.root)
         cell = cells(file, self._folder.root, laboratory, self._read)[0]
         can, limits, model = laboratory.capabilities(cell.actuator), cell.limits, cell.actuator
-        if math.isfinite(limits.max_slew):
-            raise QuantityError("limits.max_slew: steps need a slip edge; leave it to the amplifier")
+        check_edges(limits, can)
         ends = [model.natural_frequency * (1.0 + sign * _SPREAD) for sign in (-1, 1)]
         others = [model.replace(natural_frequency=one) for one in ends]
         output = laboratory.output()

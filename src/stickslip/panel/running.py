@@ -24,8 +24,9 @@ from ..rig.experiment.running import record_experiment
 from ..rig.gate import PositionInput
 from ..rig.measurement import POSITION
 from ..rig.memory import collect
+from ..rig.protocols import StopRequested
 from ..rig.stopping import StopState, follow_stop
-from ..rig.supervisor import StopRequested
+from .asking import Asker, asked_by, asking
 from .journal import Journal
 from .live import Live
 from .statistics import Statistics, drive_channel
@@ -75,6 +76,7 @@ class Runner:
     ) -> None:
         self._hub, self._live, self._journal, self._rigs, self._read = hub, live, journal, rigs, read
         self._statistics = statistics
+        self.asks: list[Callable[[], None]] = []  # called before a job starts; what they raise refuses it
         self.also_stop: list[Callable[[], bool]] = []  # what else ends then; whether it went on
         self._control: Link | None = None
         self._stopper: Link | None = (
@@ -112,13 +114,16 @@ class Runner:
         return self._busy
 
     def start(self, job: Job) -> None:
-        """Start a job; raises RigError while another runs."""
+        """Start a job; raises RigError while another runs, or what one of `asks` refuses it with."""
+        if not self.busy:
+            for ask in self.asks:
+                ask()
         with self._telling:
             if self.busy:
                 raise RigError("a run is going on: stop it first")
             self._stop, self._busy = None, True
             self._moved, self._volts = False, 0.0
-            self._thread = threading.Thread(target=self._run, args=(job,), name="rig", daemon=False)
+            self._thread = threading.Thread(target=self._run, args=(job, asking()), name="rig", daemon=False)
             number = self.state["number"] + 1
             self._state(
                 number=number,
@@ -147,9 +152,16 @@ class Runner:
                 return True
             self._stop = (why, asked)
             self._state(phase="stopping", stop=StopState()._asdict())
+            asker = asking()
             number = self.state["number"]
             threading.Thread(target=self._follow, args=(*self._stop, number), daemon=True).start()
+            threading.Thread(target=self._tell_stop, args=(asker, why), daemon=True).start()
         return True
+
+    def _tell_stop(self, asker: Asker, why: str) -> None:
+        """In the log, by a thread: a stop waits for no disk."""
+        with asked_by(asker):
+            self._journal(f"{why}: asked for", "warning")
 
     def _halt(self, stopper: Link, asked: float) -> None:
         """Hear that the rig's process has the request; it may never answer."""
@@ -230,8 +242,9 @@ class Runner:
         self.position, self.before_ramp = 0.0, False
         self._state()
 
-    def _run(self, job: Job) -> None:
-        self._journal(f"{job.title}: started")
+    def _run(self, job: Job, asker: Asker) -> None:
+        with asked_by(asker):
+            self._journal(f"{job.title}: started")
         phase, ramped = "failed", True
         try:
             with self._using:

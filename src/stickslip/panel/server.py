@@ -8,9 +8,10 @@ import json
 import secrets
 import sys
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from fastapi import FastAPI, Request, WebSocket
 from fastapi.exceptions import RequestValidationError
@@ -27,8 +28,9 @@ from ..rig.memory import collect, collected_on_request
 from ..rig.samples import recover
 from ..simulation import SimulationError
 from ..study import StudyError
+from .asking import asking, shown
 from .bench import bench_routes
-from .control import Control, shown
+from .control import Control
 from .design import Searches, design_routes
 from .document import BenchDocument
 from .explore import explore_routes
@@ -37,6 +39,7 @@ from .folder import Folder
 from .guard import LARGEST_BODY, LOOPBACK, Guard
 from .historical import history_routes
 from .identifying import identify_routes
+from .interlocking import Interlocks, interlock_routes
 from .journal import Journal
 from .live import Live
 from .move import move_routes
@@ -48,7 +51,7 @@ from .sequence import Sequencer, sequence_routes
 from .sets import Sets
 from .starting import Starter
 from .statistics import Statistics, statistics_routes
-from .stream import Hub
+from .stream import Client, Hub
 from .studies import Studies, study_routes
 
 STATIC = Path(__file__).parent / "static"
@@ -56,6 +59,7 @@ STATIC = Path(__file__).parent / "static"
 READ_BY = (
     "stickslip.recording.readers.reading",
     "stickslip.history.describing",
+    "stickslip.rig.logbook",
     "stickslip.parameters.load",
     "stickslip.study.picture",
     "stickslip.jobs.analysis.fit_parameters",
@@ -74,6 +78,7 @@ def create_app(
     folder: Path,
     *,
     token: str | None = None,
+    tokens: Mapping[str, str] | None = None,
     hosts: frozenset[str] = LOOPBACK,
     any_address: bool = False,
     largest_body: int = LARGEST_BODY,
@@ -82,7 +87,8 @@ def create_app(
 
     Args:
         folder: recordings and experiment files are read from it and written to it, and nowhere else.
-        token: what a browser must show; None: nothing, for the loopback address only.
+        token: what a browser must show to maintain; without any token nothing, for the loopback address only.
+        tokens: the role of each further token, see `roles`.
         hosts, any_address: see `guard.Guard`.
         largest_body: bytes of a request.
     """
@@ -99,6 +105,10 @@ def create_app(
     for one in recovered:
         journal(f"{files.name(one)}: kept of a run that was killed", "warning")
     document = BenchDocument(files, read)
+    journal.operator = lambda: document.checked.file.operator
+    interlocks = Interlocks(hub, journal, document, files, files.root / ".rig")
+    runner.asks.append(interlocks.need)
+    control.gone.append(lambda: interlocks.disarm("who was in control has left"))
     starter = Starter(files, hub, journal, document, runner, read)
     sequencer = Sequencer(hub, document, runner, starter)
     moves = Moves(files, hub, control, journal, document, runner, live, starter, read)
@@ -120,6 +130,7 @@ def create_app(
         # A thread that computes keeps the others waiting for so long; Python's 5 ms are a third of a picture.
         sys.setswitchinterval(1e-3)
         _start_processes(hub, runner, read)
+        interlocks.watch()
         with collected_on_request():
             yield
             beating.cancel()
@@ -129,19 +140,26 @@ def create_app(
             if runner.stop("the panel closes"):
                 await asyncio.to_thread(runner.join)
             await asyncio.to_thread(sequencer.join)
+        interlocks.close()
         runner.close()
         read.close()
+
+    def logs() -> dict[str, Path]:
+        return {"panel": files.root, "rig": interlocks.place}
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=life)
     app.state.hub, app.state.live = hub, live
 
-    app.include_router(bench_routes(files, hub, control, journal, runner, live, document, starter))
+    app.include_router(
+        bench_routes(files, hub, control, journal, runner, live, document, starter, interlocks)
+    )
+    app.include_router(interlock_routes(control, interlocks))
     app.include_router(sequence_routes(control, sequencer))
     app.include_router(statistics_routes(control, statistics))
     app.include_router(move_routes(control, moves))
     app.include_router(path_routes(files, hub, control, journal, document, read, sets))
     app.include_router(recording_routes(files, hub, control, read))
-    app.include_router(history_routes(files, hub, control, read))
+    app.include_router(history_routes(files, hub, control, read, logs))
     app.include_router(study_routes(files, studies, journal, read))
 
     app.include_router(explore_routes(sets))
@@ -150,16 +168,22 @@ def create_app(
 
     _page_routes(app, hub)
     _explain_errors(app, files)
-    app.add_middleware(Guard, hosts=hosts, any_address=any_address, token=token, largest_body=largest_body)
+    shown_tokens = {**(tokens or {}), **({} if token is None else {token: "maintain"})}
+    app.add_middleware(
+        Guard, hosts=hosts, any_address=any_address, tokens=shown_tokens, largest_body=largest_body
+    )
     return app
 
 
 def _greeting() -> Hub:
     """A stream that tells each page who it is, and which start of the panel it is connected to."""
     hub, boot = Hub(), secrets.token_hex(8)
-    hub.greetings.append(
-        lambda client, said: [json.dumps({"kind": "hello", "boot": boot, "you": shown(client.identity)})]
-    )
+
+    def hello(client: Client, said: dict[str, Any]) -> list[str]:
+        you, role = shown(client.identity), asking().role
+        return [json.dumps({"kind": "hello", "boot": boot, "you": you, "role": role})]
+
+    hub.greetings.append(hello)
     return hub
 
 

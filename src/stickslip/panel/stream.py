@@ -16,7 +16,9 @@ from fastapi import WebSocket, WebSocketDisconnect
 
 from ..gate.errors import GateError
 from ..gate.text import load_json
+from .asking import asked_by, asking, shown
 from .packing import packed as packed
+from .roles import SAID_BY_ALL, enough
 
 Message = str | bytes
 MOST_WAITING = 400  # messages; a client that is further behind is let go: it comes back and catches up
@@ -106,8 +108,9 @@ class Hub:
                 if message.get("kind") == "greet":
                     self._greet(client, {})
                 act = self.hears.get(str(message.get("kind")))
-                if act is not None:
-                    act(client, message)
+                if act is not None and (message["kind"] in SAID_BY_ALL or enough(asking().role, "operate")):
+                    with asked_by(asking()._replace(page=shown(client.identity))):
+                        act(client, message)
         except (WebSocketDisconnect, RuntimeError, KeyError):
             pass
         finally:

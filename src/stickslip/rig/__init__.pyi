@@ -14,6 +14,10 @@ from .home import Home as Home
 from .hosted import HostedRig as HostedRig
 from .hosted import Link as Link
 from .hosted import folder_of as folder_of
+from .interlock import Interlock as Interlock
+from .interlock import InterlockError as InterlockError
+from .interlock import armed as armed
+from .interlock import interlock_of as interlock_of
 from .irregularity import REGULAR as REGULAR
 from .irregularity import Irregularity as Irregularity
 from .limits import LimitError as LimitError

@@ -27,12 +27,14 @@ from .capture import Capture, stride
 from .gate import PositionInput
 from .home import Home
 from .hosted import HostedRig
+from .interlock import enabled
 from .limits import LimitError, Limits
 from .measurement import POSITION, _home_of, _keep, _why, channel_units
 from .plausibility import Plausibility, plausibility_of
 from .protocols import Array, Controller, ControllerSpec, RigError, StreamingRig
 from .recorded import COMPLETE, Channel, Making
 from .samples import Samples
+from .site import sited
 from .turns import ASKED, AT, STATISTICS, WANTED, LoopRig, looped
 
 _TARGET, _ASKED = "target_position", "asked_voltage"
@@ -90,6 +92,8 @@ def regulate(
             `recording` is what there is.
         RigError: the rig does not answer as it should.
     """
+    home = _home_of(rig) if home is None else home
+    rig, limits, _ = sited(rig, limits)  # type: ignore[assignment]
     seconds, between = to_si(duration, "s", "duration"), optional_si(interval, "s", "interval")
     can = rig.capabilities
     if not isinstance(rig, HostedRig) and not (hasattr(rig, "begin") and hasattr(rig, "exchange")):
@@ -139,7 +143,9 @@ def regulate(
     try:
         hears = _looped(rig, controller, position, home, limits, samples, plausibility, other)
         loop = _Loop(hears, making, samples, sees)
-        failure = loop.run(wanted, count, progress)
+        with enabled(rig, True) as ended:
+            failure = loop.run(wanted, count, progress)
+            ended(failure)
         raw = loop.recorded()
         outcome = COMPLETE if failure is None else f"stopped: {_why(failure)}"[:1000]
         recording = None
@@ -166,7 +172,7 @@ def _looped(
     rig: StreamingRig | HostedRig,
     controller: Controller | ControllerSpec,
     position: PositionInput,
-    home: Home | None,
+    home: Home,
     limits: Limits,
     samples: Samples | None,
     plausibility: Plausibility | None,
@@ -175,7 +181,6 @@ def _looped(
     """The rig with its loop, here or in the rig's process."""
     if not isinstance(rig, HostedRig):
         made: Controller = controller.made() if isinstance(controller, ControllerSpec) else controller
-        home = _home_of(rig) if home is None else home
         return LoopRig(rig, made, position, home, limits, plausibility, second)
     if not isinstance(controller, ControllerSpec):
         raise QuantityError(

@@ -3,14 +3,16 @@
     python -m stickslip.rig.host FOLDER
 
 The folder keeps home.json (from where positions count), rig.json (port, token and number of the process, to
-be read by this user only) and rig.log. One process at a time has the lock of a folder. It ends when no client
-has been there for a few seconds; SIGTERM ends it with a ramp to 0 V. See `wire` for what it understands.
+be read by this user only), log.jsonl (see `logbook`) and rig.log (what it fails with). One process at a time
+has the lock of a folder. It ends when no client has been there for a few seconds; SIGTERM ends it with a ramp
+to 0 V. See `wire` for what it understands.
 """
 
 from __future__ import annotations
 
 import hmac
 import json
+import math
 import os
 import secrets
 import signal
@@ -27,11 +29,15 @@ from ..recording.calibration.storage import from_text
 from .devices import open_device
 from .gate import PositionInput
 from .home import Home
+from .interlock import FILE as INTERLOCK
+from .interlock import Interlock
 from .limits import LONGEST_STOP, Limits
 from .lock import locked, own_folder
+from .logbook import Logbook
 from .memory import collected_on_request, give_memory_back
 from .plausibility import Plausibility
 from .protocols import Array, Capabilities, RigError
+from .site import site_of
 from .supervisor import ANOTHER, Order, Supervisor, state_of
 from .wire import WireError, receive, send, text_of
 
@@ -49,7 +55,17 @@ class Host:
     def __init__(self, folder: Path) -> None:
         self._folder, self.token = folder, secrets.token_hex(32)
         home = folder / "home.json"
-        self.supervisor = Supervisor(Home.load(home), lambda: self.supervisor.home.save(home), _log)
+        self._log = Logbook(folder)
+        self._limits: dict[str, float] = {}  # of the last run
+        self.interlock = Interlock(folder / INTERLOCK, log=self._act)
+        self.supervisor = Supervisor(
+            Home.load(home),
+            lambda: self.supervisor.home.save(home),
+            self._ramped,
+            self.interlock,
+            lambda: site_of(folder.name),
+        )
+        self._armer: socket.socket | None = None  # the connection by which the output was enabled
         self._lock = threading.Lock()
         self._clients: set[socket.socket] = set()
         self._holder: tuple[socket.socket, str] | None = None
@@ -124,8 +140,10 @@ class Host:
             self._left = time.monotonic()
             held = self._holder is not None and self._holder[0] is link
         if held:
-            self.supervisor.stop("the program that ran it is gone")
+            self.supervisor.stop("the program that ran it is gone", gone=True)
             self._release(gone=True)
+        if self._armer is link:
+            self._disarm("the program that armed it is gone", "the rig's process")
         with self._lock:
             if not self._clients and not self.supervisor.busy:
                 self.supervisor.let_go()  # others than our clients may want the device
@@ -162,9 +180,19 @@ class Host:
     ) -> tuple[dict[str, Any], Array | None]:
         do = asked.get("do")
         if do == "stop":
-            return {"stopped": self.supervisor.stop(str(asked.get("why", "stop"))[:200])}, None
+            why = str(asked.get("why", "stop"))[:200]
+            stopped = self.supervisor.stop(why)
+            if stopped:
+                self._said("stop asked for", name, why)
+            if asked.get("disarm"):
+                self.interlock.disarm(name, why)
+            return {"stopped": stopped}, None
         if do == "state":
             return state_of(self.supervisor, "" if self._holder is None else self._holder[1]), None
+        if do in ("arm", "disarm", "acknowledge", "permit"):
+            who = ", ".join(filter(None, (str(asked.get("who", ""))[:200], name)))
+            self._interlock(link, str(do), asked, who)
+            return {"interlock": self.interlock.state()}, None
         if do == "open":
             held = self._holder is not None and self._holder[0] is link
             self._hold(link, name)
@@ -180,7 +208,10 @@ class Host:
             block = self.supervisor.fetch(min(float(asked["wait"]), _LONGEST_WAIT))
             return self._progress(), block
         if do == "run":
-            self.supervisor.run(_order(asked, values))
+            order = _order(asked, values)
+            self._changed(order.limits, name)
+            self.supervisor.run(order)
+            self._log.write("run started", who=name, why=order.arm)
             return self._progress(), None
         if do == "command":
             self.supervisor.command(dict(asked["what"]))
@@ -194,6 +225,48 @@ class Host:
             self.supervisor.check_stopped()
             return self._progress(), None
         raise RigError(f"{do!r} is no request")
+
+    def _ramped(self, line: str) -> None:
+        self._log.write(f"run ended: {line}")
+
+    def _changed(self, limits: Limits, who: str) -> None:
+        """Log what of the limits differs from those of the run before."""
+        now = {name: value for name, value in limits._asdict().items() if math.isfinite(value)}
+        before, self._limits = self._limits, now
+        said = [f"{name} {value:g}" for name, value in now.items() if before.get(name) != value]
+        said += [f"{name} none" for name in before if name not in now]
+        if said:
+            self._log.write(f"limits: {', '.join(said)}", who=who)
+
+    def _act(self, act: str, who: str, what: str, why: str) -> None:
+        """A line on an act on the interlock."""
+        level = "error" if act == "fault" else "info" if act == "acknowledged" else "warning"
+        self._log.write(f"{act}: {what}", who=who, why=why, level=level)
+
+    def _said(self, what: str, who: str, why: str) -> None:
+        """A line by a thread: a stop waits for no disk."""
+        threading.Thread(target=self._log.write, args=(what,), kwargs={"who": who, "why": why}).start()
+
+    def _interlock(self, link: socket.socket, do: str, asked: dict[str, Any], who: str) -> None:
+        """An act on the interlock; whatever takes the permission away stops the run."""
+        why = str(asked.get("why", ""))
+        if do == "arm":
+            self.interlock.arm(who, why)
+            self._armer = link
+        elif do == "disarm":
+            self._disarm(why or "disarmed", who)
+        elif do == "acknowledge":
+            self.interlock.acknowledge(who, why)
+        else:
+            name, given = str(asked.get("name", "")), asked.get("given") is True
+            self.interlock.permit(name, given, who, why)
+            if not given:
+                self.supervisor.stop(f"the permit {name!r} was withdrawn by {who}: {why}"[:400])
+
+    def _disarm(self, why: str, who: str) -> None:
+        self._armer = None
+        self.supervisor.stop(f"disarmed by {who}: {why}"[:400])
+        self.interlock.disarm(who, why)
 
     def _progress(self) -> dict[str, Any]:
         one = self.supervisor
@@ -237,6 +310,7 @@ class Host:
             one.let_go()
             self._device = None
             one.rig, self._device = open_device(device, one.home.origin), device
+        self.interlock.simulated = bool(getattr(one.rig, "simulated", False))
         return one.rig.capabilities
 
 
@@ -257,14 +331,8 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
         asked.get("controller"),
         None if asked.get("plausibility") is None else Plausibility(**asked["plausibility"]),
         None if asked.get("second") is None else _position(asked["second"]),
+        str(asked.get("arm", "")),
     )
-
-
-def _log(line: str) -> None:
-    """A line of rig.log."""
-    now = datetime.now().isoformat(sep=" ", timespec="milliseconds")
-    with suppress(OSError):  # a full disk must not end what the process is there for
-        print(f"{now} {line}", file=sys.stderr, flush=True)
 
 
 def main(folder: Path) -> int:

@@ -23,11 +23,12 @@ from ..recording.calibration.storage import to_text
 from ..recording.replacing import read_small
 from .devices import told_of
 from .gate import PositionInput
+from .interlock import HostedInterlock, InterlockError, arming
 from .limits import LONGEST_STOP, LimitError, Limits
 from .lock import own_folder
 from .plausibility import Plausibility
-from .protocols import Array, Capabilities, ControllerSpec, RigError, RigWarning
-from .supervisor import ANOTHER, StopRequested
+from .protocols import Array, Capabilities, ControllerSpec, RigError, RigWarning, StopRequested
+from .supervisor import ANOTHER
 from .wire import receive, send
 
 STARTS = 30.0  # s that the process may take to be there
@@ -40,7 +41,7 @@ _OPENED = 60.0  # s in which it opens a device
 _BUSY = ("preparing", "running", "stopping")  # phases of a run that goes on
 _WAIT = 0.1  # s that a request for samples waits for some
 _KINDS: dict[str, type[Exception]] = {
-    one.__name__: one for one in (LimitError, RigError, StopRequested, QuantityError)
+    one.__name__: one for one in (LimitError, RigError, StopRequested, InterlockError, QuantityError)
 }
 
 
@@ -179,7 +180,7 @@ class HostedRig:
         said: dict[str, str] | None = None,
     ) -> None:
         self._link, self._device, self._opened, self.phase = link, device, False, ""
-        self._told = said or {}
+        self._told, self.interlock = said or {}, HostedInterlock(link.ask)
         self.capabilities = capabilities or self._open()
         self._volts = np.zeros(0)
         self._guard: dict[str, Any] = {}
@@ -244,7 +245,8 @@ class HostedRig:
             raise RigError("a hosted rig is started by `measure`, which says what to watch")
         self._open()
         self.ramp_after, self.ended, self._said = None, False, {}
-        self._ask("run", self._volts, inputs=self._inputs, samples=self._samples, **self._guard)
+        wanted = {"inputs": self._inputs, "samples": self._samples, "arm": arming()}
+        self._ask("run", self._volts, **wanted, **self._guard)
         self._runs += 1
         self._first = self._fetched()
         while self.phase == "preparing":

@@ -72,6 +72,18 @@ def beyond(position: float, end: float, unit: str) -> LimitError:
     return LimitError(f"the end-effector is at {here} from home, beyond the end stop at {there}: stopped")
 
 
+def check_edges(limits: Limits, can: Capabilities) -> None:
+    """Raise QuantityError unless the drive may jump over the whole range of voltages within an update, as the
+    slip edge of a closed loop's steps does."""
+    low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
+    least = (high - low) * can.update_rate
+    if limits.max_slew < least * (1 - 1e-9):
+        raise QuantityError(
+            f"limits.max_slew = {limits.max_slew:.4g} V/s: the slip edge of a step needs {least:.4g} V/s; "
+            "leave slower edges to the amplifier"
+        )
+
+
 def check_drive(volts: Array, limits: Limits, can: Capabilities) -> None:
     """Raises LimitError unless a run of these values [n], V, from 0 V on, is allowed on such a rig."""
     if volts.ndim != 1 or not volts.size or not np.all(np.isfinite(volts)):

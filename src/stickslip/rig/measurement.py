@@ -25,10 +25,12 @@ from .capture import Capture, CaptureError, find_trigger, stride
 from .gate import Gate, PositionInput
 from .home import Home
 from .hosted import HostedRig
+from .interlock import enabled
 from .limits import LimitError, Limits, check_drive
 from .protocols import Array, Capabilities, Rig, RigError
 from .recorded import Channel, Making
 from .samples import Samples
+from .site import sited
 
 DRIVE, POSITION = "drive", "end_effector_position"
 SETTLING = 0.01  # s before the pre-trigger, for filters to settle
@@ -84,14 +86,17 @@ def measure(
         RigError: the rig does not answer as it should.
         OSError: there is no room for the recording. Nothing was put out.
     """
+    home = _home_of(rig) if home is None else home
+    rig, narrower, site = sited(rig, limits)
     can = rig.capabilities
-    units = channel_units(can, channels, limits)
+    units = channel_units(can, channels, narrower)
     plan = plan_run(can, drive, channels, capture, limits)
+    site.check(plan.volts, limits, can)
+    limits = narrower
     told = getattr(rig, "told", None)  # of a virtual rig: what is true of these runs
     told = {} if told is None else told(int(capture.average))
     texts = {"title": title, "notes": notes, **(attributes or {}), **told}
     making = Making(can, channels, units, capture, limits, plan.begin, plan.wait, drive_text(drive), texts)
-    home = _home_of(rig) if home is None else home
     total: dict[str, Array] = {}
     samples = None if save is None else Samples(save, making, plan.samples)
     try:
@@ -99,7 +104,9 @@ def measure(
             if samples is not None and run:
                 samples.restart()
             part = partial(within, progress, run / capture.average, 1.0 / capture.average)
-            raw, failure = _run(rig, plan, making, home, samples, part)
+            with enabled(rig, bool(np.any(plan.volts))) as ended:
+                raw, failure = _run(rig, plan, making, home, samples, part)
+                ended(failure)
             if failure is None:
                 try:
                     for name, values in making.values(raw).items():

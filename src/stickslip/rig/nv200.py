@@ -84,11 +84,7 @@ class Nv200Rig:
         self._volts: Array = np.zeros(1)
         with self._line.closed_on_refusal():
             self._greet()
-            self._low, self._high = self._number("avmin"), self._number("avmax")
-            # The table is in shares of this range: once more, for what is put out hangs on it.
-            again = self._number("avmin"), self._number("avmax")
-            if again != (self._low, self._high) or not self._low <= 0.0 < self._high:
-                self._line.fail(f"avmin, avmax are {self._low:g}, {self._high:g} V, then {again} V")
+            self._read_range()
             self.told_of = {name: ",".join(self._ask(name)).strip() for name in ("desc", "acserno", "sr")}
             for command in ("grun,0", "cl,0", "setlpon,0", "notchon,0"):
                 self._do(command)
@@ -105,6 +101,20 @@ class Nv200Rig:
             inputs={"drive": "V", "position": "m"},
             streams=False,
         )
+
+    def refresh(self) -> None:
+        """Read the range of the amplifier again."""
+        self._read_range()
+        step = (self._high - self._low) / 65536
+        can = self.capabilities
+        self.capabilities = can._replace(min_voltage=self._low, max_voltage=self._high, step=step)
+
+    def _read_range(self) -> None:
+        self._low, self._high = self._number("avmin"), self._number("avmax")
+        # The table is in shares of this range: once more, for what is put out hangs on it.
+        again = self._number("avmin"), self._number("avmax")
+        if again != (self._low, self._high) or not self._low <= 0.0 < self._high:
+            self._line.fail(f"avmin, avmax are {self._low:g}, {self._high:g} V, then {again} V")
 
     def told(self, runs: int) -> dict[str, str]:
         """For the recording: the device and what it is set to."""

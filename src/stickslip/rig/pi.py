@@ -81,7 +81,7 @@ class PiRig:
                 raise QuantityError(
                     f"interval = {interval:g} s must be a multiple of {cycle:g} s, the servo's cycle"
                 )
-            self._low, self._high = (self._line.number(f"{name}? 1") for name in ("VMI", "VMA"))
+            self._read_range()
             # um: the ends of the sensor's travel, of which a reading may be a tenth beyond.
             ends = [self._line.number(f"{name}? {axis}") for name in ("TMN", "TMX")]
             self._travel = ends[0] - _BEYOND * (ends[1] - ends[0]), ends[1] + _BEYOND * (ends[1] - ends[0])
@@ -103,6 +103,16 @@ class PiRig:
             streams=False,
             own_slew=ramp,
         )
+
+    def refresh(self) -> None:
+        """Read the range of the output again: somebody may have narrowed it at the controller."""
+        self._read_range()
+        low, high = min(self._low, 0.0), max(self._high, 0.0)
+        step = (self._high - self._low) / 65536
+        self.capabilities = self.capabilities._replace(min_voltage=low, max_voltage=high, step=step)
+
+    def _read_range(self) -> None:
+        self._low, self._high = (self._line.number(f"{name}? 1") for name in ("VMI", "VMA"))
 
     def told(self, runs: int) -> dict[str, str]:
         """For the recording: the controller and what it is set to."""

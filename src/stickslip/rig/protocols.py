@@ -23,6 +23,10 @@ class RigError(RuntimeError):
     """A rig does not answer, or not as it should."""
 
 
+class StopRequested(RigError):
+    """Somebody asked for a stop."""
+
+
 class RigWarning(UserWarning):
     """A rig that people must look at now."""
 
@@ -92,7 +96,9 @@ class Recorder(Protocol):
 
 
 class Rig(DriveOutput, Recorder, Protocol):
-    """A drive output and a recorder on one clock."""
+    """A drive output and a recorder on one clock. One of the computer only has an attribute `simulated` that
+    is true: nobody is asked to arm it. One whose device has limits that can be changed there has a method
+    `refresh()`, which is called before each run and reads them into `capabilities`."""
 
     @property
     def capabilities(self) -> Capabilities:

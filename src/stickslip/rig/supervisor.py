@@ -20,11 +20,13 @@ import numpy as np
 from ..quantities.units import with_prefix
 from .gate import Gate, PositionInput
 from .home import Home
+from .interlock import Interlock, is_fault
 from .limits import LimitError, Limits
 from .memory import collect
 from .plausibility import Plausibility
-from .protocols import Array, Rig, RigError, StreamingRig, controller_of
+from .protocols import Array, Rig, RigError, StopRequested, StreamingRig, controller_of
 from .samples import complete, shared
+from .site import Site, refreshed
 from .turns import LoopRig
 
 ANOTHER = 3  # exit code of a process that finds the rig owned by another one
@@ -34,16 +36,13 @@ AT_ZERO = 0.01  # share of the range of the output within which the monitor read
 _LOST = 1.0  # s beyond the watchdog after which a call of the rig counts as hanging
 
 
-class StopRequested(RigError):
-    """Somebody asked for a stop."""
-
-
 class Order(NamedTuple):
     """A run: limits, inputs and samples to record, how many of them are before the drive, what shows the
     position, the drive, V, and the file to which the program stores its samples, if it does. With a
     `controller` (see `protocols.ControllerSpec`) it is a closed loop, and its `volts` are targets, m; then
     `plausibility` is what is believed of the position, by default what the controller says of itself, and
-    `second` another input that shows it."""
+    `second` another input that shows it. `arm` is why the output is enabled for this run, "" where it must be
+    already."""
 
     limits: Limits
     inputs: tuple[str, ...]
@@ -55,6 +54,12 @@ class Order(NamedTuple):
     controller: dict[str, Any] | None = None
     plausibility: Plausibility | None = None
     second: PositionInput | None = None
+    arm: str = ""
+
+    @property
+    def drives(self) -> bool:
+        """Whether anything but 0 V may be put out."""
+        return self.controller is not None or bool(np.any(self.volts))
 
 
 class Supervisor:
@@ -64,12 +69,20 @@ class Supervisor:
         home: from where positions count.
         changed: called when a run has ended or home was set, to keep `home`.
         log: called with a line on each ramp to 0 V.
+        interlock: says whether a run may start; by default that of a simulated rig.
+        site: gives the limits and permits of the site, for each run of a rig that is not simulated.
     """
 
     def __init__(
-        self, home: Home, changed: Callable[[], None], log: Callable[[str], None] = lambda line: None
+        self,
+        home: Home,
+        changed: Callable[[], None],
+        log: Callable[[str], None] = lambda line: None,
+        interlock: Interlock | None = None,
+        site: Callable[[], Site] = Site,
     ) -> None:
         self.home, self._changed, self._log = home, changed, log
+        self.interlock, self._site = interlock or Interlock(simulated=True), site
         self.rig: Rig | None = None
         self.phase = "idle"
         self.began: float | None = None
@@ -84,6 +97,7 @@ class Supervisor:
         self._failure: BaseException | None = None
         self._unsafe: BaseException | None = None  # of the stop, until the client was told
         self._stop: tuple[str, float] | None = None
+        self._left = False  # whether the program that ran it is gone
         self._asked = self._alive = 0.0
         self._limits = Limits()
         self._wanting = False  # somebody waits for samples
@@ -96,16 +110,23 @@ class Supervisor:
         return self.phase in ("preparing", "running", "stopping")
 
     def run(self, order: Order) -> None:
-        """Begin; returns at once. RigError while another runs, or without a rig."""
+        """Begin; returns at once. RigError while another runs, or without a rig; InterlockError where the
+        interlock forbids it."""
         if self.rig is None:
             raise RigError("no rig is open")
         with self._news:
             if self.busy:
                 raise RigError("a run is going on: stop it first")
-            rig, self._loop = self.rig, None
+            rig, order = self._sited(self.rig, order)
+            self._loop = None
             if order.controller is not None:
-                rig = self._loop = self._looped(order)
+                rig = self._loop = self._looped(rig, order)
+            if order.drives:
+                if order.arm:
+                    self.interlock.arm("the program that runs it", order.arm)
+                self.interlock.need()
             self.phase, self._stop, self._failure, self._unsafe = "preparing", None, None, None
+            self._left = False
             self.began, self.ramp_after, self.stopped = None, None, {}
             self._blocks.clear()
             self._sent, self._stored, self._keep = [], 0, order.keep
@@ -117,13 +138,24 @@ class Supervisor:
         self._thread.start()
         threading.Thread(target=self._watch, args=(rig, self._thread), daemon=True).start()
 
-    def _looped(self, order: Order) -> LoopRig:
+    def _sited(self, rig: Rig, order: Order) -> tuple[Rig, Order]:
+        """The rig with the permits of the site, and the order within the limits of the site; those of the
+        device are read again."""
+        if self.interlock.simulated:
+            return rig, order
+        site = self._site()
+        refreshed(rig)
+        self.interlock.require(site.permits)
+        if order.controller is None:
+            site.check(order.volts, order.limits, rig.capabilities)
+        return site.around(rig), order._replace(limits=site.narrowed(order.limits))
+
+    def _looped(self, rig: Rig, order: Order) -> LoopRig:
         if order.position is None or order.controller is None:
             raise RigError("a closed loop needs the input that shows the position")
         made = controller_of(order.controller)
-        rig = cast(StreamingRig, self.rig)
         beliefs = order.plausibility, order.second
-        return LoopRig(rig, made, order.position, self.home, order.limits, *beliefs)
+        return LoopRig(cast(StreamingRig, rig), made, order.position, self.home, order.limits, *beliefs)
 
     def command(self, what: dict[str, Any]) -> None:
         """Tell the controller of the loop that goes on. It looks at the command in this thread, and takes it
@@ -137,11 +169,13 @@ class Supervisor:
         """How the loop goes, or the last one went."""
         return None if self._loop is None else self._loop.said()
 
-    def stop(self, why: str) -> bool:
-        """Ask the run to end with a ramp to 0 V; whether there was one."""
+    def stop(self, why: str, gone: bool = False) -> bool:
+        """Ask the run to end with a ramp to 0 V; whether there was one. It is a fault where the program that
+        ran it is gone."""
         with self._news:
             if not self.busy:
                 return False
+            self._left = self._left or gone
             if self._stop is None:
                 self._stop = (why, time.perf_counter())
             self._news.notify_all()
@@ -221,6 +255,7 @@ class Supervisor:
     def _run(self, rig: Rig, order: Order) -> None:
         gate = Gate(rig, order.limits, rig.capabilities, self.home)
         failure: BaseException | None = None
+        drove = False  # whether anything may have been put out
         try:
             if isinstance(rig, LoopRig):  # it looks at the position and at the voltages, update by update
                 rig.load(order.volts)
@@ -229,7 +264,9 @@ class Supervisor:
                 gate.load(order.volts)
                 gate.arm(order.inputs, order.samples, order.position, order.rest)
             self._go_on()
+            drove = not self.interlock.simulated
             gate.start()  # a virtual rig computes before it puts out
+            drove = True
             self._asked = self._alive = time.monotonic()
             self.phase = "running"
             done, pause = 0, 0.0
@@ -271,6 +308,7 @@ class Supervisor:
             "" if (volts := self.stopped["measured"]) is None else f", the monitor reads {volts:.3g} V"
         )
         self._log(f"{ended}: {said}")
+        self._settle(order, ended, drove and (self._left or is_fault(failure)))
         with self._news:
             self.home.origin = getattr(rig, "origin", 0.0)
             if failure is not None:  # its frames hold the rig, with 100 MB and more of samples, in a circle
@@ -281,6 +319,15 @@ class Supervisor:
             self.phase = "idle"
             self._news.notify_all()
         collect()
+
+    def _settle(self, order: Order, ended: str, fault: bool) -> None:
+        """Latch a fault; the output that was enabled for this run only is disarmed."""
+        if "failed" in self.stopped:
+            self.interlock.latch(f"{ended}; {self.stopped['failed']}")
+        elif fault:
+            self.interlock.latch(ended)
+        elif order.arm:
+            self.interlock.disarm("the program that runs it", "the run has ended")
 
     def _keep_pace(self, pause: float) -> None:
         """A rig that is faster than real time waits for who takes its samples, so that a stop comes as
@@ -339,4 +386,5 @@ def state_of(supervisor: Supervisor, holder: str) -> dict[str, Any]:
         "position": supervisor.home.position,
         "holder": holder,
         "stopped": supervisor.stopped,
+        "interlock": supervisor.interlock.state(),
     }

@@ -57,6 +57,11 @@ class WatchedRig:
         return getattr(self._rig, "origin", 0.0)
 
     @property
+    def simulated(self) -> bool:
+        """Whether the rig is one of the computer only."""
+        return getattr(self._rig, "simulated", False)
+
+    @property
     def guard(self) -> Callable[[Limits, PositionInput | None, int, Path | None], None] | None:
         """That of a rig which watches itself."""
         return getattr(self._rig, "guard", None)

@@ -7,6 +7,7 @@ Everything of the library but the calls into NI's driver runs as it is.
 
 import json
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import nidaqmx.utils
@@ -150,6 +151,8 @@ hidden = ss.load_actuator("kang2007").replace(stage_reaction=False)
 driver = Driver(Stage(hidden, variation=EXACT.variation, seed=2))
 nidaqmx.utils._select_interpreter = lambda *given, **named: driver
 
+armed = ExitStack()  # to the end of this program
+armed.enter_context(ss.rig.armed("a simulated card"))
 rig = DaqmxRig("Dev1", gain=GAIN, inputs={"gauge": "ai0"}, rate="10 kHz")
 gauge = fit_calibration(
     np.array([-10.0, 0.0, 10.0]),
@@ -196,6 +199,7 @@ except RigError as error:
     said["pulled"] = [str(error), *error.__notes__]
     said["kept"] = error.recording.sizes["time"]
 driver.gone = False
+ss.rig.interlock_of(rig).acknowledge("a test", "the cable is in again")
 said["left_then"] = len(driver.tasks)
 for what, call in {
     "no_device": lambda: ss.rig.measure(

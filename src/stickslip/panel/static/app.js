@@ -1,5 +1,6 @@
 // Boot, pages by the location's hash, requests, the stream, notices, emergency stop, theme.
 
+import { makeInterlock } from "./interlock.js";
 import { formatQuantity } from "./quantity.js";
 import { openStream } from "./stream.js";
 
@@ -64,7 +65,8 @@ function identity() {
 export const app = { request, notify, client: identity(), control: { holder: "", mine: false, asking: "" } };
 app.stream = openStream(app.client);
 app.you = ""; // what other pages know this one by; `client` is its secret
-app.stream.on("hello", (message) => (app.you = message.you));
+app.role = "maintain"; // watch, operate or maintain: what the token of this page allows
+app.stream.on("hello", (message) => { app.you = message.you; app.role = message.role; });
 
 let unmount = () => {};
 let shown = "";
@@ -167,15 +169,18 @@ function boot() {
     stopped = state;
   });
   app.stream.on("notice", ({ text, level }) => notify(text, level));
+  makeInterlock(app, byId("interlock"), byId("latched"));
   const control = byId("control");
   app.stream.on("control", (state) => {
-    app.control = { ...state, mine: Boolean(app.you) && state.holder === app.you };
+    const watches = app.role === "watch"; // as if somebody else held it
+    app.control = { ...state, holder: state.holder || (watches ? "nobody" : ""), mine: !watches && Boolean(app.you) && state.holder === app.you };
     const asked = app.control.mine && state.asking;
-    control.textContent = asked ? "Hand over control" : app.control.mine ? "In control" : state.holder ? "Ask for control" : "Take control";
+    control.disabled = watches;
+    control.textContent = watches ? "Watching" : asked ? "Hand over control" : app.control.mine ? "In control" : state.holder ? "Ask for control" : "Take control";
     control.title = app.control.mine && !asked ? "Only one page controls the rig: this one; press to let go of it" : "Only one page controls the rig; every page sees it";
     control.dataset.state = asked ? "asked" : app.control.mine ? "mine" : state.holder ? "other" : "free";
     if (asked && state.asking !== app.you) notify("Another page asks for control.", "warning");
-    document.body.classList.toggle("watching", Boolean(state.holder) && !app.control.mine);
+    document.body.classList.toggle("watching", Boolean(app.control.holder) && !app.control.mine);
     window.dispatchEvent(new Event("controlchange"));
   });
   control.onclick = () => app.stream.send({ kind: app.control.mine ? "hand_over" : "ask_control" });

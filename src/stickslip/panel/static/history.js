@@ -4,6 +4,7 @@
 import { h, openDialog } from "./dom.js";
 import { styled } from "./elements.js";
 import { showComparison } from "./history_compare.js";
+import { showLog } from "./history_log.js";
 import { showRun } from "./history_run.js";
 import { uploadDialog } from "./history_upload.js";
 import { calledShortly } from "./livedata.js";
@@ -31,6 +32,7 @@ export async function mount(element, app) {
     h("div", { class: "history-find" }, search, kind, outcome),
     h("div", { class: "row" }, compare, remove, h("span", { class: "grow" }),
       h("button", { type: "button", class: "small", onclick: () => uploadDialog(app, async (name) => { await load(); open([name]); }) }, "Take in a file…"),
+      h("button", { type: "button", class: "small quiet", onclick: openLog }, "Log"),
       h("button", { type: "button", class: "small quiet", onclick: binDialog }, "Bin…")),
     count, h("div", { class: "history-table", tabIndex: 0, role: "group", "aria-label": "List of runs" }, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, h("span", { class: "visually-hidden" }, "Tick")), h("th", {}, "Run"), h("th", { class: "number" }, "When"), h("th", {}, "Outcome"))), body)));
   const right = h("section", { class: "history-right", "aria-label": "Details" });
@@ -86,6 +88,11 @@ export async function mount(element, app) {
     }
     if (right.getBoundingClientRect().top > innerHeight / 2) right.scrollIntoView();
   }
+  async function openLog() {
+    await open([]);
+    history.replaceState(null, "", "#history?log");
+    leave = await showLog(right, app);
+  }
   const nothing = () => h("div", { class: "card soft" }, h("h2", {}, "A run's details come here"), h("p", {}, "Choose one in the list: what made it, what was made of it, its notes and curves. Tick two or more to compare them: their curves on one clock, their difference, and what was set or found otherwise."));
 
   async function toBin(names) {
@@ -127,6 +134,7 @@ export async function mount(element, app) {
   await load();
   const wanted = new URLSearchParams(location.hash.split("?")[1] ?? "").getAll("run");
   if (wanted.length) await open(wanted);
+  else if (location.hash.endsWith("?log")) await openLog();
   return () => { offs.forEach((off) => off()); clearTimeout(timer); leave(); };
 }
 

@@ -40,6 +40,12 @@ function backEnd(one, choose) {
       options, h("button", { class: "small" }, `Use ${one.kind}`)));
 }
 
+/** End stops, those that there are. */
+function stops({ min_position: low, max_position: high }, unit) {
+  const ends = [low, high].filter((one) => one !== undefined).map((one) => of(one, unit));
+  return ends.length ? `, end stop${ends.length > 1 ? "s" : ""} at ${ends.join(" and ")}` : "";
+}
+
 function facts(rig) {
   const { limits } = rig;
   const rows = [
@@ -47,7 +53,7 @@ function facts(rig) {
     ["Samples", `at ${of(rig.sample_rate, "Hz")}, ${rig.max_points.toLocaleString("en")} at most, ${rig.streams ? "as they are taken" : "when the run is over: end stops are watched only then"}`],
     ["Jitter of the begin", rig.jitter ? of(rig.jitter, "s") : "none: one clock"],
     ["Inputs", Object.entries(rig.inputs).map(([input, unit]) => `${input} (${unit})`).join(", ")],
-    ["Limits", `${of(limits.min_voltage, "V")} to ${of(limits.max_voltage, "V")}${limits.max_slew ? `, ${of(limits.max_slew, "V/s")}` : ""}${limits.max_position === undefined ? "" : `, end stop at ${of(limits.max_position, rig.unit)}`}; stops at ${of(limits.stop_slew, "V/s")}`],
+    ["Limits", `${of(limits.min_voltage, "V")} to ${of(limits.max_voltage, "V")}${limits.max_slew ? `, ${of(limits.max_slew, "V/s")}` : ""}${stops(limits, rig.unit)}; stops at ${of(limits.stop_slew, "V/s")}`],
     ["Safe state", rig.safe_state],
     ...(rig.verified ? [["Verified against", rig.verified]] : []),
   ];

@@ -49,7 +49,7 @@ export function makeLog(app) {
     for (const entry of entries) {
       if (known.has(entry.id)) continue;
       known.add(entry.id);
-      lines.prepend(h("li", { "data-level": entry.level }, h("time", { dateTime: entry.time, class: "soft number" }, new Date(entry.time).toLocaleTimeString([], { hourCycle: "h23" })), " ", entry.text));
+      lines.prepend(h("li", { "data-level": entry.level }, h("time", { dateTime: entry.time, class: "soft number" }, new Date(entry.time).toLocaleTimeString([], { hourCycle: "h23" })), " ", entry.why ? `${entry.text} (${entry.why})` : entry.text));
       if (entry.level === "error") app.notify(entry.text, "error");
     }
     while (lines.children.length > 500) lines.lastChild.remove();

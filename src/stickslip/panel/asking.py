@@ -1,0 +1,47 @@
+"""Who asks: the page, the address and the role of the request that is being answered."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import NamedTuple
+
+
+class Asker(NamedTuple):
+    """The page by what others know it by, its address, and the role of its token (see `roles`)."""
+
+    page: str = ""
+    address: str = ""
+    role: str = "maintain"
+
+    def named(self, operator: str) -> str:
+        """The operator, with page and role."""
+        if not self.address:
+            return operator or "the panel"
+        who = f"page {self.page[:6]}, may {self.role}" if self.page else f"may {self.role}"
+        return f"{operator or 'somebody'} ({who})"
+
+
+_NOW: ContextVar[Asker] = ContextVar("asker", default=Asker())  # noqa: B039  # it cannot be changed
+
+
+@contextmanager
+def asked_by(asker: Asker) -> Iterator[None]:
+    """A context in which a request is answered."""
+    before = _NOW.set(asker)
+    try:
+        yield
+    finally:
+        _NOW.reset(before)
+
+
+def asking() -> Asker:
+    """Who asks now; nobody outside of requests."""
+    return _NOW.get()
+
+
+def shown(identity: str) -> str:
+    """What others know a page by; "" for nobody."""
+    return hashlib.sha256(identity.encode()).hexdigest()[:16] if identity else ""

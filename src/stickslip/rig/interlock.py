@@ -1,0 +1,344 @@
+"""The interlock of a rig: one state machine that says whether a run may start.
+
+    fault      a fault ended a run, and nobody has acknowledged it
+    withheld   a permit is missing
+    disarmed   nobody has enabled the output
+    armed      a run may start
+
+Arming is refused while there is a fault or a permit is missing, and a fault or a withdrawn permit disarms.
+Fault and permits are kept in a file, so a restart clears neither; the output is disarmed after a restart. A
+simulated rig has no output to enable and needs no arming, but its faults and permits are those of any other.
+Nothing here stands before a stop, and a run at 0 V needs nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+from ..quantities.records import did_you_mean
+from ..quantities.units import QuantityError
+from ..recording.replacing import read_small, replaced_whole
+from .capture import CaptureError
+from .protocols import RigError, StopRequested
+
+OPERATORS = "operators"  # the permit that every rig has: anybody may withdraw it
+FILE = "interlock.json"
+_LONGEST = 400  # characters of a reason
+_HOW_TO_ARM = "Arm it on purpose: --arm WHY on the command line, stickslip.rig.armed(WHY), or the panel"
+_HOW_TO_ACKNOWLEDGE = (
+    "Look at the rig, then acknowledge the fault: stickslip interlock FILE --acknowledge WHY, "
+    "stickslip.rig.interlock_of(rig).acknowledge(WHO, WHY), or the panel"
+)
+
+Log = Callable[[str, str, str, str], None]  # act, who, what, why
+
+
+class InterlockError(RigError):
+    """A run may not start; says what is missing, and what to do."""
+
+
+class Permit(NamedTuple):
+    """Whether a permit is given; by whom, when and why it was given or withdrawn."""
+
+    given: bool = False
+    who: str = "nobody"
+    when: str = ""
+    why: str = "it was never given"
+
+
+def _unlogged(act: str, who: str, what: str, why: str) -> None:
+    """No log."""
+
+
+class Interlock:
+    """The state machine of one rig; see the module.
+
+    Args:
+        path: the file that keeps fault and permits; by default they are kept in memory.
+        required: names of the permits that the rig needs, beside that of the operators.
+        log: called with each act: what was done, by whom, to what, why.
+        simulated: whether the rig is one of the computer only.
+    """
+
+    def __init__(
+        self,
+        path: Path | None = None,
+        required: Iterable[str] = (),
+        log: Log = _unlogged,
+        simulated: bool = False,
+    ) -> None:
+        self.simulated = simulated
+        self._path, self._log = path, log
+        self._lock = threading.RLock()
+        self._armed = self._fault = self._since = ""
+        self._kept = {OPERATORS: Permit(True, "", "", "")}  # all permits that were ever given or withdrawn
+        self._required = (OPERATORS, *required)
+        self._load()
+
+    def require(self, names: Iterable[str]) -> None:
+        """Need these permits beside that of the operators; one that is new is not given."""
+        with self._lock:
+            self._required = (OPERATORS, *names)
+
+    @property
+    def _permits(self) -> dict[str, Permit]:
+        return {name: self._kept.get(name, Permit()) for name in self._required}
+
+    def need(self) -> None:
+        """Raise InterlockError unless a run may start."""
+        with self._lock:
+            missing = self._missing()
+            if not missing and not self._armed and not self.simulated:
+                missing = f"the output is not armed. {_HOW_TO_ARM}"
+        if missing:
+            self._log("refused", "", "start", missing)
+            raise InterlockError(missing)
+
+    def arm(self, who: str, why: str) -> None:
+        """Enable the output.
+
+        Raises:
+            InterlockError: there is a fault, or a permit is missing.
+            QuantityError: no reason is given.
+        """
+        why = _reason(why)
+        with self._lock:
+            missing = self._missing()
+            if not missing:
+                self._armed = who or "somebody"
+        self._log("refused" if missing else "armed", who, "arm" if missing else "the output", missing or why)
+        if missing:
+            raise InterlockError(missing)
+
+    def disarm(self, who: str, why: str) -> None:
+        """Take the enabling back; a run that goes on is the caller's to stop."""
+        with self._lock:
+            was, self._armed = self._armed, ""
+        if was:
+            self._log("disarmed", who, "the output", why)
+
+    def latch(self, what: str) -> None:
+        """Keep a fault until it is acknowledged; the first one is kept."""
+        with self._lock:
+            self._armed = ""
+            if not self._fault:
+                self._fault, self._since = what, _now()
+            self._save()
+        self._log("fault", "", what, "")
+
+    def acknowledge(self, who: str, why: str) -> None:
+        """Clear the fault; raises QuantityError where no reason is given, or there is no fault."""
+        why = _reason(why)
+        with self._lock:
+            if not self._fault:
+                raise QuantityError("there is no fault to acknowledge")
+            fault, self._fault, self._since = self._fault, "", ""
+            self._save()
+        self._log("acknowledged", who, fault, why)
+
+    def permit(self, name: str, given: bool, who: str, why: str) -> None:
+        """Give or withdraw a permit; raises QuantityError for an unknown one, or without a reason."""
+        why = _reason(why)
+        with self._lock:
+            if name not in self._permits:
+                known = ", ".join(self._permits)
+                raise QuantityError(
+                    f"{name[:60]!r} is no permit of this rig{did_you_mean(name, self._permits)}; "
+                    f"there are {known}"
+                )
+            self._kept[name] = Permit(given, who or "somebody", _now(), why)
+            if not given:
+                self._armed = ""
+            self._save()
+        self._log("permit given" if given else "permit withdrawn", who, name, why)
+
+    @classmethod
+    def of_state(cls, said: Mapping[str, Any]) -> Interlock:
+        """One in the state that another has said."""
+        made = cls(simulated=said["simulated"])
+        made._armed, made._fault, made._since = said["armed_by"], said["fault"], said["since"]
+        made._required = tuple(said["permits"])
+        made._kept = {name: Permit(**one) for name, one in said["permits"].items()}
+        return made
+
+    def state(self) -> dict[str, Any]:
+        """The state with all that led to it, as JSON."""
+        with self._lock:
+            if self._fault:
+                now = "fault"
+            elif not all(one.given for one in self._permits.values()):
+                now = "withheld"
+            else:
+                now = "armed" if self._armed else "disarmed"
+            return {
+                "state": now,
+                "simulated": self.simulated,
+                "armed_by": self._armed,
+                "fault": self._fault,
+                "since": self._since,
+                "permits": {name: one._asdict() for name, one in self._permits.items()},
+            }
+
+    def _missing(self) -> str:
+        """What forbids to arm, and what to do; "" if nothing does."""
+        if self._fault:
+            return f"a fault of {self._since} is not acknowledged: {self._fault}. {_HOW_TO_ACKNOWLEDGE}"
+        for name, one in self._permits.items():
+            if not one.given:
+                return (
+                    f"the permit {name!r} is missing: {one.who}, {one.why}. Give it when it is safe: "
+                    f"stickslip interlock FILE --give {name} --why WHY, or the panel"
+                )
+        return ""
+
+    def _load(self) -> None:
+        if self._path is None:
+            return
+        try:
+            known = read_small(self._path) or {}
+            self._fault, self._since = str(known.get("fault", "")), str(known.get("since", ""))
+            for name, kept in dict(known.get("permits", {})).items():
+                self._kept[str(name)] = Permit(kept["given"] is True, *(str(kept[one]) for one in _TEXTS))
+        except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+            self._fault, self._since = f"{self._path} is damaged ({error})", _now()
+
+    def _save(self) -> None:
+        if self._path is None:
+            return
+        kept = {"fault": self._fault, "since": self._since}
+        permits = {name: one._asdict() for name, one in self._kept.items()}
+        # A full disk must not end what the process is there for; memory has it.
+        with suppress(OSError), replaced_whole(self._path) as temporary:
+            temporary.write_text(json.dumps({**kept, "permits": permits}), encoding="utf-8")
+
+
+_TEXTS = ("who", "when", "why")
+
+
+def _now() -> str:
+    return datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
+
+
+def _reason(why: str) -> str:
+    """The reason in one line; raises QuantityError where there is none."""
+    said = " ".join(str(why).split())[:_LONGEST]
+    if not said:
+        raise QuantityError("a reason is needed: say why, in a few words")
+    return said
+
+
+def is_fault(failure: BaseException | None) -> bool:
+    """Whether what ended a run latches: not a stop that was asked for, nor a trigger that did not come."""
+    return failure is not None and not isinstance(failure, StopRequested | CaptureError)
+
+
+_ARMED: list[str] = []  # reasons of the contexts that the program is in
+
+
+@contextmanager
+def armed(why: str) -> Iterator[None]:
+    """A context in which the runs of this program are armed, each when it starts.
+
+    Args:
+        why: the reason, for the log.
+
+    Raises:
+        QuantityError: no reason is given.
+    """
+    _ARMED.append(_reason(why))
+    try:
+        yield
+    finally:
+        _ARMED.pop()
+
+
+def arming() -> str:
+    """Why the runs of this program are armed; "" if they are not."""
+    return _ARMED[-1] if _ARMED else ""
+
+
+_INTERLOCKS: WeakKeyDictionary[Any, Interlock] = WeakKeyDictionary()
+
+
+def interlock_of(rig: Any) -> Any:
+    """The interlock of a rig: that of its process for a `HostedRig`, one of its own for a rig in this
+    program; None for a simulated rig in this program, which needs none."""
+    hosted = getattr(rig, "interlock", None)
+    if hosted is not None:
+        return hosted
+    if getattr(rig, "simulated", False):
+        return None
+    try:
+        return _INTERLOCKS.setdefault(rig, Interlock())
+    except TypeError:  # somebody's rig that cannot be a key
+        return Interlock()
+
+
+@contextmanager
+def enabled(rig: Any, drive: bool) -> Iterator[Callable[[BaseException | None], None]]:
+    """A context for one run of a rig in this program; gives what is to be called with what ended the run.
+
+    Args:
+        rig: in this program; one that watches itself in its own process is passed over.
+        drive: whether anything but 0 V is put out.
+
+    Raises:
+        InterlockError: the run may not start.
+    """
+    interlock = None if getattr(rig, "guard", None) is not None else interlock_of(rig)
+    if interlock is None:
+        yield lambda failure: None
+        return
+    own = arming() if drive else ""
+    if own:
+        interlock.arm("this program", own)
+    if drive:
+        interlock.need()
+
+    def ended(failure: BaseException | None) -> None:
+        if isinstance(failure, RigError) and is_fault(failure):
+            interlock.latch(str(failure) or type(failure).__name__)
+
+    try:
+        yield ended
+    finally:
+        if own:
+            interlock.disarm("this program", "the run has ended")
+
+
+class HostedInterlock:
+    """The interlock of a rig in a process of its own; see `Interlock`.
+
+    Args:
+        ask: `Link.ask` of a connection to that process.
+    """
+
+    def __init__(self, ask: Callable[..., Any]) -> None:
+        self._ask = ask
+
+    def arm(self, who: str, why: str) -> None:
+        """Enable the output, until this connection ends at the latest."""
+        self._ask("arm", who=who, why=why)
+
+    def disarm(self, who: str, why: str) -> None:
+        """Take the enabling back; a run that goes on is stopped."""
+        self._ask("disarm", who=who, why=why)
+
+    def acknowledge(self, who: str, why: str) -> None:
+        """Clear the fault."""
+        self._ask("acknowledge", who=who, why=why)
+
+    def permit(self, name: str, given: bool, who: str, why: str) -> None:
+        """Give or withdraw a permit; a run that goes on is stopped where it is withdrawn."""
+        self._ask("permit", name=name, given=given, who=who, why=why)
+
+    def state(self) -> Mapping[str, Any]:
+        """The state with all that led to it."""
+        return self._ask("state")[0]["interlock"]

@@ -1,0 +1,272 @@
+"""Limits and permits of a site, from a file that neither panel nor experiment can exceed.
+
+The file is named by the environment variable STICKSLIP_SITE; by default it is /etc/stickslip/site.toml. It is
+read at each start of a run::
+
+    [limits]                        # of every rig
+    max_voltage = "120 V"
+
+    [permits.door]                  # from an input of the rig: given while the reading is within
+    input = "door"
+    minimum = "2 V"
+
+    [permits.vacuum]                # given and withdrawn by people or by a program
+    reason = "the chamber is below 1e-3 mbar"
+
+    [rigs.nv200-host-192.168.0.20.limits]   # of one rig, by the folder of its process
+    max_voltage = "60 V"
+
+A simulated rig has no output to limit: the file is not read for it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..parameters import ParameterSetError, read_toml
+from ..quantities.records import did_you_mean
+from ..quantities.units import QuantityError, optional_si, to_si, with_prefix
+from .interlock import interlock_of
+from .limits import LimitError, Limits, check_drive
+from .protocols import Array, Capabilities, Rig, RigError
+
+VARIABLE, DEFAULT = "STICKSLIP_SITE", Path("/etc/stickslip/site.toml")
+# Fields that a site narrows: which of two values is the narrower one, and the unit.
+_NARROWER = {
+    "min_voltage": (max, "V"),
+    "max_voltage": (min, "V"),
+    "max_slew": (min, "V/s"),
+    "max_duty": (min, ""),
+    "min_position": (max, "m"),
+    "max_position": (min, "m"),
+    "watchdog": (min, "s"),
+    "frozen": (min, "s"),
+}
+_TABLES = ("limits", "permits", "rigs")
+_OF_PERMIT = ("input", "minimum", "maximum", "reason")
+
+
+class InputPermit(NamedTuple):
+    """A permit that an input of the rig gives while its reading is from `minimum` to `maximum`, in the unit
+    of the input."""
+
+    input: str
+    minimum: float | str | None = None
+    maximum: float | str | None = None
+
+    def bounds(self, can: Capabilities) -> tuple[float, float]:
+        """The two in the unit of the input; raises QuantityError where the rig has no such input."""
+        if self.input not in can.inputs:
+            said = f"a permit of the site needs the input {self.input!r}, which {can.name} does not have"
+            raise QuantityError(said + did_you_mean(self.input, can.inputs))
+        unit = can.inputs[self.input]
+        low = optional_si(self.minimum, unit, "minimum")
+        high = optional_si(self.maximum, unit, "maximum")
+        return -math.inf if low is None else low, math.inf if high is None else high
+
+
+class Site(NamedTuple):
+    """Limits of a site by field, permits from inputs by name, names of the other permits, and the file."""
+
+    limits: Mapping[str, float] = {}
+    inputs: Mapping[str, InputPermit] = {}
+    permits: tuple[str, ...] = ()
+    path: Path | None = None
+
+    def narrowed(self, limits: Limits) -> Limits:
+        """The limits, each no wider than the site's; raises QuantityError where no stop is possible then."""
+        given = {}
+        for name, value in self.limits.items():
+            given[name] = _NARROWER[name][0](getattr(limits, name), value)
+        slew = given.get("max_slew", limits.max_slew)
+        return Limits(**{**limits._asdict(), **given, "stop_slew": min(limits.stop_slew, slew)})
+
+    def told(self) -> list[str]:
+        """The limits and the inputs that are watched, in words."""
+        words = [
+            f"{name.replace('_', ' ')} {with_prefix(value, _NARROWER[name][1])}"
+            for name, value in self.limits.items()
+        ]
+        for name, one in self.inputs.items():
+            ends = [
+                f"{sign} {end}" for sign, end in ((">=", one.minimum), ("<=", one.maximum)) if end is not None
+            ]
+            words.append(f"{name}: input {one.input} {' and '.join(ends)}")
+        return words
+
+    def check(self, volts: Array, limits: Limits, can: Capabilities) -> None:
+        """Raise LimitError for a drive [V] that the site refuses; says whose limit it is."""
+        try:
+            check_drive(volts, self.narrowed(limits), can)
+        except LimitError as error:
+            check_drive(volts, limits, can)  # where the experiment's own limit refuses it, that is said
+            raise LimitError(f"{error}; the limit is that of the site, {self.path}") from None
+
+    def around(self, rig: Rig) -> Rig:
+        """The rig, with the inputs of the permits watched in its runs."""
+        return PermittedRig(rig, self.inputs) if self.inputs else rig
+
+
+class PermittedRig:
+    """A rig whose runs end where an input does not give its permit; see `protocols.StreamingRig`.
+
+    Args:
+        rig: what puts out and records; it records the inputs of the permits too.
+        permits: by name.
+    """
+
+    def __init__(self, rig: Rig, permits: Mapping[str, InputPermit]) -> None:
+        self._rig: Any = rig
+        can = rig.capabilities
+        self._permits = {name: (one.input, *one.bounds(can)) for name, one in permits.items()}
+        self._asked = 0  # inputs of the client, which come first
+        self._read: tuple[str, ...] = ()
+        if hasattr(rig, "begin"):  # else no loop can be closed on it
+            self.begin, self.exchange = self._begin, self._exchange
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Those of the rig."""
+        return self._rig.capabilities
+
+    def __getattr__(self, name: str) -> Any:
+        """What a rig may have beside the protocol."""
+        if name in ("begin", "exchange"):
+            raise AttributeError(name)
+        return getattr(self._rig, name)
+
+    @property
+    def interlock(self) -> Any:
+        """That of the rig."""
+        return interlock_of(self._rig)
+
+    def load(self, volts: Array) -> None:
+        """Take the drive."""
+        self._rig.load(volts)
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        """Record these inputs, and those of the permits."""
+        self._rig.arm(self._with_permits(inputs), samples)
+
+    def start(self) -> None:
+        """Start."""
+        self._rig.start()
+
+    def fetch(self) -> Array:
+        """The next samples of the inputs that were asked for; raises LimitError without a permit."""
+        block = self._rig.fetch()
+        if block.shape[1]:
+            self._check(block.min(axis=1).tolist(), block.max(axis=1).tolist())
+        return block[: self._asked]
+
+    def stop(self, slew: float) -> None:
+        """Ramp to 0 V."""
+        self._rig.stop(slew)
+
+    def _begin(self, inputs: tuple[str, ...]) -> list[float]:
+        return self._checked(self._rig.begin(self._with_permits(inputs)))
+
+    def _exchange(self, volts: float) -> list[float]:
+        return self._checked(self._rig.exchange(volts))
+
+    def _checked(self, readings: list[float]) -> list[float]:
+        self._check(readings, readings)
+        return readings[: self._asked]
+
+    def _with_permits(self, inputs: tuple[str, ...]) -> tuple[str, ...]:
+        more = dict.fromkeys(one for one, *_ in self._permits.values() if one not in inputs)
+        self._asked, self._read = len(inputs), (*inputs, *more)
+        return self._read
+
+    def _check(self, least: list[float], greatest: list[float]) -> None:
+        for name, (source, low, high) in self._permits.items():
+            at = self._read.index(source)
+            if not (least[at] >= low and greatest[at] <= high):  # no number is no permit either
+                reads = least[at] if not least[at] >= low else greatest[at]
+                unit = self.capabilities.inputs[source]
+                raise LimitError(
+                    f"the permit {name!r} is withdrawn: the input {source!r} reads "
+                    f"{with_prefix(reads, unit)}, not within {low:g} to {high:g} {unit}: stopped"
+                )
+
+
+def sited(rig: Rig, limits: Limits) -> tuple[Rig, Limits, Site]:
+    """A rig in this program as its site has it, the limits no wider than the site's, and the site. A rig that
+    watches itself in its own process, or is simulated, stays as it is."""
+    if getattr(rig, "guard", None) is not None or getattr(rig, "simulated", False):
+        return rig, limits, Site()
+    site = site_of()
+    refreshed(rig)
+    interlock_of(rig).require(site.permits)
+    return site.around(rig), site.narrowed(limits), site
+
+
+def refreshed(rig: Any) -> None:
+    """Have a rig read the limits of its device again, where it can: they may have been changed there."""
+    refresh = getattr(rig, "refresh", None)
+    if refresh is not None:
+        refresh()
+
+
+def site_of(rig: str = "") -> Site:
+    """The site's limits and permits, with those of one rig by the name of its folder; empty without a file.
+
+    Raises:
+        RigError: the file is wrong, or the environment variable names a file that is not there.
+    """
+    named = os.environ.get(VARIABLE)
+    path = Path(named) if named else DEFAULT
+    if not named and not path.exists():
+        return Site()
+    try:
+        content = read_toml(path)
+        _known(content, _TABLES, "")
+        own = _table(_table(content, "rigs"), rig) if rig else {}
+        _known(own, ("limits", "permits"), f"rigs.{rig}.")
+        limits = _limits(_table(content, "limits"), "limits")
+        for name, value in _limits(_table(own, "limits"), f"rigs.{rig}.limits").items():
+            limits[name] = _NARROWER[name][0](limits.get(name, value), value)
+        permits = {**_table(content, "permits"), **_table(own, "permits")}
+        inputs = {name: _input(one, name) for name, one in permits.items() if "input" in _asked(one, name)}
+    except (ParameterSetError, QuantityError) as error:
+        said = str(error)
+        raise RigError(said if str(path) in said else f"{path}: {said}") from None
+    return Site(limits, inputs, tuple(name for name in permits if name not in inputs), path)
+
+
+def _table(content: Mapping[str, Any], name: str) -> dict[str, Any]:
+    found = content.get(name, {})
+    if not isinstance(found, dict):
+        raise QuantityError(f"[{name}] must be a table")
+    return found
+
+
+def _known(content: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    for name in content:
+        if name not in known:
+            hint = did_you_mean(name, known)
+            raise QuantityError(f"[{where}{name}] is unknown{hint}; there are {', '.join(known)}")
+
+
+def _limits(content: Mapping[str, Any], where: str) -> dict[str, float]:
+    _known(content, tuple(_NARROWER), f"{where}.")
+    found = {name: to_si(value, _NARROWER[name][1], f"{where}.{name}") for name, value in content.items()}
+    Limits(**{"stop_slew": min(1000.0, found.get("max_slew", math.inf)), **found})  # refuses what cannot be
+    return found
+
+
+def _asked(content: Any, name: str) -> dict[str, Any]:
+    if not isinstance(content, dict):
+        raise QuantityError(f"[permits.{name}] must be a table")
+    _known(content, _OF_PERMIT, f"permits.{name}.")
+    return content
+
+
+def _input(content: dict[str, Any], name: str) -> InputPermit:
+    if not {"minimum", "maximum"} & content.keys():
+        raise QuantityError(f"[permits.{name}] input needs a minimum, a maximum, or both")
+    return InputPermit(str(content["input"]), content.get("minimum"), content.get("maximum"))
