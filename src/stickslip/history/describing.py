@@ -12,8 +12,9 @@ from typing import Any
 import xarray as xr
 
 from ..gate.paths import inside
-from ..gate.text import MOST_BYTES, MOST_RESULT_BYTES, load_json, read_json
+from ..gate.text import MOST_BYTES, MOST_RESULT_BYTES, decoded, load_json, read_file, read_json
 from ..parameters.load import load_set
+from ..quantities.input_file import load_yaml
 from ..recording import RecordingError, open_recording
 from ..recording.replacing import replaced_whole
 from ..recording.storage import save_recording
@@ -96,6 +97,26 @@ def described_fit(path: Path) -> dict[str, Any]:
         "settings": results.get("numbers", {}),
         "links": links | links_of(linked.get("links", {})),
     }
+
+
+def described_run(path: Path) -> dict[str, Any]:
+    """Return the columns of an experiment without a recording, from its log, or from its file if it has none.
+
+    Raises:
+        GateError, InputFileError: the file cannot be read.
+    """
+    nothing = "nothing was recorded"
+    if path.suffix == ".yaml":
+        content = load_yaml(path)
+        return {
+            "title": str(content.get("title", "")),
+            "outcome": f"{nothing}: it was ended before it started, or starts now",
+        }
+    lines = decoded(read_file(path, MOST_RESULT_BYTES), path.name).splitlines()
+    begun, _, title = lines[0].partition(" ") if lines else ("", "", "")
+    last = lines[-1].partition(" ")[2] if lines else ""
+    ended = last if last.startswith("stopped: ") else "it was ended before its first samples, or starts now"
+    return {"begun": begun, "title": title, "outcome": f"{nothing}: {ended}"}
 
 
 def _mapping(folder: Path, name: str, most: int = MOST_RESULT_BYTES) -> dict[str, Any]:

@@ -14,9 +14,9 @@ from typing import Any
 from ..recording.readers.process import Reader, ReaderBusy
 from ..recording.replacing import BIN, to_bin
 from .acts import present_names, read_acts
-from .describing import described, described_fit, described_set
+from .describing import described, described_fit, described_run, described_set
 from .storable import real_name, shown_name, storable_row, storable_text
-from .walking import Entry, entries, is_run
+from .walking import LOGS, Entry, entries, is_run
 
 VERSION = 5
 COLUMNS = (
@@ -217,6 +217,9 @@ class Index:
                 raise ValueError(entry.problem)
             if entry.kind == "fit":
                 found = self._read.apply(described_fit, path / "results.json")
+            elif entry.kind == "run":
+                log = next(path / one for one in LOGS if (path / one).exists())
+                found = self._read.apply(described_run, log)
             elif entry.kind == "parameters":
                 found = self._read.apply(described_set, path)
             else:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def runs(folder: str | os.PathLike[str], search: str = "", **equal: str) -> pd.DataFrame:
     """Return the recordings and fits of a folder and its subfolders, the newest first, as a pandas table.
 
-    Columns: name (the path in the folder), kind (recording or fit), changed (time), bytes, begun, title,
+    Columns: name (the path in the folder), kind (recording, fit, run), changed (time), bytes, begun, title,
     notes, tags, operator, rig, parameter_set, outcome ("complete", why it was stopped, or, of a fit, what is
     "not as required"), seconds, samples, channels, settings (a dictionary: variables, capture, limits, drive,
     actuator; of a fit its numbers), links (of a fit: the recordings fitted and verified), problem (why a file

@@ -12,12 +12,16 @@ from ..rig.samples import SAMPLES, recover
 from .describing import NOTES, RECORDINGS
 
 SETS = "parameters"  # the folder of parameter sets that fits were saved as
+LOGS = ("experiment.log", "experiment.yaml")  # in the folder of an experiment, which has recordings or none
 MOST_LEVELS = 40  # folders within each other that are searched; a lab's have up to 6
 
 
 class Entry(NamedTuple):
-    """A run, or what has the name of one: path, kind ("recording", "fit", "parameters", "folder"), time of
-    change [s], size [bytes], and why it is not read, "" if it can be."""
+    """A run, or what has the name of one.
+
+    Its path, kind ("recording", "fit", "parameters", "run", "folder"), time of change [s], size [bytes], and
+    why it is not read, "" if it can be. A "run" is the folder of an experiment that has no recording.
+    """
 
     path: str
     kind: str
@@ -48,6 +52,7 @@ def entries(root: str) -> Iterator[Entry]:
             continue
         names = {one.name for one in there}
         yield from _fit(root, folder, names)
+        yield from _without_recording(root, folder, names)
         for one in there:
             if kind := _kind(root, folder, one):
                 yield from _looked_at(root, one.path, kind)
@@ -70,7 +75,8 @@ def is_run(root: str, path: str) -> bool:
         if entry is None:
             return False
         if _is_folder(entry):
-            return any(_fit(root, path, {*os.listdir(path)}))
+            names = {*os.listdir(path)}
+            return any(_fit(root, path, names)) or any(_without_recording(root, path, names))
         return _kind(root, folder, entry) != ""
     except OSError:
         return False
@@ -102,6 +108,17 @@ def _fit(root: str, folder: str, names: set[str]) -> Iterator[Entry]:
         problem = next((f"{one.problem} ({os.path.basename(one.path)})" for one in parts if one.problem), "")
         changed, size = max(one.changed for one in parts), sum(one.bytes for one in parts)
         yield Entry(folder, "fit", changed, size, problem)
+
+
+def _without_recording(root: str, folder: str, names: set[str]) -> Iterator[Entry]:
+    """Yield the folder of an experiment that has no recording, finished or not."""
+    log = next((one for one in LOGS if one in names), None)
+    if folder == root or log is None or "unfinished" in names:
+        return
+    if any(one.endswith(SAMPLES) or os.path.splitext(one)[1].lower() in RECORDINGS for one in names):
+        return
+    for part in _looked_at(root, os.path.join(folder, log), "run"):
+        yield part._replace(path=folder)
 
 
 def _looked_at(root: str, path: str, kind: str) -> Iterator[Entry]:

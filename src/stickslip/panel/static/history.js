@@ -11,7 +11,7 @@ import { calledShortly } from "./livedata.js";
 
 const KINDS = [["", "everything"], ["recording", "recordings"], ["fit", "fits"], ["parameters", "parameter sets"], ["prediction", "predictions"], ["verification", "verifications"]];
 const OUTCOMES = [["", "any outcome"], ["complete", "complete"], ["not as required", "not as required"], ["bad", "anything but complete"]];
-export const KIND = { recording: "recording", fit: "fit", parameters: "parameter set", prediction: "prediction", verification: "verification" };
+export const KIND = { recording: "recording", fit: "fit", run: "run without a recording", parameters: "parameter set", prediction: "prediction", verification: "verification" };
 const MOST_COMPARED = 8;
 
 export async function mount(element, app) {
