@@ -14,6 +14,8 @@ from .learned import Learnt as Learnt
 from .moving import MoveError as MoveError
 from .moving import Mover as Mover
 from .moving import Stepping as Stepping
+from .open_loop import OpenLoop as OpenLoop
+from .open_loop import Tally as Tally
 from .plausible import plausibility as plausibility
 from .portable import export_mover as export_mover
 from .portable import export_regulator as export_regulator
@@ -29,6 +31,11 @@ from .shaping import Shaper as Shaper
 from .shaping import Shaping as Shaping
 from .shaping import Slip as Slip
 from .simulated import simulate_control as simulate_control
+from .step_calibration import Bursts as Bursts
+from .step_calibration import measure_steps as measure_steps
+from .step_calibration import measure_travel as measure_travel
+from .step_law import StepLaw as StepLaw
+from .step_law import fit_steps as fit_steps
 from .steps import Steps as Steps
 from .steps import StepSizes as StepSizes
 from .tuning import MarginError as MarginError

@@ -6,11 +6,14 @@ sign and a step backward with the other:
 .. math:: x_{k+1} = x_k + s_+ + c\,\ell + w \ \text{(forward)}, \qquad
           x_{k+1} = x_k - s_- + c\,\ell + w \ \text{(backward)}
 
-Between steps s_+, s_- and the load wander, each a random walk; w is the scatter of single steps. A measured
-position is used as it comes [barshalom2001]. Without one the band grows: with the root of the number of steps
-by their scatter, in proportion to it by what is not known of their size and of the load.
+Between steps s_+, s_- and the load wander, each a random walk, and both steps together (`common_drift`: the
+temperature); w is the scatter of single steps. N steps at once are N single ones, in closed form. A change of
+direction loses a way b, which is known to an error. A measured position is used as it comes [barshalom2001].
+Without one the band grows: with the root of the number of steps by their scatter, in proportion to it by what
+is not known of their size and of the load.
 
-Valid for steps of one kind (amplitude, frequency); c is the slope of the step over the load (`of_model`).
+Steps of another amplitude are those of the model times a `scale`; c is the slope of the step over the load
+(`of_model`).
 """
 
 from __future__ import annotations
@@ -61,6 +64,11 @@ class StepModel(NamedTuple):
     load: Annotated[float, Quantity("N", "ℓ", "load at the start")] = 0.0
     load_error: Annotated[float, Quantity("N", "σ_ℓ", "error of the load", minimum=0)] = 0.0
     load_drift: Annotated[float, Quantity("N", "q_ℓ", "drift of the load", minimum=0)] = 0.0
+    common_drift: Annotated[float, Quantity("", "q_c", "drift of both steps, a share of them", minimum=0)] = (
+        0.0
+    )
+    reversal: Annotated[float, Quantity("m", "b", "way lost at a change of direction")] = 0.0
+    reversal_error: Annotated[float, Quantity("m", "σ_b", "error of that way", minimum=0)] = 0.0
 
     @classmethod
     def of_model(
@@ -138,6 +146,9 @@ class Estimator:
         self._x = np.array([start, model.forward, model.backward, model.load])
         self._p = np.diag([known**2, model.size_error**2, model.size_error**2, model.load_error**2])
         self._wander = np.diag([0.0, model.size_drift**2, model.size_drift**2, model.load_drift**2])
+        together = model.common_drift * np.array([0.0, model.forward, model.backward, 0.0])
+        self._wander += np.outer(together, together)
+        self._way = 0
         self.steps, self.events = 0, list[tuple[int, str]]()
 
     @property
@@ -170,19 +181,41 @@ class Estimator:
         half = float(scipy.stats.norm.ppf(0.5 + 0.5 * _LEVEL.check(level, "level"))) * self.error
         return self.position - half, self.position + half
 
-    def stepped(self, direction: int, count: int = 1) -> None:
-        """So many steps were made, direction 1 (towards +x) or -1."""
+    def stepped(
+        self, direction: int, count: int = 1, *, scale: float = 1.0, scatter: float | None = None
+    ) -> None:
+        """So many steps were made, direction 1 (towards +x) or -1.
+
+        Args:
+            direction: of all of them.
+            count: how many.
+            scale: their size over that of the model's, for another amplitude.
+            scatter: m, of single ones; that of the model if left out.
+        """
         if direction not in (1, -1):
             raise QuantityError(f"direction = {direction!r} must be 1 or -1")
-        move = np.eye(4)
-        move[_POSITION, _FORWARD if direction > 0 else _BACKWARD] = float(direction)
-        move[_POSITION, _LOAD] = self.model.per_load
-        scatter, count = self.model.scatter**2, whole_number(count, "count")
-        for _ in range(count):
-            self._x = move @ self._x
-            self._p = move @ self._p @ move.T + self._wander
-            self._p[_POSITION, _POSITION] += scatter
+        count, model = whole_number(count, "count"), self.model
+        if not count:
+            return
+        if direction != self._way:
+            self._x[_POSITION] -= direction * model.reversal
+            self._p[_POSITION, _POSITION] += model.reversal_error**2
+            self._way = direction
+        adds = np.zeros((4, 4))  # to the position, by one step
+        adds[_POSITION, _FORWARD if direction > 0 else _BACKWARD] = direction * scale
+        adds[_POSITION, _LOAD] = model.per_load
+        move, wander = np.eye(4) + count * adds, self._wander
+        self._x = move @ self._x
+        # Drift of the first step is carried on by all that follow: sums of j and j^2 up to count - 1.
+        once, twice = count * (count - 1) / 2.0, (count - 1) * count * (2 * count - 1) / 6.0
+        self._p = move @ self._p @ move.T + count * wander
+        self._p += once * (adds @ wander + wander @ adds.T) + twice * adds @ wander @ adds.T
+        self._p[_POSITION, _POSITION] += count * (model.scatter if scatter is None else scatter) ** 2
         self.steps += count
+
+    def doubted(self, error: float | str) -> None:
+        """The position has moved by what is not known, a standard deviation [m] of it."""
+        self._p[_POSITION, _POSITION] += _ERROR.check(error, "error") ** 2
 
     def measured(self, position: float | str, noise: float | str) -> None:
         """The position was measured [m], with a standard deviation `noise` [m]. What is further off than the

@@ -1,0 +1,175 @@
+"""Position without a sensor, in front of any positioner: steps by direction, an interval that holds, datums.
+
+The interval grows with every step and shrinks at a datum: an end stop, an index, a camera, a sensor for a
+moment. Steps that the calibration does not cover (another voltage or frequency, a voltage that is held, steps
+that others made) leave a doubt: the interval is widened by as far as they may have gone, and the doubt is
+said until the next datum.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ..quantities.records import Quantity
+from ..quantities.units import QuantityError, to_si
+from ..rig.positioners import Positioner, wait
+from .estimator import Estimator
+from .step_law import StepLaw
+
+_AT = Quantity("m", "", "the position")
+_SPREAD = 1.3  # of the greatest calibrated step, per volt, that a step of another voltage may make
+_SAME = 0.01  # share by which a frequency may differ from that of the calibration
+_ANYWHERE = 1.0  # m, standard deviation of a position that is not known
+_UNIFORM = math.sqrt(3.0)  # half-width of a uniform distribution over its standard deviation
+
+
+class Tally(NamedTuple):
+    """Steps since the last datum, by direction, and changes of direction."""
+
+    forward: int = 0
+    backward: int = 0
+    reversals: int = 0
+
+
+class OpenLoop:
+    """An axis whose position is counted.
+
+    Args:
+        positioner: any of `rig.positioners`.
+        axis: of it.
+        law: of its steps, `fit_steps`.
+        position: m, where it is, known to `error` [m], a standard deviation; not known at all if that is left
+        out. voltage: V, of the steps; the greatest that was calibrated, if left out.
+
+    Attributes:
+        tally: see `Tally`.
+        doubt: why the position is not to be trusted before the next datum, or "".
+
+    At the start the controller is only read. Where it counts steps itself, steps that others made are
+    noticed.
+    """
+
+    def __init__(
+        self,
+        positioner: Positioner,
+        axis: int,
+        law: StepLaw,
+        position: float | str = 0.0,
+        error: float | str = math.inf,
+        voltage: float | str | None = None,
+    ) -> None:
+        self.positioner, self.axis, self.law = positioner, axis, law
+        self.voltage = law.voltages[-1] if voltage is None else to_si(voltage, "V", "voltage")
+        if not law.covers(self.voltage):
+            low, high = law.voltages[0], law.voltages[-1]
+            raise QuantityError(
+                f"voltage = {self.voltage:g} V was not calibrated: {low:g} to {high:g} V were"
+            )
+        positioner.ranges.check(axis, voltage=self.voltage, frequency=law.frequency)
+        self._model, self._way = law.model(self.voltage), 0
+        known = to_si(error, "m", "error")
+        self._known = known < math.inf
+        self.doubt = "" if self._known else "the position at the start is not known: give a datum"
+        self._estimator = Estimator(self._model, position, min(known, _ANYWHERE))
+        self.tally = Tally()
+        self._counter = self._counted()
+
+    @property
+    def position(self) -> float:
+        """Most likely position, m."""
+        return self._estimator.position
+
+    @property
+    def error(self) -> float:
+        """Standard deviation of the position, m; infinite before the first datum of an unknown position."""
+        return self._estimator.error if self._known else math.inf
+
+    def interval(self, level: float | str = 0.95) -> tuple[float, float]:
+        """Where the position is with a probability, m."""
+        low, high = self._estimator.band(level)
+        return (low, high) if self._known else (-math.inf, math.inf)
+
+    def step(
+        self, count: int, voltage: float | str | None = None, frequency: float | str | None = None
+    ) -> None:
+        """Make so many steps (up where positive), wait until they are made, and count them."""
+        volts = self.voltage if voltage is None else to_si(voltage, "V", "voltage")
+        hertz = self.law.frequency if frequency is None else to_si(frequency, "Hz", "frequency")
+        if not count:
+            return
+        self._notice_others()
+        self.positioner.step(self.axis, count, volts, hertz)
+        wait(self.positioner, self.axis, 10.0 + 2.0 * abs(count) / hertz)
+        self._counter = self._counted()
+        direction = 1 if count > 0 else -1
+        up, down, turns = self.tally
+        self.tally = Tally(up + max(count, 0), down + max(-count, 0), turns + (self._way == -direction))
+        self._way = direction
+        if not self.law.covers(volts):
+            self._doubt(count, volts, f"{abs(count)} steps of {volts:g} V, which was not calibrated")
+        elif abs(hertz / self.law.frequency - 1.0) > _SAME:
+            self._doubt(
+                count, volts, f"{abs(count)} steps at {hertz:g} Hz, calibrated at {self.law.frequency:g} Hz"
+            )
+        else:
+            own = self._model.forward if direction > 0 else self._model.backward
+            scale = self.law.size(volts, direction) / own
+            scatter = self.law.step_scatter(volts, direction)
+            self._estimator.stepped(direction, abs(count), scale=scale, scatter=scatter)
+
+    def go(self, target: float | str) -> tuple[float, float]:
+        """Make as many steps as lead nearest to a target [m]; the interval of the position then.
+
+        Raises:
+            QuantityError: the position is not known.
+        """
+        goal = _AT.check(target, "target")
+        if not self._known:
+            raise QuantityError("go: the position is not known: give a datum first")
+        missing = goal - self.position
+        direction = 1 if missing > 0.0 else -1
+        lost = self._model.reversal if self._way == -direction else 0.0
+        own = self._estimator.forward if direction > 0 else self._estimator.backward
+        if not own > 0.0:
+            raise QuantityError(
+                f"go: steps of {self.voltage:g} V lead nowhere {'forward' if direction > 0 else 'backward'}"
+            )
+        self.step(direction * round((abs(missing) + lost) / own))
+        return self.interval()
+
+    def datum(self, position: float | str, error: float | str) -> None:
+        """The position was seen [m], with a standard deviation `error` [m]: the steps learn from it, doubts
+        end, tallies begin again. What does not fit is among `events`."""
+        self._estimator.measured(position, error)
+        self._known = True
+        self.doubt, self.tally = "", Tally()
+
+    @property
+    def events(self) -> list[tuple[int, str]]:
+        """Datums that did not fit, with the steps made before each."""
+        return self._estimator.events
+
+    def held(self, voltage: float | str) -> None:
+        """Hold the piezo at a voltage [V]; by how much that moves it, the law does not know."""
+        volts = to_si(voltage, "V", "voltage")
+        self.positioner.scan(self.axis, volts)
+        self._doubt(1, volts, f"the piezo is held at {volts:g} V")
+
+    def _doubt(self, count: int, volts: float, why: str) -> None:
+        """Widen the interval by all that steps may have gone, either way."""
+        most = max(self.law.forward[-1], self.law.backward[-1]) / self.law.voltages[-1]
+        far = abs(count) * _SPREAD * most * max(volts, self.law.voltages[-1])
+        self._estimator.doubted(far / _UNIFORM)
+        self.doubt = f"{self.doubt}; {why}" if self.doubt else why
+
+    def _notice_others(self) -> None:
+        now = self._counted()
+        if now != self._counter:
+            self._doubt(
+                int(now - self._counter), self.law.voltages[-1], f"{now - self._counter:+g} steps by others"
+            )
+
+    def _counted(self) -> float:
+        """Steps by the controller's own counter; 0 of one that has a sensor instead."""
+        return 0.0 if self.positioner.ranges.sensor else self.positioner.position(self.axis)

@@ -1,0 +1,185 @@
+"""Calibration of the steps of any positioner: bursts of steps, their way by a sensor or from limit to limit.
+
+A sensor is a function that returns the position in metres: a camera's, a gauge's, ``lambda:
+controller.position(0)`` of a controller that has one. Without any, the travel between two limits and a
+function that says whether the axis is at one (a switch, an image, the controller's status) are enough.
+`step_law.fit_steps` makes the law of what is measured.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ..quantities.progress import Progress, unheard
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError, to_si
+from ..rig.positioners import Positioner, wait
+from ..rig.protocols import RigError
+
+_LIMIT = Quantity("m", "", "the distance between the limits", above=0)
+_NOISE = Quantity("m", "", "the standard deviation of a measured way", minimum=0)
+_MOST_STEPS = 10_000_000  # of a way to a limit
+
+
+@record
+class Bursts(NamedTuple):
+    """Bursts of steps that a calibration makes: of each voltage, forward and then backward, `bursts` of
+    `steps` each, all of it `repeats` times; `settle` is the rest before each reading."""
+
+    voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes", above=0)]
+    frequency: Annotated[float, Quantity("Hz", "f", "steps per second", above=0)] = 100.0
+    steps: Annotated[float, Quantity("", "n", "steps of a burst", minimum=1, maximum=1e6)] = 50
+    bursts: Annotated[float, Quantity("", "", "bursts in one direction", minimum=1, maximum=1000)] = 2
+    repeats: Annotated[float, Quantity("", "", "repeats of all voltages", minimum=1, maximum=1000)] = 4
+    settle: Annotated[float, Quantity("s", "t_s", "rest before a reading", minimum=0)] = 0.1
+
+    def _check(self) -> None:
+        if not self.voltages or len(set(self.voltages)) != len(self.voltages):
+            raise QuantityError(f"Bursts.voltages [V] must be different ones, one at least: {self.voltages}")
+        for name in ("steps", "bursts", "repeats"):
+            if getattr(self, name) % 1:
+                raise QuantityError(f"Bursts.{name} = {getattr(self, name):g} must be a whole number")
+
+    @property
+    def plan(self) -> Iterator[tuple[float, int, bool]]:
+        """Voltage, direction, and whether the direction changes before it; every other repeat from the last
+        voltage on."""
+        before = 0
+        for repeat in range(int(self.repeats)):
+            for volts in self.voltages[:: 1 if repeat % 2 == 0 else -1]:
+                for direction in (1, -1):
+                    for _ in range(int(self.bursts)):
+                        yield volts, direction, direction != before
+                        before = direction
+
+
+def measure_steps(
+    positioner: Positioner,
+    axis: int,
+    sensor: Callable[[], float],
+    bursts: Bursts,
+    *,
+    noise: float | str,
+    progress: Progress = unheard,
+) -> xr.Dataset:
+    """Make bursts of steps and measure their ways.
+
+    Args:
+        positioner: any of `rig.positioners`; motions are stopped at the end, and where something fails.
+        axis: of it.
+        sensor: returns the position [m], towards + for steps up.
+        bursts: what is made.
+        noise: m, standard deviation of a reading.
+        progress: called with how much is done.
+
+    Returns:
+        Dataset over "burst", for `fit_steps`.
+
+    Raises:
+        RigError, QuantityError: of the positioner; a reading is no number.
+    """
+    sigma, rows = math.sqrt(2.0) * _NOISE.check(noise, "noise"), []
+    for volts in bursts.voltages:
+        positioner.ranges.check(axis, int(bursts.steps), volts, bursts.frequency)
+    plan = list(bursts.plan)
+    try:
+        before = _reading(sensor)
+        for number, (volts, direction, reversed_) in enumerate(plan):
+            progress("stepping", number / len(plan))
+            _step(positioner, axis, direction * int(bursts.steps), volts, bursts)
+            now = _reading(sensor)
+            rows.append((volts, direction, bursts.steps, now - before, sigma, reversed_))
+            before = now
+    finally:
+        positioner.stop()
+    return _dataset(rows, bursts, positioner)
+
+
+def measure_travel(
+    positioner: Positioner,
+    axis: int,
+    at_limit: Callable[[], int],
+    travel: float | str,
+    bursts: Bursts,
+    *,
+    error: float | str = 0.0,
+    progress: Progress = unheard,
+) -> xr.Dataset:
+    """Count the steps from limit to limit, for each voltage and direction, `repeats` times.
+
+    Args:
+        positioner, axis, progress: as for `measure_steps`.
+        at_limit: returns 1 at the upper limit, -1 at the lower, 0 between.
+        travel: m, between them.
+        bursts: `steps` are made between two looks at the limit; the last ones count by half.
+        error: m, standard deviation with which limits repeat.
+
+    Raises:
+        RigError: a limit is not reached; of the positioner.
+        QuantityError: of the positioner, or the travel is out of range.
+    """
+    way, repeats = _LIMIT.check(travel, "travel"), _NOISE.check(error, "error")
+    rows = []
+    try:
+        _to_limit(positioner, axis, at_limit, -1, max(bursts.voltages), bursts)
+        total = int(bursts.repeats) * len(bursts.voltages)
+        for repeat in range(int(bursts.repeats)):
+            for number, volts in enumerate(bursts.voltages):
+                progress("from limit to limit", (repeat * len(bursts.voltages) + number) / total)
+                for direction in (1, -1):
+                    count = _to_limit(positioner, axis, at_limit, direction, volts, bursts)
+                    unsure = bursts.steps / math.sqrt(12.0) * way / count
+                    sigma = math.hypot(unsure, math.sqrt(2.0) * repeats)
+                    rows.append((volts, direction, count - 0.5 * bursts.steps, direction * way, sigma, True))
+    finally:
+        positioner.stop()
+    return _dataset(rows, bursts, positioner)
+
+
+def _to_limit(
+    positioner: Positioner,
+    axis: int,
+    at_limit: Callable[[], int],
+    direction: int,
+    volts: float,
+    bursts: Bursts,
+) -> int:
+    """Step until the limit of a direction is reached; how many steps."""
+    count = 0
+    while at_limit() != direction:
+        _step(positioner, axis, direction * int(bursts.steps), volts, bursts)
+        count += int(bursts.steps)
+        if count > _MOST_STEPS:
+            which = "upper" if direction > 0 else "lower"
+            raise RigError(
+                f"the {which} limit is not reached after {count} steps of {volts:g} V: is it seen?"
+            )
+    return count
+
+
+def _step(positioner: Positioner, axis: int, count: int, volts: float, bursts: Bursts) -> None:
+    positioner.step(axis, count, volts, bursts.frequency)
+    wait(positioner, axis, 10.0 + 2.0 * abs(count) / bursts.frequency)
+    time.sleep(bursts.settle)
+
+
+def _reading(sensor: Callable[[], float]) -> float:
+    value = to_si(sensor(), "m", "the sensor's position")
+    if not math.isfinite(value):
+        raise QuantityError(f"the sensor's position is {value}: it must be a number in m")
+    return value
+
+
+def _dataset(rows: list[Any], bursts: Bursts, positioner: Positioner) -> xr.Dataset:
+    names = ("voltage", "direction", "steps", "displacement", "noise", "after_reversal")
+    units = ("V", "", "", "m", "m", "")
+    columns = np.array(rows, dtype=float).T
+    made = xr.Dataset({n: ("burst", c, {"units": u}) for n, c, u in zip(names, columns, units, strict=True)})
+    made.attrs |= {"frequency": bursts.frequency, "positioner": positioner.ranges.name}
+    return made

@@ -1,0 +1,309 @@
+r"""Steps of a motor by voltage and direction, from bursts of steps whose way was measured.
+
+Burst i of :math:`n_i` steps at voltage V in a direction goes, along that direction,
+
+.. math:: y_i = n_i\,s_{dir,V}\,(1 + k_i) - b\,r_i + e_i
+
+with the step s of each direction and voltage at the end of the calibration, the way b that is lost at a
+change of direction (r is 1 in the first burst after one), and k, by which steps of before differed: a random
+walk per step, a part common to both directions (temperature, q_c) and one of each direction (load, q_s).
+Errors e are scatter of single steps and of the threshold, and of the measurement,
+
+.. math:: \mathrm{var}\,e_i = n_i\,(\sigma^2 s^2 + \tau^2) + \sigma_{y,i}^2 .
+
+s and b are the generalised least squares of this covariance, :math:`\sigma, \tau, q_c, q_s` its restricted
+maximum of likelihood [patterson1971]. Few bursts cannot show that there is no drift: both drifts are
+reported, and used, at the upper end where the log-likelihood has fallen by 1/4. The threshold is where a line
+through the lower half of the steps is zero.
+
+Valid at the frequency of the bursts and between their voltages; load and temperature may wander as they did
+then.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import scipy
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError
+from .estimator import StepModel
+from .steps import StepSizes
+
+Array = NDArray[np.float64]
+
+FEWEST = 8  # bursts more than step sizes
+_BOUNDS = ((1e-4, 1.0), (1e-3, 1.0), (1e-7, 0.05), (1e-7, 0.05))  # of sigma, tau over the mean step, q_c, q_s
+_STARTS = ((0.05, 0.05, 1e-4, 1e-4), (0.2, 0.01, 2e-3, 1e-5), (0.02, 0.2, 1e-5, 2e-3))
+_FALLS = 0.25  # of the log-likelihood, at the upper end of a drift; study: docs/benchmarks/open-loop.md
+_STEPPING = 0.05  # share of the greatest step, below which a voltage makes no steps
+
+
+@record
+class StepLaw(NamedTuple):
+    """Steps by voltage, as distances, their standard errors, and how they scatter and drift.
+
+    `scatter` is that of single steps as a share of them, `threshold_scatter` what is independent of their
+    size; `common_drift` and `own_drift` are random walks, shares of a step per root of a step, of both
+    directions together and of each; `reversal` is the way that a change of direction loses.
+    """
+
+    voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes, ascending", above=0)]
+    forward: Annotated[tuple[float, ...], Quantity("m", "s₊", "step forward", minimum=0)]
+    backward: Annotated[tuple[float, ...], Quantity("m", "s₋", "step backward", minimum=0)]
+    forward_errors: Annotated[tuple[float, ...], Quantity("m", "", "error of a step forward", minimum=0)]
+    backward_errors: Annotated[tuple[float, ...], Quantity("m", "", "error of a step backward", minimum=0)]
+    frequency: Annotated[float, Quantity("Hz", "f", "steps per second", above=0)]
+    scatter: Annotated[float, Quantity("", "σ", "scatter of single steps", minimum=0)] = 0.0
+    threshold_scatter: Annotated[float, Quantity("m", "τ", "scatter by the threshold", minimum=0)] = 0.0
+    common_drift: Annotated[float, Quantity("", "q_c", "drift of both directions", minimum=0)] = 0.0
+    own_drift: Annotated[float, Quantity("", "q_s", "drift of each direction", minimum=0)] = 0.0
+    reversal: Annotated[float, Quantity("m", "b", "way lost at a change of direction")] = 0.0
+    reversal_error: Annotated[float, Quantity("m", "", "error of that way", minimum=0)] = 0.0
+
+    def _check(self) -> None:
+        sizes = {len(one) for one in self[:5]}
+        if len(sizes) != 1 or list(self.voltages) != sorted(set(self.voltages)):
+            raise QuantityError(
+                f"StepLaw: voltages [V] must ascend, with one step and one error for each: {self.voltages}"
+            )
+
+    def covers(self, voltage: float) -> bool:
+        """Whether steps of an amplitude [V] were measured, or lie between such."""
+        return self.voltages[0] <= voltage <= self.voltages[-1]
+
+    def size(self, voltage: float, direction: int) -> float:
+        """Return the distance [m] of a step of an amplitude [V] in a direction, 1 or -1."""
+        return float(np.interp(voltage, self.voltages, self.forward if direction > 0 else self.backward))
+
+    def step_scatter(self, voltage: float, direction: int) -> float:
+        """Return the standard deviation [m] of a single step."""
+        return math.hypot(self.scatter * self.size(voltage, direction), self.threshold_scatter)
+
+    def threshold(self, direction: int) -> tuple[float, float]:
+        """Return the voltage [V] at which steps begin and their slope [m/V], of a line through the lower half
+        of the steps.
+
+        Raises:
+            QuantityError: fewer than two voltages make steps.
+        """
+        steps = np.array(self.forward if direction > 0 else self.backward)
+        volts, makes = np.array(self.voltages), steps > _STEPPING * steps.max()
+        chosen = np.flatnonzero(makes)[: max(2, (int(makes.sum()) + 1) // 2)]
+        if chosen.size < 2:
+            raise QuantityError("a threshold needs steps at two voltages or more: calibrate at more voltages")
+        slope, at_zero = np.polyfit(volts[chosen], steps[chosen], 1)
+        return float(-at_zero / slope), float(slope)
+
+    def model(self, voltage: float) -> StepModel:
+        """Return the steps of an amplitude [V] for an `Estimator`."""
+        forward, backward = self.size(voltage, 1), self.size(voltage, -1)
+        worst = max(
+            error / size
+            for errors, sizes in ((self.forward_errors, self.forward), (self.backward_errors, self.backward))
+            for error, size, volts in zip(errors, sizes, self.voltages, strict=True)
+            if size > _STEPPING * max(sizes) and volts >= self._below(voltage)
+        )
+        mean = 0.5 * (forward + backward)
+        return StepModel(
+            forward,
+            backward,
+            scatter=self.step_scatter(voltage, 1),
+            size_error=worst * mean,
+            size_drift=self.own_drift * mean,
+            common_drift=self.common_drift,
+            reversal=self.reversal,
+            reversal_error=self.reversal_error,
+        )
+
+    def _below(self, voltage: float) -> float:
+        """Return the calibrated voltage at or below an amplitude [V]."""
+        return max((v for v in self.voltages if v <= voltage), default=self.voltages[0])
+
+    def table(self) -> StepSizes:
+        """Return the steps as the table of a `Mover`."""
+        up, down = (tuple(np.maximum.accumulate(one).tolist()) for one in (self.forward, self.backward))
+        return StepSizes(self.voltages, up, down)
+
+    def equal_steps(self, rows: int = 16) -> Array:
+        """Return a table for a controller [rows, 3]: a distance [m], the amplitudes [V] that make it forward
+        and backward."""
+        of = self.table()
+        volts = [np.array(self.voltages)] * 2
+        low = max(of.forward[0], of.backward[0])
+        high = min(of.forward[-1], of.backward[-1])
+        if not high > low:
+            raise QuantityError(
+                "no distance is made in both directions by the calibrated voltages: calibrate more voltages"
+            )
+        wanted = np.linspace(low, high, rows)
+        return np.column_stack(
+            [
+                wanted,
+                *(np.interp(wanted, one, v) for one, v in zip((of.forward, of.backward), volts, strict=True)),
+            ]
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the law as JSON, or the table of `equal_steps` as CSV, by the ending of the name."""
+        path = Path(path)
+        if path.suffix == ".csv":
+            rows = [
+                "step_m,forward_V,backward_V",
+                *(",".join(f"{x:.6g}" for x in row) for row in self.equal_steps()),
+            ]
+            path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+        else:
+            path.write_text(json.dumps(self._asdict(), indent=1), encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> StepLaw:
+        """Return what `save` wrote as JSON; raises QuantityError for another file."""
+        try:
+            found: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
+            given: dict[str, Any] = {
+                k: tuple(one) if isinstance(one, list) else one for k, one in found.items()
+            }
+            return cls(**given)
+        except (OSError, ValueError, TypeError, AttributeError) as error:
+            raise QuantityError(f"{path} holds no steps of a motor: {error}") from error
+
+
+def fit_steps(bursts: xr.Dataset) -> StepLaw:
+    """Fit the steps of a motor to bursts; see the module and `measure_steps`.
+
+    Args:
+        bursts: over "burst", in the order in which they were made: voltage [V], direction (1 or -1), steps
+        (how many),
+            displacement [m], noise [m] (its standard deviation), after_reversal (0 or 1); attribute
+            `frequency` [Hz].
+
+    Raises:
+        QuantityError: too few bursts for their voltages, or a number is not finite.
+    """
+    return _Fit(bursts).law()
+
+
+class _Fit:
+    """The bursts as arrays, and the likelihood of their noise."""
+
+    def __init__(self, bursts: xr.Dataset) -> None:
+        names = ("voltage", "direction", "steps", "displacement", "noise", "after_reversal")
+        missing = [name for name in names if name not in bursts]
+        if missing:
+            raise QuantityError(f"the bursts have no {', '.join(missing)}")
+        columns = [np.asarray(bursts[name].values, dtype=float) for name in names]
+        if not all(np.all(np.isfinite(one)) for one in columns):
+            raise QuantityError("the bursts hold a number that is not finite")
+        self.volts, self.way, self.count, moved, self.noise, reversed_ = columns
+        self.y, self.frequency = self.way * moved, float(bursts.attrs["frequency"])
+        self.voltages = np.unique(self.volts)
+        at = np.searchsorted(self.voltages, self.volts)
+        self.column = at + np.where(self.way > 0.0, 0, self.voltages.size)
+        sizes = 2 * self.voltages.size
+        unseen = sorted(set(range(sizes)) - set(self.column.tolist()))
+        if unseen:
+            volts = self.voltages[unseen[0] % self.voltages.size]
+            raise QuantityError(
+                f"no burst {'forward' if unseen[0] < sizes // 2 else 'backward'} at {volts:g} V"
+            )
+        if self.y.size < sizes + FEWEST:
+            raise QuantityError(
+                f"{self.y.size} bursts are too few for {self.voltages.size} voltages in two directions: "
+                f"{sizes + FEWEST} are needed"
+            )
+        self.x = np.zeros((self.y.size, sizes + 1))
+        self.x[np.arange(self.y.size), self.column] = self.count
+        self.x[:, -1] = -reversed_
+        if not np.ptp(reversed_):  # alike in all bursts: it cannot be distinguished
+            self.x = self.x[:, :-1]
+        later = np.cumsum(self.count[::-1])[::-1] - 0.5 * self.count  # from the middle of a burst to the end
+        self.shared = np.minimum.outer(later, later)
+        self.same = np.equal.outer(self.way, self.way)
+        self.means = np.linalg.lstsq(self.x, self.y, rcond=None)[0]
+
+    def law(self) -> StepLaw:
+        """Return the fit."""
+        low, high = np.log(_BOUNDS).T
+        starts, noise = [np.log(start) for start in _STARTS], np.log(_STARTS[0])
+        for _ in range(2):  # the sizes enter the covariance
+            found = [
+                scipy.optimize.minimize(
+                    self._unlikely, start, method="L-BFGS-B", bounds=list(zip(low, high, strict=True))
+                )
+                for start in starts
+            ]
+            best = min(found, key=lambda one: one.fun)
+            noise = best.x
+            self.means, starts = self._solved(noise)[0], [noise]
+        least, likely = self._unlikely(noise), noise.copy()
+        for k in (2, 3):
+            noise[k] = self._upper(likely, least, k, high[k])
+        means, covariance = self._solved(noise)
+        errors, n = np.sqrt(np.diag(covariance)), self.voltages.size
+        sigma, tau, common, own = np.exp(noise).tolist()
+        lost = means.size > 2 * n
+        return StepLaw(
+            tuple(self.voltages.tolist()),
+            tuple(np.maximum(means[:n], 0.0).tolist()),
+            tuple(np.maximum(means[n : 2 * n], 0.0).tolist()),
+            tuple(errors[:n].tolist()),
+            tuple(errors[n : 2 * n].tolist()),
+            self.frequency,
+            sigma,
+            tau * self._mean,
+            common,
+            own,
+            float(means[-1]) if lost else 0.0,
+            float(errors[-1]) if lost else 0.0,
+        )
+
+    @property
+    def _mean(self) -> float:
+        """Mean step, m."""
+        return float(np.abs(self.means[: 2 * self.voltages.size]).mean())
+
+    def _covariance(self, logs: Array) -> Array:
+        sigma, tau, common, own = np.exp(logs)
+        size = np.abs(self.means[self.column])
+        ways = self.count * size
+        made = self.shared * np.outer(ways, ways) * (common**2 + own**2 * self.same)
+        single = self.count * ((sigma * size) ** 2 + (tau * self._mean) ** 2)
+        made[np.diag_indices_from(made)] += single + self.noise**2
+        return made
+
+    def _solved(self, logs: Array) -> tuple[Array, Array]:
+        """Return the sizes, with the way lost, and their covariance."""
+        factor = scipy.linalg.cho_factor(self._covariance(logs))
+        weighted = scipy.linalg.cho_solve(factor, self.x)
+        covariance = np.linalg.inv(self.x.T @ weighted)
+        return covariance @ (weighted.T @ self.y), covariance
+
+    def _unlikely(self, logs: Array) -> float:
+        """Return the restricted negative log-likelihood of noise parameters (logarithms)."""
+        factor = scipy.linalg.cholesky(self._covariance(logs), lower=True)
+        x, y = (scipy.linalg.solve_triangular(factor, one, lower=True) for one in (self.x, self.y))
+        normal = x.T @ x
+        left = y - x @ np.linalg.solve(normal, x.T @ y)
+        half = float(np.log(np.diag(factor)).sum())
+        return half + 0.5 * float(np.linalg.slogdet(normal)[1]) + 0.5 * float(left @ left)
+
+    def _upper(self, best: Array, least: float, k: int, most: float) -> float:
+        """Return the logarithm of a drift at which the log-likelihood has fallen by `_FALLS`."""
+
+        def fallen(value: float) -> float:
+            other = best.copy()
+            other[k] = value
+            return self._unlikely(other) - least - _FALLS
+
+        if fallen(most) < 0.0:
+            return float(most)
+        return float(scipy.optimize.brentq(fallen, best[k], most, xtol=1e-3))

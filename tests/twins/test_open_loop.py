@@ -1,0 +1,74 @@
+"""Calibration of a KIM101 by a camera: its client, its frames, its twin, with irregular steps."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import stickslip as ss
+from stickslip.control import Bursts, OpenLoop, fit_steps, measure_steps
+from stickslip.quantities.units import to_si
+from stickslip.rig import About, Irregularity
+from stickslip.rig.positioners import Kim101Client
+from stickslip.rig.twins import Kim101, make_twin
+
+from .serving import TestClock, served
+
+KANG = ss.load_actuator("kang2007")
+
+
+def test_a_kim101_counts_and_is_calibrated_by_a_camera() -> None:
+    clock = TestClock()
+    twin = make_twin("kim101", KANG, irregularity=Irregularity(), seed=5, clock=clock)
+    assert isinstance(twin, Kim101)
+    stage = twin.channels[0].axis.stage
+    with served(twin) as port:
+        client = Kim101Client(f"127.0.0.1:{port}")
+
+        def camera() -> float:
+            clock.sleep(1.0)
+            client.position(1)
+            return stage.position
+
+        bursts = Bursts((90.0, 110.0), steps=10, bursts=1, repeats=3, settle=0.0)
+        law = fit_steps(measure_steps(_Waiting(client, clock), 1, camera, bursts, noise=20e-9))
+        axis = OpenLoop(_Waiting(client, clock), 1, law, camera(), 20e-9)
+        axis.step(30)
+        axis.step(-20)
+        clock.sleep(1.0)
+        low, high = axis.interval(0.999)
+        assert low < camera() < high
+        assert axis.tally == (30, 20, 1)
+        client.step(1, 5, "100 V", "100 Hz")  # by another program
+        clock.sleep(1.0)
+        axis.step(1)
+        assert "+5 steps by others" in axis.doubt
+        client.close()
+
+
+class _Waiting:
+    """A client on a clock of its own, which goes on as far as steps take."""
+
+    about: ClassVar[About] = Kim101Client.about
+
+    def __init__(self, client: Kim101Client, clock: TestClock) -> None:
+        self.client, self.clock, self.ranges = client, clock, client.ranges
+
+    def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
+        self.client.step(axis, count, voltage, frequency)
+        self.clock.sleep(abs(count) / to_si(frequency, "Hz", "frequency") + 0.1)
+
+    def moving(self, axis: int) -> bool:
+        self.clock.sleep(0.05)
+        return self.client.moving(axis)
+
+    def position(self, axis: int) -> float:
+        return self.client.position(axis)
+
+    def scan(self, axis: int, voltage: float | str) -> None:
+        self.client.scan(axis, voltage)
+
+    def stop(self) -> None:
+        self.client.stop()
+
+    def close(self) -> None:
+        self.client.close()
