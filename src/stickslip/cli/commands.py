@@ -16,6 +16,7 @@ from .changes import OPTIONS, changed_model, drive_of, parts_of
 from .frame import (
     CONTINUES,
     FINISHED,
+    Changes,
     Out,
     RequirementError,
     Traceback,
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 MOST_SAMPLES = 10_000_000
 _OF_THE_DEMO = "finished recordings and stages of its campaign are kept, and the same command continues"
 
-Changes = Annotated[
+ModelChanges = Annotated[
     list[str],
     typer.Option(
         "--set",
@@ -83,7 +84,7 @@ def simulate(
             help="Stack that the drive charges: adds current, charge, power, temperature.",
         ),
     ] = "",
-    changes: Changes = [],  # noqa: B006  # typer copies it
+    changes: ModelChanges = [],  # noqa: B006  # typer copies it
     out: Out = Path("out/simulate"),
     show_traceback: Traceback = False,
 ) -> None:
@@ -156,6 +157,7 @@ def run(
         ),
     ],
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw those of campaigns.")] = True,
+    changes: Changes = [],  # noqa: B006
     out: Out = Path("out/run"),
     show_traceback: Traceback = False,
 ) -> None:
@@ -170,7 +172,7 @@ def run(
                 write(finished, out, begun)
 
         with progress_bar() as progress:
-            document = run_job(file, out, progress, figures=figures, kept=keep)
+            document = run_job(file, out, progress, figures=figures, kept=keep, changes=changes)
         write(document, out, begun)  # what a step has kept of it too, where somebody has asked to end
 
 
@@ -179,6 +181,7 @@ def identify(
     file: Annotated[
         Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="What to fit.")
     ],
+    changes: Changes = [],  # noqa: B006
     out: Out = Path("out/identify"),
     show_traceback: Traceback = False,
 ) -> None:
@@ -189,7 +192,7 @@ def identify(
         from ..jobs.analysis import run_file
 
         with progress_bar() as progress:
-            document = run_file(file, progress)
+            document = run_file(file, progress, changes)
         write(document, out, begun)
 
 
@@ -202,6 +205,7 @@ def campaign(
     pdf: Annotated[
         bool, typer.Option("--pdf", help="report.pdf too, printed by a Chromium browser that is found.")
     ] = False,
+    changes: Changes = [],  # noqa: B006
     out: Out = Path("out/campaign"),
     show_traceback: Traceback = False,
 ) -> None:
@@ -214,7 +218,7 @@ def campaign(
 
         browser = find_browser() if pdf else ""  # before the work, not after it
         with progress_bar() as progress:
-            document = run_campaign(file, out, progress, figures=figures)
+            document = run_campaign(file, out, progress, figures=figures, changes=changes)
         write(document, out, begun, browser)
 
 
@@ -244,6 +248,7 @@ def verify(
     unit: Annotated[
         list[str], typer.Option(metavar="NAME=UNIT", help="Unit of a column that says none.")
     ] = [],  # noqa: B006
+    changes: Changes = [],  # noqa: B006
     out: Out = Path("out/verify"),
     show_traceback: Traceback = False,
 ) -> None:
@@ -254,7 +259,7 @@ def verify(
         from ..jobs.analysis.running import run_analysis
         from ..jobs.analysis.verification import verification_analysis
 
-        analysis, folder = verification_analysis(fit, recordings or [], require, column, unit)
+        analysis, folder = verification_analysis(fit, recordings or [], require, column, unit, changes)
         if recordings and analysis.notes:  # what had to be guessed
             typer.echo(analysis.notes, err=True)
         with progress_bar() as progress:
@@ -267,6 +272,7 @@ def design(
     file: Annotated[
         Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="The map to compute.")
     ],
+    changes: Changes = [],  # noqa: B006
     out: Out = Path("out/design"),
     show_traceback: Traceback = False,
 ) -> None:
@@ -279,7 +285,7 @@ def design(
         from ..jobs.analysis.running import run_analysis
         from ..quantities.units import QuantityError
 
-        analysis, folder = design_analysis(file)
+        analysis, folder = design_analysis(file, changes)
         try:
             with progress_bar() as progress:
                 document = run_analysis(analysis, folder, progress)

@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from .frame import FINISHED, Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
+from .frame import (
+    FINISHED,
+    Changes,
+    Out,
+    Traceback,
+    app,
+    check_output,
+    errors_in_one_line,
+    progress_bar,
+    write,
+)
 
 _File = Annotated[
     Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="Rig, actuator, target.")
@@ -16,23 +26,33 @@ _File = Annotated[
 
 
 @app.command()
-def move(file: _File, out: Out = Path("out/move"), show_traceback: Traceback = False) -> None:
+def move(
+    file: _File,
+    changes: Changes = [],  # noqa: B006
+    out: Out = Path("out/move"),
+    show_traceback: Traceback = False,
+) -> None:
     """Move to a position by steps, land by the piezo and hold; the recording goes to move.nc."""
-    _closed_loop(file, out, show_traceback, only_hold=False)
+    _closed_loop(file, changes, out, show_traceback, only_hold=False)
 
 
 @app.command()
-def hold(file: _File, out: Out = Path("out/hold"), show_traceback: Traceback = False) -> None:
+def hold(
+    file: _File,
+    changes: Changes = [],  # noqa: B006
+    out: Out = Path("out/hold"),
+    show_traceback: Traceback = False,
+) -> None:
     """Hold a position in the piezo's reach; the recording goes to hold.nc."""
-    _closed_loop(file, out, show_traceback, only_hold=True)
+    _closed_loop(file, changes, out, show_traceback, only_hold=True)
 
 
-def _closed_loop(file: Path, out: Path, show_traceback: bool, only_hold: bool) -> None:
+def _closed_loop(file: Path, changes: list[str], out: Path, show_traceback: bool, only_hold: bool) -> None:
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)
         from ..jobs.analysis.moving import read_move, run_move
 
         with progress_bar() as progress:
-            document = run_move(*read_move(file), out, progress, only_hold=only_hold)
+            document = run_move(*read_move(file, changes), out, progress, only_hold=only_hold)
         write(document, out, begun)

@@ -46,6 +46,14 @@ _TRIES = 5  # again, where other commands make and remove the same folder
 Out = Annotated[
     Path, typer.Option(help="Folder for results.json and report.html; other files in it are kept.")
 ]
+Changes = Annotated[
+    list[str],
+    typer.Option(
+        "--set",
+        metavar="FIELD=VALUE",
+        help="Change the file for this run: bounds.sigma_0='[1e5, 1e7]', recordings.0.use=verify.",
+    ),
+]
 Traceback = Annotated[
     bool,
     typer.Option(

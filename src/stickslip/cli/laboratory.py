@@ -13,7 +13,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from . import completion
-from .frame import CONTINUES, Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
+from .frame import (
+    CONTINUES,
+    Changes,
+    Out,
+    Traceback,
+    app,
+    check_output,
+    errors_in_one_line,
+    progress_bar,
+    write,
+)
 
 if TYPE_CHECKING:
     from ..physics.actuator import Actuator
@@ -34,6 +44,7 @@ def record(
     file: Annotated[
         Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="What to record.")
     ],
+    changes: Changes = [],  # noqa: B006
     out: Out = Path("out/record"),
     show_traceback: Traceback = False,
 ) -> None:
@@ -47,8 +58,8 @@ def record(
         from ..rig.experiment.running import read_experiment
 
         with progress_bar() as progress:
-            recorded = run_experiment(file, out, progress)
-        document = recordings_document(read_experiment(file).title, recorded, out / "experiment.log")
+            recorded = run_experiment(file, out, progress, changes=changes)
+        document = recordings_document(read_experiment(file, changes).title, recorded, out / "experiment.log")
         write(document, out, begun)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from .frame import CONTINUES, Traceback, app, errors_in_one_line, progress_bar
+from .frame import CONTINUES, Changes, Traceback, app, errors_in_one_line, progress_bar
 
 if TYPE_CHECKING:
     from ..study import StudyState
@@ -50,6 +50,7 @@ def run(
         str, typer.Option(metavar="ADDRESS", help="Of a dask scheduler, tcp://host:8786.")
     ] = "",
     estimate: Annotated[bool, typer.Option("--estimate", help="Say what it costs, and end.")] = False,
+    changes: Changes = [],  # noqa: B006
     show_traceback: Traceback = False,
 ) -> None:
     """Run a study, or go on with it where it ended: the same command, whatever ended it."""
@@ -60,7 +61,7 @@ def run(
         part = _shard(shard)
         if part and scheduler:
             raise ValueError("--shard and --scheduler: one or the other")
-        asked = study_of_file(file)
+        asked = study_of_file(file, changes)
         if estimate or not store.exists():
             typer.echo(f"{file}: {estimate_study(asked)}", err=not estimate)
         if estimate:

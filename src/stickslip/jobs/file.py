@@ -16,6 +16,7 @@ Experiment, campaign, identification, verification and design files are jobs of 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -112,13 +113,13 @@ class Job(NamedTuple):
     steps: tuple[JobStep, ...]
 
 
-def read_job(path: Path) -> Job:
-    """The job of a job file, or of a file of another kind.
+def read_job(path: Path, changes: Sequence[str] = ()) -> Job:
+    """The job of a job file, or of a file of another kind, with changes as `load_yaml` takes them.
 
     Raises:
         InputFileError: it is not as it must be; names the file and the field.
     """
-    content = load_yaml(path)
+    content = load_yaml(path, changes)
     if "steps" not in content:
         kind = _kind_of(content, path)
         checked(JobStep(kind, content, path))

@@ -37,6 +37,7 @@ def run_job(
     *,
     figures: bool = True,
     kept: Callable[[Document], object] | None = None,
+    changes: Sequence[str] = (),
 ) -> Document:
     """Record, identify, verify, compare, export and map, as a file says.
 
@@ -49,13 +50,14 @@ def run_job(
         figures: draw those of campaigns.
         kept: called with the report of the steps before it where one fails, or is interrupted; the error then
             goes on.
+        changes: of the file, as `load_yaml` takes them.
 
     Raises:
         InputFileError: the file is not as it must be, or names files and models that are not there, before
             anything is done; names the file and the field.
         RecordingError, FitError, RigError, ExportError: a step cannot be done; what was done before is kept.
     """
-    job, out = read_job(Path(path)), Path(out)
+    job, out = read_job(Path(path), changes), Path(out)
     check_job(job, out)
     running = _Running(out, figures)
     documents: list[Document] = []

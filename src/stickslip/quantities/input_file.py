@@ -209,11 +209,16 @@ def _as_content(value: Any) -> Any:
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
+def load_yaml(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict[str, Any]:
     """Return the content of a YAML file.
 
+    Args:
+        path: of the file.
+        changes: "FIELD=VALUE" each, as ``--set`` takes them: dots separate fields within fields, parts of a
+            list are numbered from 0, values are YAML ("recordings.0.use=verify").
+
     Raises:
-        InputFileError: the file cannot be read, is no YAML, or is no mapping.
+        InputFileError: the file cannot be read, is no YAML, or is no mapping; a change names no place in it.
     """
     try:
         found = parsed(gate_yaml, path)
@@ -221,7 +226,37 @@ def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise InputFileError(str(error)) from error
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror or error}") from error
-    return _mapping(found, str(path))
+    content = _mapping(found, str(path))
+    for change in changes:
+        _change(content, change)
+    return content
+
+
+def _change(content: dict[str, Any], change: str) -> None:
+    """Set one value; mappings on the way to it are made where they are missing."""
+    name, equals, text = change.partition("=")
+    *path, last = name.strip().split(".")
+    if not equals or not all([*path, last]):
+        raise InputFileError(f"--set {change}: write FIELD=VALUE, or FIELD.FIELD=VALUE")
+    value = yaml_mapping(f"value: {text}", f"--set {change}")["value"]
+    place: Any = content
+    for part in path:
+        if isinstance(place, dict) and place.get(part) is None:
+            place[part] = {}
+        place = place[_key(place, part, change)]
+    place[_key(place, last, change)] = value
+
+
+def _key(place: Any, part: str, change: str) -> str | int:
+    """The key of a mapping, or the number of a list's part."""
+    if isinstance(place, dict):
+        return part
+    if not isinstance(place, list):
+        raise InputFileError(f"--set {change}: {part!r} is a field of something that has none: {place!r:.60}")
+    if not part.isdecimal() or int(part) >= len(place):
+        parts = f"a list of {len(place)}, whose parts are 0 to {len(place) - 1}"
+        raise InputFileError(f"--set {change}: {part!r} is no part of {parts}")
+    return int(part)
 
 
 def yaml_mapping(text: bytes | str, source: str) -> dict[str, Any]:

@@ -18,6 +18,7 @@ of two goals, the actuator itself, the recordings that would tell most of it.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -109,13 +110,13 @@ class DesignAnalysis(Analysis, ModelOrFit):
         return draws_of_file(folder / str(self.fit if self.uncertainty == OF_FIT else self.uncertainty))
 
 
-def design_analysis(path: str | os.PathLike[str]) -> tuple[DesignAnalysis, Path]:
-    """A design file, and the folder that its files are relative to.
+def design_analysis(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> tuple[DesignAnalysis, Path]:
+    """A design file with changes as `load_yaml` takes them, and the folder that its files are relative to.
 
     Raises:
         AnalysisError: the file is not as it must be; names the file and the field.
     """
-    content = load_yaml(path)
+    content = load_yaml(path, changes)
     if "kind" in content and content["kind"] != "design":
         raise AnalysisError(f"{path}: kind: a design file has the kind 'design', not {content['kind']!r}")
     try:

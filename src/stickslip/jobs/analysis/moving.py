@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -148,9 +149,10 @@ class MoveFile(Analysis):
         return Aim(unit, target, within, rms)
 
 
-def read_move(path: str | os.PathLike[str]) -> tuple[MoveFile, Path]:
-    """A file of a move or a hold, and the folder that its files are relative to; raises AnalysisError."""
-    content = load_yaml(path)
+def read_move(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> tuple[MoveFile, Path]:
+    """A file of a move or a hold, with changes as `load_yaml` takes them, and the folder that its files are
+    relative to; raises AnalysisError."""
+    content = load_yaml(path, changes)
     try:
         return MoveFile.model_validate(content), Path(path).parent
     except ValidationError as error:

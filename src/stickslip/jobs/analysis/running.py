@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -40,9 +41,16 @@ _Any = Annotated[
 _FILE: TypeAdapter[Any] = TypeAdapter(_Any)
 
 
-def run_file(path: str | os.PathLike[str], progress: Progress = unheard) -> Document:
+def run_file(
+    path: str | os.PathLike[str], progress: Progress = unheard, changes: Sequence[str] = ()
+) -> Document:
     """Fit and verify as an identification file says; what had to be assumed about a recording is among the
     document's assumptions.
+
+    Args:
+        path: of the file.
+        progress: called with what is being done and how much of all is done, from 0 to 1.
+        changes: of the file, as `load_yaml` takes them.
 
     Raises:
         AnalysisError: the file is not as it must be; names the file and the field.
@@ -51,7 +59,7 @@ def run_file(path: str | os.PathLike[str], progress: Progress = unheard) -> Docu
     Warns:
         RecordingWarning: a recording does not show something that matters.
     """
-    content = load_yaml(path)
+    content = load_yaml(path, changes)
     try:
         analysis = _FILE.validate_python(content)
     except ValidationError as error:

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -175,13 +176,13 @@ class StudyFile(ModelOrFit):
         return _table(folder / self.draws.file)
 
 
-def study_of_file(path: str | os.PathLike[str]) -> Study:
-    """The study that a file describes.
+def study_of_file(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> Study:
+    """The study that a file describes, with changes as `load_yaml` takes them.
 
     Raises:
         InputFileError: the file is not as it must be; names the file and the field.
     """
-    content = load_yaml(path)
+    content = load_yaml(path, changes)
     if "kind" in content and content["kind"] != "study":
         raise InputFileError(f"{path}: kind: a study file has the kind 'study', not {content['kind']!r}")
     try:

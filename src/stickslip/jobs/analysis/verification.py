@@ -122,6 +122,7 @@ def verification_analysis(
     require: Sequence[str],
     columns: Sequence[str] = (),
     units: Sequence[str] = (),
+    changes: Sequence[str] = (),
 ) -> tuple[VerificationAnalysis, Path]:
     """What the command line asks for, and the folder that its files are relative to.
 
@@ -131,6 +132,7 @@ def verification_analysis(
         require: further requirements.
         columns, units: of these files, "NAME=COLUMN" and "NAME=UNIT"; what they leave out is found as
             `inspect_file` finds it, and said in the report.
+        changes: of a verification file, as `load_yaml` takes them.
 
     Raises:
         AnalysisError: the file, or a requirement, is not as it must be, or recordings are named twice or not
@@ -140,6 +142,8 @@ def verification_analysis(
     path = Path(path)
     _check_limits("--require", require)
     if path.suffix == ".json":
+        if changes:
+            raise AnalysisError(f"--set {changes[0]}: changes a verification file; {path.name} is none")
         if not recordings:
             raise AnalysisError(
                 f"{path}: name the recordings to predict: stickslip verify {path.name} my.csv"
@@ -161,7 +165,7 @@ def verification_analysis(
                 f"{path}: the first argument of verify is the results.json of an identification, or a "
                 "verification file (.yaml) alone; recordings follow results.json"
             )
-        content = load_yaml(path)
+        content = load_yaml(path, changes)
         if recordings or columns or units:
             wrong = f"recording {recordings[0]}" if recordings else "--column" if columns else "--unit"
             raise AnalysisError(

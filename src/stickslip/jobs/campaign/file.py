@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -106,13 +107,13 @@ class CampaignFile(NamedModel, arguments_of(identify_friction, "tied", "hops", n
         return self.slew_rate if math.isfinite(self.slew_rate) else None
 
 
-def read_campaign(path: Path) -> CampaignFile:
-    """The content of a campaign file.
+def read_campaign(path: Path, changes: Sequence[str] = ()) -> CampaignFile:
+    """The content of a campaign file, with changes as `load_yaml` takes them.
 
     Raises:
         InputFileError: it is not as it must be; names the file and the field.
     """
-    content = load_yaml(path)
+    content = load_yaml(path, changes)
     try:
         file = CampaignFile.model_validate(content)
     except ValidationError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -28,6 +29,7 @@ def run_campaign(
     progress: Progress = unheard,
     *,
     figures: bool = True,
+    changes: Sequence[str] = (),
 ) -> Document:
     """Record (where the file says so), identify, verify.
 
@@ -37,6 +39,7 @@ def run_campaign(
             `stages` take what is finished, with which an interrupted campaign continues.
         progress: called with what is being done and how much of all is done, from 0 to 1.
         figures: draw them.
+        changes: of the file, as `load_yaml` takes them.
 
     Raises:
         InputFileError: the file is not as it must be; names the file and the field.
@@ -44,7 +47,7 @@ def run_campaign(
     """
     path = Path(path)
     try:
-        return campaign_of(read_campaign(path), path.parent, Path(out), progress, figures=figures)
+        return campaign_of(read_campaign(path, changes), path.parent, Path(out), progress, figures=figures)
     except (InputFileError, QuantityError, ParameterSetError) as error:
         raise InputFileError(f"{path}: {error}" if str(path) not in str(error) else str(error)) from error
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
@@ -44,6 +44,7 @@ def run_experiment(
     out: str | os.PathLike[str],
     progress: Progress = unheard,
     each: Callable[[Cell, xr.Dataset], None] | None = None,
+    changes: Sequence[str] = (),
 ) -> list[Recorded]:
     """Record what an experiment file asks for into a folder: ``NAME.nc`` for each cell, and experiment.log.
 
@@ -57,6 +58,7 @@ def run_experiment(
         progress: called with what is being done and how much of all is done, from 0 to 1.
         each: called with every cell and its recording, also those that are kept: spares who needs them from
             reading the files again.
+        changes: of the file, as `load_yaml` takes them.
 
     Raises:
         InputFileError: the file is not as it must be, asks for what the limits refuse, or for a trigger that
@@ -67,7 +69,7 @@ def run_experiment(
     """
     path = Path(path)
     progress("checking", 0.0)
-    return record_experiment(read_experiment(path), path.parent, out, progress, each, label=path)
+    return record_experiment(read_experiment(path, changes), path.parent, out, progress, each, label=path)
 
 
 def record_experiment(
@@ -145,9 +147,9 @@ def _tell(progress: Progress, cell: str, index: int, count: int, _doing: str, pa
     progress(cell, (index + part) / count)
 
 
-def read_experiment(path: str | os.PathLike[str]) -> ExperimentFile:
-    """The content of an experiment file; raises InputFileError."""
-    return check_experiment(load_yaml(path), path)
+def read_experiment(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> ExperimentFile:
+    """The content of an experiment file, with changes as `load_yaml` takes them; raises InputFileError."""
+    return check_experiment(load_yaml(path, changes), path)
 
 
 def check_experiment(content: dict[str, Any], path: str | os.PathLike[str] = "experiment") -> ExperimentFile:
