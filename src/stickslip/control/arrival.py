@@ -23,7 +23,7 @@ from ..quantities.units import with_prefix
 
 
 class Arrival:
-    """What the readings at the target say: a view of a mover in C, with its plan."""
+    """Judgement of the readings at the target: a view of a mover in C, with its plan."""
 
     def __init__(self, plan: Any, mover: Any) -> None:
         self._plan, self._mover = plan, mover

@@ -123,18 +123,18 @@ class Biquad:
 
 
 class Regulator:
-    """PID behind notches and a low-pass, with feedforward; keeps within the voltages that it is given.
+    """PID behind notches and a low-pass, with feedforward, within given voltages.
 
-    Where the output is at a limit, the integral does not go further beyond it (anti-windup).
+    At a limit of the output, the integral does not move further beyond it (anti-windup).
 
     Args:
         pid: gains.
         rate: Hz, ticks.
         notches, low_pass: filters of the error.
-        feedforward: V/m, voltage per wanted position, or the inverse of a piezo; counted from where the
-            regulator began.
-        lead: s by which the feedforward is ahead of a target that moves: the actuator's lag. A target that
-            jumps is not for it.
+        feedforward: V/m, voltage per wanted position, or the inverse of a piezo; counted from the start of
+            the regulator.
+        lead: s by which the feedforward is ahead of a moving target: the actuator's lag. Not for a target
+            that jumps.
         min_voltage, max_voltage: V.
 
     Raises:
@@ -176,7 +176,7 @@ class Regulator:
         self.begin(0.0, 0.0)
 
     def begin(self, voltage: float, target: float) -> None:
-        """From rest at a voltage [V] and a wanted position [m]: the output goes on without a jump."""
+        """Start from rest at a voltage [V] and a wanted position [m]; the output continues without a jump."""
         for section in self.sections:
             section.reset()
         self._integral, self._from, self._target = voltage, target, target

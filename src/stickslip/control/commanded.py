@@ -1,4 +1,4 @@
-"""A mover that is told what to do while its loop goes on: go there, so many steps, scan, let go.
+"""A mover that takes commands while its loop runs: go, steps, scan, release.
 
 It is made of plain numbers, so that it can run in the process that owns a rig; see `rig.ControllerSpec`.
 Until the first command the output stays at 0 V.
@@ -74,14 +74,14 @@ class Commanded:
         self._last = 0.0
 
     def command(self, do: str, **what: Any) -> None:
-        """Take a command up at the next tick.
+        """Take a command at the next tick.
 
-        "go" has `to`, from home; "steps" a `count`, backward where it is negative; "scan" a `range`, a
-        `frequency` [Hz] and `cycles`, about where it holds, after a step or two where the piezo has no room;
+        "go" has `to`, from home; "steps" a `count`, negative for backward; "scan" a `range`, a
+        `frequency` [Hz] and `cycles`, about the held position, after a step or two if the piezo has no room;
         "release" takes the output to 0 V and ends the loop.
 
         Raises:
-            QuantityError: it is none of these, or cannot be done from where it is.
+            QuantityError: the command is unknown, or impossible from the present position.
         """
         if do == "go":
             self._wanted, self._scan = _number(what, "to", self._unit), None
@@ -106,7 +106,7 @@ class Commanded:
                 f"a scan has a range [{unit}], a frequency [Hz] and a number of cycles above 0"
             )
         if self.mover.phase != "hold" or self._scan is not None:
-            raise QuantityError("a scan begins where it holds: go there first")
+            raise QuantityError("a scan starts at a held position: go there first")
         if 0.5 * span > 0.8 * self.mover.reach:
             most = with_prefix(1.6 * self.mover.reach, unit)
             raise QuantityError(
@@ -152,7 +152,7 @@ class Commanded:
         return middle + half * share * math.sin(2.0 * math.pi * hertz * k / rate)
 
     def told(self) -> dict[str, Any]:
-        """How it goes, as JSON: SI, and the phase in words."""
+        """State of the move, as JSON: SI, and the phase in words."""
         mover = self.mover
         follows = self._scanned > 0 and self._scan is not None
         phase = "release" if self._letting >= 0 else "follow" if follows else mover.phase
@@ -199,7 +199,7 @@ def commanded(
     slip: Slip | None = None,
     unit: str = "m",
 ) -> ControllerSpec:
-    """What a rig's process makes a `Commanded` of.
+    """Return the specification from which a rig's process makes a `Commanded`.
 
     Args:
         walk, table, regulator, gain, slip, unit: as for `Mover`.

@@ -16,7 +16,7 @@ from ..physics.piezo.operators import inverse, response
 from ..quantities.records import Quantity
 from ..quantities.units import QuantityError
 
-# Of whatever goes by ticks.
+# Rate of everything that runs by ticks.
 RATE = Quantity("Hz", "f_s", "the rate of the ticks", above=0)
 _REST = Quantity("V", "", "the voltage of rest")
 _PUT_OUT = Quantity("V", "", "the voltage that was put out")
@@ -57,7 +57,7 @@ class PiezoInverse:
 
     @property
     def position(self) -> float:
-        """Where the last voltage leads, m from rest at 0 V."""
+        """Position of the last voltage, m from rest at 0 V."""
         return self.gain * float(self._wanted[1])
 
     @property

@@ -1,21 +1,20 @@
-r"""Learning from repetition: what a target must be for a loop to go where it should, in a motion that comes
-again and again.
+r"""Learning of a repeated motion: corrections of the target that make a loop follow it.
 
-Iterative learning keeps, for each tick of the motion, a correction w that is added to the target of a loop,
-and after each run changes it by the error that was left [bristow2006]; repetitive control does the same after
-each period of a scan that goes on:
+Iterative learning keeps, for each tick of the motion, a correction w of the loop's target,
+and changes it after each run by the remaining error [bristow2006]; repetitive control does so after
+each period of a continuing scan:
 
 .. math:: w_{j+1} = Q\,(w_j + \lambda\,q^{m} e_j), \qquad
           e_{j+1} = Q\,(1 - \lambda\,q^{m}\,P)\,e_j + (1 - Q)\,e_r, \qquad P = \frac{G\,(C + F)}{1 + G C}
 
-with the plant G, the regulator C, its feedforward F, the error e_r that would be left without learning, a
-look ahead by m ticks, and a filter Q without a phase (binomial, of an odd number of taps). What changes from
-run to run becomes less by
+with the plant G, the regulator C, its feedforward F, the error e_r without learning, a
+look ahead by m ticks, and a filter Q without a phase (binomial, of an odd number of taps). The change from
+run to run is multiplied by
 
 .. math:: \rho(\omega) = \left|Q\,(1 - \lambda\,e^{i\omega m T} P)\right|
 
-at each frequency, and it converges where the greatest of these is below 1. What is left is what Q does not
-let through, and what is not the same in the next run.
+at each frequency, and learning converges if the largest factor is below 1. The remaining error is what Q
+does not pass, and what differs in the next run.
 """
 
 from __future__ import annotations
@@ -37,20 +36,20 @@ _GAIN = Quantity("", "λ", "the share of an error that is learnt", minimum=0, ma
 
 
 class Learnt:
-    """A regulator and what was learnt for it, over so many ticks of a motion.
+    """A regulator and its learned correction over the ticks of a motion.
 
     Args:
-        regulator: of the loop.
-        ticks: of the motion, or of a period.
+        regulator: regulator of the loop.
+        ticks: number of ticks in the motion or period.
         gain: λ, up to 1.
         lead: ticks of look ahead: the delay of the loop in its band.
-        taps: of Q, an odd number; 1 lets all through.
-        periodic: repetitive control: it learns by itself after each period, and its loop must have come to
-            rest within one. Else `learn` is to be called after each run, and the regulator's `begin` before
+        taps: number of taps of Q, odd; 1 passes everything.
+        periodic: repetitive control: learning after each period; the loop must settle
+            within one. Otherwise call `learn` after each run, and the regulator's `begin` before
             the next.
 
     Raises:
-        QuantityError: a number is out of range, or no whole one, or `regulator` is none.
+        QuantityError: a number is out of range or not whole, or `regulator` is of another kind.
     """
 
     def __init__(

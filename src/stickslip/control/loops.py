@@ -141,7 +141,7 @@ def sampled_loop(model: Actuator, output: OutputStage | float | str, *, delay: i
     else:
         into[:] = b
     out = np.append(c, np.zeros(delay))
-    # Of the plant without its delay: that has no eigenvectors of its own.
+    # Eigenvectors of the plant without its delay, which has none of its own.
     roots: Any = np.linalg.eig(a)
     poles, vectors = roots
     residues = (c @ vectors) * np.linalg.solve(vectors, b)
@@ -174,7 +174,7 @@ def _aliased(own: Sticking, rate: float) -> float:
 
 
 def _zeros(a: Any, b: Any, c: Array) -> Complex:
-    """Where c (z - a)⁻¹ b is 0."""
+    """Return the zeros of c (z - a)⁻¹ b."""
     n = b.size
     left, right = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     left[:n, :n], left[:n, n], left[n, :n] = a, b / (np.abs(b).max() or 1.0), c
@@ -184,7 +184,7 @@ def _zeros(a: Any, b: Any, c: Array) -> Complex:
 
 
 def crossings(values: Array, others: Array) -> list[tuple[int, float]]:
-    """Where the values change sign, and the others there."""
+    """Return the indices at which the values change sign, and the other values there."""
     above = values > 0.0
     at = np.flatnonzero(above[1:] != above[:-1])
     share = values[at] / (values[at] - values[at + 1])
@@ -192,9 +192,11 @@ def crossings(values: Array, others: Array) -> list[tuple[int, float]]:
 
 
 class OpenLoop(NamedTuple):
-    """A regulator before a loop: the response from an error to the position at `frequencies` [Hz], the
-    logarithm of its size, its phase, at half the rate, where it is `real`, and how large it is where it turns
-    against the error (`turned`)."""
+    """A regulator in front of a loop.
+
+    Response from an error to the position at `frequencies` [Hz]: logarithm of its magnitude, phase, the real
+    value at half the rate, and the magnitude where it opposes the error (`turned`).
+    """
 
     regulator: Regulator
     loop: Loop
@@ -229,7 +231,7 @@ class OpenLoop(NamedTuple):
         return self.regulator.response(frequencies) * self.loop.at(frequencies)
 
     def sensitivity(self, factor: float = 1.0) -> float:
-        """The greatest, with the regulator's gain so many times as large."""
+        """Return the largest sensitivity, with the regulator's gain times `factor`."""
         known, curve = self.frequencies, factor * self.curve
         away = np.abs(1.0 + curve)
         k, least = int(np.argmin(away)), min(float(away.min()), abs(1.0 + factor * self.real))
@@ -244,7 +246,7 @@ class OpenLoop(NamedTuple):
         return 1.0 / least if least else math.inf
 
     def stable(self, factor: float = 1.0) -> bool:
-        """Whether all poles of the closed loop are within the unit circle."""
+        """Return whether all poles of the closed loop are within the unit circle."""
         a, b, c, d = self.own
         if self.loop.b.size + b.size > _STATES:
             return self._turns(factor)
@@ -265,7 +267,7 @@ class OpenLoop(NamedTuple):
         for pole in [*([1.0] if self.regulator.per_tick else []), *undamped]:
             value = value * (1.0 - pole * later)
         turned = float(np.unwrap(np.angle(value))[-1])
-        # It begins above 0, at rest; what goes the wrong way there is unstable.
+        # The curve starts above 0, at rest; a loop with the wrong sign there is unstable.
         stroke = float((self.loop.residues / (1.0 - self.loop.poles)).sum().real)
         pid = self.regulator.pid
         begins = stroke if pid.integral else 1.0 + factor * pid.proportional * stroke
@@ -273,8 +275,7 @@ class OpenLoop(NamedTuple):
 
 
 def step_response(regulator: Regulator, loop: Loop, ticks: int) -> Array:
-    """Where the actuator is, as a share of a target that jumps at tick 0, at so many ticks; by the feedback
-    alone."""
+    """Return the response of the feedback alone to a unit jump of the target at tick 0, at `ticks` ticks."""
     closed, into = closed_loop(regulator, loop)
     x, found, n = np.zeros(into.size), np.empty(ticks), loop.b.size
     for k in range(ticks):

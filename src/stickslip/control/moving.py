@@ -41,9 +41,12 @@ class MoveError(RuntimeError):
 
 @record
 class Stepping(NamedTuple):
-    """How it steps and hands over: `amplitude` of full steps, their `frequency`, the `pause` after the last
-    one, and the time of a `scan` to the target or of the `return` of the piezo. `margin` is the share of the
-    piezo's range at each end that is not used to hold."""
+    """Parameters of stepping.
+
+    `amplitude` of full steps, their `frequency`, the `pause` after the last one, and the time of a `scan` to
+    the target or of the `return` of the piezo. `margin` is the share of the piezo's range at each end that is
+    not used to hold.
+    """
 
     amplitude: Annotated[float, Quantity("V", "A", "amplitude of full steps", above=0)] = 65.0
     frequency: Annotated[float, Quantity("Hz", "f", "steps per second", above=0)] = 100.0
@@ -96,27 +99,27 @@ class Mover:
     """A controller: `step(measured, target, tick)` gives the voltage [V]; see the module.
 
     Args:
-        walk: how.
-        table: step sizes; they are learnt on the way.
+        walk: parameters of stepping.
+        table: step sizes, learned during the move.
         regulator: for the piezo; its voltages are the range.
         gain: m/V, of the piezo, > 0: a step forward is a rise of the voltage.
-        hold: s for which it stays at the target, then it is `done`; inf: for ever.
+        hold: s at the target until `done`; inf: for ever.
         learning: see `Steps`.
-        slip: the edge with which steps slip, and that to the middle of the range; at once, if left out. Give
+        slip: slip edge of steps and of recentring; by default a jump. Give
             it to `StepSizes.of_model` too.
-        unit: of positions: m, or rad of what turns.
+        unit: of positions: m, or rad.
 
     Attributes:
-        phase: see the module; `history` is when each began, s.
-        settled_at: s, when it was first at the target, or None; `steps` is how many were made, `lost` how
-            many of them led nowhere.
-        goal: where it goes, m; NaN before it was told.
-        plan: the numbers that it goes by, as C takes them.
-        arrival: what the readings at the target say; see `Arrival`.
-        remark: a sentence on noise that hides whether it is there, or "".
-        steps_wanted: set to make so many full steps at once, backward where it is negative, and then hold
-            where they lead, whatever the target is until then.
-        centre_wanted: set to have the piezo in the middle of its range, when it holds, for the same target.
+        phase: see the module; `history` contains the start of each, s.
+        settled_at: s, first arrival at the target, or None; `steps` is the number of steps, `lost` the number
+            of steps without motion.
+        goal: target, m; NaN before the first.
+        plan: numbers of the move, as C takes them.
+        arrival: judgement of the readings at the target; see `Arrival`.
+        remark: a sentence on noise that hides the arrival, or "".
+        steps_wanted: set to make this number of full steps at once (negative: backward), and then hold
+            there, whatever the target is.
+        centre_wanted: set to recentre the piezo while holding the same target.
     """
 
     def __init__(
@@ -186,7 +189,8 @@ class Mover:
 
     @property
     def plausibility(self) -> Plausibility:
-        """What a loop with it believes of its sensor: see `plausibility`, which a model makes narrower."""
+        """Plausibility thresholds of a loop with this mover: see `plausibility`, which a model makes
+        narrower."""
         return of_steps(self.steps_of.table, self.gain, self.regulator.high - self.regulator.low)
 
     @property
@@ -201,13 +205,13 @@ class Mover:
 
     @property
     def room(self) -> tuple[float, float]:
-        """How far the piezo goes from here, down and up, within the share that is for holding, m."""
+        """Free range of the piezo from here, down and up, within the share for holding, m."""
         volts = self._c.voltage
         return (volts - self.plan.least) * self.gain, (self.plan.most - volts) * self.gain
 
     @property
     def reach(self) -> float:
-        """How far it goes each way from the middle of its range, m."""
+        """Range of the piezo each way from its middle, m."""
         return (self.plan.most - self.plan.middle) * self.gain
 
     @property
@@ -216,7 +220,8 @@ class Mover:
         return _ALONG * self.gain * self.regulator.rate
 
     def reaches(self, target: float) -> bool:
-        """Whether the piezo reaches a position [m] from rest at the start, with one slip edge at most."""
+        """Return whether the piezo reaches a position [m] from rest at the start, with one slip edge at
+        most."""
         needed = self._c.voltage + target / self.gain
         return self.plan.least <= needed <= self.plan.most or abs(target) <= self.plan.nearby
 
@@ -243,7 +248,7 @@ class Mover:
         return c.voltage
 
     def _note(self, tick: int) -> None:
-        """Remember that a phase began."""
+        """Record the start of a phase."""
         self._entered = self._c.entered
         self.history.append((self.phase, tick / self.regulator.rate))
 

@@ -11,11 +11,11 @@ from ..rig.plausibility import Plausibility
 from .steps import StepSizes
 
 _SPEED = 3.0  # over that of the stage which rings after a jump through the whole range
-_STICKS = 0.3  # share of the slope at which steps begin, up to which the contact surely sticks
+_STICKS = 0.3  # share of the slope at the start of stepping up to which the contact surely sticks
 _RINGS = 4.0  # time constants of the stage until it has settled
 _SETTLING = (2e-3, 0.02)  # s, least and greatest
 _STROKE = 0.05  # share of the stroke that the drive need not explain: creep, loads
-_BEGINS = 0.05  # share of the greatest step at which steps begin
+_BEGINS = 0.05  # share of the largest step that counts as the start of stepping
 _SLOW, _QUICK = 1e3, 3e4  # rad/s, of stages that nothing is known of
 _ASTRAY = 5.0  # steps
 

@@ -86,7 +86,7 @@ _DERIVATIVE = """\
 
 
 def _number(value: float) -> str:
-    """As C takes it, to the bit: where there is no limit, infinity."""
+    """Return a number as C takes it, to the bit; infinity for no limit."""
     return float(value).hex() if math.isfinite(value) else f"({'-' if value < 0.0 else ''}INFINITY)"
 
 
@@ -180,8 +180,9 @@ def _initial(value: Any, tables: Iterator[str]) -> str:
 
 
 def mover_source(mover: Mover) -> str:
-    """The header of a mover that begins at rest, with what it has learnt of its steps; raises QuantityError
-    for one whose regulator has the inverse of a piezo.
+    """Return the header of a mover at rest, with its learned step sizes.
+
+    Raises QuantityError if the regulator contains the inverse of a piezo.
 
     With a ``mover m`` and a ``regulator loop``, C calls ``mover_start(&m, &loop)`` once, and at each update
     ``mover_step(&m, &loop, measured, target, tick)``.

@@ -39,7 +39,7 @@ class NoiseShaped:
 
     @property
     def done(self) -> bool:
-        """Whether the controller is."""
+        """True if the controller is done."""
         return getattr(self.controller, "done", False)
 
     def step(self, measured: float, target: float, tick: int) -> float:

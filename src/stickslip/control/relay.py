@@ -33,8 +33,8 @@ _REACH = Quantity("V", "", "how far it may go to each side", above=0)
 
 
 class Oscillation(NamedTuple):
-    """What a relay found: the integral gain at which the loop oscillates, V/(m s), at which frequency, Hz,
-    and with what amplitude of the position, m."""
+    """Result of a relay: the integral gain of the oscillating loop, V/(m s), its frequency, Hz, and
+    amplitude, m."""
 
     ultimate: float
     frequency: float
@@ -84,7 +84,7 @@ class Relay:
         self._ramp, self._rest = round(_RAMP * self._rate), round(_REST * self._rate)
         self._sums: list[float] = []  # positions while it rests
         self._at, self._sign, self._count = 0.0, 1.0, 0
-        self._turns: list[int] = []  # ticks at which the voltage began to rise
+        self._turns: list[int] = []  # ticks at which the voltage started to rise
         self._swing: list[float] = []  # positions from the first turn that counts
         self.done = False
 

@@ -43,19 +43,19 @@ def settling(
     hold: float | str = 0.0,
     average: float | str | None = None,
 ) -> Settling:
-    """Of a recording with `end_effector_position`.
+    """Return settling times, overshoot and hold of a recording with `end_effector_position`.
 
     Args:
-        recording: of `rig.regulate` or `simulate_control`.
+        recording: result of `rig.regulate` or `simulate_control`.
         target: m, or rad where the recording is in rad.
         windows: half-widths, likewise.
-        hold: s at the end whose deviation is told.
+        hold: s at the end, for the rms deviation.
         average: s, of a running mean that takes the sensor's noise out of windows, overshoot and rms, and all
-            motion that is faster. Left out: 1 ms of a sensor's readings, none of a simulated position
+            motion that is faster. By default 1 ms for a sensor's readings, none for a simulated position
             (beside `measured_position`), which has no noise.
 
     Raises:
-        QuantityError: there is no such channel, the target is no finite number, the hold is longer than the
+        QuantityError: the channel is missing, the target is not finite, the hold is longer than the
             recording or below 0, a window is not > 0, a mean not >= 0.
     """
     if "end_effector_position" not in recording:

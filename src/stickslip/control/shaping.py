@@ -83,7 +83,7 @@ class Slip(NamedTuple):
 
     @classmethod
     def within(cls, current: float | str, capacitance: float | str, voltage: float | str) -> Slip:
-        """Of a voltage [V] into a capacitance [F] with a current [A]."""
+        """Return the edge of a voltage [V] into a capacitance [F] with a current [A]."""
         ampere, farad = to_si(current, "A", "current"), to_si(capacitance, "F", "capacitance")
         if not 0.0 < ampere < math.inf:
             raise QuantityError(f"current = {ampere:g} A must be > 0 A and finite")
@@ -108,8 +108,10 @@ class Slip(NamedTuple):
         return at, left
 
     def left(self, rate: float) -> tuple[float, ...]:
-        """What is left of the voltage at the ticks after the rise, until nothing is, at a rate [Hz]. Raises
-        QuantityError for a mode beyond half the rate."""
+        """Return the remaining share of the voltage at the ticks after the rise, at a rate [Hz].
+
+        Raises QuantityError for a mode beyond half the rate.
+        """
         below_half(self.frequency, rate, "Slip.frequency")
         times, levels = self.corners()
         ticks = np.arange(1, math.ceil(times[-1] * rate) + 1) / rate
@@ -132,7 +134,7 @@ class Shaping:
 
     @property
     def done(self) -> bool:
-        """Whether the controller is."""
+        """True if the controller is done."""
         return getattr(self.controller, "done", False)
 
     def step(self, measured: float, target: float, tick: int) -> float:

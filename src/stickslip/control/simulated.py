@@ -1,4 +1,4 @@
-"""A controller in a simulation: the actuator goes on from tick to tick under what it asks for."""
+"""A controller in a simulation: the actuator moves tick by tick under its voltages."""
 
 from __future__ import annotations
 
@@ -35,33 +35,33 @@ def simulate_control(
     tolerance: float | str = 1e-9,
     progress: Progress = unheard,
 ) -> xr.Dataset:
-    """The trajectory of an actuator that begins at rest at 0 V under a controller.
+    """Return the trajectory of an actuator under a controller, from rest at 0 V.
 
-    At each tick the controller sees the end-effector's position and says the voltage, which is held until the
-    next. Positions are counted from where it rests then, which a slope or a load has moved (`simulate` counts
-    from where it would rest without). There are no converters, amplifier or limits here: those are the rig's
-    (`rig.regulate`). A controller that is made for a rate of its own has to be given that `rate`: an
-    attribute `rate` [Hz] of it, or of what it holds as `controller`, `mover` or `regulator`.
+    At each tick the controller gets the end-effector's position and returns the voltage, which is constant
+    until the next. Positions count from the rest position, which a slope or a load has moved (`simulate`
+    counts from rest without them). There are no converters, amplifier or limits here: those belong to the rig
+    (`rig.regulate`). A controller made for one rate needs that `rate`: an
+    attribute `rate` [Hz] of it, or of its `controller`, `mover` or `regulator`.
 
     Args:
-        model: what is driven.
-        controller: what has `step(measured, target, tick)`; one with an attribute `done` ends the run.
+        model: the actuator.
+        controller: object with `step(measured, target, tick)`; an attribute `done` ends the run.
         target: m (rad), a number, or a waveform in that unit.
         duration: s, at most.
         rate: Hz, of the ticks.
         delay: ticks by which a voltage comes later.
         noise: m, standard deviation of a measured position.
-        seed: of the noise.
+        seed: seed of the noise.
         tolerance: m, of the simulation in each tick.
-        progress: called with how much is done.
+        progress: called with the done share.
 
     Returns:
         Dataset over "time": end_effector_position, measured_position, target_position (m), drive_voltage (V).
 
     Raises:
-        QuantityError: a number is out of range, the target is no position, the controller is none, is made
-            for another rate, or asks for what is no finite number or outside the actuator's voltages, or a
-            static stage would jump with it.
+        QuantityError: a number is out of range, the target is not a position, the controller is of another
+            kind or made for another rate, or returns a voltage that is not finite or outside the actuator's
+            range, or a static stage would jump with it.
         SimulationError: the motion could not be followed.
     """
     unit = unit_for(model, "m")
@@ -115,7 +115,7 @@ def simulate_control(
 
 
 def _volts(said: Any, tick: int) -> float:
-    """What a controller returned, V; raises QuantityError for what is no number."""
+    """Return the controller's output, V; raises QuantityError if it is not a number."""
     if isinstance(said, float):  # at nearly every tick
         return said
     field = f"what the controller returned at tick {tick}"

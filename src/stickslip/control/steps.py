@@ -56,7 +56,7 @@ class StepTicks(NamedTuple):
         return cls(period, round(RISING * period), slip.left(rate) or (0.0,))
 
     def left(self, count: int) -> float:
-        """Return the share of a voltage that is left so many ticks after its rise."""
+        """Return the remaining share of a voltage a number of ticks after its rise."""
         return self.slipping[count - 1] if count <= len(self.slipping) else 0.0
 
     def share(self, count: int) -> float:
@@ -135,7 +135,7 @@ def _walks(model: Actuator, output: OutputStage, hertz: float, volts: Array, sli
         found = steady_steps(model, drive, parameters=varied)
         return found["net_step"].values, str(found["reason"].values[-1])
     steps, why = np.full(volts.size, np.nan), ""
-    base = max(-float(volts[-1]), 0.0)  # steps backward begin at the greatest voltage, as a mover's
+    base = max(-float(volts[-1]), 0.0)  # steps backward start at the highest voltage, as a mover's
     for k, amplitude in enumerate(volts.tolist()):
         if output.updates:
             drive = _ticks(output, hertz, amplitude, base, slip)
@@ -217,13 +217,13 @@ class Steps:
         return self.of.ways[1].factor
 
     def size(self, voltage: float, direction: int) -> float:
-        """The distance [m] of a step of that amplitude [V], direction 1 (towards +x) or -1."""
+        """Return the distance [m] of a step with that amplitude [V], direction 1 (towards +x) or -1."""
         return self._lib.mover_size(self.of, voltage, direction)
 
     def voltage_for(self, distance: float, direction: int) -> float:
-        """The amplitude [V] of a step of that distance [m]; the greatest where none goes so far."""
+        """Return the amplitude [V] of a step of that distance [m]; the largest if no step reaches it."""
         return self._lib.mover_voltage_for(self.of, distance, direction)
 
     def learn(self, voltage: float, direction: int, distance: float) -> None:
-        """A step of that amplitude [V] went so far [m] in its direction."""
+        """Learn from a step with that amplitude [V], which moved that distance [m] in its direction."""
         self._lib.mover_learn(self.of, voltage, direction, distance)

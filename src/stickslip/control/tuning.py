@@ -1,13 +1,13 @@
 r"""Gains from models: the quickest regulator that keeps its margins on every model of a posterior.
 
 The loop is that of the sticking actuator (`simulation.sticking`), held voltages, a delay of whole ticks and
-the regulator. With the loop's response L, the greatest sensitivity tells the distance to instability
+the regulator. With the loop's response L, the largest sensitivity measures the distance to instability
 [astrom2006]
 
 .. math:: M_S = \max_\omega \left|\frac{1}{1 + L(i\omega)}\right|, \qquad
           g_m \ge \frac{M_S}{M_S - 1}, \qquad \varphi_m \ge 2 \arcsin\frac{1}{2 M_S}
 
-Whether the closed loop is stable is told by the poles of its discrete system, or with a long delay by how
+The stability of the closed loop follows from the poles of its discrete system, or with a long delay from how
 often its response turns about -1 (`loops`), not by its margins. Friction that slides, hysteresis and creep
 are not in these models.
 """
@@ -41,7 +41,7 @@ class MarginError(ValueError):
 
 @record
 class MarginRequirement(NamedTuple):
-    """What the loop must keep on every model."""
+    """Margins that the loop must keep on every model."""
 
     max_sensitivity: Annotated[float, Quantity("", "M_S", "greatest sensitivity", above=1, maximum=100)] = 1.7
     gain_margin: Annotated[float, Quantity("", "g_m", "gain margin", minimum=1)] = 2.0
@@ -190,18 +190,18 @@ def _warn_of_aliasing(found: Margins, rate: float) -> None:
 
 
 def _margins(opened: OpenLoop, factor: float = 1.0) -> Margins:
-    """With the gain of the regulator so many times as large."""
+    """Return the margins with the regulator's gain times `factor`."""
     found = _from_curve(opened, factor)
     stable, sensitivity = opened.stable(factor), opened.sensitivity(factor)
     return found._replace(stable=stable, sensitivity=sensitivity, aliased=opened.loop.aliased)
 
 
 def _from_curve(opened: OpenLoop, factor: float) -> Margins:
-    """What the frequencies tell that are at hand; whether it is stable is not among it."""
+    """Return the margins at the known frequencies; stability is not checked."""
     level = opened.level + math.log(factor)
     least = float(np.abs(1.0 + factor * opened.curve).min())
     at = [factor * one for one in opened.turned]
-    # Where it is below 1 from the first frequency on, it crossed before, with the phase that it has there.
+    # A curve below 1 from the first frequency on has its crossover before, with the phase of that frequency.
     crossed = [p for _, p in crossings(level, opened.phase)] or [float(opened.phase[0])]
     turned = min(abs(math.remainder(p + math.pi, 2.0 * math.pi)) for p in crossed)
     first = int(np.argmax(level < 0.0))
