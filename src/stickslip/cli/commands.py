@@ -16,11 +16,13 @@ from .changes import OPTIONS, changed_model, drive_of, parts_of
 from .frame import (
     CONTINUES,
     FINISHED,
+    Arm,
     Changes,
     Out,
     RequirementError,
     Traceback,
     app,
+    arming,
     check_output,
     errors_in_one_line,
     only_reading,
@@ -159,6 +161,7 @@ def run(
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw those of campaigns.")] = True,
     changes: Changes = [],  # noqa: B006
     out: Out = Path("out/run"),
+    arm: Arm = "",
     show_traceback: Traceback = False,
 ) -> None:
     """Do what a file says: record, identify, verify, compare, export and map, one step after the other."""
@@ -171,7 +174,7 @@ def run(
             with suppress(RequirementError):
                 write(finished, out, begun)
 
-        with progress_bar() as progress:
+        with progress_bar() as progress, arming(arm):
             document = run_job(file, out, progress, figures=figures, kept=keep, changes=changes)
         write(document, out, begun)  # what a step has kept of it too, where somebody has asked to end
 
@@ -207,6 +210,7 @@ def campaign(
     ] = False,
     changes: Changes = [],  # noqa: B006
     out: Out = Path("out/campaign"),
+    arm: Arm = "",
     show_traceback: Traceback = False,
 ) -> None:
     """From the recordings of steps and walks to a verified model, with the uncertainty of every number."""
@@ -217,7 +221,7 @@ def campaign(
         from ..report import find_browser
 
         browser = find_browser() if pdf else ""  # before the work, not after it
-        with progress_bar() as progress:
+        with progress_bar() as progress, arming(arm):
             document = run_campaign(file, out, progress, figures=figures, changes=changes)
         write(document, out, begun, browser)
 

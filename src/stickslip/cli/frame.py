@@ -62,6 +62,15 @@ Traceback = Annotated[
 ]
 
 
+Arm = Annotated[
+    str,
+    typer.Option(
+        "--arm",
+        metavar="WHY",
+        help="Enable the output of a real rig for this command, and why: the log keeps it.",
+    ),
+]
+
 _INTERRUPTIONS: list[Interruption] = []  # of the command that goes on
 
 
@@ -104,6 +113,18 @@ def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> I
             traceback.print_exc()
         typer.echo(f"Error: {_explained(error)}", err=True)
         raise typer.Exit(2 if isinstance(error, ValueError) else 1) from None
+
+
+@contextmanager
+def arming(why: str) -> Iterator[None]:
+    """A context in which runs of real rigs are armed, where a reason was given."""
+    if not why:
+        yield
+        return
+    from ..rig.interlock import armed
+
+    with armed(why):
+        yield
 
 
 @contextmanager

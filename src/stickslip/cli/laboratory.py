@@ -15,10 +15,12 @@ import typer
 from . import completion
 from .frame import (
     CONTINUES,
+    Arm,
     Changes,
     Out,
     Traceback,
     app,
+    arming,
     check_output,
     errors_in_one_line,
     progress_bar,
@@ -46,6 +48,7 @@ def record(
     ],
     changes: Changes = [],  # noqa: B006
     out: Out = Path("out/record"),
+    arm: Arm = "",
     show_traceback: Traceback = False,
 ) -> None:
     """Record what an experiment file asks for, NAME.nc for each recording; those that are there already are
@@ -57,7 +60,7 @@ def record(
         from ..rig.experiment import run_experiment
         from ..rig.experiment.running import read_experiment
 
-        with progress_bar() as progress:
+        with progress_bar() as progress, arming(arm):
             recorded = run_experiment(file, out, progress, changes=changes)
         document = recordings_document(read_experiment(file, changes).title, recorded, out / "experiment.log")
         write(document, out, begun)

@@ -53,6 +53,7 @@ from ...rig.driving import driving
 from ...rig.experiment.cells import limits_of
 from ...rig.experiment.file import ActuatorSpec, LimitsSpec, VirtualRigSpec
 from ...rig.experiment.laboratory import own_file
+from ...rig.limits import check_edges
 from .file import Analysis, AnalysisError
 from .model import named_model, with_changes
 from .move_document import DRIVE, POSITION, move_document
@@ -194,10 +195,7 @@ def run_move(
     tuning = tune(model, output, file.requirement, posterior=others)
     walk = file.walk._replace(tolerance=aim.within)
     low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
-    if math.isfinite(limits.max_slew):
-        raise AnalysisError(
-            "limits: max_slew: steps need a slip edge; leave it to the amplifier of the bench"
-        )
+    check_edges(limits, can)
     ends: dict[str, Any] = {"min_voltage": low, "max_voltage": high, "lead": tuning.lag}
     inverse = feedforward_of(model, rate)
     regulator = tuning.regulator(rate, **ends, **({} if inverse is None else {"feedforward": inverse}))
