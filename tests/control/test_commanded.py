@@ -18,7 +18,7 @@ from stickslip.control import (
     simulate_control,
     tune,
 )
-from stickslip.control.commanded import WORDS
+from stickslip.control.commanded import HEARTBEAT, WORDS
 from stickslip.control.loops import sampled_loop, step_response
 from stickslip.physics.actuator import load_actuator
 from stickslip.quantities.units import QuantityError
@@ -115,12 +115,47 @@ def test_it_lets_go(run: tuple[Told, xr.Dataset]) -> None:
     assert np.all(np.diff(volts[found["time"].values > 1.001]) <= 0.0)
 
 
+class Jogged:
+    """A page that says "jog" every 50 ms until 0.5 s, the other way until 0.6 s, and then is not heard."""
+
+    def __init__(self, spec, halts: bool) -> None:
+        self.commanded, self.halts = spec.made(), halts
+        self.rate = RATE
+        self.steps: list[int] = []
+
+    def step(self, measured: float, target: float, tick: int) -> float:
+        time = tick / RATE
+        if tick % round(0.05 * RATE) == 0 and time <= 0.6:
+            self.commanded.command("jog", way=1 if time <= 0.5 else -1)
+        if self.halts and tick == round(0.62 * RATE):
+            self.commanded.command("halt")
+        volts = self.commanded.step(measured, target, tick)
+        self.steps.append(self.commanded.told()["steps"])
+        return volts
+
+
+@pytest.mark.parametrize("halts", [False, True])
+def test_a_jog_ends_when_it_is_not_heard_any_more(spec, halts: bool) -> None:
+    jogged = Jogged(spec, halts)
+    found = simulate_control(KANG, jogged, 0.0, 1.2, rate=RATE)
+    x = found["end_effector_position"]
+    farthest = float(x.sel(time=slice(0.0, 0.52)).max())
+    assert farthest > 20 * 2e-6, "steps at 100 Hz"
+    ends = 0.62 if halts else 0.6 + HEARTBEAT
+    at_end = jogged.steps[round((ends + 0.011) * RATE)]  # the step that was being made
+    assert jogged.steps[-1] - at_end <= 2, "but for those that bring the piezo back to mid-range"
+    assert jogged.steps[round(ends * RATE)] > jogged.steps[round(0.58 * RATE)]
+    assert float(x[-1]) < farthest
+    assert jogged.commanded.mover.phase == "hold"
+
+
 def test_what_is_no_command(spec) -> None:
     made = spec.made()
     for what, words in (
         ({"do": "dance"}, "no command"),
         ({"do": "go", "to": "there"}, "to = 'there' must be a number in m"),
         ({"do": "steps", "count": 1.5}, "whole number"),
+        ({"do": "jog", "way": 0.5}, "way = 0.5 must be 1, forward, or -1"),
         ({"do": "scan", "range": 1e-6, "frequency": 10.0, "cycles": 1}, "go there first"),
         ({"do": "scan", "range": -1e-6, "frequency": 10.0, "cycles": 1}, "above 0"),
     ):

@@ -20,6 +20,7 @@ from .shaping import Slip
 from .steps import StepSizes
 
 _LETTING_GO = 0.05  # s of the way to 0 V
+HEARTBEAT = 0.2  # s without a "jog" after which the steps end
 _MOST_STEPS, _MOST_CYCLES = 100_000, 100_000
 _FARTHEST = {"m": 1.0, "rad": 1e3}
 
@@ -72,17 +73,22 @@ class Commanded:
         self._letting = -1  # ticks of the way to 0 V that were made
         self._ends = round(_LETTING_GO * rate)
         self._last = 0.0
+        self._silent, self._silence = 0, round(HEARTBEAT * rate)  # ticks since the last "jog", and the most
+        self._jogs = 0  # the way of the steps that go on while "jog" is heard, 0 for none
 
     def command(self, do: str, **what: Any) -> None:
         """Take a command at the next tick.
 
         "go" has `to`, from home; "steps" a `count`, negative for backward; "scan" a `range`, a
         `frequency` [Hz] and `cycles`, about the held position, after a step or two if the piezo has no room;
-        "release" takes the output to 0 V and ends the loop.
+        "jog" makes steps one `way`, 1 or -1, while it is repeated within `HEARTBEAT`; "halt" ends steps after the
+        present one, and holds; "release" takes the output to 0 V and ends the loop.
 
         Raises:
             QuantityError: the command is unknown, or impossible from the present position.
         """
+        if do != "jog":
+            self._jogs = 0
         if do == "go":
             self._wanted, self._scan = _number(what, "to", self._unit), None
         elif do == "steps":
@@ -93,10 +99,25 @@ class Commanded:
             self.mover.steps_wanted = int(count)
         elif do == "scan":
             self._begin_scan(what)
+        elif do == "jog":
+            self._jog(_number(what, "way", most=1))
+        elif do == "halt":
+            self._halt()
         elif do == "release":
             self._letting = max(self._letting, 0)
         else:
-            raise QuantityError(f"{do!r:.40} is no command: go, steps, scan or release")
+            raise QuantityError(f"{do!r:.40} is no command: go, steps, scan, jog, halt or release")
+
+    def _jog(self, way: float) -> None:
+        if way not in (1.0, -1.0):
+            raise QuantityError(f"way = {way:g} must be 1, forward, or -1")
+        self._silent = 0
+        if self._jogs != way:
+            self._jogs, self._scan, self._wanted = int(way), None, None
+            self.mover.steps_wanted = self._jogs * _MOST_STEPS
+
+    def _halt(self) -> None:
+        self._jogs = self.mover.steps_wanted = self.mover.jogs = 0
 
     def _begin_scan(self, what: dict[str, Any]) -> None:
         span, hertz = _number(what, "range", self._unit), _number(what, "frequency", "Hz", 1e4)
@@ -130,6 +151,10 @@ class Commanded:
             self.done = self._letting > self._ends
             return self._last * max(1.0 - self._letting / self._ends, 0.0)
         mover = self.mover
+        if self._jogs:
+            self._silent += 1
+            if self._silent > self._silence:
+                self._halt()
         if self._scan is not None and not mover.centre_wanted and mover.phase == "hold":
             self._wanted = self._scanning(*self._scan)
         if self._wanted is None and not mover.steps_wanted and mover.phase == "rest":

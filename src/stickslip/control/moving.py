@@ -185,7 +185,7 @@ class Mover:
 
     steps, lost, done = _member("steps"), _member("lost"), _member("done")
     steps_wanted, centre_wanted = _member("steps_wanted"), _member("centre_wanted")
-    goal = _member("goal")
+    goal, jogs = _member("goal"), _member("jogs")
 
     @property
     def plausibility(self) -> Plausibility:

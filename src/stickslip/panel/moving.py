@@ -26,6 +26,7 @@ from ..control import (
     plausibility,
     tune,
 )
+from ..control.commanded import HEARTBEAT
 from ..control.loops import Loop, sampled_loop, step_response
 from ..control.tuning import margins, models_of
 from ..physics.actuator import Actuator
@@ -155,7 +156,7 @@ class Moves:
         self._rig: HostedRig | None = None  # while a session goes on
         self._first: dict[str, Any] | None = None  # the command that it begins with
         self.state: dict[str, Any] = {"on": False}
-        self._told = 0.0
+        self._told = self._jogged = 0.0
         hub.greetings.append(self._greet)
         control.gone.append(self._left)
 
@@ -246,11 +247,18 @@ class Moves:
         Raises:
             ValueError, RigError: it cannot be done; nothing was put out for it.
         """
+        do = asked.what.get("do")
         with self._lock:
+            self._jogged = time.monotonic() if do == "jog" else self._jogged
             if self._rig is not None:
                 self._rig.command(**asked.what)
                 return
-            if asked.what.get("do") not in ("go", "steps"):
+            if self._first is not None and do in ("jog", "halt") and self._runner.busy:
+                self._first = asked.what  # the session begins: the last word counts
+                return
+            if do == "halt":
+                return  # it has ended
+            if do not in ("go", "steps", "jog"):
                 raise QuantityError("nothing holds: go somewhere first")
             self._starter.need_free()
             self._begin(asked)
@@ -348,6 +356,8 @@ class Moves:
         first, self._first = self._first, None
         if first is not None:
             self._rig = rig
+            if first.get("do") == "jog" and time.monotonic() - self._jogged > HEARTBEAT:
+                first = {"do": "halt"}  # it was let go while the session began
             rig.command(**first)
         self._live.add({name: block[name] for name in COLUMNS})
         position = float(block[POSITION][-1])

@@ -12,6 +12,7 @@ import { unpack } from "./stream.js";
 
 const SPANS = [["1", "1 s"], ["5", "5 s"], ["30", "30 s"], ["120", "all"]];
 const AGAIN = 150; // ms between pictures
+const JOGS = 50; // ms between two words of a button that is held
 const NAMES = ["end_effector_position", "target_position", "drive_voltage"];
 // What was typed stays while other pages are looked at.
 const kept = { unit: "", count: 3, hertz: 10, cycles: 10, input: "", amplitude: null, frequency: 100, gains: {}, span: "5" };
@@ -42,17 +43,53 @@ export async function mount(element, app) {
   }
   const button = (text, title, does, kind = "") => h("button", { type: "button", class: kind, title, onclick: does }, text);
   const doing = (text, title, does, kind) => button(text, title, (event) => act(does, event.currentTarget.closest(".move-line")), kind);
+  const lets = []; // what ends with the page
+  /** A button that makes steps while it is held. The loop itself ends them 200 ms after the last word of this page. */
+  function holding(text, title, way) {
+    let held = false;
+    const made = h("button", { type: "button", class: "hold", title: `${title}; they end at once where this page is not heard any more` }, text);
+    const end = () => {
+      if (!held) return;
+      held = false;
+      app.request("/api/move/act", { what: { do: "halt" }, settings: settings() }).catch(() => {}); // it ends by itself, too
+    };
+    async function begin() {
+      if (held || made.disabled) return;
+      held = true;
+      fault.textContent = "";
+      try {
+        await needAccepted(setup, sliders);
+        while (held && !document.hidden) {
+          await app.request("/api/move/act", { what: { do: "jog", way }, settings: settings() });
+          await new Promise((done) => setTimeout(done, JOGS));
+        }
+      } catch (error) {
+        say(error);
+      }
+      end();
+    }
+    const keys = (act) => (event) => { if ([" ", "Enter"].includes(event.key)) { event.preventDefault(); act(); } };
+    made.addEventListener("pointerdown", begin);
+    made.addEventListener("keydown", keys(begin));
+    made.addEventListener("contextmenu", (event) => event.preventDefault());
+    for (const name of ["pointerup", "pointercancel", "keyup", "blur"]) window.addEventListener(name, end);
+    lets.push(() => { end(); for (const name of ["pointerup", "pointercancel", "keyup", "blur"]) window.removeEventListener(name, end); });
+    return made;
+  }
   const go = doing("Go", "Steps as far as they are needed, then the piezo alone; and hold", () => ({ do: "go", to: kept.to }), "primary");
   const back = doing("◂ Back", "So many full steps backward, then hold there", () => ({ do: "steps", count: -kept.count }));
   const forth = doing("Forward ▸", "So many full steps forward, then hold there", () => ({ do: "steps", count: kept.count }));
+  const held = [holding("◂ Hold", "Steps backward while it is held", -1), holding("Hold ▸", "Steps forward while it is held", 1)];
   const scan = doing("Scan", "About where it holds, by the piezo alone", () => ({ do: "scan", range: kept.range, frequency: kept.hertz, cycles: kept.cycles }));
   const release = button("Let go", "The output goes to 0 V; the recording is kept", () => act(() => ({ do: "release" })));
   const deeds = h("fieldset", { class: "bare" });
+  // They stay as they are while a session begins: a button that is disabled would not hear that it is let go.
+  const jogs = h("fieldset", { class: "bare move-jog" }, h("legend", {}, "Jog while held"), ...held);
   const sensor = makeChoice("Sensor", [], "", (name) => { kept.input = name; });
   const setup = h("fieldset", { class: "bare inputs" }, sensor.element);
   const watching = h("p", { class: "watching", hidden: true }, "Another page is in control: ask it at the top. Emergency stop works from here too.");
   const believed = h("dl", { id: "believed" });
-  const panel = h("section", { class: "card", "aria-label": "What to do" }, h("div", { class: "bare" }, watching, deeds, fault,
+  const panel = h("section", { class: "card", "aria-label": "What to do" }, h("div", { class: "bare" }, watching, deeds, jogs, fault,
     h("h2", {}, "How"), setup, h("p", { class: "soft small-text", id: "move-how" }),
     h("details", { class: "small-text" }, h("summary", {}, "When the sensor is not believed"), h("p", { class: "soft" }, "The move stops beyond any of these. They come from the model."), believed)));
 
@@ -156,6 +193,7 @@ export async function mount(element, app) {
     words.dataset.settled = String(Boolean(on && state.settled));
     watching.hidden = !other;
     deeds.disabled = other || !choices || begins || (going && !on);
+    jogs.disabled = other || !choices || (going && !on && !begins);
     setup.disabled = sliders.disabled = tuned.disabled = other || going;
     scan.disabled = release.disabled = !on;
   }
@@ -192,7 +230,7 @@ export async function mount(element, app) {
   show();
   app.stream.send({ kind: "greet" });
   return () => {
-    offs.forEach((off) => off());
+    [...offs, ...lets].forEach((off) => off());
     window.removeEventListener("controlchange", show);
     clearTimeout(timer);
     asks.end();
