@@ -79,6 +79,47 @@ def test_gains_that_could_not_be_had_come_with_the_next_word_of_the_experiment(
     expect(page.locator("#move-fault")).to_have_text("")
 
 
+def counted(page: Page) -> int:
+    """Steps made."""
+    return int(re.match(r"\d+", steps(page).inner_text())[0])  # type: ignore[index]
+
+
+def test_a_button_makes_steps_while_it_is_held(opened: Page) -> None:
+    held = opened.get_by_role("button", name="Hold ▸")
+    held.hover()
+    opened.mouse.down()
+    expect(steps(opened)).to_have_text(re.compile(r"^\d{2}"))
+    opened.mouse.up()
+    settled(opened)
+    made = counted(opened)
+    opened.wait_for_timeout(1000)
+    assert counted(opened) <= made + 2, "those that bring the piezo back to mid-range"
+    held.focus()
+    opened.keyboard.down("Enter")
+    expect(steps(opened)).not_to_have_text(re.compile(rf"^{counted(opened)}\\b"))
+    opened.keyboard.up("Enter")
+    settled(opened)
+    press(opened, "Let go")
+    at_rest(opened)
+
+
+def test_steps_end_where_the_page_is_not_heard_any_more(opened: Page) -> None:
+    """Its requests are held up, as by a network that is gone, while the button is down."""
+    opened.get_by_role("button", name="◂ Hold").hover()
+    opened.mouse.down()
+    expect(steps(opened)).to_have_text(re.compile(r"^\d{2}"))
+    opened.route("**/api/move/act", lambda route: None)
+    opened.wait_for_timeout(1000)
+    made = counted(opened)
+    settled(opened)
+    opened.wait_for_timeout(1000)
+    assert counted(opened) <= made + 2
+    opened.unroute("**/api/move/act")
+    opened.mouse.up()
+    press(opened, "Let go")
+    at_rest(opened)
+
+
 def test_from_gains_to_a_place_a_step_a_scan_and_back(panel: Panel, opened: Page) -> None:
     """Gains without a margin are refused with it, and nothing is put out; then all that the page does."""
     put(opened, "Bandwidth of the integral", "900 Hz")

@@ -47,7 +47,7 @@ def run(
     workers: Annotated[int, typer.Option(min=0, help="Processes; 0: all processors.")] = 0,
     shard: Annotated[str, typer.Option(metavar="K/N", help="Only every N-th task, from the K-th.")] = "",
     scheduler: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Of a dask scheduler, tcp://host:8786.")
+        str, typer.Option(metavar="ADDRESS", help="Of a dask scheduler: tcp://host:8786, tls://host:8786.")
     ] = "",
     estimate: Annotated[bool, typer.Option("--estimate", help="Say what it costs, and end.")] = False,
     changes: Changes = [],  # noqa: B006
