@@ -54,6 +54,25 @@ def test_vibration_lowers_friction_as_the_closed_laws_say() -> None:
     np.testing.assert_allclose(made["across"][made["pull"] > 1.0], 1.0, atol=1.5e-3)
 
 
+def test_a_resonance_near_the_step_rate_makes_the_step_grow() -> None:
+    """Published: 1.64 times forward and 1.50 times backward, from 41 um."""
+    made = made_by("rolling-drive")
+    assert float(made["steps"].sel(frequency=10.0)) == pytest.approx(41e-6, rel=0.02)
+    assert 1.50 < made["growth"] < 1.64
+    stiff = made["stiff"]
+    assert float(stiff.sel(frequency=560.0) / stiff.sel(frequency=10.0)) == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_second_contact_holds_the_slider_while_the_first_slips() -> None:
+    """Published: 22.8 % back with one stator, 0.6 % with two."""
+    made = made_by("two-contacts")
+    assert made["single"] == pytest.approx(0.228, abs=0.001)
+    rates, equal = made["rates"], int(np.flatnonzero(made["ratios"] == 1.0)[0])
+    assert np.all(np.argmin(rates, axis=1) == equal)
+    np.testing.assert_allclose(rates[:, equal], [0.0, 0.015, 0.071], atol=1e-3)
+    assert rates[0, equal] < 0.006 < rates[1, equal]
+
+
 def test_the_spool_rebounds_and_rests_exactly() -> None:
     """Moreau's time stepping approaches the motion in proportion to its step; the motion repeats."""
     made = made_by("spool-valve")
