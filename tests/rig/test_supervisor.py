@@ -13,7 +13,8 @@ import pytest
 from stickslip.rig import Capabilities, LimitError, RigError, VirtualRig
 from stickslip.rig.gate import Gate, PositionInput
 from stickslip.rig.home import Home
-from stickslip.rig.limits import Limits, check_drive
+from stickslip.rig.interlock import Interlock, InterlockError
+from stickslip.rig.limits import Limits, check_drive, check_edges
 from stickslip.rig.protocols import ControllerSpec, StopRequested
 from stickslip.rig.supervisor import Order, Supervisor, state_of
 
@@ -368,3 +369,49 @@ def test_limits_that_contradict_each_other_are_refused() -> None:
         check_drive(DRIVE, Limits(), CARD._replace(max_points=10))
     with pytest.raises(LimitError, match="away from 0 V for"):
         check_drive(DRIVE, Limits(max_duty=0.1), CARD)
+
+
+def test_a_real_rig_is_armed_for_a_run_and_disarmed_after_it() -> None:
+    card = Card()
+    one = Supervisor(Home(), lambda: None, interlock=Interlock())
+    one.rig = card
+    with pytest.raises(InterlockError):
+        one.run(order())
+    one.run(order(arm="a test"))
+    np.testing.assert_array_equal(fetched(one)[0], DRIVE)
+    one.join()
+    with pytest.raises(InterlockError):
+        one.run(order())
+    rest = np.zeros(DRIVE.size)  # at 0 V nobody needs to arm
+    one.run(order(volts=rest))
+    np.testing.assert_array_equal(fetched(one)[0], rest)
+    one.join()
+
+
+def test_a_closed_loop_of_a_real_rig_is_armed_too() -> None:
+    one = Supervisor(Home(), lambda: None, interlock=Interlock())
+    one.rig = Card()
+    spec = ControllerSpec(Ramping, {"slope": 0.05, "top": 40.0}).document()
+    with pytest.raises(RigError, match="takes whole drives only"):
+        one.run(order(arm="a test", controller=spec, position=PositionInput("laser", ())))
+
+
+@pytest.mark.parametrize("wrong", ["fetch", "stop"])
+def test_what_a_real_rig_fails_with_latches(wrong: str) -> None:
+    one = Supervisor(Home(), lambda: None, interlock=Interlock())
+    one.rig = Card(wrong)
+    one.run(order(arm="a test"))
+    one.join()
+    one.rig = Card()
+    with pytest.raises(InterlockError, match=r"it gives nothing|it does not stop"):
+        one.run(order(arm="another test"))
+    one.interlock.acknowledge("a test", "it was mended")
+    one.run(order(arm="another test"))
+    fetched(one)
+    one.join()
+
+
+def test_a_drive_with_slip_edges_needs_a_slew_that_allows_them() -> None:
+    check_edges(Limits(), CARD)
+    with pytest.raises(ValueError, match=r"the slip edge of a step needs 1.5e.05 V/s"):
+        check_edges(Limits(max_slew=1e4), CARD)
