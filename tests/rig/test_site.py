@@ -102,7 +102,7 @@ def test_a_named_file_that_is_not_there_lets_nothing_start(site: Write) -> None:
 def test_an_experiment_cannot_exceed_the_limits_of_the_site(rig: Powered | HostedRig, site: Write) -> None:
     site('[limits]\nmax_voltage = "60 V"\nmax_position = "5 um"')
     with armed("a test"):
-        with pytest.raises(LimitError, match=r"of 60 V; the limit is that of the site, .*site\.toml"):
+        with pytest.raises(LimitError, match=r"of 60 V.*; the limit is that of the site, .*site\.toml"):
             measure(rig, Step(65.0), IDEAL, CAPTURE, Limits())
         with pytest.raises(LimitError, match=r"above the greatest voltage of 20 V$"):
             measure(rig, Step(65.0), IDEAL, CAPTURE, Limits(max_voltage=20.0))
