@@ -150,8 +150,10 @@ of_lack_of_fit := 100
 of_zero_parameter := 12 out/zero-parameter.json
 of_folder_fuzz := 1000 --seed 0
 of_intervals := 40
+of_real_moves := 320
+of_open_loop := 400
 STUDY ?= random_actuators random_orbits random_piezos fuzz_engine faults instruments coverage hysteresis lack_of_fit \
-  zero_parameter folder_fuzz hostile_files intervals
+  zero_parameter folder_fuzz hostile_files intervals real_moves open_loop
 studies: $(READY) engine $(addprefix study-,$(STUDY))
 
 study-%: $(READY) engine

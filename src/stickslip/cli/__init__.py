@@ -16,4 +16,5 @@ from . import inspection as inspection
 from . import interlock as interlock
 from . import laboratory as laboratory
 from . import panel as panel
+from . import steps as steps
 from . import study as study

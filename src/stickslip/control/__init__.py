@@ -34,6 +34,8 @@ from .simulated import simulate_control as simulate_control
 from .step_calibration import Bursts as Bursts
 from .step_calibration import measure_steps as measure_steps
 from .step_calibration import measure_travel as measure_travel
+from .step_calibration import read_bursts as read_bursts
+from .step_calibration import write_bursts as write_bursts
 from .step_law import StepLaw as StepLaw
 from .step_law import fit_steps as fit_steps
 from .steps import Steps as Steps

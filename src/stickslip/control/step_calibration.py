@@ -8,14 +8,19 @@ function that says whether the axis is at one (a switch, an image, the controlle
 
 from __future__ import annotations
 
+import csv
 import math
+import os
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
+from ..gate.errors import GateError
+from ..gate.text import decoded, read_file
 from ..quantities.progress import Progress, unheard
 from ..quantities.records import Quantity, record
 from ..quantities.units import QuantityError, to_si
@@ -24,18 +29,23 @@ from ..rig.protocols import RigError
 
 _LIMIT = Quantity("m", "", "the distance between the limits", above=0)
 _NOISE = Quantity("m", "", "the standard deviation of a measured way", minimum=0)
+_COLUMNS = {"voltage": "V", "direction": "", "steps": "", "displacement": "m", "noise": "m"}
+_MOST_BYTES = 10_000_000  # of a file of bursts
 _MOST_STEPS = 10_000_000  # of a way to a limit
 
 
 @record
 class Bursts(NamedTuple):
     """Bursts of steps that a calibration makes: of each voltage, forward and then backward, `bursts` of
-    `steps` each, all of it `repeats` times; `settle` is the rest before each reading."""
+    `steps` each, all of it `repeats` times; `settle` is the rest before each reading.
+
+    The first burst after a change of direction goes short, so one in a direction is not enough.
+    """
 
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes", above=0)]
     frequency: Annotated[float, Quantity("Hz", "f", "steps per second", above=0)] = 100.0
     steps: Annotated[float, Quantity("", "n", "steps of a burst", minimum=1, maximum=1e6)] = 50
-    bursts: Annotated[float, Quantity("", "", "bursts in one direction", minimum=1, maximum=1000)] = 2
+    bursts: Annotated[float, Quantity("", "", "bursts in one direction", minimum=2, maximum=1000)] = 2
     repeats: Annotated[float, Quantity("", "", "repeats of all voltages", minimum=1, maximum=1000)] = 4
     settle: Annotated[float, Quantity("s", "t_s", "rest before a reading", minimum=0)] = 0.1
 
@@ -98,7 +108,7 @@ def measure_steps(
             before = now
     finally:
         positioner.stop()
-    return _dataset(rows, bursts, positioner)
+    return _dataset(rows, bursts.frequency, positioner.ranges.name)
 
 
 def measure_travel(
@@ -139,7 +149,7 @@ def measure_travel(
                     rows.append((volts, direction, count - 0.5 * bursts.steps, direction * way, sigma, True))
     finally:
         positioner.stop()
-    return _dataset(rows, bursts, positioner)
+    return _dataset(rows, bursts.frequency, positioner.ranges.name)
 
 
 def _to_limit(
@@ -176,10 +186,65 @@ def _reading(sensor: Callable[[], float]) -> float:
     return value
 
 
-def _dataset(rows: list[Any], bursts: Bursts, positioner: Positioner) -> xr.Dataset:
-    names = ("voltage", "direction", "steps", "displacement", "noise", "after_reversal")
-    units = ("V", "", "", "m", "m", "")
-    columns = np.array(rows, dtype=float).T
-    made = xr.Dataset({n: ("burst", c, {"units": u}) for n, c, u in zip(names, columns, units, strict=True)})
-    made.attrs |= {"frequency": bursts.frequency, "positioner": positioner.ranges.name}
+def _dataset(rows: list[Any], frequency: float, source: str) -> xr.Dataset:
+    names = {**_COLUMNS, "after_reversal": ""}
+    columns = np.array(rows, dtype=float).reshape(len(rows), len(names)).T
+    values = dict(zip(names, columns, strict=True))
+    made = xr.Dataset({name: ("burst", values[name], {"units": unit}) for name, unit in names.items()})
+    made.attrs |= {"frequency": frequency, "source": source}
     return made
+
+
+def read_bursts(path: str | os.PathLike[str], frequency: float | str) -> xr.Dataset:
+    """Return bursts that somebody measured, from a CSV file; the order of its lines is that of the bursts.
+
+    The first line names the columns ``voltage [V], direction, steps, displacement [um], noise [nm]``, with
+    units of their kind: direction is 1 or -1, the displacement is positive towards +x, the noise the standard
+    deviation of it.
+
+    Args:
+        path: of the file.
+        frequency: Hz, of the steps.
+
+    Raises:
+        QuantityError: the file is not as described; names file and line.
+    """
+    path, hertz = Path(path), to_si(frequency, "Hz", "frequency")
+    try:
+        lines = decoded(read_file(path, _MOST_BYTES), str(path)).splitlines()
+    except (OSError, GateError) as error:
+        raise QuantityError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
+    numbered = [(i, row) for i, row in enumerate(csv.reader(lines), 1) if row and not row[0].startswith("#")]
+    if not numbered:
+        raise QuantityError(f"{path}: the file is empty; it needs a line of names and one for each burst")
+    names = [cell.partition("[")[0].strip() for cell in numbered[0][1]]
+    if sorted(names) != sorted(_COLUMNS):
+        raise QuantityError(
+            f"{path}, line {numbered[0][0]}: the columns are {', '.join(names)}; write "
+            "voltage [V], direction, steps, displacement [um], noise [nm]"
+        )
+    units = [cell.partition("[")[2].strip(" ]") for cell in numbered[0][1]]
+    rows, before = [], 0.0
+    for line, row in numbered[1:]:
+        if len(row) != len(names):
+            raise QuantityError(f"{path}, line {line}: {len(row)} cells, the first line has {len(names)}")
+        try:
+            said = {
+                n: to_si(f"{c.strip()} {u}", _COLUMNS[n], n)
+                for n, c, u in zip(names, row, units, strict=True)
+            }
+        except QuantityError as error:
+            raise QuantityError(f"{path}, line {line}: {error}") from None
+        if said["direction"] not in (1.0, -1.0) or said["steps"] < 1.0:
+            raise QuantityError(f"{path}, line {line}: a direction is 1 or -1, and steps are 1 at least")
+        rows.append((*(said[name] for name in _COLUMNS), said["direction"] != before))
+        before = said["direction"]
+    return _dataset(rows, hertz, path.name)
+
+
+def write_bursts(bursts: xr.Dataset, path: str | os.PathLike[str]) -> None:
+    """Write bursts as the CSV file that `read_bursts` reads."""
+    head = ", ".join(f"{name} [{unit}]" if unit else name for name, unit in _COLUMNS.items())
+    rows = np.column_stack([bursts[name].values for name in _COLUMNS]).tolist()
+    lines = [head, *(", ".join(f"{value:.9g}" for value in row) for row in rows)]
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -33,6 +33,8 @@ import scipy
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..gate.errors import GateError
+from ..gate.text import decoded, read_file
 from ..quantities.records import Quantity, record
 from ..quantities.units import QuantityError
 from .estimator import StepModel
@@ -40,6 +42,7 @@ from .steps import StepSizes
 
 Array = NDArray[np.float64]
 
+_MOST_BYTES = 1_000_000  # of a law's file
 FEWEST = 8  # bursts more than step sizes
 _BOUNDS = ((1e-4, 1.0), (1e-3, 1.0), (1e-7, 0.05), (1e-7, 0.05))  # of sigma, tau over the mean step, q_c, q_s
 _STARTS = ((0.05, 0.05, 1e-4, 1e-4), (0.2, 0.01, 2e-3, 1e-5), (0.02, 0.2, 1e-5, 2e-3))
@@ -168,12 +171,12 @@ class StepLaw(NamedTuple):
     def load(cls, path: str | os.PathLike[str]) -> StepLaw:
         """Return what `save` wrote as JSON; raises QuantityError for another file."""
         try:
-            found: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
+            found: dict[str, Any] = json.loads(decoded(read_file(Path(path), _MOST_BYTES), str(path)))
             given: dict[str, Any] = {
                 k: tuple(one) if isinstance(one, list) else one for k, one in found.items()
             }
             return cls(**given)
-        except (OSError, ValueError, TypeError, AttributeError) as error:
+        except (OSError, GateError, ValueError, TypeError, AttributeError) as error:
             raise QuantityError(f"{path} holds no steps of a motor: {error}") from error
 
 

@@ -20,7 +20,8 @@ def view(result: Any, title: str = "") -> Document:
     Args:
         result: a `Fit`, a `Verification`, a `Comparison` of models, `Conditions` or a `Posterior`; what
             `step_map`, `plan_experiment`, `optimise_waveform`, `waveform_front`, `optimise_actuator`,
-            `from_data_sheet` and `tune` return; a recording, a trajectory or a frequency response.
+            `from_data_sheet`, `tune` and `fit_steps` return; a recording, a trajectory or a frequency
+            response.
         title: of the document; left out, that of the kind of result.
 
     Raises:

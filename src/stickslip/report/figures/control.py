@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from ...control.step_law import StepLaw
 from .scale import scale_for
 from .style import BLACK, BLUE, GREEN, MEASURED, VERMILLION, drawn, legend_above, panels, trace
 
@@ -63,4 +64,22 @@ def approach(recording: xr.Dataset, target: float, begin: float, windows: Sequen
     axes.set_yscale("log")
     axes.set_ylabel(way.label("distance from the target"))
     axes.set_xlabel(clock.label("time"))
+    return figure
+
+
+@drawn
+def step_sizes(law: StepLaw) -> Figure:
+    """Steps over voltage in both directions, with intervals of 95 %."""
+    figure, (axes,) = panels([3.0])
+    metres = scale_for("m", np.array([*law.forward, *law.backward]))
+    for name, sizes, errors, color in (
+        ("forward", law.forward, law.forward_errors, BLUE),
+        ("backward", law.backward, law.backward_errors, VERMILLION),
+    ):
+        bars = 1.96 * metres(np.array(errors))
+        axes.errorbar(
+            law.voltages, metres(np.array(sizes)), bars, fmt="o-", color=color, capsize=3, label=name
+        )
+    axes.set(xlabel="amplitude (V)", ylabel=metres.label("step"), ylim=(0, None))
+    legend_above(axes)
     return figure

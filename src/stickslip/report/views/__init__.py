@@ -9,4 +9,5 @@ from . import drives as drives
 from . import fits as fits
 from . import plan as plan
 from . import posterior as posterior
+from . import step_law as step_law
 from . import verification as verification

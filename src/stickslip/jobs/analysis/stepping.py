@@ -1,0 +1,109 @@
+"""Steps of a motor from a file: bursts are made on a positioner, or were measured, and the law is fitted.
+
+A file names the controller, the bursts, and what shows the position::
+
+    title: Steps of the objective's stage
+    positioner: {kind: mcs2, options: {host: 192.168.0.20}}
+    axis: 0
+    bursts: {voltages: [60 V, 80 V, 100 V], frequency: 100 Hz, steps: 50, repeats: 4}
+    noise: 5 nm                 # of a reading
+
+The position is that of the controller's sensor, or `sensor`: a positioner of one's own in a file beside it,
+``{kind: "my_camera.py:Camera"}``, of which only `position(axis)` is used. With ``measured: bursts.csv`` and a
+`frequency` instead, bursts that were measured before are fitted.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+from pydantic import Field, ValidationError
+
+from ...control import Bursts, StepLaw, fit_steps, measure_steps, read_bursts
+from ...quantities import registry
+from ...quantities.input_file import Strict, explain, load_yaml
+from ...quantities.progress import Progress
+from ...rig.positioners import Positioner
+from .file import AnalysisError
+
+
+class PositionerSpec(Strict):
+    """A positioner by its kind (`stickslip rigs`), and what it is made with."""
+
+    kind: str
+    options: dict[str, Any] = Field(default_factory=dict)
+
+    def made(self, folder: Path) -> Positioner:
+        """Connect."""
+        return registry.positioners.find(self.kind, folder)(**self.options)
+
+
+class StepsFile(Strict):
+    """See the module."""
+
+    title: str = "Steps of a motor"
+    notes: str = ""
+    positioner: PositionerSpec | None = None
+    axis: int = 0
+    bursts: dict[str, Any] | None = None
+    sensor: PositionerSpec | None = None
+    sensor_axis: int = 0
+    noise: float | str = 0.0
+    measured: str | None = None
+    frequency: float | str | None = None
+
+
+def read_steps(path: str | os.PathLike[str]) -> tuple[StepsFile, Path]:
+    """A file of steps, and the folder that its files are relative to; raises AnalysisError."""
+    content = load_yaml(path)
+    try:
+        return StepsFile.model_validate(content), Path(path).parent
+    except ValidationError as error:
+        raise explain(path, error, content=content) from error
+
+
+def run_steps(file: StepsFile, folder: Path, progress: Progress) -> tuple[xr.Dataset, StepLaw]:
+    """Make the bursts, or read them, and fit the law.
+
+    Raises:
+        AnalysisError: the file names neither a positioner with bursts nor measured ones, or both.
+        RigError, QuantityError: of the positioner, the sensor, the fit.
+    """
+    if (file.measured is None) == (file.positioner is None):
+        raise AnalysisError("steps: name a 'positioner' with 'bursts', or 'measured' bursts, one of both")
+    if file.measured is not None:
+        if file.frequency is None:
+            raise AnalysisError(
+                "steps: 'measured' bursts need the 'frequency' of their steps, such as 100 Hz"
+            )
+        bursts = read_bursts(folder / file.measured, file.frequency)
+    else:
+        bursts = _made(file, folder, progress)
+    progress("fitting", 0.9)
+    return bursts, fit_steps(bursts)
+
+
+def _made(file: StepsFile, folder: Path, progress: Progress) -> xr.Dataset:
+    assert file.positioner is not None
+    if file.bursts is None:
+        raise AnalysisError(
+            "steps: 'bursts' are missing, such as {voltages: [60 V, 80 V], frequency: 100 Hz}"
+        )
+    bursts = Bursts(**{k: tuple(one) if isinstance(one, list) else one for k, one in file.bursts.items()})
+    motor = file.positioner.made(folder)
+    try:
+        shows, axis = motor, file.axis
+        if file.sensor is not None:
+            shows, axis = file.sensor.made(folder), file.sensor_axis
+        elif not motor.ranges.sensor:
+            raise AnalysisError(
+                f'steps: {motor.ranges.name} has no sensor: name one, sensor: {{kind: "my_camera.py:Camera"}}'
+            )
+        return measure_steps(
+            motor, file.axis, lambda: shows.position(axis), bursts, noise=file.noise, progress=progress
+        )
+    finally:
+        motor.close()
