@@ -304,7 +304,7 @@ def _kind(stored: Any) -> str:
 
 
 def _is_complex(stored: Any) -> bool:
-    """Whether a record is a complex number: two reals of one kind, and nothing between them."""
+    """Return whether a record is a complex number: two reals of one kind, adjacent."""
     if stored.get_nmembers() != 2:
         return False
     parts = [stored.get_member_type(k) for k in range(2)]
@@ -321,7 +321,7 @@ def is_hdf5(path: Path) -> bool:
 
 
 def has_attribute(path: Path, name: str) -> bool:
-    """Return whether the first group of an HDF5 file has an attribute of that name.
+    """Return whether the root group of an HDF5 file has an attribute of that name.
 
     Raises:
         GateError: the file is damaged.

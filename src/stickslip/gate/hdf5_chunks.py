@@ -48,8 +48,10 @@ def refuse_packed_names(path: Path, name: str, group: Any) -> None:
 
 
 def check_chunks(path: Path, name: str, array: Any, chunk_bytes: int, axis: int, beyond: int) -> None:
-    """Raise GateError if a part of an array packed by gzip, that begins before the index `beyond` of an axis,
-    unpacks to more than `chunk_bytes`, or if parts share bytes of the file."""
+    """Raise GateError if parts of an array packed by gzip unpack to too much, or share bytes of the file.
+
+    Each part that starts before the index `beyond` of an axis may unpack to `chunk_bytes` at most.
+    """
     stored: list[Any] = []
     array.chunk_iter(stored.append)
     if sum(one.size for one in stored) > path.stat().st_size:

@@ -18,7 +18,7 @@ def inside(root: str | os.PathLike[str], name: str, called: str = "the folder") 
 
     Args:
         root: the folder.
-        name: parts separated by slashes; nothing of that name has to be there.
+        name: parts separated by slashes; it need not exist.
         called: what errors call the folder.
 
     Raises:

@@ -28,7 +28,7 @@ from typing import Any
 from .errors import GateBusy, GateError
 
 STUCK = 8.0  # clock time over computing time, from which on the machine or its drive is too busy
-MOST_WAITING = 8  # requests at a time; a further one is told to try again
+MOST_WAITING = 8  # requests at a time; others are asked to try again
 _NICE = 5  # priority below a panel, whose stream and runs come first
 _STARTS = 60.0  # s in which the process has to start, on a busy machine
 _REMEMBERED = 500  # files that are remembered as exceeding a limit
@@ -93,7 +93,7 @@ class Fence:
         return answer
 
     def start(self) -> None:
-        """Start the process, if there is none; raises GateBusy where it does not start."""
+        """Start the process if it is not running; raises GateBusy if that fails."""
         with self._lock:
             self._start()
 
@@ -217,7 +217,8 @@ def _plain(error: Exception) -> Exception:
 
 
 def _limit_memory(memory: int, hard: int) -> None:
-    """Let this process have so many bytes more than now, where the system says how many it has."""
+    """Limit the memory of this process to its present use plus `memory` bytes, if the system tells its
+    use."""
     with suppress(OSError, ValueError):
         now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (now + memory, hard))

@@ -1,4 +1,4 @@
-"""What other files of the package's own say: the numbers of results, the attributes of recordings."""
+"""Read other files of the package: numbers of results, attributes of recordings."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from .figures.style import svg
 def calibration_document(
     calibration: Calibration, table: CalibrationTable, left_out: Mapping[int, float]
 ) -> Document:
-    """What was fitted and how good it is.
+    """Report of a calibration: coefficients, errors, and points left out.
 
     Args:
         calibration: fitted to the table.

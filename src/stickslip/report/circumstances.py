@@ -25,7 +25,7 @@ class Circumstances:
 
 
 def circumstances(command: str = "", elapsed: float | None = None) -> Circumstances:
-    """Those of now and here; libraries that are not installed are left out."""
+    """Return time, machine and versions of the libraries that are installed."""
     versions = {"stickslip": __version__, "Python": platform.python_version()}
     for name in _LIBRARIES:
         try:

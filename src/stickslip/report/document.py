@@ -1,7 +1,7 @@
 """Content of a report as plain data: no HTML, no plotting.
 
-A number never goes without its unit: it stands in a column that names one, or is a `Number`, which has one.
-All values are in SI; the prefixes that people like to read are chosen when the document is written.
+Each number has a unit: its column names one, or it is a `Number`. All values are in SI; prefixes are chosen
+when the document is written.
 """
 
 from __future__ import annotations
@@ -151,14 +151,14 @@ class Document:
     Args:
         title, summary: what was done and what came out, in a few sentences.
         sections: the body.
-        highlights: the few results that matter most: (what, number).
+        highlights: the main results: (name, number).
         numbers: for results.json, nested: name -> `Number`, or a mapping with "value" and "unit" (and "low",
             "high", whatever else), or a mapping of such.
         assumptions: what was assumed, a sentence each.
         citations: BibTeX.
-        failures: what had been required and is not so, a sentence each.
-        files: texts to write beside the report, by their names: what a user goes on with.
-        interrupted: somebody has ended the work (Ctrl-C): this is what was done until then.
+        failures: requirements that are not met, a sentence each.
+        files: texts to write beside the report, by file name.
+        interrupted: the work was ended (Ctrl-C): the report shows the finished part.
     """
 
     title: str

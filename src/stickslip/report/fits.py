@@ -126,7 +126,7 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
 
 
 def advice_numbers(advice: Advice | None) -> dict[str, Any] | None:
-    """What a model lacks, for results.json."""
+    """Return the cause of a misfit, for results.json."""
     if advice is None:
         return None
     return {
@@ -141,7 +141,7 @@ def advice_numbers(advice: Advice | None) -> dict[str, Any] | None:
 
 
 def disturbance_numbers(one: Disturbance) -> dict[str, Any]:
-    """What the residuals show of a fault of an instrument."""
+    """Return an instrument's fault that the residuals show, for results.json."""
     return {
         "kind": one.kind,
         "recording": one.name,
@@ -154,5 +154,5 @@ def disturbance_numbers(one: Disturbance) -> dict[str, Any]:
 
 
 def lack_numbers(lacks: Sequence[Lack]) -> dict[str, Any]:
-    """What recordings say of a model, by their names."""
+    """Return whether each recording contradicts the model, by its name."""
     return {one.name: {"seen": one.seen, "residual_over_noise": Number(one.ratio, "")} for one in lacks}

@@ -43,12 +43,12 @@ def report_html(document: Document, made: Circumstances, *, beside: bool = True)
 
 
 def _joined(value: Any) -> Any:
-    """What the page shows, with per cent signs that stay with their numbers: none begins a line."""
+    """Return the text with per cent signs joined to their numbers: no line starts with one."""
     return type(value)(re.sub(r"(?<=\d) %", "\u00a0%", value)) if isinstance(value, str) else value
 
 
 def significant(value: float, digits: int = 4) -> str:
-    """A number with so many significant digits, at least those before the point: "0.9979", "12345"."""
+    """Return a number with `digits` significant digits, all of those before the point: "0.9979", "12345"."""
     if not math.isfinite(value):
         return _EMPTY if math.isnan(value) else f"{'−' if value < 0 else ''}∞"
     if isinstance(value, Integral):
@@ -62,7 +62,7 @@ def significant(value: float, digits: int = 4) -> str:
 
 
 def _digits(value: float, own: Scale, digits: int) -> str:
-    """As `significant`; but of a plain number, r² say, 0.9999935 is not 1."""
+    """As `significant`; but a number without a unit, such as r² = 0.9999935, is not shown as 1."""
     return near_one(value, digits) if not own.unit and 0.9 < value < 1.0 else significant(value, digits)
 
 

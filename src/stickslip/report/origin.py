@@ -11,12 +11,12 @@ from ..parameters import available_sets, bibtex, citation_keys, load_set, unchan
 from ..physics.actuator import Actuator, load_actuator
 from ..quantities.records import quantities
 
-# Of the model's limits, not of its motion.
+# Limits of the model, without effect on its motion.
 _LIMITS = ("min_voltage", "max_voltage")
 
 
 class Origin(NamedTuple):
-    """What a report says of it: assumptions, a sentence each, and BibTeX."""
+    """Assumptions of a model, a sentence each, and BibTeX of its sources."""
 
     assumptions: list[str]
     citations: str
@@ -55,7 +55,8 @@ def origin_of(model: Actuator, recordings: Iterable[xr.Dataset], fitted: Collect
 
 
 def _of_any(model: Actuator, field: str) -> bool:
-    """Whether no simulated motion depends on a value, or any real actuator has it: friction acts back."""
+    """Return whether no simulated motion depends on a value, or any real actuator has it: friction acts
+    back."""
     law = model.friction
     if field == "friction.stribeck_velocity":
         return getattr(law, "stiction_force", None) == getattr(law, "coulomb_force", None)
@@ -63,7 +64,7 @@ def _of_any(model: Actuator, field: str) -> bool:
 
 
 def _scaled(model: Actuator, field: str) -> str:
-    """What follows from a wrong mass: without reaction on the stage only ratios to it show in a motion."""
+    """Return the effect of a wrong mass: without reaction on the stage, a motion only shows ratios to it."""
     if field != "end_effector_mass" or model.stage_reaction:
         return ""
     return "; the friction that is found, forces and stiffness, is in proportion to it"

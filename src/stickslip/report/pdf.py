@@ -22,7 +22,7 @@ def find_browser() -> str:
     """The path of a browser that prints to PDF.
 
     Raises:
-        PdfError: there is none.
+        PdfError: no browser is installed.
     """
     for name in _BROWSERS:
         path = shutil.which(name)
@@ -45,7 +45,7 @@ def write_pdf(page: Path, browser: str = "") -> Path:
         PdfError: there is no browser, or it does not print.
     """
     browser, target = browser or find_browser(), page.with_suffix(".pdf")
-    # As root, as in a container, Chromium refuses to work in its sandbox. The page is our own.
+    # As root, as in a container, Chromium refuses its sandbox. The page is our own.
     alone = ["--no-sandbox"] if getattr(os, "geteuid", lambda: 1)() == 0 else []
     with tempfile.TemporaryDirectory() as profile:
         made = Path(profile) / "made.pdf"

@@ -23,7 +23,7 @@ _BEFORE, _AFTER = 3e-3, 7e-3  # s around the trigger
 
 
 def recordings_document(title: str, recorded: Sequence[Recorded], log: Path) -> Document:
-    """What was recorded.
+    """Report of recordings of an experiment.
 
     Args:
         title: of the experiment.
@@ -57,7 +57,7 @@ def recordings_document(title: str, recorded: Sequence[Recorded], log: Path) -> 
 
 
 def recorded_assumptions(recorded: Sequence[Recorded]) -> list[str]:
-    """What was assumed about the actuator and the bench of an experiment, by field."""
+    """Return assumptions about actuator and bench of an experiment, by field."""
     found = [f"{field} = {words}" for field, words in recorded[0].cell.actuator.assumptions.items()]
     bench = recorded[0].cell.bench
     if bench:

@@ -27,12 +27,12 @@ def trajectory_document(
     trajectory: xr.Dataset,
     steady_step: Number | None = None,
 ) -> Document:
-    """What a simulation did, with which parameters and on which assumptions.
+    """Report of a simulation: motion, parameters, assumptions.
 
     Args:
         model, waveform: what was simulated.
         trajectory: what `simulate` returned.
-        steady_step: net displacement per period once the motion is periodic, m, where there is one.
+        steady_step: net displacement per period of the periodic motion, m; None without one.
     """
     name = model.name or type(model).__name__
     numbers = _results(trajectory)
@@ -139,7 +139,7 @@ def _entries(record: Any, prefix: str = "", owner: Any = None) -> Iterator[tuple
 
 
 def _origins(model: Actuator | PulledSlider) -> dict[str, str]:
-    """Where the value of each field comes from; nothing for a model that was loaded from no parameter set."""
+    """Return the source of each field's value; nothing for a model that was loaded from no parameter set."""
     if not model.name:
         return {}
     entries = load_set(model.name).entries()

@@ -40,9 +40,9 @@ def walk_document(
     notes: str = "",
     progress: Progress = unheard,
 ) -> Document:
-    """The report of a fit: its parameters, and each recording, by name, beside what the model predicts.
+    """Report of a fit: its parameters, and each recording, by name, beside the model's prediction.
 
-    `model` is that from which the fit began: what it assumes and cites is told.
+    `model` is the start of the fit; its assumptions and citations are listed.
     """
     rows, pictures, numbers = [], [], {}
     unit = fit.recordings[0].unit

@@ -13,7 +13,7 @@ from .scale import scale_for
 from .style import BLUE, GREEN, MEASURED, VERMILLION, WIDTH, drawn
 
 BINS = 60
-# Of the samples of a distribution, left out at each end.
+# Part of the samples of a distribution left out at each end.
 TAIL = 0.002
 COLOURS = (BLUE, GREEN)
 

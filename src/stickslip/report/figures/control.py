@@ -21,7 +21,7 @@ def closed_loop(recording: xr.Dataset, phases: Sequence[tuple[str, float]] = ())
 
     Args:
         recording: of `rig.regulate`.
-        phases: what began when, s; drawn as lines.
+        phases: (name, start in s), drawn as lines.
     """
     part = recording.isel(time=slice(None, None, max(1, recording.sizes["time"] // _MOST_POINTS)))
     figure, (above, below) = panels([2.6, 2.0])
@@ -45,12 +45,12 @@ def closed_loop(recording: xr.Dataset, phases: Sequence[tuple[str, float]] = ())
 
 @drawn
 def approach(recording: xr.Dataset, target: float, begin: float, windows: Sequence[float]) -> Figure:
-    """What is missing to the target over time, on a logarithmic scale, with the windows.
+    """Remaining distance to the target over time, on a logarithmic scale, with the windows.
 
     Args:
         recording: of `rig.regulate`.
         target: m.
-        begin: s, of the time that is shown.
+        begin: start of the shown time, s.
         windows: m, half-widths.
     """
     part = recording.sel(time=slice(begin, None))

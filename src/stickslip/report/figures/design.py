@@ -20,14 +20,14 @@ from .style import BLACK, DASHES, MEASURED, SERIES, WIDTH, drawn, legend_above, 
 # So many contours; panels of one figure; share of the other sign from which on zero has a colour of its own.
 CONTOURS = 6
 MOST_PANELS = 12
-# Of the greatest value, what counts as zero where the line of no step is drawn.
+# Part of the greatest value that counts as zero where the line of no step is drawn.
 BESIDE_ZERO = 0.02
 SEEN = 0.2
 NO_STEP, HATCH = "#E2E2E2", "#9A9A9A"
 
 
 def is_map(data: Any) -> bool:
-    """Whether this is what `step_map` gives."""
+    """Return whether this is a result of `step_map`."""
     return isinstance(data, xr.Dataset) and {"net_step", "speed", "status"} <= {*data.data_vars}
 
 
@@ -143,7 +143,7 @@ def _picture(
     z = value(data[quantity].transpose(plane[1], plane[0]).values)
     low, high, colours = limits
     picture = panel.pcolormesh(x, y, z, shading="nearest", cmap=colours, vmin=low, vmax=high, rasterized=True)
-    # What lies behind shows where there is no value.
+    # The background shows where there is no value.
     panel.set_facecolor(NO_STEP)
     panel.patch.set_hatch("////")
     panel.patch.set_edgecolor(HATCH)
@@ -180,7 +180,7 @@ def _axis(panel: Axes, data: xr.Dataset, name: str, way: str) -> NDArray[Any]:
 
 
 def _in_ratios(values: NDArray[Any]) -> bool:
-    """Whether values are more evenly spaced by their ratios than by their differences."""
+    """Return whether ratios of neighbouring values vary less than their differences."""
     if values.size < 3 or not values.min() > 0.0:
         return False
     steps = [np.diff(np.sort(some)) for some in (np.log(values), values)]

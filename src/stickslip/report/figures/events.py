@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from .scale import scale_for
 from .style import BLUE, MEASURED, drawn, trace
 
-# How many events a panel shows.
+# Number of events in a panel.
 _SHOWN = 6.0
 
 

@@ -58,7 +58,7 @@ def draw_fit(fit: Fit, axes: Any = None) -> Any:
 
 
 def called(observed: str) -> str:
-    """What an axis says of a channel."""
+    """Return the name of a channel for an axis."""
     return observed.replace("_", " ").replace("end effector", "end-effector") or "measured"
 
 

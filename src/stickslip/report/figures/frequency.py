@@ -100,8 +100,11 @@ def frequency_response(
 def polar(
     gain: Axes, phase: Axes, frequency: ArrayLike, response: ArrayLike, scale: Scale, **how: Any
 ) -> None:
-    """Modulus, and phase in degrees without jumps, begun between -270 and 90 degrees: measurement and model
-    of a negative gain, which is at -180 or 180 degrees, then begin alike."""
+    """Draw modulus, and phase in degrees without jumps.
+
+    The phase starts between -270 and 90 degrees: measurement and model of a negative gain, at -180 or 180
+    degrees, then start alike.
+    """
     f, value = np.asarray(frequency, dtype=float), np.asarray(response, dtype=complex)
     trace(gain, f, scale(np.abs(value)), **how)
     degrees = np.degrees(np.unwrap(np.angle(value)))

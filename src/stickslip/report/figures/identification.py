@@ -104,8 +104,10 @@ def beside(
     noise: ArrayLike | None = None,
     known_by: str = "",
 ) -> None:
-    """As `fit_with_residuals`, on axes that are there; about the residuals a band of two deviations of the
-    noise [n], in `unit`, called `known_by`."""
+    """Draw as `fit_with_residuals`, on existing axes.
+
+    A band of two deviations of the noise [n], in `unit`, is drawn about the residuals, labelled `known_by`.
+    """
     t, data, models = np.asarray(time, dtype=float), np.asarray(measured, dtype=float), _models(model)
     above, below = axes
     clock, scale = scale_for("s", t), scale_for(unit, data, *models.values())
@@ -212,13 +214,13 @@ def law_ranking(
     bic: ArrayLike | None = None,
     marks: Mapping[str, float] | None = None,
 ) -> Figure:
-    """What each law leaves unexplained, 1 - r², where it was fitted and where it predicts; the best on top.
+    """Draw 1 - r² of each law where it was fitted and where it predicts, the best on top.
 
     Args:
         names: of the laws, with the number of their parameters where that matters.
         fitted, predicted: r², shape (n,).
-        bic: Bayesian information criterion, shape (n,); shown as the difference from the least.
-        marks: r² of others, by what to call them, as upright lines.
+        bic: Bayesian information criterion, shape (n,); its difference from the smallest is shown.
+        marks: r² of others by label, as vertical lines.
     """
     seen, unseen = (1.0 - np.asarray(r, dtype=float) for r in (fitted, predicted))
     order = np.argsort(-unseen)

@@ -42,7 +42,7 @@ def creep_over_decades(steps: Mapping[str, tuple[ArrayLike, ArrayLike]], begin: 
 
     Args:
         steps: time since the step [s] and stroke since before it [m], arrays (n,), by label.
-        begin: s.
+        begin: time of the reference stroke after the step, s.
     """
     figure = Figure(figsize=(WIDTH, 2.8))
     axes = figure.subplots()

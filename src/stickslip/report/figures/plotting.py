@@ -24,7 +24,7 @@ from .sheets import draw_sheet
 from .style import BLUE, SERIES, WIDTH, drawn, legend_above, shown, trace
 from .waveforms import draw_waveforms
 
-# What is drawn of members, over what varies; parameters stand before it.
+# Variables drawn for members, over the one that varies; parameters come before it.
 _RESULTS = {"net_step": "net step per period", "net_displacement": "net displacement"}
 _DECADES = 30.0  # a parameter over more than this factor has a logarithmic axis
 

@@ -38,12 +38,12 @@ def recordings_together(recordings: Mapping[str, xr.Dataset]) -> Figure:
 
 @drawn
 def recording_detail(recording: xr.Dataset, begin: float, end: float, mark: float | None = None) -> Figure:
-    """A part of a recording sample by sample, where steps, noise and delay are seen.
+    """A part of a recording sample by sample: steps, noise and delay are visible.
 
     Args:
         recording: over "time".
-        begin, end: of the part, s.
-        mark: a time to mark, s; that of the trigger, say.
+        begin, end: start and end of the part, s.
+        mark: a time to mark, s, such as that of the trigger.
     """
     part = recording.sel(time=slice(begin, end))
     names = list(map(str, part.data_vars))[:_MOST]

@@ -22,7 +22,7 @@ class Scale(NamedTuple):
         return np.asarray(values, dtype=float) * self.factor
 
     def label(self, name: str) -> str:
-        """What to write at an axis: "position (µm)"."""
+        """Return the label of an axis: "position (µm)"."""
         return f"{name} ({self.unit})" if self.unit else name
 
 

@@ -52,7 +52,7 @@ def _plain(number: float) -> str:
 
 
 def conclusion(choice: Comparison) -> str:
-    """Whether the usual choice holds, in numbers."""
+    """Say in numbers whether the usual choice is confirmed."""
     table = choice.table
     rmse, bic = table["verification_rmse"], table["bic"] - table["bic"].min()
     best, least = choice.best, float(rmse.min())

@@ -69,7 +69,7 @@ def front_document(found: Front) -> Document:
 
 @document_of.register
 def actuator_document(found: OptimisedActuator) -> Document:
-    """What was free of the actuator, and the goal in every condition as found and as given."""
+    """Report of an optimised actuator: free values, and the goal in each condition before and after."""
     best, label, lines = found.best, found.goal.label, found.report().splitlines()
     shown = {"as found": best.values, "as given": best.before}
     caption = f"{label.capitalize()} in every condition: as found and as given, each with its best sawtooth."

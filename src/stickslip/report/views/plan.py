@@ -15,7 +15,7 @@ from ..viewing import document_of
 
 @document_of.register
 def plan_document(plan: Plan) -> Document:
-    """What to record, and how well the fit to it is expected to know each parameter."""
+    """Report of a plan: recordings, and the expected error of each parameter."""
     section = Section(
         "Planned recordings",
         tables=(_recordings_table(plan), _parameters_table(plan)),

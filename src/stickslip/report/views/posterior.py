@@ -13,7 +13,7 @@ MOST_DRAWN = 8  # parameters of one figure
 
 @document_of.register
 def posterior_document(found: Posterior) -> Document:
-    """What was sampled, and how well."""
+    """Report of a posterior: its samples, and how well they have converged."""
     numbers = posterior_numbers(found)
     message = f"{found.message[0].upper()}{found.message[1:]}."
     return Document(

@@ -51,7 +51,7 @@ def map_numbers(found: xr.Dataset) -> dict[str, Any]:
 
 
 def map_pictures(found: xr.Dataset) -> list[Picture]:
-    """Of the step and the speed, and of what else was asked for, as far as a page holds the panels."""
+    """Pictures of step and speed, then of further results, as many panels as fit on a page."""
     made = []
     dims = found["net_step"].dims
     panels = int(np.prod(sorted(found.sizes[d] for d in dims)[:-2])) if len(dims) > 2 else 1
@@ -75,7 +75,7 @@ def map_pictures(found: xr.Dataset) -> list[Picture]:
 
 
 def _best(found: xr.Dataset, name: str) -> dict[str, Any]:
-    """The greatest value in size and where it is; empty where there is none."""
+    """Return the value of the greatest size and its position; empty if all are NaN."""
     sizes = np.abs(found[name].values)
     if not np.any(np.isfinite(sizes)):
         return {}
@@ -90,7 +90,7 @@ def _place(best: dict[str, Any]) -> str:
 
 
 def _points_table(found: xr.Dataset, counts: dict[str, int]) -> Table:
-    """How many points ended how, with the reason of the first of them."""
+    """Number of points by status, with the reason of the first of each."""
     rows = []
     for i, (name, count) in enumerate(counts.items()):
         if count:

@@ -18,7 +18,7 @@ MOST_PICTURES = 8
 
 @document_of.register
 def verification_document(found: Verification) -> Document:
-    """What was predicted, and how far off it is."""
+    """Report of a verification: predictions and their errors."""
     count, least = len(found.recordings), float(min(found.table["r_squared"].values))
     sentences = (*found.statements, *found.remarks, *found.taken)
     return Document(
