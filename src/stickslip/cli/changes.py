@@ -40,7 +40,7 @@ def parts_of(changes: list[str]) -> dict[str, dict[str, str]]:
 
 
 def model_of(name: str) -> Actuator | PulledSlider:
-    """That of a parameter set, by its name or file."""
+    """Load the model of a parameter set, by its name or file."""
     from ..parameters import load_set
     from ..physics.actuator import load_actuator, load_pulled_slider
 
@@ -102,7 +102,7 @@ def drive_of(name: str, model: Actuator | PulledSlider, fields: dict[str, str]) 
 
 
 def names_to_set(parameters: str, law_name: str, waveform: str) -> list[str]:
-    """What --set takes of such a model, law and drive."""
+    """Return the fields that --set accepts for this model, law and drive."""
     from ..quantities import registry
     from ..quantities.records import quantities
 

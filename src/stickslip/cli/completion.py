@@ -10,7 +10,7 @@ import typer
 
 
 def _completing(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """What typer asks for the names that begin so; nothing is imported before it does."""
+    """Return typer's completion: names that start with the text; nothing is imported before it is needed."""
 
     def complete(incomplete: str) -> list[str]:
         return [name for name in names() if name.startswith(incomplete)]
@@ -31,7 +31,7 @@ def _laws() -> Iterable[str]:
 
 
 def _waveforms() -> Iterable[str]:
-    """Those that have fields, as they are written on command lines: "reverse-sawtooth"."""
+    """Yield waveforms that have fields, as on command lines: "reverse-sawtooth"."""
     from ..quantities.registry import waveforms
 
     return (
@@ -84,7 +84,7 @@ def _skeletons() -> Iterable[str]:
 
 
 def changes(context: typer.Context, incomplete: str) -> list[str]:
-    """What --set takes, "NAME=", for the parameter set, law and waveform that the line names before it."""
+    """Return what --set accepts, "NAME=", for the parameter set, law and waveform earlier on the line."""
     from .changes import names_to_set
 
     given = context.params

@@ -112,7 +112,7 @@ def log(
 
 
 def _check_present(folder: Path, names: list[str]) -> None:
-    """That all are there, and each is named once, before the first is moved."""
+    """Refuse missing or repeated names before the first is moved."""
     from ..history.storable import real_name
 
     for name in names:

@@ -82,7 +82,7 @@ class Interruption:
 
 
 def _leave_terminal() -> None:
-    """What is printed from now on goes nowhere: the terminal is closed, and to write to it is an error."""
+    """Discard further output: the terminal is closed, and writing to it is an error."""
     with suppress(OSError):
         nowhere = os.open(os.devnull, os.O_RDWR)
         for stream in (1, 2):
@@ -92,7 +92,7 @@ def _leave_terminal() -> None:
 
 
 def _writable(stream: int) -> bool:
-    """Whether the stream still leads somewhere: one of a terminal that is closed does not."""
+    """Return whether the stream can be written; that of a closed terminal cannot."""
     try:
         os.write(stream, b"")
     except OSError:

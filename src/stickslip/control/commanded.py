@@ -79,9 +79,9 @@ class Commanded:
     def command(self, do: str, **what: Any) -> None:
         """Take a command at the next tick.
 
-        "go" has `to`, from home; "steps" a `count`, negative for backward; "scan" a `range`, a
-        `frequency` [Hz] and `cycles`, about the held position, after a step or two if the piezo has no room;
-        "jog" makes steps one `way`, 1 or -1, while it is repeated within `HEARTBEAT`; "halt" ends steps after the
+        "go" has `to`, from home; "steps" a `count`, negative for backward; "scan" a `range`, a `frequency`
+        [Hz] and `cycles`, about the held position, after a step or two if the piezo has no room; "jog"
+        makes steps one `way`, 1 or -1, while it is repeated within `HEARTBEAT`; "halt" ends steps after the
         present one, and holds; "release" takes the output to 0 V and ends the loop.
 
         Raises:

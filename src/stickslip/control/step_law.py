@@ -184,9 +184,9 @@ def fit_steps(bursts: xr.Dataset) -> StepLaw:
     """Fit the steps of a motor to bursts; see the module and `measure_steps`.
 
     Args:
-        bursts: over "burst", in the order in which they were made: voltage [V], direction (1 or -1), number of
-            steps, displacement [m], noise [m] (its standard deviation), after_reversal (0 or 1); attribute
-            `frequency` [Hz].
+        bursts: over "burst", in the order in which they were made: voltage [V], direction (1 or -1), number
+            of steps, displacement [m], noise [m] (its standard deviation), after_reversal (0 or 1);
+            attribute `frequency` [Hz].
 
     Raises:
         QuantityError: too few bursts for their voltages, or a number is not finite.
