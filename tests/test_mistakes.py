@@ -226,10 +226,13 @@ PYTHON: dict[str, tuple[Callable[[], Any], tuple[str, str, str]]] = {
         ("no frequency response", "Dataset", "drawn by ss.plot"),
     ),
     "an unknown reference": (
-        lambda: ss.cite("nobody"),
+        lambda: ss.parameters.cite("nobody"),
         ("no reference", "'nobody'", "`stickslip list` shows names"),
     ),
-    "an unknown version": (lambda: ss.export_fmu(KANG, "out", fmi=4), ("known are", "fmi = 4", "2 and 3")),
+    "an unknown version": (
+        lambda: ss.export.export_fmu(KANG, "out", fmi=4),
+        ("known are", "fmi = 4", "2 and 3"),
+    ),
 }
 
 # Arguments of the command `stickslip`.

@@ -24,7 +24,6 @@ from . import waveform as waveform
 # Models, and where their numbers are from
 from .physics.actuator import Actuator as Actuator
 from .physics.actuator import load_actuator as load_actuator
-from .parameters import cite as cite
 from .quantities import QuantityError as QuantityError
 
 # Friction laws
@@ -42,16 +41,18 @@ from .friction import Stribeck as Stribeck
 # Drive signals
 from .waveform import Constant as Constant
 from .waveform import PeriodicKnots as PeriodicKnots
+from .waveform import Rest as Rest
 from .waveform import ReverseSawtooth as ReverseSawtooth
 from .waveform import Sampled as Sampled
 from .waveform import Sawtooth as Sawtooth
+from .waveform import Sequence as Sequence
 from .waveform import Sine as Sine
 from .waveform import Step as Step
 
 # Simulation
+from .simulation import friction_response as friction_response
 from .simulation import simulate as simulate
 from .simulation import simulate_ensemble as simulate_ensemble
-from .simulation import steady_orbit as steady_orbit
 from .simulation import steady_step as steady_step
 from .simulation import steady_steps as steady_steps
 
@@ -89,12 +90,10 @@ from .design import optimise_waveform as optimise_waveform
 from .design import step_map as step_map
 from .design import plan_experiment as plan_experiment
 
-# Reports, pictures, files whose steps do all of this, studies of many members, code for others
+# Reports, pictures, files whose steps do all of this, studies of many members
 from .report.figures.plotting import bode as bode
 from .report.figures.plotting import plot as plot
 from .report import view as view
 from .jobs import run_job as run_job
 from .study import run_study as run_study
-from .export import export_c as export_c
-from .export import export_fmu as export_fmu
 from ._version import __version__ as __version__

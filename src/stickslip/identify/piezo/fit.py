@@ -83,13 +83,12 @@ def identify_piezo(
 
     Slow against the stage's resonance, free of contact: the recorded displacement is the piezo's. Thresholds
     are spread evenly over half the range of the drive: wider plays are not determined. Creep is logarithmic
-    from 0.1 s to the length of the recordings, or to ten times that if it fits better. The number of plays,
-    and whether to include the square B(u) and creep, are chosen by cross-validation: the smallest model that
-    predicts parts left out about as well as the best one. If that leaves more than noise, so is the skew a of
-    the plays' input, which widens loops at one end. Delay and lag come from edges of the drive, unless the
-    model explains as much without; without edges, a lag is hardly distinguished from hysteresis, and is
-    included only if it predicts clearly better. A recording starts after a rest or during a motion, whichever
-    explains it better.
+    from 0.1 s to the length of the recordings, or to ten times that if it fits better. Cross-validation
+    chooses the number of plays, and whether to include the square B(u) and creep: the smallest model that
+    predicts parts left out about as well as the best one. If that leaves more than noise, it may add the skew
+    a of the plays' input, which widens loops at one end. Delay and lag come from edges of the drive, unless
+    the model explains as much without; without edges a lag is included only if it predicts clearly better. A
+    recording starts after a rest or during a motion, whichever explains it better.
 
     Args:
         recordings: with drive_voltage [V] and stage_position [m].
@@ -99,21 +98,19 @@ def identify_piezo(
         creep: include creep; by default chosen.
         time_constants: s, of creep, with equal shares; by default two per decade from 0.1 s on.
         delay: s, of the voltage at the piezo; by default from edges.
-        lag: s, of the voltage at the piezo, of first order: amplifier, capacitance and sensor; likewise.
-        rest_voltage: V at which the piezo rested before each recording, reached from 0 V; by default
-            from the first position.
+        lag: s, of first order: of amplifier, capacitance and sensor; by default from edges too.
+        rest_voltage: V at which the piezo rested before, come to from 0 V; by default the first position's.
         observed: name of the position channel.
 
     Returns:
         A fit of weight_1, ... [m/V] of the plays, curvature κ [m/V²], skew a [1/V], creep g (share per
         decade), and the offset of each recording [m]; beside them gain, their sum, delay and lag [s].
-        `predict(recording)` is the position, m: its level is that of the recording's own positions, where it
-        has any. `model` is the actuator, or a `Piezo`. `failures` name recordings of which much of the
-        motion is left; a remark is enough where it is little, but more than noise.
+        `predict(recording)` is the position, m, at the level of the recording's own positions, if it has any.
+        `model` is the actuator, or a `Piezo`. `failures` name recordings of which much of the motion is left.
 
     Raises:
-        RecordingError: a channel is missing, too short, not finite, clipped, constant, or falls where the
-            voltage rises; or the drive never turns back; or the fit is no piezo.
+        RecordingError: a channel is missing, short, not finite, clipped, constant, or falls where the voltage
+            rises; the drive never turns back; the fit is no piezo.
         QuantityError: a number out of range.
         FitError: see `fit_least_squares`.
     """
