@@ -1,0 +1,55 @@
+"""How often the intervals of `from_data_sheet` hold the truth.
+
+    python -m benchmarks.data_sheets [COUNT [DRAWS]]
+
+Actuators are drawn from what a sheet lets expect. Each is simulated, its numbers are written down with an
+error within the sheet's tolerance (95 %), and its parameters are looked for in the intervals.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+
+import stickslip as ss
+from stickslip.design.sheet_density import Simulated
+from stickslip.design.sheet_priors import NAMES, expectations
+
+PRINTED: dict[str, Any] = {"stroke": 17.4e-6, "max_voltage": 150.0, "resonance": 526.0, "mass": 0.1}
+MIDDLE = PRINTED | {"step": 1e-5, "stall_force": 0.15}
+
+
+def main(count: int, draws: int) -> None:
+    random = np.random.default_rng(0)
+    expected = expectations(ss.design.DataSheet(**MIDDLE))
+    simulated = Simulated.of(ss.design.DataSheet(**MIDDLE), expected)
+    held = dict.fromkeys(NAMES, 0)
+    made = 0
+    while made < count:
+        truth = expected.values(random.standard_normal((1, len(NAMES))))
+        numbers = {name: float(one[0]) for name, one in simulated.predicted(truth).items()}
+        if not all(np.isfinite(one) for one in numbers.values()):
+            continue
+        stated = {n: v * np.exp(simulated.deviation * random.standard_normal()) for n, v in numbers.items()}
+        if stated["step"] > PRINTED["stroke"]:
+            continue
+        try:
+            found = ss.from_data_sheet(
+                **PRINTED, **stated, step_frequency=simulated.step_rate, draws=draws, seed=made
+            )
+        except Exception as error:
+            print(made, error)
+            continue
+        made += 1
+        for name in NAMES:
+            row = found.dataset.sel(parameter=name)
+            held[name] += bool(row["low"] <= truth[name][0] <= row["high"])
+        print(
+            made, found.posterior.message, {name: f"{one}/{made}" for name, one in held.items()}, flush=True
+        )
+
+
+if __name__ == "__main__":
+    main(*(int(one) for one in (sys.argv[1:] + ["100", "480"][len(sys.argv) - 1 :])))
