@@ -92,7 +92,8 @@ def _made(file: StepsFile, folder: Path, progress: Progress) -> xr.Dataset:
         raise AnalysisError(
             "steps: 'bursts' are missing, such as {voltages: [60 V, 80 V], frequency: 100 Hz}"
         )
-    bursts = Bursts(**{k: tuple(one) if isinstance(one, list) else one for k, one in file.bursts.items()})
+    given: dict[str, Any] = {k: tuple(x) if isinstance(x, list) else x for k, x in file.bursts.items()}
+    bursts = Bursts(**given)
     motor = file.positioner.made(folder)
     try:
         shows, axis = motor, file.axis
