@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# A converter is seen where the distances of levels are whole steps within a share; where more than so many of
-# the samples differ, only where some move on by several steps: those of an even ramp move by one.
+# A converter shows where distances of levels are whole steps within the share WHOLE. If more than the share
+# MOST_LEVELS of the samples differ, some must move by several steps: those of an even ramp move by one.
 MOST_LEVELS, WHOLE = 0.25, 0.05
 
 

@@ -26,11 +26,11 @@ from ...waveform.signal import Waveform, breaks_within, slope_at, value_at
 from .channels import channel
 from .drives import taken_drives
 
-# A change from one sample to the next is a jump, and a change of slope a kink, where it is so many times what
+# A change from one sample to the next is a jump, and a change of slope a kink, if it is ABOVE times what
 # is usual on either side (the median over half of AROUND), and no less than a share of the range.
 ABOVE, AROUND = 8.0, 21
 LEAST_JUMP, LEAST_KINK = 1e-2, 1e-4
-# Beside a jump, nothing else: else it is a flank over several intervals.
+# Nothing else changes beside a jump; otherwise it is a flank over several intervals.
 ALONE = 3.0
 # Samples on either side of a jump that say how the drive goes up to it.
 BESIDE = 5

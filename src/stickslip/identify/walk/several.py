@@ -16,11 +16,12 @@ from .first_guess import beside
 from .position_channel import CHANNEL
 from .walks import Walks
 
-# How a search goes along the valley: walks are nearer to linear in forces and compliances than in logarithms.
+# Powers for a search along the valley: walks are nearer to linear in forces and compliances than in
+# logarithms.
 POWERS = {"N": 1, "N s/m": 1, "N/m": -1}
 POWERS |= {turned(unit): power for unit, power in POWERS.items()}
-# Chi-squared may fall by so much on the way of a search from where it was left to its end.
-LEADS = 20.0
+# Assumed largest fall of chi-squared from the point where a search was stopped to its end.
+MAX_FALL = 20.0
 
 
 def from_points(
@@ -76,9 +77,9 @@ def _lost(fit: Fit) -> bool:
 
 
 def likely(look: Fit, fit: Fit) -> bool:
-    """Whether a search that has begun may end where the noise does not reject it, beside a fit."""
+    """Return whether a stopped search may end at a minimum that the noise does not reject against a fit."""
     variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
-    return variance > 0.0 and still_fits((look.cost - fit.cost) / variance - LEADS, len(fit.parameters))
+    return variance > 0.0 and still_fits((look.cost - fit.cost) / variance - MAX_FALL, len(fit.parameters))
 
 
 def _reaching(parameters: Sequence[Parameter], fit: Fit) -> list[Parameter]:

@@ -27,7 +27,7 @@ from ..recorded.channels import channel, drives_of, names_of, recordings_of
 from ..recorded.recorded_drive import drive_over
 from .position_channel import CHANNEL, OBSERVED, of_channel
 
-# A segment is left behind where the voltage changes so many times faster than it usually does.
+# A segment counts as fast if the voltage changes this many times faster than usual.
 FAST = 10.0
 
 Array = NDArray[np.float64]
