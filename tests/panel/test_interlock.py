@@ -82,7 +82,7 @@ def test_the_log_says_who_did_what_and_why(controller: httpx.Client, folder: Pat
     assert {(one["of"], one["what"]) for one in rows} == {("panel", "armed"), ("rig", "armed: the output")}
     assert all(one["who"].startswith("somebody (page ") and one["why"] == "for the log" for one in rows)
     (changed,) = controller.get("/history/log", params={"search": "limits 90"}).json()["rows"]
-    assert changed["what"] == "limits changed: max_voltage 100 -> 90"
+    assert changed["what"] == "limits changed: max_voltage 100 V -> 90 V"
     assert changed["where"] == "127.0.0.1"
     written = (folder / "log.jsonl").read_text(encoding="utf-8").splitlines()
     assert json.loads(written[-1])["what"] == changed["what"]
@@ -91,7 +91,7 @@ def test_the_log_says_who_did_what_and_why(controller: httpx.Client, folder: Pat
 def test_pages_are_told_the_log_of_panels_before(folder: Path, client: httpx.Client) -> None:
     with client_of(create_app(folder), **ME) as again, streaming(again) as stream:
         texts = [one["text"] for one in heard(stream, "log")["entries"]]
-    assert "limits changed: max_voltage 100 -> 90" in texts
+    assert "limits changed: max_voltage 100 V -> 90 V" in texts
 
 
 @pytest.mark.browser
@@ -103,10 +103,10 @@ def test_the_log_is_searched_on_the_history_page(panel: Panel, page: Page) -> No
     page.goto(f"{panel.url}#history")
     page.get_by_role("button", name="Log", exact=True).click()
     rows = page.locator(".history-log tbody tr")
-    expect(rows.first).to_contain_text("max_position 4e-05 -> 5e-05")
-    page.get_by_label("Search the log").fill("4e-05 limits 0.0005")
+    expect(rows.first).to_contain_text("max_position 40 µm -> 50 µm")
+    page.get_by_label("Search the log").fill("limits 500")
     expect(rows).to_have_count(1)
-    expect(rows.first).to_contain_text("max_position 0.0005 -> 4e-05")
+    expect(rows.first).to_contain_text("max_position 500 µm -> 40 µm")
 
 
 @pytest.mark.browser

@@ -96,7 +96,7 @@ def test_limits_need_a_maintainer(client: httpx.Client) -> None:
     undone = client.post("/bench/undo", json={}, headers=by(OPERATE))
     assert "this needs the role maintain" in undone.text
     rows = client.get("/history/log", params={"search": "limits changed"}, headers=by(WATCH)).json()["rows"]
-    assert [one["what"] for one in rows] == ["limits changed: max_voltage 100 -> 80"]
+    assert [one["what"] for one in rows] == ["limits changed: max_voltage 100 V -> 80 V"]
     assert client.post("/bench/undo", json={}, headers=by(MAINTAIN)).json()["done"]
     rig = {"kind": "virtual", "bench": "kang2007-hysteresis-bench"}
     assert client.post("/bench/rig", json=rig, headers=by(OPERATE)).status_code == 403

@@ -9,7 +9,8 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 
 from ..quantities.input_file import Strict
-from ..quantities.units import QuantityError
+from ..quantities.records import quantities
+from ..quantities.units import QuantityError, with_prefix
 from ..rig import Limits
 from .control import Control
 from .document import BenchDocument
@@ -180,8 +181,12 @@ def _add_experiment(
     def limits_change(before: Limits, after: Limits) -> None:
         """Refuse it to who may not, and log it."""
         need_role("maintain")
-        old, new = before._asdict(), after._asdict()
-        said = [f"{name} {old[name]:g} -> {new[name]:g}" for name in new if old[name] != new[name]]
+        old, new, units = before._asdict(), after._asdict(), quantities(Limits)
+        said = [
+            f"{name} {with_prefix(old[name], units[name].unit)} -> {with_prefix(new[name], units[name].unit)}"
+            for name in new
+            if old[name] != new[name]
+        ]
         journal(f"limits changed: {', '.join(said)}", "warning")
 
     document.limits_change = limits_change

@@ -85,9 +85,7 @@ class Interlocks:
             found = {**found, "simulated": self.simulated, "site": self._site(place)}
             if found == self.state:
                 return
-            before, self.state = self.state, found
-        if found["fault"] and found["fault"] != before["fault"]:
-            self._journal(f"fault: {found['fault']}", "error")
+            self.state = found
         self._hub.tell("interlock", **found)
 
     def act(self, do: str, **what: Any) -> None:
