@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import random
+from pathlib import Path
 
+import numpy as np
 import pytest
-from benchmarks import faults
+from benchmarks import fault_judge, faults
+from benchmarks.fault_device import WATCHED
 
 
 def test_faults_at_random_instants_end_at_zero_volts_and_keep_what_was_recorded() -> None:
@@ -39,3 +42,23 @@ def test_the_study_notices_what_is_wrong(changes: dict, said: str) -> None:
     assert faults.judge("stop", 100.1, [RUN], LIMITS)[1] == ["the ramp began 0.400 s after the fault"]
     assert faults.judge("stop", 100.3, [RUN], LIMITS)[1] == []
     assert any(said in one for one in faults.judge("stop", 100.1, [RUN | changes], LIMITS)[1])
+
+
+def seen(folder: Path, volts: list[float], positions: list[float]) -> tuple[float, list[str]]:
+    """What the study says of an observer's records."""
+    records = zip(np.arange(len(volts)), volts, positions, strict=True)
+    (folder / "watched.bin").write_bytes(b"".join(WATCHED.pack(*one) for one in records))
+    (folder / "homed").touch()
+    limits = {"max_voltage": 60.0, "max_position": 20e-6, "amplitude": 50.0, "frequency": 10.0}
+    return fault_judge.watched(folder, "stop", limits, 0.0)
+
+
+def test_the_study_notices_what_an_observer_sees(tmp_path: Path) -> None:
+    step = fault_judge.GAIN * 50.0
+    assert seen(tmp_path, [0.0, 59.0, 0.0], [0.0, 19e-6, 19e-6]) == (0.0, [])
+    beyond, wrong = seen(tmp_path, [0.0, 59.0, 0.0], [0.0, 20e-6 + 0.9 * step, 0.0])
+    assert beyond == pytest.approx(0.9)
+    assert not wrong
+    assert "steps beyond its end stop" in seen(tmp_path, [0.0, 59.0], [0.0, 20e-6 + 9 * step])[1][0]
+    assert "the output was seen at" in seen(tmp_path, [0.0, 61.0], [0.0, 0.0])[1][0]
+    assert "the output was seen at" in seen(tmp_path, [-1.0, 50.0], [0.0, 0.0])[1][0]

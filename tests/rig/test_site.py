@@ -104,7 +104,9 @@ def test_an_experiment_cannot_exceed_the_limits_of_the_site(rig: Powered | Hoste
     with armed("a test"):
         with pytest.raises(LimitError, match=r"of 60 V.*; the limit is that of the site, .*site\.toml"):
             measure(rig, Step(65.0), IDEAL, CAPTURE, Limits())
-        with pytest.raises(LimitError, match=r"above the greatest voltage of 20 V: change the drive or the limits$"):
+        with pytest.raises(
+            LimitError, match=r"above the greatest voltage of 20 V: change the drive or the limits$"
+        ):
             measure(rig, Step(65.0), IDEAL, CAPTURE, Limits(max_voltage=20.0))
         measure(rig, Step(40.0), IDEAL, CAPTURE, Limits())
         with pytest.raises(LimitError, match="beyond the end stop at 5 µm"):

@@ -37,6 +37,7 @@ KEPT = "the output may keep its voltage: switch the amplifier off"  # of a proce
 LATE = 1.0  # s without an answer to a stop, after which people are told
 _LAST = LONGEST_STOP + 10.0  # s after which an answer to a stop is waited for no more
 _ANSWER = 10.0  # s in which the process answers a request that nobody waits for in a hurry
+_SILENT = 3.0  # s in which it answers a request for samples, however short the watchdog
 _OPENED = 60.0  # s in which it opens a device
 _BUSY = ("preparing", "running", "stopping")  # phases of a run that goes on
 _WAIT = 0.1  # s that a request for samples waits for some
@@ -106,11 +107,7 @@ class Link:
         return answer, block
 
     def tell_stop(self, why: str) -> None:
-        """Ask for a stop and wait for nothing; for a connection that serves nothing else.
-
-        Raises:
-            RigError: the process is gone.
-        """
+        """Ask for a stop and wait for nothing, by a connection that serves nothing else; raises RigError."""
         try:
             send(self._link, {"do": "stop", "why": why})
         except OSError as error:
@@ -259,7 +256,7 @@ class HostedRig:
         return self._fetched() if block is None else block
 
     def _fetched(self) -> Array:
-        silence = _WAIT + float(self._guard["limits"]["watchdog"])
+        silence = _WAIT + max(float(self._guard["limits"]["watchdog"]), _SILENT)
         block = self._ask("fetch", wait=_WAIT, within=silence, late=silence)
         self.ended = self.phase == "idle" and not block.size
         return block if block.size else np.zeros((len(self._inputs), 0))
