@@ -18,7 +18,7 @@ from stickslip.design.sheet_density import Simulated
 from stickslip.design.sheet_priors import NAMES, expectations
 
 PRINTED: dict[str, Any] = {"stroke": 17.4e-6, "max_voltage": 150.0, "resonance": 526.0, "mass": 0.1}
-MIDDLE = PRINTED | {"step": 1e-5, "stall_force": 0.15}
+MIDDLE: dict[str, Any] = PRINTED | {"step": 1e-5, "stall_force": 0.15}
 
 
 def main(count: int, draws: int) -> None:

@@ -4,8 +4,8 @@ Each motor is an actuator with irregular steps under a load and at a temperature
 works. Its steps at five loads, five strokes per volt and five voltages are those of the equations
 (`steady_steps`), joined by cubic splines; scatter, direction and threshold noise are those of
 `rig.irregularity`, and a change of direction loses a way. The motor is calibrated against a sensor with
-noise, then it walks there and back without it: how often does the 95 % interval of `OpenLoop` hold the true
-position? Writes docs/benchmarks/open-loop.md and its figure. A small case is in the tests.
+noise, then it walks there and back without it: how often does the 95 % interval of `DeadReckoning` hold the
+true position? Writes docs/benchmarks/open-loop.md and its figure. A small case is in the tests.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 from matplotlib.figure import Figure
 
-from stickslip.control import Bursts, OpenLoop, StepLaw, fit_steps, measure_steps
+from stickslip.control import Bursts, DeadReckoning, StepLaw, fit_steps, measure_steps
 from stickslip.physics.actuator import Actuator, load_actuator
 from stickslip.report.figures.style import SERIES, drawn, panels, svg
 from stickslip.rig import About, Irregularity
@@ -190,7 +190,7 @@ def trial(seed: int) -> Trial:
     made, noise = motor(seed)
     law = calibrated(made, noise)
     volts = float(np.random.default_rng([seed, 3]).uniform(VOLTAGES[0], VOLTAGES[-1]))
-    axis = OpenLoop(made, 0, law, made.read(noise), noise, voltage=volts)
+    axis = DeadReckoning(made, 0, law, made.read(noise), noise, voltage=volts)
     steps, off, wide, since, way = [], [], [], 0, 0.0
     for number, (direction, count) in enumerate(WALKS):
         if number == len(WALKS) // 2:
@@ -242,7 +242,7 @@ change of direction loses up to 0.4 um.
 
 Each motor is calibrated by 48 bursts of 50 steps at 3 voltages against a sensor of 10 to 300 nm noise. Then
 it walks without the sensor, at any voltage between, 8 walks of 100 to 1500 steps there and back, with one
-reading of the sensor (a datum) halfway. `OpenLoop` knows the bursts and its own counts, nothing else.
+reading of the sensor (a datum) halfway. `DeadReckoning` knows the bursts and its own counts, nothing else.
 
 | steps since the datum | 95 % intervals that hold | half-width over the way made, median | 90 % of motors |
 |---|---|---|---|

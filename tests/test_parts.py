@@ -89,7 +89,17 @@ def near_bounds(quantity: Quantity) -> list[float]:
 
 
 def test_the_parts_are_found() -> None:
-    known = {"Stepping", "Slip", "Requirement", "Limits", "Variation", "Capture", "Filter", "Stack", "Chain"}
+    known = {
+        "Stepping",
+        "Slip",
+        "MarginRequirement",
+        "Limits",
+        "Variation",
+        "Capture",
+        "Filter",
+        "Stack",
+        "Chain",
+    }
     assert {kind.__name__ for kind in KINDS} >= known
     assert len(CASES) > 40
 

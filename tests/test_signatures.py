@@ -48,7 +48,8 @@ def calls() -> Iterator[tuple[str, Callable[..., Any]]]:
 
 def of_numbers(parameter: inspect.Parameter) -> bool:
     given = parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-    return given and re.search(r"\bfloat\b", str(parameter.annotation)) is not None
+    number = re.search(r"\bfloat\b", str(parameter.annotation)) is not None
+    return given and number and not str(parameter.annotation).startswith("Callable")
 
 
 def quantities() -> Iterator[tuple[str, Callable[..., Any], inspect.Parameter]]:

@@ -15,7 +15,7 @@ from benchmarks.open_loop import LEVEL, trial
 import stickslip as ss
 from stickslip.control import (
     Bursts,
-    OpenLoop,
+    DeadReckoning,
     StepLaw,
     fit_steps,
     measure_steps,
@@ -148,7 +148,7 @@ def test_a_calibration_against_a_sensor_and_a_walk_without_it() -> None:
     law = fit_steps(made)
     ratio = law.size(60.0, 1) / law.size(60.0, -1)
     assert 1.2 < ratio < 1.36  # 1.28 in slips
-    axis = OpenLoop(motor, 0, law, stage.position, 50e-9)
+    axis = DeadReckoning(motor, 0, law, stage.position, 50e-9)
     assert zero != stage.position
     axis.step(150)
     axis.step(-60)
@@ -185,7 +185,7 @@ def test_a_calibration_from_limit_to_limit(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_doubts_are_said_and_widen_the_interval_until_a_datum() -> None:
     motor = Motor(Stage(KANG, seed=1))
-    axis = OpenLoop(motor, 0, LAW)
+    axis = DeadReckoning(motor, 0, LAW)
     assert axis.interval() == (-math.inf, math.inf)
     with pytest.raises(QuantityError, match="give a datum first"):
         axis.go(0.0)
@@ -201,7 +201,7 @@ def test_doubts_are_said_and_widen_the_interval_until_a_datum() -> None:
         assert re.search(words, axis.doubt), axis.doubt
         assert axis.error > 1e-6
     with pytest.raises(QuantityError, match="was not calibrated: 40 to 60 V were"):
-        OpenLoop(motor, 0, LAW, voltage=80.0)
+        DeadReckoning(motor, 0, LAW, voltage=80.0)
 
 
 def test_what_cannot_be_fitted_is_refused() -> None:

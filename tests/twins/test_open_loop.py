@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import stickslip as ss
 from stickslip.cli import app
-from stickslip.control import Bursts, OpenLoop, StepLaw, fit_steps, measure_steps
+from stickslip.control import Bursts, DeadReckoning, StepLaw, fit_steps, measure_steps
 from stickslip.quantities.units import to_si
 from stickslip.rig import About, Irregularity
 from stickslip.rig.positioners import Kim101Client, wait
@@ -35,7 +35,7 @@ def test_a_kim101_counts_and_is_calibrated_by_a_camera() -> None:
 
         bursts = Bursts((90.0, 110.0), steps=10, bursts=2, repeats=3, settle=0.0)
         law = fit_steps(measure_steps(_Waiting(client, clock), 1, camera, bursts, noise=20e-9))
-        axis = OpenLoop(_Waiting(client, clock), 1, law, camera(), 20e-9)
+        axis = DeadReckoning(_Waiting(client, clock), 1, law, camera(), 20e-9)
         axis.step(30)
         axis.step(-20)
         clock.sleep(1.0)

@@ -14,7 +14,7 @@ from .learned import Learnt as Learnt
 from .moving import MoveError as MoveError
 from .moving import Mover as Mover
 from .moving import Stepping as Stepping
-from .open_loop import OpenLoop as OpenLoop
+from .open_loop import DeadReckoning as DeadReckoning
 from .open_loop import Tally as Tally
 from .plausible import plausibility as plausibility
 from .portable import export_mover as export_mover

@@ -32,15 +32,16 @@ class Tally(NamedTuple):
     reversals: int = 0
 
 
-class OpenLoop:
+class DeadReckoning:
     """An axis whose position is counted.
 
     Args:
         positioner: any of `rig.positioners`.
         axis: of it.
         law: of its steps, `fit_steps`.
-        position: m, where it is, known to `error` [m], a standard deviation; not known at all if that is left
-        out. voltage: V, of the steps; the greatest that was calibrated, if left out.
+        position: m, at the start.
+        error: m, standard deviation of that position; by default it is not known at all.
+        voltage: V, of the steps; by default the greatest that was calibrated.
 
     Attributes:
         tally: see `Tally`.
@@ -59,6 +60,7 @@ class OpenLoop:
         error: float | str = math.inf,
         voltage: float | str | None = None,
     ) -> None:
+        begin, known = to_si(position, "m", "position"), to_si(error, "m", "error")
         self.positioner, self.axis, self.law = positioner, axis, law
         self.voltage = law.voltages[-1] if voltage is None else to_si(voltage, "V", "voltage")
         if not law.covers(self.voltage):
@@ -68,10 +70,9 @@ class OpenLoop:
             )
         positioner.ranges.check(axis, voltage=self.voltage, frequency=law.frequency)
         self._model, self._way = law.model(self.voltage), 0
-        known = to_si(error, "m", "error")
         self._known = known < math.inf
         self.doubt = "" if self._known else "the position at the start is not known: give a datum"
-        self._estimator = Estimator(self._model, position, min(known, _ANYWHERE))
+        self._estimator = Estimator(self._model, begin, min(known, _ANYWHERE))
         self.tally = Tally()
         self._counter = self._counted()
 

@@ -83,7 +83,7 @@ def measure_steps(
     Args:
         positioner: any of `rig.positioners`; motions are stopped at the end, and where something fails.
         axis: of it.
-        sensor: returns the position [m], towards + for steps up.
+        sensor: is called for the position in metres, which grows with steps up.
         bursts: what is made.
         noise: m, standard deviation of a reading.
         progress: called with how much is done.
