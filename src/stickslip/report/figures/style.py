@@ -92,6 +92,7 @@ def shown(width: float, height: float) -> Figure:
     return pyplot.figure(figsize=(width, height), layout="constrained")
 
 
+@drawn
 def panels(
     heights: Sequence[float], *, width: float = WIDTH, share_x: bool = True
 ) -> tuple[Figure, list[Axes]]:
