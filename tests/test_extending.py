@@ -63,3 +63,11 @@ def test_reader(example: Any, tmp_path: Path) -> None:
     np.testing.assert_allclose(recording["time"], [0.0, 1e-5, 2e-5], rtol=1e-12)
     np.testing.assert_allclose(recording["end_effector_position"], [0.0, 6.5e-6, 3.25e-6], rtol=1e-6)
     assert recording["end_effector_position"].attrs["units"] == "m"
+
+
+def test_view(example: Any, tmp_path: Path) -> None:
+    found = ss.view(example("my_view").Wear(2.5e-6, 40_000))
+    assert "2.5 µm" in str(found)
+    ss.report.write_report(found, tmp_path / "out")
+    written = json.loads((tmp_path / "out" / "results.json").read_text("utf-8"))
+    assert written["numbers"]["depth"] == {"value": 2.5e-6, "unit": "m"}

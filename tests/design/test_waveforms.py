@@ -178,7 +178,7 @@ def test_limits_hold_at_every_sample():
         ({"goal": None}, "goal"),
         ({"goal": "sped"}, "speed"),
         ({"goal": "heat"}, "needs numbers"),
-        ({"goal": 3.0}, "is none"),
+        ({"goal": 3.0}, "is unknown: give"),
         ({"max_voltage": 200.0}, "0 V to 150 V"),
         ({"min_voltage": 80.0, "max_voltage": 80.0}, "exclude every drive"),
         ({"frequency": (500.0, 400.0)}, "excludes every drive"),

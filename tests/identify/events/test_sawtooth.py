@@ -125,5 +125,5 @@ def test_refusals() -> None:
     noise = make_recording(
         recording["time"].values, {"end_effector_position": np.random.default_rng(0).standard_normal(4200)}
     )
-    with pytest.raises(RecordingError, match="no slips stand out"):
+    with pytest.raises(RecordingError, match="no slips exceed the noise"):
         sawtooth_features(noise)
