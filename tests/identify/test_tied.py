@@ -114,7 +114,7 @@ def test_a_profile_a_posterior_and_a_look_at_all_walks_keep_the_tie(tied_walk: s
     low, high = ss.identify.profile_interval(fit, walk(), "sigma_0", drive=DRIVE)
     linear = fit.confidence_intervals()["sigma_0"]
     assert (low, high) == pytest.approx(linear, rel=0.02)
-    with pytest.raises(ss.estimate.FitError, match="'sigma_1' is none: there are sigma_0, coulomb_force"):
+    with pytest.raises(ss.estimate.FitError, match="'sigma_1' is unknown: there are sigma_0, coulomb_force"):
         ss.identify.profile_interval(fit, walk(), "sigma_1", drive=DRIVE)
     found = ss.posterior(fit, walk(), drive=DRIVE, max_simulations=2000)
     sigma_0, sigma_1 = (found.samples[name].values for name in ("sigma_0", "sigma_1"))
@@ -257,7 +257,7 @@ def test_a_pulled_slider() -> None:
         ),
         ({"sigma_1": "sigma_0"}, r"sigma_1 \[N s/m\] is tied to 'sigma_0', which is in newton / meter"),
         ({"sigma_1": "sigma_2", "sigma_2": "sigma_1"}, "tied in a circle: sigma_1 -> sigma_2 -> sigma_1"),
-        ({"sigma_1": "open('x')"}, "is none of numbers, names"),
+        ({"sigma_1": "open('x')"}, "is not one of: numbers, names"),
     ],
 )
 def test_wrong_ties_are_refused_before_any_simulation(tied: dict[str, str], words: str) -> None:

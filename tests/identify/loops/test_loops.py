@@ -215,7 +215,7 @@ def test_a_static_law_can_be_fitted() -> None:
         (lambda r: r.isel(time=slice(0, 5)), "5 samples"),
         (lambda r: r.assign(friction_force=0 * r["friction_force"]), "friction_force .* throughout"),
         (lambda r: r.where(r["time"] > 1.0), "friction_force .* not finite"),
-        (lambda _: [], "no recording"),
+        (lambda _: [], "recordings is empty"),
         (lambda _: [3], "recording 1"),
     ],
 )

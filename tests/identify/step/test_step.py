@@ -181,7 +181,7 @@ def _driven(volts: np.ndarray):
 def test_refusals(recording, message: str) -> None:
     with pytest.raises(RecordingError, match=message):
         identify_step(recording())
-    with pytest.raises(RecordingError, match="no recording"):
+    with pytest.raises(RecordingError, match="recordings is empty"):
         identify_step([])
 
 

@@ -78,7 +78,7 @@ def test_spikes_of_the_sensor_are_said() -> None:
     spiky["end_effector_position"].values[[150, 400, 701]] += [1e-6, -1e-6, 1e-6]
     asked = {"drive": DRIVE, "hops": 0}
     said = [" ".join(identify_friction(one, model, FREE, **asked).remarks) for one in (clean, spiky)]
-    assert "stand out" not in said[0]
+    assert "spikes" not in said[0]
     assert "P1 has 3 spikes of up to" in said[1]
 
 
