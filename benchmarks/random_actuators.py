@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import math
 import sys
 import time
@@ -277,9 +278,7 @@ HEAD = ("members", "median", "99 %", "worst", "> 1", "> 3", "> 10", "> 100")
 
 
 def _row(name: str, errors: NDArray[np.float64]) -> list[str]:
-    """Of errors in tolerances."""
-    if not errors.size:
-        return [name, "0"] + ["-"] * 7
+    """Return one row of the table, from errors in tolerances."""
     middle, high = np.quantile(errors, 0.5), np.quantile(errors, 0.99, method="higher")
     shares = [f"{100 * np.mean(errors > limit):.3g} %" for limit in (1, 3, 10, 100)]
     return [name, str(errors.size), f"{middle:.2g}", f"{high:.3g}", f"{errors.max():.3g}", *shares]
@@ -307,19 +306,27 @@ def _agreement(found: list[Found]) -> str:
     )
 
 
-def _worst(pairs: list[tuple[Member, Found]], truth: Truths) -> str:
+def worst(pairs: list[tuple[Member, Found]], truth: Truths) -> list[dict[str, Any]]:
+    """The ten members with the largest errors, as rows of the JSON file beside the page."""
     rows = []
     for m, f in sorted(pairs, key=lambda pair: -pair[1].error)[:10]:
-        what = ", ".join(
+        actuator = ", ".join(
             f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
             for name, value in m.actuator._asdict().items()
             if name in _SHOWN and value is not None
         )
-        doubt = f"{truth.doubt[m.number] * 1e9:.1g}"
         rows.append(
-            [str(m.number), f"{f.error / TOLERANCE:.3g}", doubt, f.said, f"{m.waveform}", f"{m.load}", what]
+            {
+                "member": m.number,
+                "error_over_tolerance": float(f"{f.error / TOLERANCE:.3g}"),
+                "oracle_doubt_nm": float(f"{truth.doubt[m.number] * 1e9:.1g}"),
+                "warning": f.said,
+                "drive": f"{m.waveform}",
+                "load": f"{m.load}",
+                "actuator": actuator,
+            }
         )
-    return table(["member", "error", "oracle's doubt, nm", "said", "drive", "load", "actuator"], rows)
+    return rows
 
 
 _SHOWN = (
@@ -330,12 +337,16 @@ _SHOWN = (
 
 def _groups(pairs: list[tuple[Member, Found]]) -> list[list[str]]:
     constant = [(m, f) for m, f in pairs if isinstance(m.load, float)]
-    split = {"all": pairs, "all, constant normal force": constant}
+    split = {"all": pairs}
+    if len(constant) < len(pairs):
+        split["all, constant normal force"] = constant
     of_piezo = bool(pairs) and pairs[0][0].actuator.piezo is not None
     names = sorted({m.kind for m, _ in pairs}) if of_piezo else list(LAWS)
     split |= {name: [(m, f) for m, f in constant if m.kind == name] for name in names}
     split["varying normal force"] = [(m, f) for m, f in pairs if not isinstance(m.load, float)]
-    return [_row(name, np.array([f.error for _, f in some]) / TOLERANCE) for name, some in split.items()]
+    return [
+        _row(name, np.array([f.error for _, f in some]) / TOLERANCE) for name, some in split.items() if some
+    ]
 
 
 def page(chosen: list[Member], seed: int, truth: Truths, found: dict[int, Found]) -> str:
@@ -345,7 +356,6 @@ def page(chosen: list[Member], seed: int, truth: Truths, found: dict[int, Found]
     left = len(chosen) - len(pairs)
     seconds = np.array([f.seconds for _, f in pairs]) * 1e3
     warned = sum(bool(f.said) for _, f in pairs)
-    of_oracle = truth.seconds * 1e3
     of_piezo = any(m.actuator.piezo is not None for m in chosen)
     what, of = "actuators", "all laws"
     if of_piezo:
@@ -356,19 +366,17 @@ def page(chosen: list[Member], seed: int, truth: Truths, found: dict[int, Found]
     return "\n\n".join(
         (
             f"# Random {what}",
-            f"`python -m benchmarks.random_{what} {len(chosen)} --seed {seed}`: plausible actuators drawn at "
-            f"random, {of}; {PERIODS} periods of the drive, compared at {SAMPLES} times with an oracle that "
-            f"shares no code with it (`benchmarks/oracle{'_piezo' * of_piezo}.py`). Errors are the largest "
+            f"`python -m benchmarks.random_{what} {len(chosen)} --seed {seed}`: random plausible actuators, "
+            f"{of}. {PERIODS} periods of the drive are compared at {SAMPLES} times with an oracle that "
+            f"shares no code with the package (`benchmarks/oracle{'_piezo' * of_piezo}.py`). Errors are the largest "
             f"over the times, in tolerances of {TOLERANCE * 1e9:g} nm.",
-            f"{len(chosen)} members. The oracle left {left} out: its two solutions differ by more than "
-            f"{WELL_KNOWN * 1e9:g} nm for {left - unsolved}, and {unsolved} it could not solve twice.",
+            f"{len(pairs)} of {len(chosen)} members are compared. For {left - unsolved} others the two "
+            f"solutions of the oracle differ by more than {WELL_KNOWN * 1e9:g} nm; {unsolved} it could not "
+            "solve twice.",
             table(["", *HEAD], _groups(pairs)),
             f"{warned} of {len(pairs)} warned or did not complete. {_agreement([f for _, f in pairs])}",
-            f"`ss.simulate` took {np.median(seconds):.3g} ms (median), {np.max(seconds):.4g} ms at most, "
-            f"{seconds.sum() / 1e3:.3g} s for all; the oracle, twice each, {np.median(of_oracle):.3g} ms, "
-            f"{np.max(of_oracle):.4g} ms and {of_oracle.sum() / 1e3:.3g} s.",
-            "## The worst ten",
-            _worst(pairs, truth),
+            f"`ss.simulate` took {np.median(seconds):.3g} ms (median) and at most {np.max(seconds):.4g} ms. "
+            f"The ten largest errors: [random-{what}.json](random-{what}.json).",
         )
     )
 
@@ -395,7 +403,9 @@ def main(draw: Callable[[int, int], Member] = member, file: Path = PAGE) -> None
     asked = parser.parse_args()
     chosen, known, found = study(asked.count, asked.seed, draw)
     text = page(chosen, asked.seed, known, found)
-    asked.out.write_text(text + "\n")
+    asked.out.write_text(text + "\n", encoding="utf-8")
+    rows = worst([(m, found[m.number]) for m in chosen if m.number in found], known)
+    asked.out.with_suffix(".json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     print(text)
 
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import math
 import time
 import warnings
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -93,41 +94,44 @@ def _row(name: str, rows: list[Compared]) -> list[str]:
     return [name, str(len(known)), str(errors.size), f"{np.median(errors):.2g}", f"{quantile:.3g}", *shares]
 
 
+def worst(rows: list[Compared]) -> list[dict[str, Any]]:
+    """The ten largest errors of the steps found, as rows of the JSON file beside the page."""
+    found = [
+        (abs(one.orbit.step - one.waited), one, one.orbit)
+        for one in rows
+        if math.isfinite(one.waited) and one.found and one.orbit
+    ]
+    return [
+        {
+            "member": one.member.number,
+            "law": one.member.law,
+            "waited_nm": float(f"{one.waited * 1e9:.4g}"),
+            "found_nm": float(f"{orbit.step * 1e9:.4g}"),
+            "largest_multiplier": float(f"{np.abs(orbit.multipliers).max():.3g}"),
+        }
+        for _, one, orbit in sorted(found, key=lambda item: -item[0])[:10]
+    ]
+
+
 def page(rows: list[Compared], count: int, seed: int) -> str:
     """The study as a page."""
     known = [one for one in rows if math.isfinite(one.waited)]
     unknown = [one for one in rows if not math.isfinite(one.waited)]
     laws = [_row(name, [one for one in rows if one.member.law == name]) for name in LAWS]
-    worst = [one for one in known if one.found and one.orbit]
-    worst.sort(key=lambda one: -abs(one.orbit.step - one.waited))  # type: ignore[union-attr]
-    far = [
-        [
-            str(one.member.number),
-            one.member.law,
-            f"{one.waited * 1e9:.4g}",
-            f"{one.orbit.step * 1e9:.4g}",
-            f"{np.abs(one.orbit.multipliers).max():.3g}",
-        ]
-        for one in worst[:10]
-        if one.orbit
-    ]
     lost, kept = sum(not one.found for one in known), sum(one.found for one in unknown)
     milliseconds = 1e3 * np.median([one.seconds for one in rows])
     return "\n\n".join(
         [
             "# Random orbits",
-            f"`python -m benchmarks.random_orbits {count} --seed {seed}`: of the [random actuators]"
-            f"(random-actuators.md), the {len(rows)} under a periodic drive at a constant normal force. "
-            f"`steady_step` at {TOLERANCE * 1e9:g} nm, beside the step that `simulate` settles into from "
-            f"rest within {PERIODS} periods: {len(known)} do, for the others that is not known to a tenth of "
-            "the tolerance. Errors in tolerances.",
+            f"`python -m benchmarks.random_orbits {count} --seed {seed}`: `steady_step` at a tolerance of "
+            f"{TOLERANCE * 1e9:g} nm for the {len(rows)} [random actuators](random-actuators.md) with a "
+            "periodic drive and a constant normal force. The reference is the step that `simulate` settles "
+            f"into from rest within {PERIODS} periods. It is known to a tenth of the tolerance for "
+            f"{len(known)}. Errors are in tolerances.",
             table(["", "known", "found", "median", "99 %", "> 1", "> 3", "> 10"], [_row("all", rows), *laws]),
-            f"Not found, or not shown to be within the tolerance, and said so: {lost} of those known. Of the "
-            f"{len(unknown)} others {kept} have a step all the same: what lives long, or has several motions "
-            "to settle into. "
-            f"A step took {milliseconds:.3g} ms (median).",
-            "## The worst ten of those found",
-            table(["member", "law", "waited, nm", "found, nm", "largest multiplier"], far),
+            f"Of those known, {lost} were not found within the tolerance. {kept} of the {len(unknown)} "
+            f"others also have a step. A step took {milliseconds:.3g} ms (median). The ten largest errors: "
+            "[random-orbits.json](random-orbits.json).",
         ]
     )
 
@@ -140,8 +144,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=PAGE)
     asked = parser.parse_args()
     chosen = [m for m in members(asked.count, asked.seed) if repeats(m)]
-    text = page([compared(m) for m in chosen], asked.count, asked.seed)
+    rows = [compared(m) for m in chosen]
+    text = page(rows, asked.count, asked.seed)
     asked.out.write_text(text + "\n", encoding="utf-8")
+    asked.out.with_suffix(".json").write_text(json.dumps(worst(rows), indent=1) + "\n", encoding="utf-8")
     print(text)
 
 
