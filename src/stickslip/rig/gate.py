@@ -1,4 +1,4 @@
-"""The one gate that every output passes, and what the rig says while it runs."""
+"""Checks that every output must pass, and checks of the readings during a run."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from .limits import LimitError, Limits, beyond, check_drive
 from .protocols import Array, Capabilities, Rig, RigError
 
 FROZEN_DRIVE = 10.0  # V by which the drive must move for unchanged readings to be a fault
-_ANSWER = 0.01  # s in which a sensor answers to the drive
+_ANSWER = 0.01  # s, longest time in which a sensor responds to the drive
 
 
 class PositionInput(NamedTuple):
-    """The input that shows where the end-effector is, and the calibrations from its readings to m (rad)."""
+    """Input that shows the position of the end-effector, and its calibrations to m or rad."""
 
     name: str
     calibration: tuple[Calibration, ...]
 
     def unit(self, can: Capabilities) -> str:
-        """m, or rad of what turns."""
+        """Return the unit of the position: m, or rad for a rotary stage."""
         return self.calibration[-1].y_unit if self.calibration else can.inputs[self.name]
 
 
 class Gate:
-    """The way to a rig's output: nothing is put out that the limits do not allow.
+    """Only access to a rig's output: it puts out nothing that the limits forbid.
 
-    Voltages are checked as they are asked for; a converter then takes one of its steps beside it.
+    The requested voltages are checked. The converter may then deviate from them by one of its steps.
 
     Args:
-        rig: what puts out and records.
-        limits: what it may not pass.
-        capabilities: those of the rig.
-        home: from where positions count; by default from the first reading.
+        rig: puts out and records.
+        limits: limits of the output and the position.
+        capabilities: capabilities of the rig.
+        home: origin of positions; by default the first reading.
     """
 
     def __init__(
@@ -51,12 +51,12 @@ class Gate:
         self._inputs: tuple[str, ...] = ()
         self._position: PositionInput | None = None
         self._rest = self._done = self._same = 0
-        self._until = 0.0  # s that a run takes whose samples come at its end
+        self._until = 0.0  # s, duration of a run whose samples arrive at its end
         self._origin, self._last = 0.0, math.nan
         self.began: float | None = None
 
     def load(self, volts: Array) -> None:
-        """Check the drive and hand it to the output; raises LimitError."""
+        """Check the drive and load it into the output. Raises LimitError."""
         check_drive(volts, self._limits, self._can)
         self._volts = volts
         self._rig.load(volts)
@@ -64,7 +64,7 @@ class Gate:
     def arm(
         self, inputs: tuple[str, ...], samples: int, position: PositionInput | None = None, rest: int = 0
     ) -> None:
-        """Record these inputs; the first `rest` samples are before the drive."""
+        """Record these inputs. The first `rest` samples come before the drive."""
         self._inputs, self._position, self._rest = inputs, position, rest
         self._origin = getattr(self._rig, "origin", 0.0)
         self._done = self._same = 0
@@ -73,16 +73,16 @@ class Gate:
         self._rig.arm(inputs, samples)
 
     def start(self) -> None:
-        """Start the output that was loaded, and the watchdog."""
+        """Start the loaded output and the watchdog."""
         self._rig.start()
         self._heard = time.monotonic()
 
     def take(self, block: Array) -> None:
-        """Look at the samples [inputs, n] that the rig gave.
+        """Check the samples [inputs, n] that the rig delivered.
 
         Raises:
-            RigError: what it gave are no such samples.
-            LimitError: the rig was silent for too long; a reading is not finite, has not changed while the
+            RigError: the samples do not have this shape.
+            LimitError: the rig was silent for too long; or a reading is not finite, did not change while the
                 drive moved, or is beyond an end stop.
         """
         shape = getattr(block, "shape", None)
@@ -100,7 +100,7 @@ class Gate:
         self._done += block.shape[1]
 
     def stop(self) -> None:
-        """A safe ramp to 0 V, from wherever the output is."""
+        """Ramp the output to 0 V at the safe slew, from its present voltage."""
         self._rig.stop(self._limits.stop_slew)
 
     def _hear(self, samples: int) -> None:

@@ -1,4 +1,4 @@
-"""Limits of an output, and what of a drive they refuse."""
+"""Limits of an output, and the checks of a drive against them."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from ..quantities.units import QuantityError, with_prefix
 from .protocols import Array, Capabilities, RigError
 
 _INF = math.inf
-LONGEST_STOP = 10.0  # s that a ramp to 0 V may take, from the greatest voltage
+LONGEST_STOP = 10.0  # s, longest ramp to 0 V, from the greatest voltage
 
 
 class LimitError(RigError):
-    """An output was refused, or stopped, because it passed a limit; names the limit and the value."""
+    """An output was refused or stopped at a limit. The message names the limit and the value."""
 
 
 @record
 class Limits(NamedTuple):
-    """What no output may pass.
+    """Limits of every output of a rig.
 
-    Voltages hold at the piezo, within half a step of the converter. `max_slew` holds for the drive from one
-    update of the output to the next; the converter rounds it to its steps, which the amplifier takes at its
-    own bandwidth. So at the piezo it holds over time, not for every instant: within a time T the voltage
-    changes by `max_slew` (T + one update) + one step at most. `max_duty` is the greatest share of a run in
-    which the drive is away from 0 V, by more than a hundredth of `max_voltage`.
+    Voltages apply at the piezo, within half a step of the converter. `max_slew` applies to the drive between
+    consecutive updates. The converter rounds each update to its step, and the amplifier follows with its own
+    bandwidth. The slew at the piezo is therefore limited over time, not at each instant: within a time T the
+    voltage changes by at most `max_slew` (T + one update) + one step. `max_duty` is the greatest fraction of
+    a run in which the drive differs from 0 V by more than a hundredth of `max_voltage`.
 
-    `min_position` and `max_position` are end stops of the end-effector, counted from home and watched while
-    it runs; `watchdog` is the longest silence of the rig, and of the program that runs it; `frozen` is how
-    long the position may read the same, to the last bit, while the drive moves by 10 V or more. Stop is a
-    ramp to 0 V at `stop_slew`, so fast that it takes 10 s at most.
+    `min_position` and `max_position` are end stops of the end-effector, relative to home, checked during a
+    run. `watchdog` is the longest silence of the rig, and of the program that runs it. `frozen` is the
+    longest time in which the position may stay exactly the same while the drive moves by 10 V or more. A stop
+    is a ramp to 0 V at `stop_slew`; the ramp may last 10 s at most.
     """
 
     min_voltage: Annotated[float, Quantity("V", "u_min", "least voltage", maximum=0)] = 0.0
@@ -62,19 +62,21 @@ class Limits(NamedTuple):
 
     @property
     def end_stops(self) -> bool:
-        """Whether the travel is limited."""
+        """True if the travel is limited."""
         return math.isfinite(self.min_position) or math.isfinite(self.max_position)
 
 
 def beyond(position: float, end: float, unit: str) -> LimitError:
-    """Of an end-effector beyond its end stop."""
+    """Return the error for an end-effector beyond its end stop."""
     here, there = with_prefix(position, unit), with_prefix(end, unit)
     return LimitError(f"the end-effector is at {here} from home, beyond the end stop at {there}: stopped")
 
 
 def check_edges(limits: Limits, can: Capabilities) -> None:
-    """Raise QuantityError unless the drive may jump over the whole range of voltages within an update, as the
-    slip edge of a closed loop's steps does."""
+    """Raise QuantityError if `max_slew` forbids a jump over the whole voltage range within one update.
+
+    A closed loop of steps needs this jump for its slip edges.
+    """
     low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
     least = (high - low) * can.update_rate
     if limits.max_slew < least * (1 - 1e-9):
@@ -85,7 +87,7 @@ def check_edges(limits: Limits, can: Capabilities) -> None:
 
 
 def check_drive(volts: Array, limits: Limits, can: Capabilities) -> None:
-    """Raises LimitError unless a run of these values [n], V, from 0 V on, is allowed on such a rig."""
+    """Raise LimitError if a run of these values [n], V, starting from 0 V, is not allowed on this rig."""
     if volts.ndim != 1 or not volts.size or not np.all(np.isfinite(volts)):
         raise LimitError("the drive must be one row of finite voltages")
     if volts.size > can.max_points:

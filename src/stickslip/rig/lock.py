@@ -1,5 +1,4 @@
-"""A lock that one process has, and that is free again when the process is gone, however it went; and folders
-that only this user can reach."""
+"""File locks, which are free again when their process ends in any way, and folders for one user only."""
 
 from __future__ import annotations
 
@@ -15,8 +14,10 @@ POLL = 0.02  # s
 
 @contextmanager
 def locked(path: Path, most: float = 0.0) -> Iterator[bool]:
-    """Whether this process has the lock of that file, for as long as the context lasts; where another has it,
-    after waiting for so long [s] at most."""
+    """Try to lock a file for the duration of the context. Yield True if the lock was obtained.
+
+    If another process has the lock, wait `most` seconds at most.
+    """
     end = time.monotonic() + most
     while True:
         file = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
@@ -31,8 +32,10 @@ def locked(path: Path, most: float = 0.0) -> Iterator[bool]:
 
 
 def taken(file: int, shared: bool = False) -> bool:
-    """Whether the lock of an open file could be had, for as long as the file is open: alone, or `shared` with
-    others that share it."""
+    """Try to lock an open file. Return True if the lock was obtained.
+
+    The lock lasts as long as the file is open. It is exclusive, or with `shared` common to all who share it.
+    """
     try:
         if sys.platform == "win32":
             import msvcrt
@@ -48,12 +51,13 @@ def taken(file: int, shared: bool = False) -> bool:
 
 
 def own_folder(folder: Path) -> Path:
-    """Return a folder that is this user's and nobody else can reach, made if it is not there.
+    """Return a folder that only this user can access. Create it if it does not exist.
 
-    Its name can be guessed: whoever made it first could have this program's commands, or run its files.
+    The folder's name can be guessed. Another user who created it first could receive this program's commands
+    or have it run files of theirs.
 
     Raises:
-        OSError: it is of another user, or others can reach it; says what to do.
+        OSError: the folder belongs to another user, or others can access it. The message says what to do.
     """
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     if os.name != "posix":

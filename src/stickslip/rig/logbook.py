@@ -1,6 +1,7 @@
-"""A log on disk to which lines are only added: who did what, when, from where and why.
+"""Append-only log on disk: who did what, when, from where and why.
 
-Each line of log.jsonl is one act, as JSON. The process of a rig keeps one in its folder, a panel in its own.
+Each line of log.jsonl is one event, as JSON. The process of a rig keeps a log in its folder, a panel in its
+own.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from ..gate.files import opened
 from ..gate.text import load_json
 
 FILE = "log.jsonl"
-MOST_BYTES = 8_000_000  # bytes that are read, the last of the file: some 30,000 lines
+MOST_BYTES = 8_000_000  # bytes read from the end of the file: some 30,000 lines
 LEVELS = ("info", "warning", "error")
 _LONGEST = 2000  # characters of a text
 
 
 class Entry(NamedTuple):
-    """A line of the log. `id` is where it begins in the file, bytes; `who`, `where`, `why` may be ""."""
+    """A line of the log. `id` is its byte offset in the file; `who`, `where` and `why` may be ""."""
 
     id: int
     time: str
@@ -45,13 +46,15 @@ class Logbook:
     def __init__(self, folder: Path) -> None:
         self.path = folder / FILE
         self._lock = threading.Lock()
-        self._next = 0  # the id of a line that could not be written
+        self._next = 0  # id of the next line if the file cannot be written
 
     def write(
         self, what: str, *, who: str = "", where: str = "", why: str = "", level: str = "info"
     ) -> Entry:
-        """Add a line, which is on the disk when this returns. A disk that takes none is said on stderr: it
-        must end neither a run nor its stop."""
+        """Append a line and return when it is on the disk.
+
+        If the disk takes no line, the error goes to stderr: it must end neither a run nor its stop.
+        """
         time = datetime.now(UTC).isoformat(timespec="milliseconds")
         texts = {"who": who, "where": where, "what": what, "why": why}
         said = {"time": time, "level": level, **{name: _plain(text) for name, text in texts.items() if text}}
@@ -71,12 +74,12 @@ def read_log(path: Path, search: str = "", most: int = 500) -> list[Entry]:
     """Return the last lines of a log, the newest first.
 
     Args:
-        path: the file; one that is not there has no lines, and damaged lines are left out.
-        search: words that must all stand somewhere in a line.
-        most: lines.
+        path: the log file; a missing file has no lines, and damaged lines are left out.
+        search: words that a line must all contain.
+        most: greatest number of lines.
 
     Raises:
-        GateError: the file cannot be read within the limits, or is no plain file.
+        GateError: the file cannot be read within the limits, or is not a regular file.
     """
     try:
         return [Entry(*one) for one in applied(_Reading(search.lower().split(), most), path)]
@@ -85,7 +88,7 @@ def read_log(path: Path, search: str = "", most: int = 500) -> list[Entry]:
 
 
 class _Reading(NamedTuple):
-    """What is done with the file, in the process that reads files."""
+    """Search of the log, run in the process that reads files."""
 
     words: list[str]
     most: int
@@ -129,7 +132,7 @@ def _entry(at: int, line: bytes) -> Entry | None:
 
 
 def _appended(path: Path, line: bytes) -> int:
-    """Where the line was put; a line that a crash has cut short keeps its own."""
+    """Append a line and return its offset. A line that a crash has cut short stays a line of its own."""
     flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     file = os.open(path, flags, 0o600)
     try:
@@ -139,7 +142,7 @@ def _appended(path: Path, line: bytes) -> int:
         if status.st_size and os.pread(file, 1, status.st_size - 1) != b"\n":
             line = b"\n" + line
         rest = memoryview(line)
-        while rest:  # a disk that is nearly full takes a part
+        while rest:  # a nearly full disk writes only a part
             rest = rest[os.write(file, rest) :]
         os.fsync(file)
         return os.fstat(file).st_size - len(line.lstrip(b"\n"))
@@ -148,12 +151,12 @@ def _appended(path: Path, line: bytes) -> int:
 
 
 def _plain(text: str) -> str:
-    """One line of text that UTF-8 can hold."""
+    """Return the text as one line that UTF-8 can encode."""
     return " ".join(str(text).encode("utf-8", "backslashreplace").decode().split())[:_LONGEST]
 
 
 def tail(path: Path, most: int) -> list[Entry]:
-    """Return the last lines of a log that this program keeps, the oldest first; quickly, of 100 kB."""
+    """Return the last lines of this program's own log, the oldest first, from its last 100 kB."""
     found = []
     with suppress(OSError, GateError):
         for entry in _newest(path, 100_000):

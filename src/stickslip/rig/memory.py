@@ -1,4 +1,4 @@
-"""Memory in processes that go on for weeks: given back to the system, and looked through between runs."""
+"""Memory of processes that run for weeks: returned to the system, and collected between runs."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-_MMAP_THRESHOLD, _ARENA_MAX = -3, -8  # of glibc's mallopt
-_LARGE = 2**20  # bytes: arrays
-_NEVER = 2**30  # collections of young objects between those of all
-_MANY = 50_000  # objects: some 50 ms for the collector
+_MMAP_THRESHOLD, _ARENA_MAX = -3, -8  # parameters of glibc's mallopt
+_LARGE = 2**20  # bytes; allocations of this size are large arrays
+_NEVER = 2**30  # young collections before a full one: practically never
+_MANY = 50_000  # objects; a collection then takes some 50 ms
 
 
 def give_memory_back() -> None:
-    """To be called before there are threads; does nothing where it is not glibc that allocates.
+    """Set up glibc to return freed memory to the system. Call before threads start; no effect without glibc.
 
-    By default its threads keep heaps of their own, into which large arrays go too once such were freed:
-    of a panel that is watched while files are read they grew by some 12 MB a minute.
+    By default each thread keeps its own heap, and large arrays go there once some were freed. A panel that
+    was watched while files were read grew by some 12 MB a minute.
     """
     with suppress(OSError, AttributeError, TypeError):
         glibc = ctypes.CDLL(None)
@@ -27,10 +27,10 @@ def give_memory_back() -> None:
 
 @contextmanager
 def collected_on_request() -> Iterator[None]:
-    """Within it Python looks through all objects for unused ones only in `collect`.
+    """Run full garbage collections only in `collect` while the context lasts.
 
-    By itself it did so in the middle of runs, and held all threads of the panel up for 0.2 to 0.35 s (300,000
-    objects, nearly all of them of modules), a stop with them.
+    Automatic collections came in the middle of runs. They blocked all threads of the panel, and a stop with
+    them, for 0.2 to 0.35 s (300,000 objects, nearly all of modules).
     """
     before = gc.get_threshold()
     gc.set_threshold(*before[:2], _NEVER)
@@ -42,8 +42,10 @@ def collected_on_request() -> Iterator[None]:
 
 
 def collect() -> None:
-    """Look for unused objects now, where nothing runs that has to be stopped at once. Objects of modules that
-    were loaded since are not looked at again."""
+    """Collect garbage now, while no run is active that may need a stop.
+
+    Objects of modules loaded so far are exempt from later collections.
+    """
     gc.collect()
     if gc.get_threshold()[2] == _NEVER and len(gc.get_objects()) > _MANY:
         gc.freeze()

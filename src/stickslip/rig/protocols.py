@@ -1,7 +1,7 @@
-"""Interface of a rig, virtual or real: put out a drive, and record inputs on the same clock.
+"""Interface of a rig, virtual or real: put out a drive and record inputs on the same clock.
 
-Everything is synchronous: output and inputs begin at the same moment, `start`. A rig knows nothing of
-calibrations, filters, triggers or files: `measure` sees to them in the same way for every rig.
+Output and inputs start at the same moment, `start`. Calibration, filtering and storage are the task of
+`measure`, which treats every rig in the same way.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ Array = NDArray[np.float64]
 
 
 class RigError(RuntimeError):
-    """A rig does not answer, or not as it should."""
+    """A rig does not answer, or its answer is wrong."""
 
 
 class StopRequested(RigError):
-    """Somebody asked for a stop."""
+    """A stop was requested."""
 
 
 class RigWarning(UserWarning):
-    """A rig that people must look at now."""
+    """A state of a rig that people must look at now."""
 
 
 class Capabilities(NamedTuple):
-    """What a rig can do: rates in Hz, voltages at the piezo in V.
+    """Abilities of a rig: rates in Hz, voltages at the piezo in V.
 
-    `step` is that of the output, V; `max_points` the longest drive or recording, in samples; `inputs` the
-    unit of each. A rig that does not `streams` hands its samples out when the run has ended: until then no
-    end stop is watched. `jitter` is how unsure the moment is at which output and recording begin, s.
-    `own_slew` is that of a ramp to 0 V which the rig itself puts after a drive, V/s.
+    `step` is the resolution of the output, V. `max_points` is the longest drive or recording, in samples.
+    `inputs` gives the unit of each input. A rig with `streams` false delivers its samples only after the run;
+    no end stop is watched before. `jitter` is the uncertainty of the delay between the starts of output and
+    recording, s. `own_slew` is the slew of the ramp to 0 V that the rig itself appends to a drive, V/s.
     """
 
     name: str
@@ -54,9 +54,11 @@ class Capabilities(NamedTuple):
 
 
 class About(NamedTuple):
-    """What is known of a back end before it is connected, for `stickslip rigs`: the device, what it does,
-    how its samples come, how the output is brought to its safe state, and what of all that was verified
-    against what."""
+    """Description of a back end before it is connected, for `stickslip rigs`.
+
+    It names the device, its function, how samples arrive, how the output reaches its safe state, and what was
+    verified against which reference.
+    """
 
     device: str
     does: str
@@ -66,69 +68,78 @@ class About(NamedTuple):
 
 
 class DriveOutput(Protocol):
-    """Puts out voltages at the piezo; before the first and after `stop` it is at 0 V."""
+    """Output of voltages at the piezo. The output is at 0 V before the first `start` and after `stop`."""
 
     def load(self, volts: Array) -> None:
-        """Take the values [n], V, that `start` will put out, one per update; the last one is held."""
+        """Take the values [n], V, that `start` puts out, one per update; then the last value stays."""
         ...
 
     def start(self) -> None:
-        """Begin to put out, and to record if armed."""
+        """Start the output, and the recording if inputs are armed."""
         ...
 
     def stop(self, slew: float) -> None:
-        """Wherever the output is, ramp it to 0 V at `slew` V/s, and end recording. Where the amplifier has a
-        monitor, a method `monitor()` reads it, V: a stop then ends when that is at 0 V."""
+        """Ramp the output from its present voltage to 0 V at `slew` V/s, and end the recording.
+
+        If the amplifier has a monitor, a method `monitor()` reads it, in V: a stop then ends when the monitor
+        is at 0 V.
+        """
         ...
 
 
 class Recorder(Protocol):
-    """Samples inputs from `start` on."""
+    """Recorder of inputs, from `start` on."""
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs, so many samples of each, when the output starts."""
+        """Record `samples` samples of each of these inputs when the output starts."""
         ...
 
     def fetch(self) -> Array:
-        """The samples since the last call [inputs, n], in the units of the inputs; n may be 0. One that waits
-        for more may have a method `interrupt()`, which another thread calls when a stop was asked for."""
+        """Return the samples since the last call [inputs, n], in the units of the inputs; n may be 0.
+
+        A recorder whose `fetch` waits for samples may have a method `interrupt()`, which another thread calls
+        to request a stop.
+        """
         ...
 
 
 class Rig(DriveOutput, Recorder, Protocol):
-    """A drive output and a recorder on one clock. One of the computer only has an attribute `simulated` that
-    is true: nobody is asked to arm it. One whose device has limits that can be changed there has a method
-    `refresh()`, which is called before each run and reads them into `capabilities`."""
+    """A drive output and a recorder on one clock.
+
+    A rig with a true attribute `simulated` exists in the computer only and needs no arming. If the limits of
+    the device can be changed at the device, the rig has a method `refresh()`. It is called before each run
+    and reads the limits into `capabilities`.
+    """
 
     @property
     def capabilities(self) -> Capabilities:
-        """What it can do."""
+        """Rates, ranges and inputs of the rig."""
         ...
 
 
 class StreamingRig(Rig, Protocol):
-    """A rig that takes its output update by update, so that a loop can be closed around it.
+    """A rig whose output is set update by update, so that a loop can be closed around it.
 
-    Its inputs are sampled once per update; what is read at an update is known before its voltage is.
+    Its inputs are sampled once per update. The readings of an update are available before its voltage is set.
     """
 
     def begin(self, inputs: tuple[str, ...]) -> list[float]:
-        """Begin at 0 V; the readings of these inputs, in their units."""
+        """Start at 0 V and return the readings of these inputs, in their units."""
         ...
 
     def exchange(self, volts: float) -> list[float]:
-        """Put out a voltage, V at the piezo, at this update; the readings at the next one."""
+        """Put out a voltage, V at the piezo, at this update. Return the readings of the next update."""
         ...
 
 
-# Under which names a controller holds another, and how many of them in a row are looked at.
+# Attribute names of nested controllers, and the greatest nesting depth that is checked.
 _INNER, _DEEPEST = ("controller", "mover", "regulator"), 10
 
 
 def check_rate(controller: Any, rate: float) -> None:
-    """Raise QuantityError for a controller that is made for another rate [Hz], or holds one that is."""
+    """Raise QuantityError if a controller, or one nested in it, is made for another rate [Hz]."""
     one = controller
-    for _ in range(_DEEPEST):  # what holds itself has no end
+    for _ in range(_DEEPEST):  # ends even for a controller that contains itself
         own = getattr(one, "rate", None)
         if isinstance(own, Real) and not math.isclose(float(own), rate, rel_tol=1e-6):
             who = type(one).__name__
@@ -137,35 +148,39 @@ def check_rate(controller: Any, rate: float) -> None:
 
 
 class Controller(Protocol):
-    """What closes a loop: in a simulation, on a virtual rig, on a device."""
+    """Controller of a closed loop: in a simulation, on a virtual rig, on a device."""
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """The voltage [V] to put out at an update.
+        """Return the voltage [V] to put out at an update.
 
         Args:
-            measured: position, m from home, at this update.
-            target: where it should be, m from home.
-            tick: which update of the run this is, from 0 on.
+            measured: position at this update, m from home.
+            target: target position, m from home.
+            tick: number of this update in the run, from 0.
         """
         ...
 
 
 class ControllerSpec(NamedTuple):
-    """A controller by name and what it is made with, as JSON has it: what a rig's process makes it of. Its
-    `kind` is one of `registry.controllers`, "path.py:Name" for one's own."""
+    """Name and options of a controller, from which the process of a rig makes the controller.
+
+    `kind` is one of `registry.controllers`, or "path.py:Name" for a user's own class. The options can be
+    written as JSON.
+    """
 
     kind: type
     options: dict[str, Any]
 
     def document(self) -> dict[str, Any]:
-        """As JSON."""
+        """Return the specification as JSON data."""
         return {**registry.controllers.written(self.kind), "options": self.options}
 
     def made(self) -> Any:
-        """The controller."""
+        """Return a new controller."""
         return self.kind(**self.options)
 
 
 def controller_of(document: dict[str, Any]) -> Any:
-    """The controller that a client asks for; raises RegistryError, or what its options are refused with."""
+    """Make the controller that a client requests. Raises RegistryError, or the error of the controller's
+    options."""
     return registry.controllers.of_client(document)(**document["options"])

@@ -1,9 +1,9 @@
 """Limits and permits of a site, from a file that neither panel nor experiment can exceed.
 
-The file is named by the environment variable STICKSLIP_SITE; by default it is /etc/stickslip/site.toml. It is
+The environment variable STICKSLIP_SITE names the file; the default is /etc/stickslip/site.toml. The file is
 read at each start of a run::
 
-    [limits]                        # of every rig
+    [limits]                        # for every rig
     max_voltage = "120 V"
 
     [permits.door]                  # from an input of the rig: given while the reading is within
@@ -13,10 +13,10 @@ read at each start of a run::
     [permits.vacuum]                # given and withdrawn by people or by a program
     reason = "the chamber is below 1e-3 mbar"
 
-    [rigs.nv200-host-192.168.0.20.limits]   # of one rig, by the folder of its process
+    [rigs.nv200-host-192.168.0.20.limits]   # for one rig, by the folder of its process
     max_voltage = "60 V"
 
-A simulated rig has no output to limit: the file is not read for it.
+A simulated rig has no physical output: the file is not read for it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from .limits import LimitError, Limits, check_drive
 from .protocols import Array, Capabilities, Rig, RigError
 
 VARIABLE, DEFAULT = "STICKSLIP_SITE", Path("/etc/stickslip/site.toml")
-# Fields that a site narrows: which of two values is the narrower one, and the unit.
+# Limits that a site can restrict: the function that returns the stricter value, and the unit.
 _NARROWER = {
     "min_voltage": (max, "V"),
     "max_voltage": (min, "V"),
@@ -51,15 +51,14 @@ _OF_PERMIT = ("input", "minimum", "maximum", "reason")
 
 
 class InputPermit(NamedTuple):
-    """A permit that an input of the rig gives while its reading is from `minimum` to `maximum`, in the unit
-    of the input."""
+    """Permit from an input of the rig, given while its reading is within `minimum` and `maximum` (its unit)."""
 
     input: str
     minimum: float | str | None = None
     maximum: float | str | None = None
 
     def bounds(self, can: Capabilities) -> tuple[float, float]:
-        """The two in the unit of the input; raises QuantityError where the rig has no such input."""
+        """Return both bounds in the unit of the input. Raises QuantityError if the rig has no such input."""
         if self.input not in can.inputs:
             said = f"a permit of the site needs the input {self.input!r}, which {can.name} does not have"
             raise QuantityError(said + did_you_mean(self.input, can.inputs))
@@ -78,7 +77,7 @@ class Site(NamedTuple):
     path: Path | None = None
 
     def narrowed(self, limits: Limits) -> Limits:
-        """The limits, each no wider than the site's; raises QuantityError where no stop is possible then."""
+        """Return the stricter of the given and the site's limits. QuantityError if they allow no stop."""
         given = {}
         for name, value in self.limits.items():
             given[name] = _NARROWER[name][0](getattr(limits, name), value)
@@ -86,7 +85,7 @@ class Site(NamedTuple):
         return Limits(**{**limits._asdict(), **given, "stop_slew": min(limits.stop_slew, slew)})
 
     def told(self) -> list[str]:
-        """The limits and the inputs that are watched, in words."""
+        """Return the limits and the watched inputs as sentences."""
         words = [
             f"{name.replace('_', ' ')} {with_prefix(value, _NARROWER[name][1])}"
             for name, value in self.limits.items()
@@ -99,65 +98,65 @@ class Site(NamedTuple):
         return words
 
     def check(self, volts: Array, limits: Limits, can: Capabilities) -> None:
-        """Raise LimitError for a drive [V] that the site refuses; says whose limit it is."""
+        """Raise LimitError if the site refuses a drive [V]. The message says whose limit it is."""
         try:
             check_drive(volts, self.narrowed(limits), can)
         except LimitError as error:
-            check_drive(volts, limits, can)  # where the experiment's own limit refuses it, that is said
+            check_drive(volts, limits, can)  # the experiment's own limit is named first
             raise LimitError(f"{error}; the limit is that of the site, {self.path}") from None
 
     def around(self, rig: Rig) -> Rig:
-        """The rig, with the inputs of the permits watched in its runs."""
+        """Return the rig, wrapped so that the inputs of the permits are checked during its runs."""
         return PermittedRig(rig, self.inputs) if self.inputs else rig
 
 
 class PermittedRig:
-    """A rig whose runs end where an input does not give its permit; see `protocols.StreamingRig`.
+    """A rig whose runs end when an input withdraws its permit; see `protocols.StreamingRig`.
 
     Args:
-        rig: what puts out and records; it records the inputs of the permits too.
-        permits: by name.
+        rig: puts out and records; it records the inputs of the permits too.
+        permits: permits by name.
     """
 
     def __init__(self, rig: Rig, permits: Mapping[str, InputPermit]) -> None:
         self._rig: Any = rig
         can = rig.capabilities
         self._permits = {name: (one.input, *one.bounds(can)) for name, one in permits.items()}
-        self._asked = 0  # inputs of the client, which come first
+        self._asked = 0  # number of inputs that the client requested; they come first
         self._read: tuple[str, ...] = ()
-        if hasattr(rig, "begin"):  # else no loop can be closed on it
+        if hasattr(rig, "begin"):  # without it no loop can be closed
             self.begin, self.exchange = self._begin, self._exchange
 
     @property
     def capabilities(self) -> Capabilities:
-        """Those of the rig."""
+        """Capabilities of the wrapped rig."""
         return self._rig.capabilities
 
     def __getattr__(self, name: str) -> Any:
-        """What a rig may have beside the protocol."""
+        """Return optional attributes of the wrapped rig."""
         if name in ("begin", "exchange"):
             raise AttributeError(name)
         return getattr(self._rig, name)
 
     @property
     def interlock(self) -> Any:
-        """That of the rig."""
+        """Interlock of the wrapped rig."""
         return interlock_of(self._rig)
 
     def load(self, volts: Array) -> None:
-        """Take the drive."""
+        """Load the drive."""
         self._rig.load(volts)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs, and those of the permits."""
+        """Record these inputs, and the inputs of the permits."""
         self._rig.arm(self._with_permits(inputs), samples)
 
     def start(self) -> None:
-        """Start."""
+        """Start the output and the recording."""
         self._rig.start()
 
     def fetch(self) -> Array:
-        """The next samples of the inputs that were asked for; raises LimitError without a permit."""
+        """Return the next samples of the requested inputs. Raises LimitError if a permit is withdrawn."""
         block = self._rig.fetch()
         if block.shape[1]:
             self._check(block.min(axis=1).tolist(), block.max(axis=1).tolist())
@@ -185,7 +184,7 @@ class PermittedRig:
     def _check(self, least: list[float], greatest: list[float]) -> None:
         for name, (source, low, high) in self._permits.items():
             at = self._read.index(source)
-            if not (least[at] >= low and greatest[at] <= high):  # no number is no permit either
+            if not (least[at] >= low and greatest[at] <= high):  # NaN withdraws the permit too
                 reads = least[at] if not least[at] >= low else greatest[at]
                 unit = self.capabilities.inputs[source]
                 raise LimitError(
@@ -195,8 +194,10 @@ class PermittedRig:
 
 
 def sited(rig: Rig, limits: Limits) -> tuple[Rig, Limits, Site]:
-    """A rig in this program as its site has it, the limits no wider than the site's, and the site. A rig that
-    watches itself in its own process, or is simulated, stays as it is."""
+    """Return a rig of this program with the permits of the site, the stricter limits, and the site.
+
+    A simulated rig is returned unchanged, and so is a rig that is supervised in its own process.
+    """
     if getattr(rig, "guard", None) is not None or getattr(rig, "simulated", False):
         return rig, limits, Site()
     site = site_of()
@@ -206,17 +207,20 @@ def sited(rig: Rig, limits: Limits) -> tuple[Rig, Limits, Site]:
 
 
 def refreshed(rig: Any) -> None:
-    """Have a rig read the limits of its device again, where it can: they may have been changed there."""
+    """Let a rig read the limits of its device again, if it can: they may have been changed at the device."""
     refresh = getattr(rig, "refresh", None)
     if refresh is not None:
         refresh()
 
 
 def site_of(rig: str = "") -> Site:
-    """The site's limits and permits, with those of one rig by the name of its folder; empty without a file.
+    """Return the site's limits and permits, including those of one rig. Empty without a file.
+
+    Args:
+        rig: name of the folder of the rig's process, or "".
 
     Raises:
-        RigError: the file is wrong, or the environment variable names a file that is not there.
+        RigError: the file is wrong, or the environment variable names a file that does not exist.
     """
     named = os.environ.get(VARIABLE)
     path = Path(named) if named else DEFAULT
@@ -255,7 +259,7 @@ def _known(content: Mapping[str, Any], known: tuple[str, ...], where: str) -> No
 def _limits(content: Mapping[str, Any], where: str) -> dict[str, float]:
     _known(content, tuple(_NARROWER), f"{where}.")
     found = {name: to_si(value, _NARROWER[name][1], f"{where}.{name}") for name, value in content.items()}
-    Limits(**{"stop_slew": min(1000.0, found.get("max_slew", math.inf)), **found})  # refuses what cannot be
+    Limits(**{"stop_slew": min(1000.0, found.get("max_slew", math.inf)), **found})  # checks them
     return found
 
 

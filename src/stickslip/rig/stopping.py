@@ -1,13 +1,13 @@
-"""A stop, from the request until there is evidence that the output is at 0 V.
+"""A stop, from the request to the evidence that the output is at 0 V.
 
-    asked       somebody wants it
+    asked       a stop is requested
     delivered   the rig's process has answered the request
-    ramping     the rig was told to go to 0 V
-    ramped      the rig says that its ramp has ended
-    measured    the amplifier's monitor reads 0 V, of a rig that has one
+    ramping     the rig ramps to 0 V
+    ramped      the rig reports that its ramp has ended
+    measured    the amplifier's monitor, if there is one, reads 0 V
 
-Each state has a deadline. Where one passes, nobody knows what the output does: people are told to switch the
-amplifier off, and the stop is still tried.
+Each state has a deadline. If a deadline passes, the state of the output is unknown: people are told to switch
+the amplifier off, and the stop is still tried.
 """
 
 from __future__ import annotations
@@ -22,14 +22,16 @@ from .limits import LONGEST_STOP
 from .protocols import RigError
 from .wire import receive, send
 
-ANSWERS = 1.0  # s in which the rig's process must answer, and begin its ramp
-RAMPED = LONGEST_STOP + 2.0  # s from the begin of the ramp to the end of it
-_AGAIN = 0.05  # s between two looks
+ANSWERS = 1.0  # s in which the rig's process must answer and start its ramp
+RAMPED = LONGEST_STOP + 2.0  # s, longest ramp, with a margin
+_AGAIN = 0.05  # s between two requests
 
 
 class StopState(NamedTuple):
-    """How far a stop has come: the state (see the module) since the request [s], what the monitor reads [V],
-    and what people must do now, or ""."""
+    """Progress of a stop: state (see the module), time since the request [s], monitor reading [V].
+
+    `alarm` is what people must do now, or "".
+    """
 
     state: str = "asked"
     after: float = 0.0
@@ -40,15 +42,15 @@ class StopState(NamedTuple):
 def follow_stop(
     folder: Path, why: str, tell: Callable[[StopState], None], needed: Callable[[], bool], asked: float
 ) -> StopState:
-    """Stop the rig whose process owns a folder, and follow it to its evidence.
+    """Stop the rig whose process owns a folder, and follow the stop until there is evidence.
 
     Args:
-        folder: of the process.
-        why: what is told to it.
-        tell: called with each state that is new.
-        needed: whether anything of this program still goes on; where nothing does, and no process is there,
-            there is nothing to stop.
-        asked: when it was asked for, `time.perf_counter`.
+        folder: folder of the process.
+        why: reason, sent to the process.
+        tell: called with each new state.
+        needed: returns True while a run of this program is active. If none is and no process answers, there
+            is nothing to stop.
+        asked: time of the request, `time.perf_counter`.
     """
     found, since = StopState(), asked
     while True:
@@ -71,12 +73,12 @@ def follow_stop(
         if found.state in ("ramped", "measured"):
             return found
         if state is None and found.alarm and not needed():
-            return found  # the process is gone, and the run with it: only people can look
+            return found  # process and run are gone: only people can look
         time.sleep(_AGAIN)
 
 
 def _tried(folder: Path, why: str) -> tuple[str | None, float | None, str]:
-    """What the process says: state, monitor [V], and what failed; no state where it does not answer."""
+    """Ask the process for a stop. Return state (None without an answer), monitor reading [V], failure."""
     try:
         link = greeted(folder, "a stop", ANSWERS)
         if link is None:
@@ -95,5 +97,5 @@ def _tried(folder: Path, why: str) -> tuple[str | None, float | None, str]:
         return ("ramped" if measured is None else "measured"), measured, str(stopped.get("failed", ""))
     if said.get("phase") == "stopping":
         return "ramping", None, ""
-    # It prepares a run that will not begin: nothing is put out.
+    # The process prepares a run that will not start: nothing is put out.
     return ("preparing" if said.get("phase") == "preparing" else "delivered"), None, ""

@@ -1,7 +1,7 @@
-"""Supervision of a rig: runs that go on by themselves, and end safe whatever happens.
+"""Supervision of a rig: runs that continue without their client and always end at 0 V.
 
-A run is a thread that takes in what the rig gives, and looks at it, whether anybody asks for the samples or
-not. It ends by itself where the client that asked for it is silent or gone.
+A run is a thread that fetches and checks the samples, even if no client asks for them. The run ends by itself
+when its client is silent or gone.
 """
 
 from __future__ import annotations
@@ -29,20 +29,23 @@ from .samples import complete, shared
 from .site import Site, refreshed
 from .turns import LoopRig
 
-ANOTHER = 3  # exit code of a process that finds the rig owned by another one
-HOMING = 0.02  # s of readings at 0 V that tell where home is
-MONITORED = 1.0  # s after the ramp in which the amplifier's monitor must read 0 V
-AT_ZERO = 0.01  # share of the range of the output within which the monitor reads 0 V
+ANOTHER = 3  # exit code of a process whose rig belongs to another process
+HOMING = 0.02  # s of readings at 0 V that define home
+MONITORED = 1.0  # s after the ramp within which the amplifier's monitor must read 0 V
+AT_ZERO = 0.01  # fraction of the output's range that counts as 0 V at the monitor
 _LOST = 1.0  # s beyond the watchdog after which a call of the rig counts as hanging
 
 
 class Order(NamedTuple):
-    """A run: limits, inputs and samples to record, how many of them are before the drive, what shows the
-    position, the drive, V, and the file to which the program stores its samples, if it does. With a
-    `controller` (see `protocols.ControllerSpec`) it is a closed loop, and its `volts` are targets, m; then
-    `plausibility` is what is believed of the position, by default what the controller says of itself, and
-    `second` another input that shows it. `arm` is why the output is enabled for this run, "" where it must be
-    already."""
+    """Request for a run: limits, inputs, samples to record (`rest` of them before the drive), and the drive,
+    V.
+
+    `position` is the input that shows the position. `keep` is the file to which the program stores its
+    samples, if any. With a `controller` (see `protocols.ControllerSpec`) the run is a closed loop and `volts`
+    are targets, m. Then `plausibility` is the plausibility check of the position, by default the controller's
+    own, and `second` another input that shows the position. `arm` is the reason for which the output is
+    enabled for this run only; with "" it must be enabled already.
+    """
 
     limits: Limits
     inputs: tuple[str, ...]
@@ -58,19 +61,19 @@ class Order(NamedTuple):
 
     @property
     def drives(self) -> bool:
-        """Whether anything but 0 V may be put out."""
+        """True if the run may put out anything but 0 V."""
         return self.controller is not None or bool(np.any(self.volts))
 
 
 class Supervisor:
-    """The only one who talks to the rig.
+    """Only user of the rig: it starts, watches and stops runs.
 
     Args:
-        home: from where positions count.
-        changed: called when a run has ended or home was set, to keep `home`.
-        log: called with a line on each ramp to 0 V.
-        interlock: says whether a run may start; by default that of a simulated rig.
-        site: gives the limits and permits of the site, for each run of a rig that is not simulated.
+        home: origin of positions.
+        changed: called to store `home` after a run or a change of home.
+        log: called with a line for each ramp to 0 V.
+        interlock: decides whether a run may start; by default that of a simulated rig.
+        site: returns the limits and permits of the site, for each run of a rig that is not simulated.
     """
 
     def __init__(
@@ -86,32 +89,32 @@ class Supervisor:
         self.rig: Rig | None = None
         self.phase = "idle"
         self.began: float | None = None
-        self.ramp_after: float | None = None  # s from the request to stop to the begin of the ramp
-        self.stopped: dict[str, Any] = {}  # of the last stop: what the monitor reads, V, and what failed
+        self.ramp_after: float | None = None  # s from the request to stop to the start of the ramp
+        self.stopped: dict[str, Any] = {}  # last stop: monitor reading, V, or the failure
         self._news = threading.Condition()
         self._blocks: deque[Array] = deque()
-        self._sent: list[Array] = []  # to a program that has not asked for more since
-        self._stored = 0  # samples before those
+        self._sent: list[Array] = []  # blocks whose receipt the program has not confirmed
+        self._stored = 0  # samples before `_sent`
         self._keep: Path | None = None
-        self._kept: BinaryIO | None = None  # that file, as long as it may have to be completed
+        self._kept: BinaryIO | None = None  # that file, open while it may have to be completed
         self._failure: BaseException | None = None
-        self._unsafe: BaseException | None = None  # of the stop, until the client was told
+        self._unsafe: BaseException | None = None  # failure of the stop, until the client knows
         self._stop: tuple[str, float] | None = None
-        self._left = False  # whether the program that ran it is gone
+        self._left = False  # True if the program that started the run is gone
         self._asked = self._alive = 0.0
         self._limits = Limits()
-        self._wanting = False  # somebody waits for samples
+        self._wanting = False  # True while a client waits for samples
         self._thread: threading.Thread | None = None
-        self._loop: LoopRig | None = None  # of the last run, if that was one
+        self._loop: LoopRig | None = None  # loop of the last run, if it was closed-loop
 
     @property
     def busy(self) -> bool:
-        """Whether a run is going on."""
+        """True while a run is active."""
         return self.phase in ("preparing", "running", "stopping")
 
     def run(self, order: Order) -> None:
-        """Begin; returns at once. RigError while another runs, or without a rig; InterlockError where the
-        interlock forbids it."""
+        """Start a run and return immediately. Raises RigError if another run is active or no rig is open, and
+        InterlockError if the interlock forbids the run."""
         if self.rig is None:
             raise RigError("no rig is open")
         with self._news:
@@ -139,8 +142,8 @@ class Supervisor:
         threading.Thread(target=self._watch, args=(rig, self._thread), daemon=True).start()
 
     def _sited(self, rig: Rig, order: Order) -> tuple[Rig, Order]:
-        """The rig with the permits of the site, and the order within the limits of the site; those of the
-        device are read again."""
+        """Return the rig with the permits of the site, and the order within the site's limits. Read the
+        limits of the device again."""
         if self.interlock.simulated:
             return rig, order
         site = self._site()
@@ -158,20 +161,20 @@ class Supervisor:
         return LoopRig(cast(StreamingRig, rig), made, order.position, self.home, order.limits, *beliefs)
 
     def command(self, what: dict[str, Any]) -> None:
-        """Tell the controller of the loop that goes on. It looks at the command in this thread, and takes it
-        up at an update; raises what it refuses it with, RigError where there is none that takes commands."""
+        """Send a command to the controller of the active loop, which takes it up at an update. The
+        controller's refusal is raised here; RigError if no loop that takes commands is active."""
         act = getattr(None if self._loop is None else self._loop.controller, "command", None)
         if act is None or not self.busy:
             raise RigError("no loop goes on that takes commands")
         act(**what)
 
     def said(self) -> dict[str, Any] | None:
-        """How the loop goes, or the last one went."""
+        """Return the state of the active or the last loop; None without one."""
         return None if self._loop is None else self._loop.said()
 
     def stop(self, why: str, gone: bool = False) -> bool:
-        """Ask the run to end with a ramp to 0 V; whether there was one. It is a fault where the program that
-        ran it is gone."""
+        """Request the end of the run with a ramp to 0 V. Return False if no run is active. It counts as a
+        fault if the program that started the run is `gone`."""
         with self._news:
             if not self.busy:
                 return False
@@ -190,10 +193,10 @@ class Supervisor:
             self._thread.join(most)
 
     def fetch(self, wait: float) -> Array | None:
-        """The samples since the last call [inputs, n]; None for none yet. Waits for some so long, s.
+        """Return the samples since the last call [inputs, n], or None. Wait `wait` seconds for them at most.
 
         Raises:
-            RigError, QuantityError, ...: what ended the run, once all that came before was fetched.
+            RigError, QuantityError, ...: the error that ended the run, once all earlier samples were fetched.
         """
         self._asked = time.monotonic()
         with self._news:
@@ -213,14 +216,14 @@ class Supervisor:
         return None
 
     def check_stopped(self) -> None:
-        """Raises what the stop of the last run failed with, where `fetch` has not: a client that has all
-        samples asks for no more, and the output may keep its voltage."""
+        """Raise the error of the last run's stop, unless `fetch` has raised it. A client that has all samples
+        fetches no more, but the output may have kept its voltage."""
         failed, self._unsafe = self._unsafe, None
         if failed is not None:
             raise failed
 
     def complete(self) -> None:
-        """The program is gone, and its run has ended: store what it had not stored."""
+        """Store the remaining samples of an ended run whose program is gone."""
         with self._news:
             blocks, keep = [*self._sent, *self._blocks], self._keep
             self._sent, self._keep = [], None
@@ -230,13 +233,13 @@ class Supervisor:
                 complete(keep, self._stored, np.concatenate(blocks, axis=1))
 
     def leave_samples(self) -> None:
-        """The file of samples needs nothing more from here."""
+        """Close the file of samples: the program has stored them itself."""
         kept, self._kept = self._kept, None
         if kept is not None:
             kept.close()
 
     def home_here(self, position: PositionInput, limits: Limits) -> None:
-        """Call where the end-effector is now home: read the position while the output is at 0 V."""
+        """Make the present position home: read the position while the output is at 0 V."""
         if self.rig is None:
             raise RigError("no rig is open")
         can = self.rig.capabilities
@@ -255,9 +258,9 @@ class Supervisor:
     def _run(self, rig: Rig, order: Order) -> None:
         gate = Gate(rig, order.limits, rig.capabilities, self.home)
         failure: BaseException | None = None
-        drove = False  # whether anything may have been put out
+        drove = False  # True if the output may have been driven
         try:
-            if isinstance(rig, LoopRig):  # it looks at the position and at the voltages, update by update
+            if isinstance(rig, LoopRig):  # the loop checks position and voltages at each update
                 rig.load(order.volts)
                 gate.arm(order.inputs, order.samples)
             else:
@@ -279,7 +282,7 @@ class Supervisor:
                 gate.take(block)
                 done += block.shape[1]
                 pause = block.shape[1] / rig.capabilities.sample_rate
-                if isinstance(rig, LoopRig):  # one in real time does not wait for anybody
+                if isinstance(rig, LoopRig):  # a loop in real time sets its own pace
                     pause -= self._alive - begun
                 with self._news:
                     self._blocks.append(block)
@@ -302,7 +305,7 @@ class Supervisor:
             else:
                 error.add_note("The stop failed: switch the amplifier off")
             failure = failure or error
-            self.let_go()  # which a device takes as a reason to stop by itself
+            self.let_go()  # the device takes a closed connection as a stop
         ended = "its end" if failure is None else str(failure) or type(failure).__name__
         said = self.stopped.get("failed") or "ramped to 0 V" + (
             "" if (volts := self.stopped["measured"]) is None else f", the monitor reads {volts:.3g} V"
@@ -311,7 +314,7 @@ class Supervisor:
         self._settle(order, ended, drove and (self._left or is_fault(failure)))
         with self._news:
             self.home.origin = getattr(rig, "origin", 0.0)
-            if failure is not None:  # its frames hold the rig, with 100 MB and more of samples, in a circle
+            if failure is not None:  # its frames refer to the rig and its samples (100 MB and more)
                 failure.__traceback__ = None
             self._failure = failure
             with suppress(OSError):
@@ -321,7 +324,7 @@ class Supervisor:
         collect()
 
     def _settle(self, order: Order, ended: str, fault: bool) -> None:
-        """Latch a fault; the output that was enabled for this run only is disarmed."""
+        """Latch a fault. Disarm an output that was enabled for this run only."""
         if "failed" in self.stopped:
             self.interlock.latch(f"{ended}; {self.stopped['failed']}")
         elif fault:
@@ -330,14 +333,13 @@ class Supervisor:
             self.interlock.disarm("the program that runs it", "the run has ended")
 
     def _keep_pace(self, pause: float) -> None:
-        """A rig that is faster than real time waits for who takes its samples, so that a stop comes as
-        early."""
+        """Wait for the client if the rig is faster than real time, so that a stop takes effect as early."""
         with self._news:
             self._news.wait_for(lambda: self._wanting or self._stop is not None, pause)
             self._wanting = False
 
     def let_go(self) -> None:
-        """Close the rig. Whatever that fails with, nobody talks to it any more."""
+        """Close the rig and forget it, even if closing fails."""
         rig, self.rig = self.rig, None
         close = getattr(rig, "close", None)
         if close is not None:
@@ -345,7 +347,7 @@ class Supervisor:
                 close()
 
     def _go_on(self) -> None:
-        """Raises what ends the run before its time."""
+        """Raise the reason to end the run early, if there is one."""
         if self._stop is not None:
             raise StopRequested(self._stop[0])
         silent = time.monotonic() - self._asked
@@ -355,7 +357,7 @@ class Supervisor:
             )
 
     def _watch(self, rig: Rig, thread: threading.Thread) -> None:
-        """While a run goes on: a rig whose `fetch` hangs is told to stop from here."""
+        """Stop a rig whose `fetch` hangs, from another thread."""
         while thread.is_alive():
             thread.join(0.2)
             silent = time.monotonic() - self._alive
@@ -366,7 +368,8 @@ class Supervisor:
 
 
 def _monitored(rig: Rig | None) -> float | None:
-    """What the amplifier's monitor reads after a ramp, V; None without one. RigError where it is not 0 V."""
+    """Return the amplifier's monitor reading after a ramp, V; None without a monitor. RigError if it is not 0
+    V."""
     monitor = getattr(rig, "monitor", None)
     if rig is None or monitor is None:
         return None
@@ -380,7 +383,7 @@ def _monitored(rig: Rig | None) -> float | None:
 
 
 def state_of(supervisor: Supervisor, holder: str) -> dict[str, Any]:
-    """What a client may know."""
+    """Return the state that clients may see."""
     return {
         "phase": supervisor.phase,
         "position": supervisor.home.position,

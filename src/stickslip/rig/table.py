@@ -1,7 +1,7 @@
-"""A drive as a table that begins and ends at 0 V, for generators that put it out once, and its fading out.
+"""A drive as a table that starts and ends at 0 V, for generators that put it out once, and its fade-out.
 
-A generator that loses its program goes on to the end of its table, so that is at 0 V: the ramp to there is
-part of the table. In mid-run the amplitude is brought down in steps.
+A generator that loses its program continues to the end of its table. The ramp to 0 V is therefore part of the
+table. During a run, a stop reduces the amplitude in steps.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from ..quantities.units import QuantityError
 from .limits import LONGEST_STOP
 from .protocols import Array, Capabilities, RigError
 
-_STEP = 0.02  # s from one amplitude to the next, at least
+_STEP = 0.02  # s, shortest time between two amplitudes
 _MOST_STEPS = 100
-_LEAST_DRIVE = 1.0  # V of a drive that its record can be compared with
-_FOLLOWS = 0.5  # least correlation of a recorded drive with what was put out
-_LAGS = (0, 1, 2, 3, 5, 8, 13, 21, 34)  # samples by which an amplifier may be late
+_LEAST_DRIVE = 1.0  # V, smallest drive whose recording can be compared
+_FOLLOWS = 0.5  # least correlation between the recorded drive and the output
+_LAGS = (0, 1, 2, 3, 5, 8, 13, 21, 34)  # samples by which the amplifier may lag
 
 
 def with_ramp(volts: Array, slew: float, rate: float) -> Array:
-    """A drive [n], V, one value per 1/rate s, and a ramp at `slew` V/s from its last value to 0 V, after 0 V.
+    """Return 0 V, then a drive [n], V, at `rate` values per second, then a ramp at `slew` V/s to 0 V.
 
-    The first value is that at rest: generators wait there.
+    Generators wait at the first value of their table, which is therefore 0 V.
     """
     last = float(volts[-1])
     count = max(math.ceil(abs(last) / slew * rate), 1)
@@ -34,7 +34,7 @@ def with_ramp(volts: Array, slew: float, rate: float) -> Array:
 
 
 def within(name: str, volts: Array, low: float, high: float, points: int) -> None:
-    """Raises RigError unless the table [n], V, is finite, from `low` to `high` V, and not too long."""
+    """Raise RigError unless the table [n], V, is finite, from `low` to `high` V, and not too long."""
     if not np.all(np.isfinite(volts)) or volts.min() < low - 1e-9 or volts.max() > high + 1e-9:
         raise RigError(f"{name}: the drive must be finite and within {low:g} to {high:g} V")
     if volts.size > points:
@@ -44,7 +44,7 @@ def within(name: str, volts: Array, low: float, high: float, points: int) -> Non
 
 
 def check_inputs(can: Capabilities, inputs: tuple[str, ...], samples: int) -> None:
-    """Raises RigError for inputs that there are not, and for too many samples."""
+    """Raise RigError for unknown inputs and for too many samples."""
     for one in inputs:
         if one not in can.inputs:
             raise RigError(f"{can.name}: there is no input {one!r}; there are {', '.join(can.inputs)}")
@@ -53,28 +53,28 @@ def check_inputs(can: Capabilities, inputs: tuple[str, ...], samples: int) -> No
 
 
 def check_positive(**values: float) -> None:
-    """Raises QuantityError, by its name, for an option that is not finite and above 0."""
+    """Raise QuantityError, naming the option, if an option is not finite or not above 0."""
     for name, value in values.items():
         if not (math.isfinite(value) and value > 0.0):
             raise QuantityError(f"{name} = {value} must be > 0")
 
 
 def check_ready(can: Capabilities, volts: Array, samples: int) -> None:
-    """Raises RigError unless a drive [n] was loaded and inputs were armed."""
+    """Raise RigError if no drive [n] was loaded or no inputs were armed."""
     if not volts.size or not samples:
         raise RigError(f"{can.name}: start needs a drive (load) and inputs (arm)")
 
 
 def held(volts: Array, samples: int) -> Array:
-    """What is put out in so many updates, V: the drive [n], and its last value from then on."""
+    """Return the output at each of `samples` updates, V: the drive [n], then its last value."""
     return volts[np.minimum(np.arange(samples), volts.size - 1)]
 
 
 def check_followed(name: str, recorded: Array, played: Array) -> None:
-    """Raises RigError where a recorded drive [n] is not what was put out [n].
+    """Raise RigError if a recorded drive [n] differs from the output [n].
 
-    A scale, an offset and a lag of some samples are allowed. Anything else is of another signal, or its
-    samples are shifted or damaged.
+    A scale, an offset and a lag of some samples are allowed. Otherwise the recording is of another signal, or
+    its samples are shifted or damaged.
     """
     if np.ptp(played) < _LEAST_DRIVE:
         return
@@ -91,13 +91,13 @@ def check_followed(name: str, recorded: Array, played: Array) -> None:
 
 
 def lower(to: Callable[[float], None], greatest: float, slew: float, most: int = _MOST_STEPS) -> None:
-    """Bring an output to 0 V in steps, at `slew` on average.
+    """Reduce an output to 0 V in steps, at `slew` on average.
 
     Args:
-        to: makes the output that share of what it was.
-        greatest: V that there can be at present.
-        slew: V/s; a ramp takes 10 s at most.
-        most: steps, which are 20 ms long at least.
+        to: sets the output to this fraction of its original amplitude.
+        greatest: greatest possible voltage at present, V.
+        slew: V/s; a ramp lasts 10 s at most.
+        most: greatest number of steps; a step lasts 20 ms at least.
     """
     takes = _takes(greatest, slew)
     steps = min(max(math.ceil(takes / _STEP), 1), most)
@@ -111,8 +111,11 @@ def _takes(greatest: float, slew: float) -> float:
 
 
 def fade_out(fade: Callable[[float], None], greatest: float, slew: float, ends: float) -> None:
-    """Bring an output to 0 V by its amplitude (see `lower`), or wait for the end of its table where that
-    comes first: `ends`, s of the monotonic clock."""
+    """Reduce the amplitude of an output to 0 V (see `lower`), or wait for the end of its table if that is
+    earlier.
+
+    `ends` is the end of the table, s of the monotonic clock.
+    """
     left = ends - time.monotonic()
     if left <= _takes(greatest, slew):
         time.sleep(max(left, 0.0))

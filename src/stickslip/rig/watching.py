@@ -1,4 +1,4 @@
-"""A rig that somebody watches: samples as they come, processed as in the recording, and a way to stop it."""
+"""A rig that somebody watches: samples during the run, processed as in the recording, and a way to stop."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from .recorded import Channel
 
 
 class WatchedRig:
-    """A rig around a rig; see `protocols.Rig`.
+    """Wrapper of a rig that shows the samples to a watcher; see `protocols.Rig`.
 
     Args:
-        rig: what records.
-        channels: as for `measure`; calibrated, filtered and zeroed block by block. Zero is the mean of what
-            the first block holds from before the drive.
-        armed: called with how many samples of a run will be seen, and how many of them are before the drive.
-        sees: called with the next values of each channel [n], after those in which filters settle. What it
-            raises ends the run, and the output ramps to 0 V.
-        stopping: called when the output has been told to ramp to 0 V.
+        rig: the rig that records.
+        channels: as for `measure`; calibrated, filtered and zeroed block by block. Zero is the mean of the
+            samples before the drive in the first block.
+        armed: called with the number of samples of a run that will be shown, and how many come before the
+            drive.
+        sees: called with the next values of each channel [n], after those in which filters settle. An error
+            that it raises ends the run with a ramp to 0 V.
+        stopping: called when the ramp to 0 V has been requested.
     """
 
     def __init__(
@@ -48,30 +49,30 @@ class WatchedRig:
 
     @property
     def capabilities(self) -> Capabilities:
-        """Those of the rig."""
+        """Capabilities of the wrapped rig."""
         return self._rig.capabilities
 
     @property
     def origin(self) -> float:
-        """That of the rig."""
+        """Offset of the wrapped rig's position readings."""
         return getattr(self._rig, "origin", 0.0)
 
     @property
     def simulated(self) -> bool:
-        """Whether the rig is one of the computer only."""
+        """True if the wrapped rig is simulated."""
         return getattr(self._rig, "simulated", False)
 
     @property
     def guard(self) -> Callable[[Limits, PositionInput | None, int, Path | None], None] | None:
-        """That of a rig which watches itself."""
+        """Function `guard` of a wrapped rig that is supervised in its own process; None for others."""
         return getattr(self._rig, "guard", None)
 
     def told(self, runs: int) -> dict[str, str]:
-        """What a virtual rig says of its next runs."""
+        """Return what a virtual rig reports about its next runs."""
         return getattr(self._rig, "told", lambda runs: {})(runs)
 
     def load(self, volts: Array) -> None:
-        """Take the drive."""
+        """Load the drive."""
         can = self.capabilities
         moving = np.flatnonzero(volts)
         first = int(moving[0]) if moving.size else volts.size
@@ -86,7 +87,7 @@ class WatchedRig:
         self._armed(samples - self._skip, self._before - self._skip)
 
     def start(self) -> None:
-        """Run, unless the watcher raises first."""
+        """Start the run, unless the watcher raises first."""
         nothing = {name: np.zeros(0) for name in self._channels}
         self._sees(nothing)
         if isinstance(self._rig, HostedRig):
@@ -94,7 +95,7 @@ class WatchedRig:
         self._rig.start()
 
     def fetch(self) -> Array:
-        """The next samples; the watcher sees them first."""
+        """Return the next samples, after the watcher has seen them."""
         block = self._rig.fetch()
         if block.shape[1]:
             shown = {name: self._shown(name, block)[self._skip :] for name in self._channels}
