@@ -1,4 +1,4 @@
-"""Devices: what back ends there are, and what is connected to this machine or answers on the network."""
+"""Known back ends, and devices that are connected to this machine or answer on the network."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ..quantities import registry
 from .protocols import About, RigError
 from .scpi import ScpiInstrument
 
-_PATIENCE = 3.0  # s for what is asked of a library
-_PORTS = {"nv200": 23, "mcs2": 55551, "anc300": 7230, "e871": 50000}  # where the makers have them
-_SCPI = {5025: "scpi", 5555: "scpi", 4000: "scpi", 5000: "redpitaya"}  # what answers to *IDN? there
+_PATIENCE = 3.0  # s, longest wait for an answer of a library
+_PORTS = {"nv200": 23, "mcs2": 55551, "anc300": 7230, "e871": 50000}  # the makers' default ports
+_SCPI = {5025: "scpi", 5555: "scpi", 4000: "scpi", 5000: "redpitaya"}  # ports whose devices answer to *IDN?
 _FILES = (
     ("/dev/ttyUSB*", "a serial port"),
     ("/dev/ttyACM*", "a serial port"),
@@ -26,7 +26,7 @@ _PROBES = ("nv200", "mcs2", "anc300", "kim101", "e871")
 
 
 class Known(NamedTuple):
-    """A back end: its name, whether it is a rig or a positioner, and what it says of itself."""
+    """A back end: its name, its kind (rig or positioner), and its description."""
 
     name: str
     kind: str
@@ -34,7 +34,7 @@ class Known(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Something that is there: where, what it says it is, and the back end that speaks to it, if known."""
+    """A device that was found: where, its description, and the name of its back end, if known."""
 
     where: str
     says: str
@@ -42,7 +42,7 @@ class Found(NamedTuple):
 
 
 def known_devices() -> list[Known]:
-    """The back ends, those of installed packages too."""
+    """Return the back ends, including those of installed packages."""
     made = []
     for kind, of in (("rig", registry.rigs), ("positioner", registry.positioners)):
         for name, thing in of.all():
@@ -52,17 +52,18 @@ def known_devices() -> list[Known]:
 
 
 def attached_devices() -> list[Found]:
-    """What the machine has: serial ports, USB instruments, NI devices. Nothing is sent to any port."""
+    """Return serial ports, USB instruments and NI devices of this machine. Nothing is sent to any port."""
     found = [Found(port, words) for pattern, words in _FILES for port in sorted(glob.glob(pattern))]
     return [*found, *(Found(name, model, "daqmx") for name, model in _asked(_ni_devices))]
 
 
 def probe(host: str, port: int | None = None, timeout: float = 0.5) -> list[Found]:
-    """Ask an address which of the known controllers it is; only such as it says it is gets a further word.
+    """Ask an address which of the known controllers it is. Only a controller that identifies itself gets more
+    requests.
 
     Args:
         host: name or address.
-        port: TCP port; by default the makers' own.
+        port: TCP port; by default the makers' ports.
         timeout: s, for each answer.
     """
     found = []
@@ -101,13 +102,13 @@ def _ni_devices() -> list[tuple[str, str]]:
 
 
 def _asked(what: Callable[[], list[Any]]) -> list[Any]:
-    """What a library says; nothing where it is not installed, fails, or does not answer in time."""
+    """Return a library's answer; empty if it is not installed, fails, or does not answer in time."""
     made: list[Any] = []
 
     def ask() -> None:
         try:
             made.extend(what())
-        except Exception:  # a library without its driver says so in many ways
+        except Exception:  # a library without its driver fails in many ways
             return
 
     thread = threading.Thread(target=ask, daemon=True)

@@ -1,11 +1,11 @@
-"""The rig's process: owns the rig, its limits, home, watchdog and the ramp to 0 V; others are its clients.
+"""Process of a rig: owns the rig, its limits, home, watchdog and the ramp to 0 V. Programs are its clients.
 
     python -m stickslip.rig.host FOLDER
 
-The folder keeps home.json (from where positions count), rig.json (port, token and number of the process, to
-be read by this user only), log.jsonl (see `logbook`) and rig.log (what it fails with). One process at a time
-has the lock of a folder. It ends when no client has been there for a few seconds; SIGTERM ends it with a ramp
-to 0 V. See `wire` for what it understands.
+The folder keeps home.json (origin of positions), rig.json (port, token and number of the process, readable by
+this user only), log.jsonl (see `logbook`) and rig.log (error output). Only one process at a time has the lock
+of a folder. It ends after a few seconds without a client; SIGTERM ends it with a ramp to 0 V. `wire`
+describes the requests.
 """
 
 from __future__ import annotations
@@ -42,21 +42,21 @@ from .supervisor import ANOTHER, Order, Supervisor, state_of
 from .wire import WireError, receive, send, text_of
 
 LINGER = 5.0  # s without a client after which the process ends
-_GREETING = 2.0  # s in which a client must say who it is
+_GREETING = 2.0  # s in which a client must identify itself
 _MOST_CLIENTS = 32
 _LONGEST_WAIT = 1.0  # s
-_LONGEST_RAMP = LONGEST_STOP + 5.0  # s
-_LEAVING = 0.3  # s in which the one who holds it may be about to leave
+_LONGEST_RAMP = LONGEST_STOP + 5.0  # s, longest wait for the end of a ramp
+_LEAVING = 0.3  # s to wait for the present holder, who may be leaving
 
 
 class Host:
-    """The clients of one rig."""
+    """Server for the clients of one rig."""
 
     def __init__(self, folder: Path) -> None:
         self._folder, self.token = folder, secrets.token_hex(32)
         home = folder / "home.json"
         self._log = Logbook(folder)
-        self._limits: dict[str, float] = {}  # of the last run
+        self._limits: dict[str, float] = {}  # limits of the last run
         self.interlock = Interlock(folder / INTERLOCK, log=self._act)
         self.supervisor = Supervisor(
             Home.load(home),
@@ -65,7 +65,7 @@ class Host:
             self.interlock,
             lambda: site_of(folder.name),
         )
-        self._armer: socket.socket | None = None  # the connection by which the output was enabled
+        self._armer: socket.socket | None = None  # connection that enabled the output
         self._lock = threading.Lock()
         self._clients: set[socket.socket] = set()
         self._holder: tuple[socket.socket, str] | None = None
@@ -74,7 +74,7 @@ class Host:
         self.ended = threading.Event()
 
     def serve(self) -> None:
-        """Until nobody has been there for a while, or `ended`; the output is at 0 V then."""
+        """Serve until no client has been there for a while, or `ended` is set. The output is then at 0 V."""
         listening = socket.create_server(("127.0.0.1", 0))
         listening.settimeout(0.2)
         self._tell(listening.getsockname()[1])
@@ -93,7 +93,7 @@ class Host:
             self.supervisor.join()
 
     def _tell(self, port: int) -> None:
-        """Where clients find the process; whole or not at all, and for this user only."""
+        """Write the file by which clients find the process, in one step and readable by this user only."""
         path = self._folder / "rig.json"
         temporary = path.with_suffix(".part")
         temporary.unlink(missing_ok=True)
@@ -126,7 +126,7 @@ class Host:
                     answer, block = self._answer(link, name, asked, values)
                     try:
                         send(link, answer, block)
-                    except (TypeError, ValueError) as error:  # of a rig of somebody's own
+                    except (TypeError, ValueError) as error:  # answer of a user's own rig
                         said = f"{asked.get('do')}: the rig gave what cannot be told: {error}"
                         send(link, {"error": said, "kind": "RigError"})
         except WireError:
@@ -146,13 +146,15 @@ class Host:
             self._disarm("the program that armed it is gone", "the rig's process")
         with self._lock:
             if not self._clients and not self.supervisor.busy:
-                self.supervisor.let_go()  # others than our clients may want the device
+                self.supervisor.let_go()  # other programs may want the device
         with suppress(OSError):
             link.close()
 
     def _release(self, gone: bool = False) -> None:
-        """The rig is free, once its run has ended: the ramp to 0 V is waited for, but not a virtual rig that
-        computes for longer than anybody wants to wait."""
+        """Release the rig once its run has ended.
+
+        The ramp to 0 V is awaited here. A virtual rig may compute for long: a thread then waits for it.
+        """
         self.supervisor.join(_LONGEST_WAIT)
         if self.supervisor.phase == "stopping":
             self.supervisor.join(_LONGEST_RAMP)
@@ -171,7 +173,7 @@ class Host:
         try:
             return self._done(link, name, asked, values)
         except BaseException as error:
-            # The client is told everything; without the notes it would take the run for a good one.
+            # Notes are part of the answer: without them a failed stop would stay unnoticed.
             said = ". ".join((str(error), *getattr(error, "__notes__", ())))
             return {"error": said, "kind": type(error).__name__, **self._progress()}, None
 
@@ -199,7 +201,7 @@ class Host:
             try:
                 return self._opened(asked["device"], bool(asked["again"])), None
             except BaseException:
-                if not held:  # who gets no rig keeps nobody from trying
+                if not held:  # a client whose rig does not open must not block others
                     self._holder = None
                 raise
         if self._holder is None or self._holder[0] is not link:
@@ -230,7 +232,7 @@ class Host:
         self._log.write(f"run ended: {line}")
 
     def _changed(self, limits: Limits, who: str) -> None:
-        """Log what of the limits differs from those of the run before."""
+        """Log the limits that differ from those of the previous run."""
         now = {name: value for name, value in limits._asdict().items() if math.isfinite(value)}
         before, self._limits = self._limits, now
         said = [f"{name} {value:g}" for name, value in now.items() if before.get(name) != value]
@@ -239,16 +241,16 @@ class Host:
             self._log.write(f"limits: {', '.join(said)}", who=who)
 
     def _act(self, act: str, who: str, what: str, why: str) -> None:
-        """A line on an act on the interlock."""
+        """Log an act on the interlock."""
         level = "error" if act == "fault" else "info" if act == "acknowledged" else "warning"
         self._log.write(f"{act}: {what}", who=who, why=why, level=level)
 
     def _said(self, what: str, who: str, why: str) -> None:
-        """A line by a thread: a stop waits for no disk."""
+        """Log from a thread, so that a stop does not wait for the disk."""
         threading.Thread(target=self._log.write, args=(what,), kwargs={"who": who, "why": why}).start()
 
     def _interlock(self, link: socket.socket, do: str, asked: dict[str, Any], who: str) -> None:
-        """An act on the interlock; whatever takes the permission away stops the run."""
+        """Change the interlock. Whatever disarms it also stops the run."""
         why = str(asked.get("why", ""))
         if do == "arm":
             self.interlock.arm(who, why)
@@ -293,10 +295,10 @@ class Host:
             return self._holder is not None and self._holder[0] is not link
 
     def _opened(self, device: dict[str, Any], again: bool) -> dict[str, Any]:
-        """What the rig can do, and what it says of itself; TypeError where that is no JSON."""
+        """Open the rig; return its capabilities and description. Raises TypeError if they cannot be JSON."""
         capabilities = self._open(device, again)
         told = getattr(self.supervisor.rig, "told", None)
-        virtual = device.get("kind") == "virtual"  # of which the client knows more
+        virtual = device.get("kind") == "virtual"  # the client knows more about it
         said = {"capabilities": capabilities._asdict(), "told": {} if told is None or virtual else told(1)}
         text_of(said)
         return said
@@ -305,7 +307,7 @@ class Host:
         one = self.supervisor
         if one.busy:
             raise RigError("a run is going on: stop it first")
-        # A virtual rig is a new one for each recording, for its noise is that of the recording's seed.
+        # Each recording needs a new virtual rig, whose noise comes from the recording's seed.
         if device != self._device or one.rig is None or (device.get("kind") == "virtual" and not again):
             one.let_go()
             self._device = None
@@ -336,8 +338,11 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
 
 
 def main(folder: Path) -> int:
-    """Own the rig of a folder until it is no longer needed; `ANOTHER` where another process does already, 1
-    and a line on stderr where a file of the folder cannot be used."""
+    """Own the rig of a folder until it is no longer needed; return the exit code.
+
+    The code is `ANOTHER` if another process owns the rig, and 1, with a line on stderr, if a file of the
+    folder cannot be used.
+    """
     give_memory_back()
     try:
         own_folder(folder)
@@ -350,7 +355,7 @@ def main(folder: Path) -> int:
             sys.setswitchinterval(1e-3)
             with collected_on_request():
                 host.serve()
-    except (OSError, RigError) as error:  # a file of the folder; the client tells this line
+    except (OSError, RigError) as error:  # a file of the folder; the client shows this line
         print(error, file=sys.stderr)
         return 1
     return 0

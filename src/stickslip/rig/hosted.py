@@ -1,4 +1,4 @@
-"""A rig in a process of its own, from the side of a program that uses it."""
+"""Client side of a rig in its own process."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ from .protocols import Array, Capabilities, ControllerSpec, RigError, RigWarning
 from .supervisor import ANOTHER
 from .wire import receive, send
 
-STARTS = 30.0  # s that the process may take to be there
+STARTS = 30.0  # s in which the process must start
 UNANSWERED = "the rig does not answer: switch the amplifier off"
-KEPT = "the output may keep its voltage: switch the amplifier off"  # of a process that ended in a run
-LATE = 1.0  # s without an answer to a stop, after which people are told
-_LAST = LONGEST_STOP + 10.0  # s after which an answer to a stop is waited for no more
-_ANSWER = 10.0  # s in which the process answers a request that nobody waits for in a hurry
-_SILENT = 3.0  # s in which it answers a request for samples, however short the watchdog
-_OPENED = 60.0  # s in which it opens a device
-_BUSY = ("preparing", "running", "stopping")  # phases of a run that goes on
-_WAIT = 0.1  # s that a request for samples waits for some
+KEPT = "the output may keep its voltage: switch the amplifier off"  # for a process that ended during a run
+LATE = 1.0  # s without an answer to a stop before people are warned
+_LAST = LONGEST_STOP + 10.0  # s, longest wait for the answer to a stop
+_ANSWER = 10.0  # s, longest wait for the answer to a request that is not urgent
+_SILENT = 3.0  # s, shortest time allowed for the answer to a request for samples
+_OPENED = 60.0  # s in which the process opens a device
+_BUSY = ("preparing", "running", "stopping")  # phases of an active run
+_WAIT = 0.1  # s, longest wait of a request for samples
 _KINDS: dict[str, type[Exception]] = {
     one.__name__: one for one in (LimitError, RigError, StopRequested, InterlockError, QuantityError)
 }
 
 
 def folder_of(resource: str) -> Path:
-    """Where the process that owns a real rig keeps what it knows: one place for each rig and user, whoever
-    asks. The environment variable STICKSLIP_RIGS names another."""
+    """Return the folder of the process that owns a real rig: the same for each rig and user. The environment
+    variable STICKSLIP_RIGS names another parent folder."""
     given = os.environ.get("STICKSLIP_RIGS")
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     base = Path(given) if given else Path(state) / "stickslip" / "rigs"
@@ -56,11 +56,11 @@ def folder_of(resource: str) -> Path:
 
 
 class Link:
-    """One connection to the process that owns the rig of a folder; the process is started if there is none.
+    """Connection to the process that owns the rig of a folder. The process is started if it does not run.
 
     Args:
         folder: see `host`.
-        name: who asks, for those who find the rig held.
+        name: name of this client, shown to others who find the rig in use.
 
     Raises:
         RigError: the process does not start.
@@ -81,16 +81,16 @@ class Link:
         late: float = LATE,
         **what: Any,
     ) -> tuple[dict[str, Any], Array]:
-        """The answer to a request, and the numbers with it.
+        """Send a request and return its answer, with the numbers in it.
 
         Args:
             do, values, what: the request; see `host`.
-            within: s in which the answer must come; later answers cannot be told apart, so the connection
-                ends then.
-            late: s without an answer after which a `RigWarning` tells people to switch the amplifier off.
+            within: s in which the answer must come. Later answers match no request: the connection is closed.
+            late: s without an answer before a `RigWarning` asks people to switch the amplifier off.
 
         Raises:
-            RigError, QuantityError: what the process says is wrong; RigError where it is gone, or silent.
+            RigError, QuantityError: the process refuses the request; RigError if the process is gone or
+                silent.
         """
         try:
             with self._lock:
@@ -107,14 +107,14 @@ class Link:
         return answer, block
 
     def tell_stop(self, why: str) -> None:
-        """Ask for a stop and wait for nothing, by a connection that serves nothing else; raises RigError."""
+        """Request a stop without waiting, on a connection that serves nothing else. Raises RigError."""
         try:
             send(self._link, {"do": "stop", "why": why})
         except OSError as error:
             raise RigError(f"the rig's process has ended ({error})") from None
 
     def heard_stop(self) -> None:
-        """Wait for the answer to `tell_stop`; raises RigError where the process is gone."""
+        """Wait for the answer to `tell_stop`. Raises RigError if the process is gone."""
         try:
             with self._lock:
                 receive(self._link)
@@ -122,7 +122,7 @@ class Link:
             raise RigError(f"the rig's process has ended ({error})") from None
 
     def _await(self, within: float, late: float) -> None:
-        """Wait for the begin of an answer; RigError where none comes."""
+        """Wait for the start of an answer. Raises RigError if none comes."""
         if select.select([self._link], [], [], min(within, late))[0]:
             return
         if within > late:
@@ -133,7 +133,7 @@ class Link:
         raise RigError(UNANSWERED)
 
     def close(self) -> None:
-        """Let go; a run of this connection is stopped."""
+        """Close the connection. A run of this connection is stopped."""
         self._link.close()
 
 
@@ -141,7 +141,7 @@ _LINKS: WeakSet[Link] = WeakSet()
 
 
 def stop_all(most: float = 3.0) -> None:
-    """Have every rig of this program ramped to 0 V, and wait for it, so long at most, s."""
+    """Ramp every rig of this program to 0 V, and wait `most` seconds at most."""
     end = time.monotonic() + most
     for folder in {link.folder for link in list(_LINKS)}:
         other = greeted(folder, "a stop")
@@ -157,13 +157,14 @@ def stop_all(most: float = 3.0) -> None:
 
 
 class HostedRig:
-    """A rig; see `protocols.Rig`. Its process watches the limits, and stops when this program dies or stalls.
+    """A rig in its own process, which checks the limits and stops the rig when this program dies or stalls;
+    see `protocols.Rig`.
 
     Args:
-        link: to the process.
-        device: what it is to open; see `devices`.
-        capabilities: of the rig, where they are known: then it is opened when it is first used.
-        said: what recordings say of the device, where that is known.
+        link: connection to the process.
+        device: device to open; see `devices`.
+        capabilities: capabilities of the rig, if known: then it is opened at its first use.
+        said: description of the device for recordings, if known.
 
     Raises:
         RigError: another program holds the rig, or it does not answer.
@@ -188,14 +189,14 @@ class HostedRig:
         self.began: float | None = None
         self.ramp_after: float | None = None
         self._said: dict[str, Any] = {}
-        self.ended = False  # whether the run is over and all of it was fetched
-        self.waiting: Callable[[], object] = lambda: None  # called again and again while a start is awaited
+        self.ended = False  # True when the run is over and all samples were fetched
+        self.waiting: Callable[[], object] = lambda: None  # called repeatedly while a start is awaited
 
     def guard(
         self, limits: Limits, position: PositionInput | None, rest: int, keep: Path | None = None
     ) -> None:
-        """What the process is to watch in the next run, and the file of samples that it completes should this
-        program be killed."""
+        """Set what the process watches in the next run, and the file of samples that it completes if this
+        program is killed."""
         self._guard = {
             "limits": limits._asdict(),
             "rest": rest,
@@ -204,8 +205,8 @@ class HostedRig:
         }
 
     def told(self, runs: int) -> dict[str, str]:
-        """What a recording made of the next runs says: of their truth, where the rig is a virtual one; of the
-        device, where it is another."""
+        """Return attributes for a recording of the next runs: the truth of a virtual rig, or the device's
+        description."""
         return told_of(self._device, runs, self._runs) or self._told
 
     def controlled(
@@ -214,22 +215,22 @@ class HostedRig:
         plausibility: Plausibility | None = None,
         second: PositionInput | None = None,
     ) -> None:
-        """The next run is a closed loop in the rig's process; what is loaded are targets, m. To be said after
-        `guard`. For the other two see `supervisor.Order`."""
+        """Make the next run a closed loop in the rig's process; the loaded values are targets, m. Call it
+        after `guard`. `supervisor.Order` explains the other arguments."""
         self._guard["controller"] = controller.document()
         self._guard["plausibility"] = None if plausibility is None else plausibility._asdict()
         self._guard["second"] = None if second is None else position_document(second.name, second.calibration)
 
     def command(self, **what: Any) -> None:
-        """Tell the controller of the loop that goes on; raises QuantityError for what it refuses."""
+        """Send a command to the controller of the active loop. Raises QuantityError if it refuses."""
         self._ask("command", what=what)
 
     def said(self) -> dict[str, Any]:
-        """How the closed loop goes, as far as was heard: see `turns.LoopRig.said`."""
+        """Return the latest state of the closed loop: see `turns.LoopRig.said`."""
         return self._said
 
     def load(self, volts: Array) -> None:
-        """Take the drive, V at the piezo, one value per update."""
+        """Load the drive, V at the piezo, one value per update."""
         self._volts = volts
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
@@ -237,7 +238,7 @@ class HostedRig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start output and recording; returns when the output has begun."""
+        """Start output and recording; return when the output has started."""
         if not self._guard:
             raise RigError("a hosted rig is started by `measure`, which says what to watch")
         self._open()
@@ -251,7 +252,7 @@ class HostedRig:
             self._first = self._fetched()
 
     def fetch(self) -> Array:
-        """The next samples [inputs, n]."""
+        """Return the next samples [inputs, n]."""
         block, self._first = self._first, None
         return self._fetched() if block is None else block
 
@@ -262,17 +263,17 @@ class HostedRig:
         return block if block.size else np.zeros((len(self._inputs), 0))
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V, at the slew that `guard` was told."""
+        """Ramp to 0 V, at the slew set by `guard`."""
         del slew
         try:
             self._ask("close", within=_LAST, late=LATE)
         except RigError as error:
             if str(error).startswith("close: open the rig first"):
-                return  # it never began
+                return  # it never started
             raise
 
     def home_here(self, position: PositionInput, slew: float) -> None:
-        """Call where the end-effector is now home; the output is at 0 V while it is read."""
+        """Make the present position home. The output is at 0 V while the position is read."""
         self._open()
         try:
             self._ask("home_here", **position_document(position.name, position.calibration), slew=slew)
@@ -314,7 +315,7 @@ class HostedRig:
 
 
 def position_document(name: str, calibration: Sequence[Any]) -> dict[str, Any]:
-    """What shows the position, as JSON."""
+    """Return the input that shows the position, as JSON data."""
     return {"input": name, "calibration": [to_text(one) for one in calibration]}
 
 
@@ -340,10 +341,10 @@ def _connected(folder: Path, name: str) -> socket.socket:
 
 
 def _started(folder: Path) -> int:
-    """The number of a new process, of a session of its own: what ends the terminal, or a Ctrl-C in it, does
-    not reach it."""
+    """Start a process in a session of its own, and return its number. The end of the terminal, or Ctrl-C in
+    it, does not reach the process."""
     command = [sys.executable, "-m", "stickslip.rig.host", str(folder)]
-    with suppress(OSError):  # what the process before said of its ramps
+    with suppress(OSError):  # messages of the previous process
         os.replace(folder / "rig.log", folder / "rig.log.before")
     log = os.open(folder / "rig.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     try:
@@ -363,13 +364,13 @@ def _started(folder: Path) -> int:
 
 
 def _last_line(log: Path) -> str:
-    """What a process said last, why it ended; where that can be read if it said nothing."""
+    """Return the last message of an ended process, or where to look if it wrote none."""
     lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
     return next((line for line in reversed(lines) if line.strip()), f"see {log}")
 
 
 def _left(process: int) -> int | None:
-    """With what a process that was started here has ended; None while it runs."""
+    """Return the exit code of a process that was started here; None while it runs."""
     try:
         ended, status = os.waitpid(process, os.WNOHANG)
     except ChildProcessError:
@@ -378,12 +379,12 @@ def _left(process: int) -> int | None:
 
 
 def greeted(folder: Path, name: str, within: float = 5.0) -> socket.socket | None:
-    """A connection to the process that is there; None where none is, or where none answers in so long [s]."""
+    """Return a connection to the running process; None if there is none, or no answer `within` s."""
     try:
         known = read_small(folder / "rig.json") or {}
         token, port = str(known["token"]), int(known["port"])
         link = socket.create_connection(("127.0.0.1", port), timeout=within)
-    except (OSError, ValueError, LookupError, TypeError, OverflowError):  # damaged: the next process mends it
+    except (OSError, ValueError, LookupError, TypeError, OverflowError):  # damaged: rewritten by the next
         return None
     try:
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -1,14 +1,14 @@
-"""The interlock of a rig: one state machine that says whether a run may start.
+"""Interlock of a rig: a state machine that decides whether a run may start.
 
-    fault      a fault ended a run, and nobody has acknowledged it
+    fault      a fault ended a run and has not been acknowledged
     withheld   a permit is missing
-    disarmed   nobody has enabled the output
+    disarmed   the output is not enabled
     armed      a run may start
 
-Arming is refused while there is a fault or a permit is missing, and a fault or a withdrawn permit disarms.
-Fault and permits are kept in a file, so a restart clears neither; the output is disarmed after a restart. A
-simulated rig has no output to enable and needs no arming, but its faults and permits are those of any other.
-Nothing here stands before a stop, and a run at 0 V needs nothing.
+Arming is refused during a fault or without a permit. A fault or a withdrawn permit disarms. Fault and permits
+are kept in a file, so a restart clears neither; after a restart the output is disarmed. A simulated rig has
+no physical output and needs no arming, but its faults and permits work in the same way. The interlock never
+delays a stop, and a run at 0 V needs no permission.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ..recording.replacing import read_small, replaced_whole
 from .capture import CaptureError
 from .protocols import RigError, StopRequested
 
-OPERATORS = "operators"  # the permit that every rig has: anybody may withdraw it
+OPERATORS = "operators"  # permit of every rig; anybody may withdraw it
 FILE = "interlock.json"
 _LONGEST = 400  # characters of a reason
 _HOW_TO_ARM = "Arm it on purpose: --arm WHY on the command line, stickslip.rig.armed(WHY), or the panel"
@@ -41,11 +41,11 @@ Log = Callable[[str, str, str, str], None]  # act, who, what, why
 
 
 class InterlockError(RigError):
-    """A run may not start; says what is missing, and what to do."""
+    """A run may not start. The message says what is missing and what to do."""
 
 
 class Permit(NamedTuple):
-    """Whether a permit is given; by whom, when and why it was given or withdrawn."""
+    """State of a permit: given or withdrawn, by whom, when and why."""
 
     given: bool = False
     who: str = "nobody"
@@ -54,17 +54,17 @@ class Permit(NamedTuple):
 
 
 def _unlogged(act: str, who: str, what: str, why: str) -> None:
-    """No log."""
+    """Log nothing."""
 
 
 class Interlock:
-    """The state machine of one rig; see the module.
+    """State machine of one rig; see the module.
 
     Args:
-        path: the file that keeps fault and permits; by default they are kept in memory.
-        required: names of the permits that the rig needs, beside that of the operators.
+        path: file that keeps fault and permits; by default they are kept in memory.
+        required: names of the permits that the rig needs in addition to the operators' permit.
         log: called with each act: what was done, by whom, to what, why.
-        simulated: whether the rig is one of the computer only.
+        simulated: True for a simulated rig.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Interlock:
         self._load()
 
     def require(self, names: Iterable[str]) -> None:
-        """Need these permits beside that of the operators; one that is new is not given."""
+        """Require these permits in addition to the operators' permit. A new permit is not given."""
         with self._lock:
             self._required = (OPERATORS, *names)
 
@@ -118,14 +118,14 @@ class Interlock:
             raise InterlockError(missing)
 
     def disarm(self, who: str, why: str) -> None:
-        """Take the enabling back; a run that goes on is the caller's to stop."""
+        """Disable the output. Stopping an active run is the caller's task."""
         with self._lock:
             was, self._armed = self._armed, ""
         if was:
             self._log("disarmed", who, "the output", why)
 
     def latch(self, what: str) -> None:
-        """Keep a fault until it is acknowledged; the first one is kept."""
+        """Keep a fault until it is acknowledged. Later faults do not replace it."""
         with self._lock:
             self._armed = ""
             if not self._fault:
@@ -134,7 +134,7 @@ class Interlock:
         self._log("fault", "", what, "")
 
     def acknowledge(self, who: str, why: str) -> None:
-        """Clear the fault; raises QuantityError where no reason is given, or there is no fault."""
+        """Clear the fault. Raises QuantityError without a reason, or if there is no fault."""
         why = _reason(why)
         with self._lock:
             if not self._fault:
@@ -144,7 +144,7 @@ class Interlock:
         self._log("acknowledged", who, fault, why)
 
     def permit(self, name: str, given: bool, who: str, why: str) -> None:
-        """Give or withdraw a permit; raises QuantityError for an unknown one, or without a reason."""
+        """Give or withdraw a permit. Raises QuantityError for an unknown permit, or without a reason."""
         why = _reason(why)
         with self._lock:
             if name not in self._permits:
@@ -161,7 +161,7 @@ class Interlock:
 
     @classmethod
     def of_state(cls, said: Mapping[str, Any]) -> Interlock:
-        """One in the state that another has said."""
+        """Return an interlock in the state that another one has reported."""
         made = cls(simulated=said["simulated"])
         made._armed, made._fault, made._since = said["armed_by"], said["fault"], said["since"]
         made._required = tuple(said["permits"])
@@ -169,7 +169,7 @@ class Interlock:
         return made
 
     def state(self) -> dict[str, Any]:
-        """The state with all that led to it, as JSON."""
+        """Return the state, with its causes, as JSON data."""
         with self._lock:
             if self._fault:
                 now = "fault"
@@ -187,7 +187,7 @@ class Interlock:
             }
 
     def _missing(self) -> str:
-        """What forbids to arm, and what to do; "" if nothing does."""
+        """Return what forbids arming, and what to do; "" if nothing does."""
         if self._fault:
             return f"a fault of {self._since} is not acknowledged: {self._fault}. {_HOW_TO_ACKNOWLEDGE}"
         for name, one in self._permits.items():
@@ -214,7 +214,7 @@ class Interlock:
             return
         kept = {"fault": self._fault, "since": self._since}
         permits = {name: one._asdict() for name, one in self._kept.items()}
-        # A full disk must not end what the process is there for; memory has it.
+        # A full disk must not end the process; the state is still in memory.
         with suppress(OSError), replaced_whole(self._path) as temporary:
             temporary.write_text(json.dumps({**kept, "permits": permits}), encoding="utf-8")
 
@@ -227,7 +227,7 @@ def _now() -> str:
 
 
 def _reason(why: str) -> str:
-    """The reason in one line; raises QuantityError where there is none."""
+    """Return the reason in one line. Raises QuantityError if it is empty."""
     said = " ".join(str(why).split())[:_LONGEST]
     if not said:
         raise QuantityError("a reason is needed: say why, in a few words")
@@ -235,16 +235,16 @@ def _reason(why: str) -> str:
 
 
 def is_fault(failure: BaseException | None) -> bool:
-    """Whether what ended a run latches: not a stop that was asked for, nor a trigger that did not come."""
+    """True if the end of a run is a fault: neither a requested stop nor a missing trigger."""
     return failure is not None and not isinstance(failure, StopRequested | CaptureError)
 
 
-_ARMED: list[str] = []  # reasons of the contexts that the program is in
+_ARMED: list[str] = []  # reasons of the active contexts
 
 
 @contextmanager
 def armed(why: str) -> Iterator[None]:
-    """A context in which the runs of this program are armed, each when it starts.
+    """Arm the runs of this program within the context, each when it starts.
 
     Args:
         why: the reason, for the log.
@@ -260,7 +260,7 @@ def armed(why: str) -> Iterator[None]:
 
 
 def arming() -> str:
-    """Why the runs of this program are armed; "" if they are not."""
+    """Return the reason for which the runs of this program are armed; "" if they are not."""
     return _ARMED[-1] if _ARMED else ""
 
 
@@ -268,8 +268,11 @@ _INTERLOCKS: WeakKeyDictionary[Any, Interlock] = WeakKeyDictionary()
 
 
 def interlock_of(rig: Any) -> Any:
-    """The interlock of a rig: that of its process for a `HostedRig`, one of its own for a rig in this
-    program; None for a simulated rig in this program, which needs none."""
+    """Return the interlock of a rig.
+
+    A `HostedRig` has the interlock of its process, another rig in this program its own. A simulated rig in
+    this program needs none: None.
+    """
     hosted = getattr(rig, "interlock", None)
     if hosted is not None:
         return hosted
@@ -277,17 +280,18 @@ def interlock_of(rig: Any) -> Any:
         return None
     try:
         return _INTERLOCKS.setdefault(rig, Interlock())
-    except TypeError:  # somebody's rig that cannot be a key
+    except TypeError:  # a user's own rig that cannot be a key
         return Interlock()
 
 
 @contextmanager
 def enabled(rig: Any, drive: bool) -> Iterator[Callable[[BaseException | None], None]]:
-    """A context for one run of a rig in this program; gives what is to be called with what ended the run.
+    """Check the interlock for one run of a rig in this program; yield a function that takes the error at its
+    end.
 
     Args:
-        rig: in this program; one that watches itself in its own process is passed over.
-        drive: whether anything but 0 V is put out.
+        rig: a rig in this program; a rig that is supervised in its own process is not checked here.
+        drive: True if anything but 0 V is put out.
 
     Raises:
         InterlockError: the run may not start.
@@ -314,7 +318,7 @@ def enabled(rig: Any, drive: bool) -> Iterator[Callable[[BaseException | None], 
 
 
 class HostedInterlock:
-    """The interlock of a rig in a process of its own; see `Interlock`.
+    """Interlock of a rig in its own process; see `Interlock`.
 
     Args:
         ask: `Link.ask` of a connection to that process.
@@ -324,11 +328,11 @@ class HostedInterlock:
         self._ask = ask
 
     def arm(self, who: str, why: str) -> None:
-        """Enable the output, until this connection ends at the latest."""
+        """Enable the output, at most until this connection ends."""
         self._ask("arm", who=who, why=why)
 
     def disarm(self, who: str, why: str) -> None:
-        """Take the enabling back; a run that goes on is stopped."""
+        """Disable the output. An active run is stopped."""
         self._ask("disarm", who=who, why=why)
 
     def acknowledge(self, who: str, why: str) -> None:
@@ -336,9 +340,9 @@ class HostedInterlock:
         self._ask("acknowledge", who=who, why=why)
 
     def permit(self, name: str, given: bool, who: str, why: str) -> None:
-        """Give or withdraw a permit; a run that goes on is stopped where it is withdrawn."""
+        """Give or withdraw a permit. Withdrawing it stops an active run."""
         self._ask("permit", name=name, given=given, who=who, why=why)
 
     def state(self) -> Mapping[str, Any]:
-        """The state with all that led to it."""
+        """Return the state with its causes."""
         return self._ask("state")[0]["interlock"]

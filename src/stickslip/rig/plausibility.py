@@ -1,12 +1,12 @@
-"""Plausibility of the position that a closed loop acts on: what its drive explains, and what it does not.
+"""Plausibility of the position that a closed loop acts on: which changes its drive explains.
 
-While the contact sticks, the end-effector follows the drive u with the stroke per volt g, so x - g u stands
-still. Only a fast change of the drive makes the contact slide, and then against the change: a fall of the
-voltage by A moves x - g u forward, by g A and a half at most. Everything else that a reading does is not
-motion, whatever it looks like: a jump, a drift, the wrong sign, a loose cable, a sensor that stands still.
+While the contact sticks, the end-effector follows the drive u with the stroke per volt g, and x - g u stays
+constant. Only a fast change of the drive makes the contact slide, and in the opposite direction: a fall of
+the voltage by A moves x - g u forward, by 1.5 g A at most. Any other change of a reading is not motion: a
+jump, a drift, the wrong sign, a loose cable, a constant reading.
 
-A sensor that drifts more slowly than steps go cannot be distinguished from motion while the loop walks. While
-the target stands still, the steps that the loop makes are counted, and end it.
+A sensor that drifts more slowly than the steps cannot be distinguished from motion while the loop walks.
+While the target is constant, the steps of the loop are counted, and too many of them end the run.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from ..quantities.units import with_prefix
 from .limits import LimitError, Limits
 from .protocols import Capabilities
 
-SLIDE = 1.5  # greatest slide at a change of the drive, over what the stage moves by with it
-EDGE_TIME = 0.5e-3  # s within which the drive changes when a step slips
-STEPS_JUDGED = 5  # steps over which the measured way is compared with the expected one
-STEEP = 0.2  # least share of a step's edge within `EDGE_TIME`
-STEP_DOUBT = 0.5  # share by which steps may be shorter than expected, for end stops that count steps
-REACHED = 0.25  # share of `apart` within which a target counts as reached
-LEAST_WAY = 0.1  # share of the expected way of several steps, below which they led nowhere
+SLIDE = 1.5  # greatest slide at a change of the drive, relative to the stage motion that the change causes
+EDGE_TIME = 0.5e-3  # s, duration of the drive's change in a slipping step
+STEPS_JUDGED = 5  # steps over which measured and expected displacement are compared
+STEEP = 0.2  # least fraction of a step's edge within `EDGE_TIME`
+STEP_DOUBT = 0.5  # fraction by which steps may be shorter than expected, for end stops by step count
+REACHED = 0.25  # fraction of `apart` within which a target counts as reached
+LEAST_WAY = 0.1  # least measured fraction of the expected displacement of several steps
 _INNER, _DEEPEST = ("controller", "mover"), 10
 _INF = math.inf
 
 
 @record
 class Plausibility(NamedTuple):
-    """Thresholds beyond which a closed loop does not believe the position that it is shown, and stops.
+    """Thresholds beyond which a closed loop rejects the measured position and stops.
 
-    With a `gain` of 0 nothing is known of the actuator: then only `speed` is watched, and the output at its
-    limit. `control.plausibility` gives the thresholds of a model. `inf` switches a threshold off.
+    With a `gain` of 0 the actuator is unknown: then only `speed` and the output at its limit are checked.
+    `control.plausibility` gives the thresholds of a model. `inf` switches a threshold off.
     """
 
     gain: Annotated[float, Quantity("m/V", "C", "stroke per volt; 0: not known", minimum=0)] = 0.0
@@ -69,9 +69,9 @@ class Plausibility(NamedTuple):
 
 
 def plausibility_of(controller: object) -> Plausibility:
-    """Return what a controller, or what it holds, says of itself; else thresholds that need no model."""
+    """Return the thresholds of a controller, or of one nested in it; else thresholds that need no model."""
     one = controller
-    for _ in range(_DEEPEST):  # what holds itself has no end
+    for _ in range(_DEEPEST):  # ends even for a controller that contains itself
         own = getattr(one, "plausibility", None)
         if isinstance(own, Plausibility):
             return own
@@ -80,13 +80,13 @@ def plausibility_of(controller: object) -> Plausibility:
 
 
 class Plausible:
-    """The positions of one run against its drive, update by update.
+    """Check of the positions of one run against its drive, update by update.
 
     Args:
         policy: thresholds.
-        limits: with the end stops that count steps, too.
-        can: of the rig.
-        unit: of positions, m or rad.
+        limits: limits of the output, and end stops, which are also checked by step count.
+        can: capabilities of the rig.
+        unit: unit of positions, m or rad.
     """
 
     def __init__(self, policy: Plausibility, limits: Limits, can: Capabilities, unit: str) -> None:
@@ -108,24 +108,27 @@ class Plausible:
         self._last, self._u = x, u
         self._old = [u] * len(self._old)
         self._at = self._limited = self._ticks = 0
-        # Least and greatest drive of two windows, one after the other, each as long as the settling takes.
+        # Least and greatest drive in two consecutive windows, each as long as the settling time.
         self._now = self._before = (u, u)
         self._span = (u, u)  # since the anchor
         s = x - self._policy.gain * u
         self._low_s = self._high_s = self._mark = s
         self._falls = self._rises = 0.0
-        self._edge: float | None = None  # the drive before a fast change that goes on, and its greatest
-        self._steep = 0.0  # part within `EDGE_TIME`
+        self._edge: float | None = None  # the drive before the current fast change
+        self._steep = 0.0  # steepest part of that change within `EDGE_TIME`
         self._quiet, self._slid = self._calm + 1, False
         self._expected = self._measured = self._pending = self._judged = 0.0
         self._base, self._base_u, self._base_goal, self._ahead, self._net = x, u, goal, 0.0, 0
         self._there = False
         self._seen = (x, x), (x, x)  # least and greatest position in two windows
-        self._second: float | None = None  # how far the second sensor is from the first at the begin
+        self._second: float | None = None  # initial difference of the second sensor from the first
 
     def sees(self, x: float, u: float, goal: float, second: float | None = None) -> None:
-        """A position [m], after the voltage [V] was put out, for a target [m], and the position by a second
-        sensor; raises LimitError where they are not plausible."""
+        """Check a position [m] after the voltage [V] was put out, for a target [m], and a second sensor's
+        position.
+
+        Raises LimitError if they are not plausible.
+        """
         if not self._begun:
             self._begin(x, u, goal)
         policy = self._policy
@@ -137,7 +140,7 @@ class Plausible:
             )
         self._last = x
         self._ticks += 1
-        if self._ticks > self._calm:  # the windows move on
+        if self._ticks > self._calm:  # start the next window
             self._ticks, self._before, self._now = 1, self._now, (u, u)
             self._seen = self._seen[1], (x, x)
         self._at_limit(x, u, goal)
@@ -154,14 +157,14 @@ class Plausible:
         self._at = at + 1 if at + 1 < len(self._old) else 0
         fast = u - old
         if fast > self._fast or fast < -self._fast:
-            if self._quiet > self._calm:  # what was before this change is known well
+            if self._quiet > self._calm:  # settled before this change
                 self._collapse(x)
-            if self._edge is not None and fast * self._steep < 0.0:  # it turns
+            if self._edge is not None and fast * self._steep < 0.0:  # the change reverses
                 self._step(old - self._edge)
                 self._edge = None
             if self._edge is None:
                 self._edge, self._steep, change = old, fast, fast
-                mark, self._mark = self._mark, x - gain * old  # where it sticks before this change
+                mark, self._mark = self._mark, x - gain * old  # sticking position before this change
                 if self._pending:
                     self._judge(self._mark - mark)
             elif abs(fast) > abs(self._steep):
@@ -197,7 +200,7 @@ class Plausible:
             )
 
     def _collapse(self, x: float) -> None:
-        """The slide of the last changes is known now: it counts from here."""
+        """Restart the bounds of the slide from the present position, which is now settled."""
         gain = self._policy.gain
         low, high = min(self._now[0], self._before[0]), max(self._now[1], self._before[1])
         self._low_s, self._high_s = x - gain * high, x - gain * low
@@ -205,7 +208,7 @@ class Plausible:
         self._falls = self._rises = 0.0
 
     def _step(self, change: float) -> None:
-        """The drive has changed by so much [V] at once."""
+        """Count a fast change of the drive [V] as a step, if it is large and steep enough."""
         policy = self._policy
         beyond = abs(change) - policy.edge
         if beyond <= 0.0 or abs(self._steep) < STEEP * abs(change):
@@ -230,7 +233,7 @@ class Plausible:
             )
 
     def _targeted(self, x: float, u: float, goal: float) -> None:
-        """Steps and ways while the target stands still, and the end stops that count steps."""
+        """Check the steps and displacements at a constant target, and the end stops by step count."""
         policy, limits = self._policy, self._limits
         if abs(goal - self._base_goal) > self._stroke:
             self._base, self._base_u, self._base_goal = x, u, goal
@@ -272,7 +275,7 @@ class Plausible:
             )
 
     def _compare(self, x: float, second: float) -> None:
-        """The second sensor must have seen what the first shows within the time that both settle in."""
+        """Compare the sensors: the second must agree with the first within the settling time of both."""
         if self._second is None:
             self._second = second - x
         other = second - self._second

@@ -51,7 +51,7 @@ _OF_PERMIT = ("input", "minimum", "maximum", "reason")
 
 
 class InputPermit(NamedTuple):
-    """Permit from an input of the rig, given while its reading is within `minimum` and `maximum` (its unit)."""
+    """Permit from an input, given while its reading is within `minimum` and `maximum` (its unit)."""
 
     input: str
     minimum: float | str | None = None

@@ -1,7 +1,7 @@
-"""Updates of a closed loop: read, keep within the limits, ask the controller, put out.
+"""Updates of a closed loop: read, check the limits, ask the controller, put out.
 
-The loop around a rig is a rig itself: its samples come in blocks, and whoever records, watches or stops it
-does so as with any other, in this process or in the one that owns the rig.
+The loop around a rig is a rig itself. Its samples come in blocks, and it is recorded, watched and stopped
+like any other rig, in this process or in the process that owns the rig.
 """
 
 from __future__ import annotations
@@ -20,36 +20,38 @@ from .limits import LimitError, Limits, beyond
 from .plausibility import Plausibility, Plausible, plausibility_of
 from .protocols import Array, Capabilities, Controller, RigError, StreamingRig, check_rate
 
-# What the loop adds to the inputs of its rig: where the end-effector is from home, where it should be, and
-# what the controller asked for.
+# Inputs that the loop adds to the inputs of its rig: position from home, target, and the controller's
+# request.
 AT, WANTED, ASKED = "loop.position", "loop.target", "loop.asked"
 OWN = (AT, WANTED, ASKED)
 STATISTICS = ("limited_updates", "slowest_step", "mean_step", "late_updates")
-_BLOCK = 0.005  # s of updates per `fetch`: a stop waits for no more
+_BLOCK = 0.005  # s of updates per `fetch`: the longest delay of a stop
 
 
 def looped(can: Capabilities, unit: str) -> Capabilities:
-    """What a loop around such a rig can record; `unit` is that of positions."""
+    """Return the capabilities of a loop around this rig; `unit` is the unit of positions."""
     return can._replace(inputs={**can.inputs, AT: unit, WANTED: unit, ASKED: "V"})
 
 
 class LoopRig:
-    """A rig in a closed loop; see `protocols.Rig`. What is loaded are targets, m (rad) from home.
+    """A rig in a closed loop; see `protocols.Rig`. The loaded values are targets, m (rad) from home.
 
     Args:
-        rig: what puts out and reads.
-        controller: what has `step(measured, target, tick)`; one with an attribute `done` ends the run when
-            that is true, one with an attribute `target` says itself where the end-effector should be.
-        position: the input that is controlled.
-        home: from where positions count.
-        limits: what the output may not pass.
-        plausibility: what is believed of the position; by default what the controller says of itself.
-        second: another input that shows the same position, to be compared with it.
+        rig: puts out and reads.
+        controller: has `step(measured, target, tick)`. A true attribute `done` ends the run; an attribute
+            `target` replaces the loaded target.
+        position: the controlled input.
+        home: origin of positions.
+        limits: limits of the output and the position.
+        plausibility: thresholds for the position; by default the controller's own.
+        second: another input that shows the same position, for comparison.
 
     Attributes:
-        count: updates so far; `heard`: when something was last heard, `time.monotonic`; `answering`: whether
-            the controller is being asked; `begun`: whether the rig has started, which may take some time;
-            `ended`: whether the run is over.
+        count: number of updates so far.
+        heard: time of the last answer of rig or controller, `time.monotonic`.
+        answering: True while the controller computes.
+        begun: True once the rig has started, which may take some time.
+        ended: True when the run is over.
     """
 
     def __init__(
@@ -76,9 +78,9 @@ class LoopRig:
         self._targets: list[float] = [0.0]
         self._inputs: tuple[str, ...] = ()
         self._samples = 0
-        self._rows: list[list[float]] = []  # of the block that is being made
+        self._rows: list[list[float]] = []  # rows of the current block
         self._failure: BaseException | None = None
-        self._left = False  # whether it was stopped
+        self._left = False  # True after a stop
         self._given = 0.0
         self.count = 0
         self.heard = time.monotonic()
@@ -88,23 +90,23 @@ class LoopRig:
 
     @property
     def origin(self) -> float:
-        """That of the rig."""
+        """Offset of the rig's position readings."""
         return getattr(self.rig, "origin", 0.0)
 
     def load(self, volts: Array) -> None:
-        """Take the targets [n]; the last one is held."""
+        """Load the targets [n]. The last target stays."""
         self._targets = volts.tolist()
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs, so many updates at most."""
+        """Record these inputs, for `samples` updates at most."""
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Begin at 0 V."""
+        """Start at 0 V."""
         name, second = self._position.name, self._second
         first = (name,) if second is None or second.name == name else (name, second.name)
         own = [one for one in self._inputs if one not in OWN and one not in first]
-        read = (*first, *own)  # the position is the first reading, the second sensor's the next
+        read = (*first, *own)  # the position is the first reading, the second sensor the next
         self._picks = [list(OWN).index(one) - 3 if one in OWN else read.index(one) for one in self._inputs]
         self._read = read
         self._readings = self.rig.begin(read)
@@ -115,8 +117,8 @@ class LoopRig:
         self.heard, self.begun = time.monotonic(), True
 
     def fetch(self) -> Array:
-        """The next updates [inputs, n]. What ends the run before its time is raised when what was before it
-        has been handed out."""
+        """Return the next updates [inputs, n]. An error is raised only after all earlier updates were
+        returned."""
         if self._failure is not None:
             raise self._failure
         count = max(1, round(_BLOCK * self.capabilities.sample_rate))
@@ -129,17 +131,18 @@ class LoopRig:
         return self.rest()
 
     def rest(self) -> Array:
-        """What was recorded and not handed out yet [inputs, n]."""
+        """Return the recorded updates that were not returned yet [inputs, n]."""
         rows, self._rows = self._rows, []
         return np.array(rows, dtype=float).reshape(-1, len(self._inputs)).T
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V; a controller that answers later finds nothing that runs."""
+        """Ramp to 0 V. A later answer of the controller is ignored."""
         self._left = True
         self.rig.stop(slew)
 
     def said(self) -> dict[str, Any]:
-        """How it goes, as JSON: the updates, and what the controller's `told()` gives, if it has that."""
+        """Return statistics of the updates, and what the controller's `told()` gives, if present, as JSON
+        data."""
         told = getattr(self.controller, "told", None)
         mean = self._total / max(self.count, 1)
         found = (self._guard.limited, self._slowest, mean, int(self._late))
@@ -196,7 +199,7 @@ class LoopRig:
             self._readings, self._given = readings, given
 
     def _other(self, readings: list[float]) -> float:
-        """What the second sensor shows, through its calibrations."""
+        """Return the position of the second sensor, through its calibrations."""
         assert self._second is not None
         raw = np.array(readings[1:2] if self._second.name != self._position.name else readings[:1])
         return float(calibrated(raw, self._second.calibration)[0])
@@ -208,7 +211,7 @@ class LoopRig:
 
 
 class _Guard:
-    """The limits, update by update."""
+    """Check of the limits at each update."""
 
     def __init__(self, limits: Limits, can: Capabilities, unit: str) -> None:
         self._unit = unit
@@ -218,11 +221,11 @@ class _Guard:
         self._limits = limits
         self._patience = max(limits.frozen * can.sample_rate, 2.0)
         self._last, self._same = math.nan, 0
-        self._least = self._greatest = 0.0  # of the drive since the reading changed
+        self._least = self._greatest = 0.0  # of the drive since the last change of the reading
         self.limited = 0
 
     def sees(self, reading: float, measured: float, given: float) -> None:
-        """A reading and the position of it, after a voltage was put out; raises LimitError."""
+        """Check a reading and its position after a voltage was put out. Raises LimitError."""
         limits = self._limits
         for limit, sign in ((limits.min_position, -1), (limits.max_position, 1)):
             if sign * (measured - limit) > 0.0:
@@ -239,7 +242,8 @@ class _Guard:
             )
 
     def allowed(self, wish: float, given: float, tick: int) -> float:
-        """Return what may be put out of a wish [V] after `given`; raises LimitError for no number."""
+        """Return the request [V], limited in range and in change from `given`. LimitError if it is not
+        finite."""
         if not isinstance(wish, float | int) or not math.isfinite(wish):
             raise LimitError(f"the controller asked for {wish!r} V at update {tick}: stopped")
         found = min(max(wish, self._low, given - self._most), self._high, given + self._most)

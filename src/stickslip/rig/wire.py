@@ -1,23 +1,23 @@
-"""Protocol between the rig's process and its clients: JSON and numbers over a socket of this machine.
+"""Protocol between the rig's process and its clients: JSON and numbers over a local socket.
 
-A message is the length of its head (4 bytes, lowest first), the head, JSON with the shape of what follows as
-"shape", and that many float64. Every request has one answer; an answer with "error" says what is wrong, and
-"kind" of which class it is.
+A message is the length of its head (4 bytes, little-endian), the head and an array of float64. The head is
+JSON and gives the shape of the array as "shape". Every request has one answer. An answer with "error" is an
+error message, with the name of its class as "kind".
 
 | request | with | answer |
 |---|---|---|
-| hello | token, name, pid | who is there |
-| open | device, see `devices`; again: in the same recording | capabilities; or who holds the rig |
+| hello | token, name, pid | number of the process |
+| open | device, see `devices`; again: in the same recording | capabilities; an error names the holder |
 | close | | the rig is free |
-| run | limits, inputs, samples, rest, position, keep (see `samples`); the drive [V] | begins |
-| | and controller (see `protocols.ControllerSpec`), for a closed loop; targets [m] | begins |
-| command | what, to the controller of that loop | it has taken it, or refused it |
+| run | limits, inputs, samples, rest, position, keep (see `samples`); the drive [V] | started |
+| | and controller (see `protocols.ControllerSpec`), for a closed loop; targets [m] | started |
+| command | what, to the controller of that loop | accepted, or refused |
 | fetch | wait [s] | phase, position, began [m], ramp_after [s], loop; the next samples [inputs, n] |
-| stop | why | whether a run was going on; from any client |
-| home_here | input, calibration, slew | calls the present position home |
+| stop | why; from any client | whether a run was active |
+| home_here | input, calibration, slew | the present position is home |
 | state | | phase, position, holder |
 
-A client that runs something and does not fetch for `Limits.watchdog`, or goes, has its run stopped.
+The run of a client that does not fetch for `Limits.watchdog`, or disconnects, is stopped.
 """
 
 from __future__ import annotations
@@ -37,30 +37,31 @@ LARGEST_ARRAY = 60_000_000  # numbers
 
 
 class WireError(OSError):
-    """What came is no message."""
+    """The received data are not a message."""
 
 
 def send(link: socket.socket, head: dict[str, Any], values: Array | None = None) -> None:
-    """Send a message; errors of `text_of` come before anything is sent."""
+    """Send a message. Errors of `text_of` are raised before anything is sent."""
     array = np.zeros(0) if values is None else np.ascontiguousarray(values, dtype="<f8")
     text = text_of({**head, "shape": array.shape}).encode()
     link.sendall(struct.pack("<I", len(text)) + text + array.tobytes())
 
 
 def text_of(head: dict[str, Any]) -> str:
-    """As JSON, numbers of NumPy as Python's; TypeError for what it does not know, ValueError for circles."""
+    """Return the JSON text, with NumPy numbers as Python's. TypeError for unknown types, ValueError for
+    cycles."""
     return json.dumps(head, default=_plain)
 
 
 def _plain(value: object) -> object:
-    """A number of NumPy as Python's; TypeError for all else that JSON does not know."""
+    """Return a NumPy number as Python's. TypeError for other types that JSON does not support."""
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"{value!r:.60} is no text, number or list")
 
 
 def receive(link: socket.socket) -> tuple[dict[str, Any], Array]:
-    """The next message; EOFError where the other side has gone, WireError for what is none."""
+    """Return the next message. EOFError if the other side has gone, WireError if it is not a message."""
     (length,) = struct.unpack("<I", _exactly(link, 4))
     if length > LARGEST_HEAD:
         raise WireError(f"a head of {length} bytes")
