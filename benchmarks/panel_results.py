@@ -12,56 +12,72 @@ from typing import Any
 FOLDER = Path(__file__).parents[1] / "docs" / "benchmarks"
 JSON, PAGE = FOLDER / "panel.json", FOLDER / "panel.md"
 
-HEAD = """# The panel: first paint, first minute, stream, sliders
+HEAD = """# Response times of the panel
 
-A real server and a real browser (headless Chromium without a graphics card, 1280 x 720) on the same machine.
-No test depends on any of these times; the tests show that what is timed here works.
+A server and a browser (headless Chromium without a graphics card, 1280 x 720) share one machine. All figures:
+[panel.json](panel.json).
 """
+# Title, description, and the rows that the page shows; panel.json keeps all of them.
 ABOUT = {
     "minute": (
         "The first minute",
-        "`python -m benchmarks.panel_minute`: a page is opened, Start pressed as soon as it is there, "
-        "the walk watched to its end (4 s of it are the walk), Identify opened, Start fit pressed. "
-        "The emergency stop is timed from the key press in the browser to the instant at which the "
-        "rig is told to ramp to 0 V, by the clock of the machine that both are on; up to 50 ms of it "
-        "are the rig's block.",
+        "`python -m benchmarks.panel_minute`: open a page, start a walk of 4 s, wait for its end, open "
+        "Identify, start a fit. The emergency stop is timed from the key press to the rig's command to "
+        "ramp; up to 50 ms are one block of the rig.",
+        (
+            "from the command to the page's opening",
+            "first paint after the page was opened",
+            "it is identified, verified and reported",
+            "emergency stop, from the key to the begin of the ramp",
+        ),
     ),
     "streaming": (
         "The stream",
-        "`python -m benchmarks.panel_streaming`: signals of 20 kHz on three channels at 20 times real "
-        "time, watched by clients of another process. The slope of the server's memory is that of a "
-        "straight line through the second half.",
+        "`python -m benchmarks.panel_streaming`: three channels of 20 kHz at 20 times real time, watched by "
+        "clients of another process.",
+        ("signal", "clients", "slope of the second half"),
     ),
     "hour": (
         "An hour with 200 connections",
-        "`python -m benchmarks.panel_hour --keep`: `stickslip panel` with the virtual rig in real time, 20 "
-        "kHz on three channels; runs are begun and stopped at random instants. Minute by minute in turn "
-        "nothing else is done, recordings are read (one after the other, and the history listed), a fit "
-        "runs, or both. A stop is timed from before its request is sent: the whole way there and back over "
-        "HTTP, and from its arrival to the begin of the ramp. A frame is a block of the running traces that "
-        "reaches a page. Panel, rig, fits and all clients share the machine.",
+        "`python -m benchmarks.panel_hour --keep`: the virtual rig in real time, three channels of 20 kHz, "
+        "runs started and stopped at random instants. In turn nothing else happens, recordings are read, a "
+        "fit runs, or both. A stop is timed from its request to the start of the ramp. A frame is a block "
+        "of traces that reaches a page.",
+        (
+            "connections",
+            "stop, nothing else",
+            "stop, files and a fit",
+            "frames, files and a fit",
+            "memory of the panel",
+            "on a busy machine",
+        ),
     ),
     "stops": (
         "Stops while the panel is busy",
-        "`python -m benchmarks.panel_stops --keep`: `stickslip panel` with the virtual rig in real time, "
-        "watched by 20 pages. In turn nothing else is done, recordings are read and uploaded, a fit runs, or "
-        "all of it. A stop comes at a random instant, by the button (HTTP) or the key (the page's stream). "
-        "Its time is from before it is sent to the instant at which the rig is told to ramp. The request "
-        "goes to the rig's process before the panel does anything else, by a connection of its own. What is "
-        "left is the machine: how soon the two processes are woken. The aim, below 50 ms in 99.9 %, is not "
-        "reached on a machine of two processors whose load is above ten.",
+        "`python -m benchmarks.panel_stops --keep`: the virtual rig in real time, watched by 20 pages, "
+        "while recordings are read and uploaded and fits run. A stop comes at a random instant, by the "
+        "button (HTTP) or the key (the page's stream), and goes to the rig's process by a connection of its "
+        "own. It is timed from its request to the rig's command to ramp. The aim, below 50 ms in 99.9 %, is "
+        "not reached on two processors whose load is above ten.",
+        (
+            "ramp, all",
+            "the page is told that it stops",
+            "ramp, at a load of at most 13",
+            "ramp, at a load above 19",
+            "load",
+        ),
     ),
     "explore": (
         "The sliders of Explore",
-        "`python -m benchmarks.panel_explore`: a slider is moved in every frame; a picture is a frame "
-        "with new curves of an experiment of 1 s. Processor time is that of all processes, server and "
-        "browser.",
+        "`python -m benchmarks.panel_explore`: a slider moves in every frame. A picture is a frame with new "
+        "curves of an experiment of 1 s. Processor time is that of server and browser.",
+        ("Amplitude", "Bristle stiffness", "Mass of the end-effector"),
     ),
 }
 
 
 def record(section: str, rows: list[tuple[str, str]], numbers: dict[str, Any]) -> None:
-    """Keep the figures of a benchmark, and write the page anew.
+    """Keep the figures of a benchmark, and write the page again.
 
     Args:
         section: one of `ABOUT`, with a word for the circumstances behind a colon where there are several.
@@ -80,13 +96,13 @@ def record(section: str, rows: list[tuple[str, str]], numbers: dict[str, Any]) -
 
 
 def write_page(kept: dict[str, Any]) -> None:
-    """panel.md of what panel.json holds."""
+    """Write panel.md from the contents of panel.json."""
     parts = [HEAD]
     for name, found in kept.items():
         key, _, word = name.partition(":")
-        title, about = ABOUT[key]
+        title, about, shown = ABOUT[key]
         heading = f"## {title}, {word.strip()}" if word else f"## {title}"
         parts += [f"{heading}\n\n{textwrap.fill(about, 118)}\n", f"Measured: {found['machine']}.\n"]
-        lines = [f"| {what} | {figure} |" for what, figure in found["rows"]]
+        lines = [f"| {what} | {figure} |" for what, figure in found["rows"] if what in shown]
         parts.append("\n".join(["| | |", "|---|---|", *lines]) + "\n")
     PAGE.write_text("\n".join(parts), encoding="utf-8")

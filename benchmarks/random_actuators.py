@@ -368,8 +368,8 @@ def page(chosen: list[Member], seed: int, truth: Truths, found: dict[int, Found]
             f"# Random {what}",
             f"`python -m benchmarks.random_{what} {len(chosen)} --seed {seed}`: random plausible actuators, "
             f"{of}. {PERIODS} periods of the drive are compared at {SAMPLES} times with an oracle that "
-            f"shares no code with the package (`benchmarks/oracle{'_piezo' * of_piezo}.py`). Errors are the largest "
-            f"over the times, in tolerances of {TOLERANCE * 1e9:g} nm.",
+            f"shares no code with the package (`benchmarks/oracle{'_piezo' * of_piezo}.py`). Errors are the "
+            f"largest over the times, in tolerances of {TOLERANCE * 1e9:g} nm.",
             f"{len(pairs)} of {len(chosen)} members are compared. For {left - unsolved} others the two "
             f"solutions of the oracle differ by more than {WELL_KNOWN * 1e9:g} nm; {unsolved} it could not "
             "solve twice.",
