@@ -1,4 +1,4 @@
-"""Who asks: the page, the address and the role of the request that is being answered."""
+"""The page, the address and the role behind the request that is being answered."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from typing import NamedTuple
 
 
 class Asker(NamedTuple):
-    """The page by what others know it by, its address, and the role of its token (see `roles`)."""
+    """Sender of a request: the public name of its page, its address, and the role of its token (see
+    `roles`).
+    """
 
     page: str = ""
     address: str = ""
     role: str = "maintain"
 
     def named(self, operator: str) -> str:
-        """The operator, with page and role."""
+        """Return the operator's name with the page and the role."""
         if not self.address:
             return operator or "the panel"
         who = f"page {self.page[:6]}, may {self.role}" if self.page else f"may {self.role}"
@@ -29,7 +31,7 @@ _NOW: ContextVar[Asker] = ContextVar("asker", default=Asker())  # noqa: B039  # 
 
 @contextmanager
 def asked_by(asker: Asker) -> Iterator[None]:
-    """A context in which a request is answered."""
+    """Set the asker while a request is answered."""
     before = _NOW.set(asker)
     try:
         yield
@@ -38,10 +40,10 @@ def asked_by(asker: Asker) -> Iterator[None]:
 
 
 def asking() -> Asker:
-    """Who asks now; nobody outside of requests."""
+    """Return the asker of the current request; an empty asker outside of requests."""
     return _NOW.get()
 
 
 def shown(identity: str) -> str:
-    """What others know a page by; "" for nobody."""
+    """Return the public name of a page, a hash of its secret; "" without a secret."""
     return hashlib.sha256(identity.encode()).hexdigest()[:16] if identity else ""

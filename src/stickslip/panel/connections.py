@@ -1,4 +1,4 @@
-"""Connections of the panel's server: bounded in number, and in how long they may say nothing."""
+"""Connections of the panel's server, limited in number and in idle time."""
 
 from __future__ import annotations
 
@@ -10,20 +10,23 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MOST_CONNECTIONS = 400
-PATIENCE = 10.0  # s in which a request must be there, from its first byte to the last of its head
-_BODY = 6  # times as long for the rest of it, and for the answer to be taken
+PATIENCE = 10.0  # s from the first byte of a request to the end of its head
+_BODY = 6  # times `PATIENCE` for the rest of the request, and for the client to read the answer
 
 
 class BoundedConnection(H11Protocol):
-    """HTTP as uvicorn speaks it. Who says nothing, or half a request, is let go; and at once where somebody
-    else wants the place."""
+    """HTTP connection of uvicorn with limits.
+
+    A connection is closed if it stays silent or sends only half a request. If too many are open, the oldest
+    idle one is closed at once.
+    """
 
     _timer: TimerHandle | None = None
     _served: Any = None  # the request at the last look
     _looks = 0
 
     def connection_made(self, transport: Any) -> None:
-        """A client is there."""
+        """Start the timer of a new connection; close the oldest idle one if there are too many."""
         super().connection_made(transport)
         self.since = self.loop.time()
         if len(self.connections) > MOST_CONNECTIONS:
@@ -33,23 +36,23 @@ class BoundedConnection(H11Protocol):
         self._timer = self.loop.call_later(PATIENCE, self._look)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client is gone."""
+        """Stop the timer."""
         if self._timer is not None:
             self._timer.cancel()
         super().connection_lost(exc)
 
     @property
     def idle(self) -> bool:
-        """Whether no request is being answered."""
+        """True if no request is being answered."""
         return self.cycle is None or self.cycle.response_complete
 
     @property
     def _waits_for_the_server(self) -> bool:
-        """All of a request is there, and nothing of its answer: a busy machine may take minutes for it."""
+        """True if the request is complete and its answer has not started: a busy machine may need minutes."""
         return self.cycle is not None and not self.cycle.more_body and not self.cycle.response_started
 
     def _look(self) -> None:
-        if self.transport.is_closing() or self.transport.get_protocol() is not self:  # it is a stream now
+        if self.transport.is_closing() or self.transport.get_protocol() is not self:  # it is a WebSocket now
             return
         waited = self.cycle is self._served and not self._waits_for_the_server
         self._looks = self._looks + 1 if waited else 0
@@ -61,7 +64,7 @@ class BoundedConnection(H11Protocol):
 
 
 def server_config(app: Any) -> uvicorn.Config:
-    """How the panel is served."""
+    """Return uvicorn's settings for the panel."""
     made = uvicorn.Config(
         app,
         http=BoundedConnection,
@@ -76,6 +79,8 @@ def server_config(app: Any) -> uvicorn.Config:
 
 
 def _no_cancelled(record: logging.LogRecord) -> bool:
-    """Whether it is no request that was given up at the end, whose trace of the server's calls tells nobody
-    anything; that some were is a line of its own."""
+    """Return False for the traceback of a request that was cancelled at shutdown.
+
+    Uvicorn logs the number of cancelled requests in a line of its own.
+    """
     return not (record.exc_info and isinstance(record.exc_info[1], CancelledError))

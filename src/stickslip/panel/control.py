@@ -1,7 +1,6 @@
-"""Control of the rig: one page holds it; the others watch, and may ask for it. Anybody may stop the rig.
+"""Control of the rig: one page has it; the others watch, and may ask for it. Anybody may stop the rig.
 
-A page is known by a secret of its own, which only itself and the server have; others know it by what `shown`
-makes of that.
+Each page has a secret, known only to the page and the server. Other pages know its hash, see `shown`.
 """
 
 from __future__ import annotations
@@ -14,19 +13,19 @@ from collections.abc import Callable
 from .asking import shown
 from .stream import Client, Hub, Message
 
-PATIENCE = 10.0  # s that a page which is gone keeps control: it may be loading anew
+PATIENCE = 10.0  # s that a lost page keeps control: it may be reloading
 
 
 class ControlError(ValueError):
-    """Somebody else holds control."""
+    """Another page has control."""
 
 
 class Control:
-    """The holder of control, "" for nobody; pages are told of every change."""
+    """Holder of control ("" for nobody). Every change is sent to all pages."""
 
     def __init__(self, hub: Hub, clock: Callable[[], float] = time.monotonic) -> None:
         self.holder = self.asking = ""
-        self.gone: list[Callable[[], None]] = []  # called when the page that held it does not come back
+        self.gone: list[Callable[[], None]] = []  # called when the page in control does not come back
         self._hub, self._clock = hub, clock
         self._seen = 0.0
         self._lock = threading.Lock()
@@ -35,7 +34,7 @@ class Control:
         hub.hears["hand_over"] = lambda client, said: self.hand_over(client)
 
     def ask(self, identity: str) -> None:
-        """Take control if nobody has it, or ask whoever does."""
+        """Take control if nobody has it; otherwise ask its holder for it."""
         with self._lock:
             if not self._free():
                 self.asking = identity if identity != self.holder else self.asking
@@ -44,14 +43,14 @@ class Control:
         self._hub.send(self._message())
 
     def hand_over(self, client: Client) -> None:
-        """Give control to who asked for it, or to nobody."""
+        """Give control to the page that asked for it, or to nobody."""
         with self._lock:
             if self.holder == client.identity:
                 self._give(self.asking)
         self._hub.send(self._message())
 
     def need(self, identity: str) -> None:
-        """Take control if nobody has it; raises ControlError where somebody else holds it."""
+        """Take control if nobody has it; raises ControlError if another page has it."""
         with self._lock:
             if not identity:
                 raise ControlError("a request must say in X-Client who makes it")
@@ -66,13 +65,13 @@ class Control:
         self.holder, self.asking, self._seen = identity, "", self._clock()
 
     def _free(self) -> bool:
-        """Whether the holder is nobody, or has been gone for too long."""
+        """Return True if nobody has control, or the holder has been gone for longer than `PATIENCE`."""
         if any(client.identity == self.holder for client in self._hub.clients):
             self._seen = self._clock()
         return not self.holder or self._clock() - self._seen > PATIENCE
 
     def watch(self) -> None:
-        """Once a second: let go of control for a page that does not come back."""
+        """Take control from a page that does not come back. Called once a second."""
         with self._lock:
             if not self.holder or not self._free():
                 return

@@ -1,4 +1,4 @@
-"""As many points as a screen can show, with every peak kept: the least and greatest value of each bucket."""
+"""Reduction of samples to as many points as a screen can show: the minimum and maximum of each bucket."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ Float32 = NDArray[np.float32]
 
 
 def extremes(values: Float32, bucket: int) -> Float32:
-    """Least and greatest of each whole bucket of so many samples [rows, n] -> [rows, 2 n // bucket].
+    """Return minimum and maximum of each whole bucket of `bucket` samples, [rows, n] -> [rows, 2 n //
+    bucket].
 
-    They alternate, the greatest first where the bucket falls: a slope then looks like one. A bucket of 1 is
-    the samples as they are.
+    The maximum comes first where the values fall within the bucket, so that a slope looks like a slope. A
+    bucket of 1 returns the samples unchanged.
     """
     rows, count = values.shape[0], values.shape[1] // bucket
     if bucket == 1:
@@ -22,15 +23,15 @@ def extremes(values: Float32, bucket: int) -> Float32:
 
 
 def window(time: NDArray[np.float64], values: Float32, points: int) -> tuple[NDArray[np.float64], Float32]:
-    """Times [m] and values [rows, m] with at most some `points` points; all samples where there are fewer.
+    """Return times [m] and values [rows, m] with about `points` points; all samples if there are fewer.
 
-    `time` [n] need not be regular. The first and the last sample stay as they are: what a curve ends at is
-    read off it. The pairs of a bucket between them stand at its first and last sample.
+    `time` [n] need not be regular. The first and the last sample are kept, because users read the end value
+    of a curve. The minimum and maximum of a bucket are placed at the times of its first and last sample.
     """
     bucket = max(1, -(-2 * (time.size - 2) // max(points - 2, 2)))
     if bucket < 3:
         return time, values
-    starts = np.arange(1, time.size - 2, bucket)  # a last sample on its own joins the bucket before
+    starts = np.arange(1, time.size - 2, bucket)  # a single last sample joins the previous bucket
     ends = np.append(starts[1:], time.size - 1)
     edges = np.stack([starts, ends - 1], axis=1)
     within = values[:, :-1]
@@ -41,6 +42,6 @@ def window(time: NDArray[np.float64], values: Float32, points: int) -> tuple[NDA
 
 
 def _paired(low: Float32, high: Float32, falling: NDArray[np.bool_]) -> Float32:
-    """Pairs of each bucket [rows, n] in the order in which they are drawn [rows, 2 n]."""
+    """Interleave the minimum and maximum of each bucket [rows, n] in drawing order [rows, 2 n]."""
     first, second = np.where(falling, high, low), np.where(falling, low, high)
     return np.stack([first, second], axis=2).reshape(low.shape[0], -1)

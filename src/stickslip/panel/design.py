@@ -1,4 +1,6 @@
-"""Routes of the Design page: maps, searches, fronts, motions; a drive to the bench."""
+"""Routes of the Design page: step maps, waveform searches, trade-off fronts, motions, a drive sent to the
+bench.
+"""
 
 from __future__ import annotations
 
@@ -24,23 +26,26 @@ from .journal import Journal
 from .sets import Sets
 from .stream import Hub
 
-DESIGNED = "designed"  # the run of the bench that a drive is sent as
-# s of the drive, and of rest after it; periods at least. A fast drive leaves the range of a sensor soon.
+DESIGNED = "designed"  # name of the bench's run that has the designed drive
+# s of the drive, s of rest after it, fewest periods. A fast drive soon leaves the range of a sensor.
 LENGTH, REST, FEWEST = 0.1, 0.1, 8
-_TOLD = 0.1  # s between words of progress
+_TOLD = 0.1  # s between progress messages
 
 Made = TypeVar("Made")
 
 
 class Searches:
-    """One search at a time, of which pages hear ("design"), and which can be stopped: the best until then
-    stays."""
+    """One search at a time. Pages follow its progress ("design") and can stop it; a stop keeps the best drive
+    so far.
+    """
 
     def __init__(self, hub: Hub) -> None:
         self._hub, self._busy, self._stop = hub, threading.Lock(), threading.Event()
 
     def run(self, search: Callable[[Progress], Made]) -> Made:
-        """Raises QuantityError while another goes on, or where nothing was found before the stop."""
+        """Run a search; raises QuantityError if another one is running, or if a stop came before any
+        result.
+        """
         if not self._busy.acquire(blocking=False):
             raise QuantityError("a search is going on: stop it, or let it end")
         told = -math.inf
@@ -69,9 +74,9 @@ class Searches:
 def design_routes(
     sets: Sets, searches: Searches, control: Control, journal: Journal, hub: Hub, document: BenchDocument
 ) -> APIRouter:
-    """The routes, to be included by the application.
+    """Return the routes of the page.
 
-    A wrong value is answered by status 422 with the reason as `error`.
+    A wrong value is answered with status 422 and the reason as `error`.
     """
     routes = APIRouter(prefix="/api/design")
 
@@ -139,7 +144,7 @@ def design_routes(
 
 
 def bench_run(drive: of.Drive, runs: list[dict[str, Any]]) -> dict[str, Any]:
-    """A run of the experiment with that drive, sampled as the quickest of the others is."""
+    """Return a run of the experiment with this drive, at the shortest sampling interval of the other runs."""
     waveform = of.from_lowest(drive.waveform())
     periods = max(FEWEST, math.ceil(LENGTH / waveform.period))
     fields = of.described(waveform)["fields"] | {"periods": periods}

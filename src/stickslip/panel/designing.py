@@ -1,4 +1,6 @@
-"""Answers to the Design page: a map of the step, drives, their motion, what a recording of one tells."""
+"""Answers to the Design page: step map, waveform search, trade-off front, motion, information in a
+recording.
+"""
 
 from __future__ import annotations
 
@@ -26,18 +28,18 @@ from .sliders import Slider, shown, sized
 
 Array = NDArray[np.float64]
 
-# Points of a map, along voltage and frequency; m, on the step of each.
+# Points of a map along voltage and frequency; tolerance of each step, m.
 VOLTAGES, FREQUENCIES, TOLERANCE = 33, 41, 1e-9
-# Rows of a map that are computed together: on several processors, and soon enough to see the time.
+# Rows of a map that are computed together: enough for several processors, few enough to check the time.
 ROWS = 3
-MAP_SECONDS = 10.0  # s of computing for a map, five times that of the package's sets
-# Hz: where maps begin, and where they end unless the stage says it.
+MAP_SECONDS = 10.0  # s of computing for a map, five times what the package's parameter sets need
+# Hz: lowest frequency of maps, and highest one unless the stage's natural frequency gives it.
 SLOWEST, FASTEST = 5.0, 1000.0
-# s, of a recording of which it is asked what it tells; how many values of the model it may be about.
+# s: length of the recording for which half-widths are predicted.
 RECORDED = 0.4
-# Half-widths, as shares of the value, from which on it is not told.
+# Relative half-widths from here on are shown as "not identified".
 NOT_TOLD = 10.0
-# Hz, of its samples at least; of a period. Each period is sampled at other instants.
+# Lowest sampling rate, Hz; samples per period. A fraction samples each period at other phases.
 SAMPLED, PER_PERIOD = 2000.0, 20.3
 FIELDS = ("amplitude", "frequency", "rise_fraction", "offset")  # of a sawtooth
 WANTED = ("sigma_0", "sigma_1", "coulomb_force", "natural_frequency", "damping_ratio")
@@ -51,7 +53,7 @@ _UPDATE = Quantity("s", "", "update time", above=0.0, maximum=1.0)
 _POINTS = Quantity("", "", "points of a period", minimum=4.0, maximum=1e7)
 _NOISE = Quantity("m", "", "noise of a position sample", above=0.0, maximum=1e-3)
 _TYPED = dict(load=_LOAD, voltage=_VOLTAGE, spread=_SPREAD, capacitance=_CAPACITANCE, noise=_NOISE)
-# Where the page begins, and the range of its slider: of what slides.
+# Initial value and slider range of each field, for linear actuators.
 _SLIDERS = {
     "load": (0.0, Slider(-1.0, 1.0, "linear")),
     "voltage": (100.0, Slider(5.0, 150.0, "linear")),
@@ -62,7 +64,7 @@ _SLIDERS = {
 
 
 def fields(rotary: bool) -> list[dict[str, Any]]:
-    """The page's fields for what slides, or for what turns, each with the value at which it `starts`."""
+    """Return the page's fields for linear or rotary actuators, each with its initial value as `starts`."""
     return [
         shown(name, of, _SLIDERS[name][1], rotary) | {"starts": sized(_SLIDERS[name][0], of.unit, rotary)}
         for name, of in _TYPED.items()
@@ -70,29 +72,29 @@ def fields(rotary: bool) -> list[dict[str, Any]]:
 
 
 def _checked(model: Actuator, name: str, value: Any) -> float:
-    """In the unit of what the model does; QuantityError for a wrong value."""
+    """Return the value in the unit of a linear or rotary model; raises QuantityError if it is wrong."""
     quantity = _TYPED[name]
     return (quantity.turned() if model.rotary else quantity).check(value, name)
 
 
 class Loaded(Model):
-    """An actuator under a load, external force (or torque) on the end-effector, positive towards +x."""
+    """An actuator under a load: an external force (or torque) on the end-effector, positive towards +x."""
 
     load: Value = 0.0
 
     def loaded(self, sets: Sets) -> Actuator:
-        """QuantityError for a wrong value."""
+        """Return the actuator with the load; raises QuantityError for a wrong value."""
         model = self.actuator(sets)
         return model.replace(external_force=model.external_force + _checked(model, "load", self.load))
 
 
 class Map(Loaded):
-    """From 0 V to the greatest voltage."""
+    """Request for a step map from 0 V to the largest voltage."""
 
     voltage: Value
 
     def top(self, model: Actuator) -> float:
-        """The greatest voltage [V]; QuantityError where the actuator does not take it."""
+        """Return the largest voltage [V]; raises QuantityError if the actuator does not allow it."""
         return _taken(model, _checked(model, "voltage", self.voltage))
 
 
@@ -103,7 +105,7 @@ class Typed(Loaded):
     value: Value
 
     def check(self, sets: Sets) -> None:
-        """QuantityError for a wrong value."""
+        """Raise QuantityError if the value is wrong."""
         model = self.actuator(sets)
         value = _checked(model, self.name, self.value)
         if self.name == "voltage":
@@ -118,9 +120,12 @@ def _taken(model: Actuator, volts: float) -> float:
 
 
 class Search(Map):
-    """For the fastest drive; `spread` [N] is how far the load may be off either way, in the worst case. What
-    plays it updates after each `update_time` [s], up to `points` of a period, in steps [V]; its amplifier
-    gives up to `current` [A] into the `capacitance` [F] of the piezo, and `slew_rate` [V/s]."""
+    """Request for the fastest drive.
+
+    `spread` [N] is the tolerance of the load, ±; the worst case counts. The generator updates its output
+    every `update_time` [s], has at most `points` points per period and a resolution of `step` [V]. The
+    amplifier supplies at most `current` [A] into the `capacitance` [F] of the piezo, and `slew_rate` [V/s].
+    """
 
     spread: Value = 0.0
     knots: Value = 8
@@ -132,7 +137,7 @@ class Search(Map):
     step: Value | None = None
 
     def asked(self, sets: Sets) -> tuple[Actuator, dict[str, Any]]:
-        """The model, and what searches share."""
+        """Return the model and the arguments that all searches share."""
         model = self.loaded(sets)
         spread, unit = _checked(model, "spread", self.spread), unit_for(model, "N")
         scenarios = [
@@ -151,7 +156,7 @@ class Search(Map):
         return OutputStage(capacitance=load, **{n: v for n, v in given.items() if v is not None})
 
     def played(self, output: OutputStage) -> OutputStage:
-        """Return an output stage with the converter that is asked for; raises QuantityError."""
+        """Return the output stage with the requested converter; raises QuantityError for a wrong value."""
         if self.update_time is None:
             for name in ("points", "step"):
                 if getattr(self, name) is not None:
@@ -163,19 +168,21 @@ class Search(Map):
 
 
 class Front(Search):
-    """Of speed against another goal, within the same limits; its drives are those before the generator."""
+    """Request for a front of speed against another goal, within the same limits. Its drives ignore the
+    generator.
+    """
 
     against: Literal["current", "ripple"] = "current"
 
 
 class Drive(Strict):
-    """A sawtooth, or values joined by lines, in SI."""
+    """A sawtooth, or values joined by straight lines, in SI."""
 
     shape: Literal["Sawtooth", "PeriodicKnots"]
     fields: dict[str, float | list[float]] = Field(max_length=8)
 
     def waveform(self) -> Any:
-        """QuantityError for a wrong value."""
+        """Return the waveform; raises QuantityError for a wrong value."""
         try:
             return shape(self.shape)(**self.fields)
         except TypeError as error:
@@ -189,16 +196,18 @@ class Driven(Loaded):
 
 
 class Telling(Driven):
-    """`noise` [m, rad] of a sample of the recording."""
+    """Request for the information in a recording. `noise` [m, rad] is the standard deviation of one
+    sample.
+    """
 
     noise: Value = 1e-7
 
 
 def step_map(asked: Map, sets: Sets) -> dict[str, Array]:
-    """Return a map of the step, as far as it is computed in `MAP_SECONDS`.
+    """Return a map of the net step; rows that would take longer than `MAP_SECONDS` are left out.
 
-    Keys: voltage [V], frequency [Hz], net_step [m, rad; over both, row by row of the voltage], status (0:
-    there is a steady step) and in_time (1; 0 where the rest is left out: NaN, of no status).
+    Keys: voltage [V], frequency [Hz], net_step [m, rad; voltage x frequency, row by row], status (0: a steady
+    step exists) and in_time (1; 0 if rows were left out: their step and status are NaN).
     """
     model = asked.loaded(sets)
     top = asked.top(model)
@@ -223,7 +232,9 @@ def step_map(asked: Map, sets: Sets) -> dict[str, Array]:
 
 
 def searched(asked: Search, sets: Sets, progress: Progress) -> dict[str, Any]:
-    """The fastest drive and the best sawtooth, as the page takes them, and what they do in each condition."""
+    """Return the fastest drive and the best sawtooth as the page reads them, with their speeds in each
+    condition.
+    """
     model, common = asked.asked(sets)
     common["output"] = asked.played(common["output"])
     found = design.optimise_waveform(model, goal="speed", progress=progress, **common)
@@ -241,7 +252,7 @@ def searched(asked: Search, sets: Sets, progress: Progress) -> dict[str, Any]:
 
 
 def front(asked: Front, sets: Sets, progress: Progress) -> dict[str, Any]:
-    """Drives from slow to fast, with what each costs of the other goal."""
+    """Return drives from slow to fast, with their values of both goals."""
     model, common = asked.asked(sets)
     other: Any = "ripple"
     if asked.against == "current":
@@ -261,7 +272,7 @@ def front(asked: Front, sets: Sets, progress: Progress) -> dict[str, Any]:
 
 
 def described(waveform: Waveform) -> dict[str, Any]:
-    """As `Drive` reads it."""
+    """Return a waveform in the form that `Drive` reads."""
     fields = {name: getattr(waveform, name) for name in FIELDS if hasattr(waveform, name)}
     if isinstance(waveform, PeriodicKnots):
         fields = {"times": [*waveform.times], "values": [*waveform.values], "period": waveform.period}
@@ -269,10 +280,12 @@ def described(waveform: Waveform) -> dict[str, Any]:
 
 
 def motion(asked: Driven, sets: Sets) -> tuple[float, dict[str, Array]]:
-    """The speed [m/s, rad/s], and over two periods time [s], drive_voltage [V] and end_effector_position
-    [m, rad], once the motion repeats."""
+    """Return the speed [m/s, rad/s] and two periods of the periodic motion.
+
+    Keys of the second: time [s], drive_voltage [V], end_effector_position [m, rad].
+    """
     moved = motion_by(asked.loaded(sets), {"": asked.drive.waveform()}).isel(drive=0)
-    volts = np.round(moved.drive_voltage.values, 6)  # at the end of a period rounding is no voltage
+    volts = np.round(moved.drive_voltage.values, 6)  # rounding errors at the end are not a voltage
     period, x = float(moved.period), moved.end_effector_position.values
     return float(x[-1]) / period, {
         "time": period * np.append(moved.phase.values, 1.0 + moved.phase.values[1:]),
@@ -282,8 +295,10 @@ def motion(asked: Driven, sets: Sets) -> tuple[float, dict[str, Array]]:
 
 
 def told(asked: Telling, sets: Sets) -> dict[str, Any]:
-    """What a recording of a drive would tell of the actuator's values, beside that of 65 V, 5 Hz; None for
-    what it does not tell."""
+    """Return the half-widths of the parameters from a recording with this drive and from one at 65 V, 5 Hz.
+
+    A half-width is None if the recording does not identify the parameter.
+    """
     model = asked.loaded(sets)
     has = {name for name, value in model.friction._asdict().items() if isinstance(value, float) and value > 0}
     has |= set() if model.static else {"natural_frequency", "damping_ratio"}
@@ -306,7 +321,9 @@ def told(asked: Telling, sets: Sets) -> dict[str, Any]:
 
 
 def from_lowest(waveform: Any) -> Any:
-    """Knots that begin where the voltage is least: there it is nearest to that of a rig at rest."""
+    """Return the same periodic knots, shifted to start at the lowest voltage: the nearest to a rig at
+    rest.
+    """
     if not isinstance(waveform, PeriodicKnots):
         return waveform
     first = int(np.argmin(waveform.values))

@@ -1,4 +1,4 @@
-"""The experiment on the bench: an experiment file's content as typed, checked as a whole at every change."""
+"""The experiment on the bench: content of an experiment file, checked as a whole at every change."""
 
 from __future__ import annotations
 
@@ -33,12 +33,14 @@ from .folder import Folder
 from .rigs import asked_rig, facts, fitted
 
 DEFAULT = Path(__file__).parent / "experiment.yaml"
-MOST_KEPT = 200  # changes that can be taken back
-_KEY_LIMIT = 8  # parts of a path into the content
+MOST_KEPT = 200  # changes that can be undone
+_KEY_LIMIT = 8  # longest path to a place in the content
 
 
 class Checked(NamedTuple):
-    """Content that was found right: what it says, its cells, the unit of each channel, rig and limits."""
+    """Valid content: as typed, as a file, its cells, the unit of each channel, the rig's capabilities, the
+    limits.
+    """
 
     content: dict[str, Any]
     file: ExperimentFile
@@ -49,25 +51,25 @@ class Checked(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Of positions from home: m, or rad where the actuator turns."""
+        """Unit of positions from home: m, or rad for rotary actuators."""
         return unit_for(self.cells[0].actuator, "m")
 
 
 class BenchDocument:
-    """The experiment that is on the bench; `name` is that of its file, "" for one that was not saved."""
+    """The experiment on the bench; `name` is the name of its file, "" if it was never saved."""
 
     def __init__(self, folder: Folder, read: Reader) -> None:
         self._folder, self._read = folder, read
         self.name = ""
-        # Called before the limits change, with those before and after; what it raises refuses the change.
+        # Called before the limits change, with the old and the new ones; an exception refuses the change.
         self.limits_change: Callable[[Limits, Limits], None] = lambda before, after: None
-        self._lock = threading.Lock()  # a change is made to what the change before it left
+        self._lock = threading.Lock()  # changes are applied one after the other
         self._before: list[Checked] = []
         self._undone: list[Checked] = []
         self.checked = self._check(load_yaml(DEFAULT))
 
     def _check(self, content: dict[str, Any]) -> Checked:
-        """Raises ValueError or RigError for what cannot be recorded; nothing is put out, no new file run."""
+        """Check a content without output and without running new files; raises ValueError or RigError."""
         with nothing_run():
             file, laboratory = self._planned(content)
             found = cells(file, self._folder.root, laboratory, self._read)
@@ -76,23 +78,23 @@ class BenchDocument:
         return Checked(content, file, found, channel_units(can, found[0].channels, limits), can, limits)
 
     def _planned(self, content: dict[str, Any]) -> tuple[ExperimentFile, PlanningLaboratory]:
-        """What it says, and its laboratory; raises ValueError for files that are not in the folder."""
+        """Return the parsed file and its laboratory; raises ValueError for files outside the folder."""
         file = check_experiment(content)
         for name in _files(file):
             self._folder.path(name)
         return file, PlanningLaboratory(file, self._folder.root)
 
     def check(self, content: dict[str, Any]) -> Checked:
-        """As `change` would; but nothing is changed."""
+        """Check a content as `change` does, without changing the experiment."""
         return self._check(content)
 
     def change(self, path: list[str | int], value: Any) -> None:
-        """Set one place of the content, null takes it away; raises as `replace`, and nothing is changed."""
+        """Set one place of the content (null deletes it). Raises as `replace`; then nothing is changed."""
         with self._lock:
             self._take(self._check(self._changed(path, value)))
 
     def choose_rig(self, kind: str, bench: str, options: str) -> list[str]:
-        """Put the experiment on another rig; what of it was left out there. Raises as `replace`."""
+        """Move the experiment to another rig; return what had to be left out. Raises as `replace`."""
         with self._lock:
             content = self.checked.content
             content = {**content, "rig": asked_rig(kind, bench, options, content.get("rig", {}))}
@@ -104,19 +106,19 @@ class BenchDocument:
             return left_out
 
     def _take(self, made: Checked) -> None:
-        """Put it on the bench, to be taken back."""
+        """Put the content on the bench; it can be undone."""
         if made.content != self.checked.content:
             self._ask(made)
             self._before = [*self._before, self.checked][-MOST_KEPT:]
             self.checked, self._undone = made, []
 
     def _ask(self, made: Checked) -> None:
-        """Raise what `limits_change` refuses new limits with."""
+        """Call `limits_change` if the limits differ; it may raise."""
         if made.limits != self.checked.limits:
             self.limits_change(self.checked.limits, made.limits)
 
     def undo(self, again: bool = False) -> bool:
-        """Take the last change back, or make it `again`; whether there was one."""
+        """Undo the last change, or redo it with `again`; return False if nothing was left to do."""
         with self._lock:
             source, target = (self._undone, self._before) if again else (self._before, self._undone)
             if not source:
@@ -148,7 +150,7 @@ class BenchDocument:
         return content
 
     def replace(self, content: dict[str, Any], name: str) -> None:
-        """Put another experiment on the bench; raises ValueError or RigError where it cannot be recorded."""
+        """Put another experiment on the bench; raises ValueError or RigError if it cannot be recorded."""
         with self._lock:
             made = self._check(content)
             self._ask(made)
@@ -160,7 +162,7 @@ class BenchDocument:
         self.replace(load_yaml(self._folder.path(name)), name)
 
     def save(self, name: str) -> None:
-        """Save as an experiment file of the folder; all of it or nothing."""
+        """Save as an experiment file of the folder, atomically."""
         if not name.endswith(".yaml"):
             raise QuantityError(f"{name[:60]!r}: an experiment file is called NAME.yaml")
         path = self._folder.path(name)
@@ -170,14 +172,14 @@ class BenchDocument:
         self.name = name
 
     def of_runs(self, names: list[str]) -> dict[str, Any]:
-        """The content with these runs only."""
+        """Return the content with these runs only."""
         runs = [run for run in self.checked.content["runs"] if run["name"] in names]
         if not runs or len(runs) < len(set(names)):
             raise QuantityError(f"there is no run {', '.join(names) or 'chosen'}")
         return {**self.checked.content, "runs": runs}
 
     def described(self) -> dict[str, Any]:
-        """All that a page needs to know of it."""
+        """Return everything that a page needs about the experiment."""
         content, file, _, units, can, limits = self.checked
         virtual = isinstance(file.rig, VirtualRigSpec)
         back_end = None if virtual else registry.rigs.find(file.rig.kind, self._folder.root)
@@ -193,7 +195,7 @@ class BenchDocument:
         }
 
     def _variables(self) -> Iterator[dict[str, Any]]:
-        """Everything that an input can be bound to: name, value in SI, unit, meaning, place in the file."""
+        """Yield every variable that an input can set: name, value in SI, unit, meaning, place in the file."""
         file, found = self.checked.file, self.checked.cells
         for name, value in file.variables.items():
             unit = _unit_of(name, value)
@@ -225,7 +227,7 @@ def _item(place: Any, part: str | int) -> Any:
 
 
 def _files(file: ExperimentFile) -> Iterator[str]:
-    """Names of files that an experiment asks for; they may only be in the panel's folder."""
+    """Yield the names of files that an experiment refers to; they must be in the panel's folder."""
     bench = getattr(file.rig, "bench", "")
     named = [(bench, available_benches()), (file.actuator.set, available_sets())]
     known = available_calibrations()
@@ -251,10 +253,10 @@ _VARIABLES = tuple(dict.fromkeys([*_SLIDING, *map(turned, _SLIDING)]))
 
 
 def _unit_of(name: str, value: Any) -> str | None:
-    """The SI unit in which a variable of an experiment file is given; None for a text that is no quantity."""
+    """Return the SI unit in which a variable is given; None for a text that is not a quantity."""
     if isinstance(value, int | float):
         return ""
-    # To units a radian is a plain number: 5 mN m would be a stiffness too, and 3 % an angle.
+    # The unit library treats a radian as a plain number: 5 mN m would be a stiffness, and 3 % an angle.
     turns = re.search("rad|deg", value) is not None
     for unit in (one for one in _VARIABLES if ("rad" in one) == turns):
         try:

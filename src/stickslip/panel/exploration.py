@@ -1,4 +1,4 @@
-"""One state of the Explore page: the experiment that it stands for, its numbers, and the same in Python."""
+"""One state of the Explore page: its experiment, the simulated motion, and the same as Python code."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from . import piezo_sliders
 from .sets import PACKAGE, Sets
 from .sliders import law_types, shapes
 
-# Samples of the whole, of one period of the friction loop, of a ring-down after each break of the drive, and
-# of that in the friction loop.
+# Sampling points: of the whole time, of one period of the friction loop, and of the ring-down after each
+# break of the drive, in the whole and in the friction loop.
 POINTS, LOOP_POINTS, RING_POINTS, LOOP_RING_POINTS = 1200, 200, 40, 300
-RING_TIME = 40.0  # over the stage's natural frequency [rad/s]: some six of its periods
+RING_TIME = 40.0  # over the stage's natural frequency [rad/s]: about six periods
 MOST_RINGS = 50
 MOST_PERIODS = 10_000
 LONGEST = 100.0  # s
-TOLERANCE = 1e-9  # m, rad of what turns
-MOST_STEPS = 500_000  # of the solver: about a second
+TOLERANCE = 1e-9  # m, or rad for rotary actuators
+MOST_STEPS = 500_000  # integration steps: about a second
 CURVE_POINTS = 25
-CURVE_SECONDS = 1.0  # after which the rest of a curve is left out
+CURVE_SECONDS = 1.0  # s, after which the rest of a curve is left out
 
 _LENGTH = Quantity("s", "T", "length of the experiment", above=0, maximum=LONGEST)
 
@@ -46,9 +46,9 @@ Array = NDArray[np.float64]
 class Model(Strict):
     """An actuator in a request of the page. Values are in SI or texts with units; infinity is "inf".
 
-    `set` is a parameter set, see `sets`; `model` and `friction` have the fields of `Actuator` (and those of
-    `piezo_sliders`) and of the `law` by name, elements of a law being "stiffness_1" and so on. Fields of the
-    model that are left out are the set's.
+    `set` is a parameter set, see `sets`. `model` has the fields of `Actuator` and of `piezo_sliders`; fields
+    that are left out keep the set's values. `friction` has the fields of `law`; elements are "stiffness_1"
+    and so on.
     """
 
     set: str = Field(max_length=100)
@@ -57,11 +57,11 @@ class Model(Strict):
     friction: dict[str, Value] = Field(max_length=80)
 
     def actuator(self, sets: Sets = PACKAGE) -> Actuator:
-        """The record; QuantityError for a wrong value."""
+        """Return the actuator; raises QuantityError for a wrong value."""
         base = sets.actuator(self.set)
         changes: dict[str, Any] = dict(self.model)
         if "natural_frequency" in changes and base.blocked_force_per_volt is not None:
-            changes["blocked_force_per_volt"] = None  # of a static stage only, and moves nothing
+            changes["blocked_force_per_volt"] = None  # of a static stage only; does not affect the motion
         own = piezo_sliders.values(base.piezo)
         own |= {field: changes.pop(field) for field in own if field in changes}
         piezo = piezo_sliders.with_values(base.piezo, **own)
@@ -75,7 +75,7 @@ class Model(Strict):
         for name, given in self.friction.items():
             element = re.fullmatch(r"(stiffness|strength)_(\d{1,3})", name)
             field, value = element[1] if element else name, given
-            if field in known:  # a law alone does not know whether it turns
+            if field in known:  # a law does not know whether its actuator is rotary
                 quantity = known[field].turned() if rotary else known[field]
                 value = quantity.check(given, f"{self.law}.{name}")
             if element:
@@ -87,14 +87,14 @@ class Model(Strict):
 
 
 class State(Model):
-    """What the sliders say: an actuator, the fields of a waveform (`shape`) by name, and the length [s]."""
+    """Values of the sliders: an actuator, the waveform's name (`shape`) and fields, and the length [s]."""
 
     shape: str
     waveform: dict[str, Value] = Field(max_length=20)
     duration: Value
 
     def experiment(self, sets: Sets = PACKAGE) -> tuple[Actuator, Waveform, float]:
-        """The actuator, its drive and the length [s]; QuantityError for a wrong value."""
+        """Return the actuator, its drive and the length [s]; raises QuantityError for a wrong value."""
         actuator = self.actuator(sets)
         waveform = _known(shapes(), self.shape, "shape")(**self.waveform)
         seconds = _LENGTH.check(self.duration, "duration")
@@ -119,10 +119,10 @@ def _period(waveform: Any) -> float | None:
 
 
 def sample_times(actuator: Actuator, waveform: Waveform, duration: float) -> tuple[Array, float]:
-    """Times that show everything, and where the last whole period begins, s.
+    """Return times that resolve all details, and the start of the last whole period, s.
 
-    An even grid, a finer one over the last period (for the friction loop), and a finer one still over the
-    ring-down after each break of the drive (the last of them, where there are many).
+    The grid is even over the whole time and finer over the last period, for the friction loop. It is finest
+    over the ring-down after each break of the drive (the last `MOST_RINGS` of them).
     """
     period = _period(waveform)
     last = 0.0
@@ -146,8 +146,8 @@ def sample_times(actuator: Actuator, waveform: Waveform, duration: float) -> tup
 class Motion(NamedTuple):
     """A trajectory: arrays [times]; `problem` says why it ends early, if it does.
 
-    `loop`: from and to which sample the last period (the whole, of a drive without) goes; `unit`: m, or rad
-    of what turns.
+    `loop`: first sample of the last period and the sample after it (the whole motion for a drive without a
+    period); `unit`: m, or rad for rotary actuators.
     """
 
     time: Array
@@ -161,12 +161,12 @@ class Motion(NamedTuple):
 
     @property
     def sliding_displacement(self) -> Array:
-        """In `unit`."""
+        """Stage position minus end-effector position, in `unit`."""
         return self.stage_position - self.end_effector_position
 
 
 def motion(state: State, sets: Sets = PACKAGE) -> Motion:
-    """The trajectory of a state; SimulationError where not even two samples can be computed."""
+    """Return the trajectory of a state; raises SimulationError if not even two samples can be computed."""
     actuator, waveform, duration = state.experiment(sets)
     wanted, last = sample_times(actuator, waveform, duration)
     found = follow_model(actuator, waveform, wanted, tolerance=TOLERANCE, max_steps=MOST_STEPS)
@@ -182,10 +182,10 @@ def motion(state: State, sets: Sets = PACKAGE) -> Motion:
 
 
 def mean_speed(state: State, found: Motion, sets: Sets = PACKAGE) -> float | None:
-    """From the end of the first period to that of the last whole one, per s; None where there are not two.
+    """Return the mean speed [m/s, or rad/s] from the end of the first to the end of the last whole period.
 
-    Both are at the same phase of the drive, so that what springs back by the end does not count. Of a drive
-    that does not repeat, from begin to end.
+    Both instants have the same phase of the drive, so elastic deflection does not count. None if there are
+    fewer than two periods. For a drive without a period: from the first to the last sample.
     """
     _, waveform, _ = state.experiment(sets)
     period, time, position = _period(waveform), found.time, found.end_effector_position
@@ -199,11 +199,12 @@ def mean_speed(state: State, found: Motion, sets: Sets = PACKAGE) -> float | Non
 
 
 def step_curves(state: State, sets: Sets = PACKAGE) -> dict[str, Array]:
-    """The steady step per period [m, or rad] over the amplitude [V] and over the frequency [Hz] of the drive.
+    """Return the steady step per period [m, or rad] over the amplitude [V] and over the frequency [Hz] of the
+    drive.
 
     Keys: amplitude, step_over_amplitude, frequency, step_over_frequency, step (one value: at the present
-    drive) and in_time (1; 0 where the rest is left out, for it takes too long). NaN where there is no steady
-    stepping, or the voltage leaves the actuator's range. All empty for a drive that does not repeat.
+    drive) and in_time (1; 0 if points were left out because they take too long). NaN if there is no steady
+    stepping, or the voltage leaves the actuator's range. All empty for a drive without a period.
     """
     actuator, waveform, _ = state.experiment(sets)
     if _period(waveform) is None or not {"amplitude", "frequency"} <= set(waveform._fields):  # type: ignore[attr-defined]
@@ -216,7 +217,7 @@ def step_curves(state: State, sets: Sets = PACKAGE) -> dict[str, Array]:
     amplitude = np.linspace(top / CURVE_POINTS, top, CURVE_POINTS)
     highest = min(actuator.natural_frequency / (2 * math.pi), 1e4)
     ends = min(1.0, wave.frequency), max(highest, wave.frequency)
-    # Below the stage's resonance nothing happens, at it much does.
+    # Points are dense around the stage's resonance, where the step changes most.
     knee = min(max(highest / 8.0, ends[0]), ends[1])
     few = CURVE_POINTS // 3
     frequency = np.append(
@@ -252,7 +253,7 @@ def _step(actuator: Actuator, drive: Any, give_up: float) -> float:
 
 
 def python(state: State, sets: Sets = PACKAGE) -> str:
-    """The few lines that give the same trajectory and step."""
+    """Return Python code that gives the same trajectory and step."""
     actuator, waveform, duration = state.experiment(sets)
     base = sets.actuator(state.set)
     changed = {
@@ -263,7 +264,7 @@ def python(state: State, sets: Sets = PACKAGE) -> str:
     arguments = [f"{field}={_literal(value)}" for field, value in changed.items()]
     if actuator.friction != base.friction:
         arguments.append(f"friction={_record(actuator.friction)}")
-    model = f'ss.load_actuator("{state.set}")'  # a saved one: seen from the panel's folder
+    model = f'ss.load_actuator("{state.set}")'  # a saved set: its path is relative to the panel's folder
     if arguments:
         model += ".replace(\n    " + ",\n    ".join(arguments) + ",\n)"
     bent = None if actuator.piezo is None else actuator.piezo.hysteresis
@@ -296,7 +297,7 @@ def _record(record: Any) -> str:
 
 
 def _own(kind: type) -> str:
-    """The line that gets somebody's own law or waveform."""
+    """Return the line that imports a user's own law or waveform."""
     place = registry.origin(kind)
     if kind.__module__.startswith("own_"):
         return f"{kind.__name__} = ss.registry.use_file({place!r}).{kind.__name__}"

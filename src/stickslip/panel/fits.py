@@ -20,15 +20,15 @@ from .stream import Hub, packed
 
 REPORTS = "fits"
 RUNNING = "running"
-_SHOWN = "shown.json"  # beside a report: what the page showed of that fit
-MOST_CURVES = 32_000_000  # bytes of a file of curves: the page is sent 2,000 points of each channel
+_SHOWN = "shown.json"  # beside a report: the state of the fit as the page showed it
+MOST_CURVES = 32_000_000  # bytes of a file of curves: pages get 2,000 points of each channel
 
 
 class Fitting:
-    """Current or last fit of a panel, shown alike by all pages.
+    """Current or last fit of a panel; all pages show the same.
 
     Attributes:
-        state: the fit as pages are told it.
+        state: the fit, as it is sent to pages.
         frames: curves of the fit by kind, packed for the stream.
     """
 
@@ -43,7 +43,7 @@ class Fitting:
         self.state, self.frames = _last(folder)
 
     def start_process(self) -> None:
-        """Start the process in which fits run, unless it runs or the panel closes; returns at once."""
+        """Start the process for fits unless it runs or the panel closes; returns at once."""
         with self._lock:
             if not self._closed:
                 self._ensure_process()
@@ -64,7 +64,7 @@ class Fitting:
             self._connection.send(Begin(request, self._out))
 
     def cancel(self) -> None:
-        """End the fit; its last values and curves stay."""
+        """Cancel the fit; its last values and curves stay."""
         with self._lock:
             if self.state["phase"] != RUNNING:
                 return
@@ -74,19 +74,20 @@ class Fitting:
         self.start_process()
 
     def close(self) -> None:
-        """End the process, and start no other."""
+        """Stop the process, and start no other."""
         with self._lock:
             self._closed = True
             self._end()
 
     def frame(self, kind: str) -> bytes:
-        """Return the curves of a kind ("stage", "recordings", "step", "verified"); raises LookupError without
-        any."""
+        """Return the curves of a kind ("stage", "recordings", "step", "verified"); raises LookupError if it
+        has none.
+        """
         with self._lock:
             return self.frames[kind]
 
     def _ensure_process(self) -> None:
-        """Start a process that waits for requests, unless one does."""
+        """Start a process that waits for requests, unless one is running."""
         if self._process is not None and self._process.is_alive():
             return
         context = multiprocessing.get_context("spawn")
@@ -153,7 +154,7 @@ def _keep(folder: Folder, out: str, state: dict[str, Any], frames: dict[str, byt
             folder.path(f"{out}/shown_{kind}.bin").write_bytes(frame)
         folder.path(f"{out}/{_SHOWN}").write_text(json.dumps(state), encoding="utf-8")
     except OSError:
-        return  # the report is there; only this is not
+        return  # the report itself is complete
 
 
 def _last(folder: Folder) -> tuple[dict[str, Any], dict[str, bytes]]:
@@ -161,17 +162,16 @@ def _last(folder: Folder) -> tuple[dict[str, Any], dict[str, bytes]]:
     for path in sorted(folder.root.glob(f"{REPORTS}/*/{_SHOWN}"), reverse=True):
         try:
             return _saved(folder, path)
-        except Exception:  # of another version, or not ours: the panel starts, whatever is wrong with it
+        except Exception:  # another version's file, or a damaged one: the panel must start
             continue
     return {"phase": "none"}, {}
 
 
 def _saved(folder: Folder, path: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return the state and the curves of a fit that is done; any exception if they are not as `_keep` wrote
-    them."""
+    """Return the state and the curves of a finished fit; raises if they are not as `_keep` wrote them."""
     state = storable(read_json(folder.path(folder.name(path)), MOST_BYTES))
     FitRequest.model_validate(state["request"])
-    if state["phase"] != "done":  # nothing else is kept, and one that runs would keep others from starting
+    if state["phase"] != "done":  # only finished fits are kept; a running one would block all others
         raise ValueError(f"{path}: the fit is not done")
     curves = (folder.path(folder.name(one)) for one in sorted(path.parent.glob("shown_*.bin")))
     return state, {one.stem.removeprefix("shown_"): read_file(one, MOST_CURVES) for one in curves}

@@ -1,4 +1,4 @@
-"""The one folder that the panel reads and writes: nothing outside it can be named, reached or told."""
+"""The one folder that the panel reads and writes: nothing outside it can be named, reached or shown."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from ..history.walking import MOST_LEVELS
 from .sharing import Shared
 
 _ABSOLUTE = re.compile(r"(?<![\w.)\]])(?:[A-Za-z]:)?[/\\](?:[^\s'\":;,/\\]+[/\\])+([^\s'\":;,/\\]*)")
-STORE = "zarr.json"  # a folder that has it is a study's store
-_LONGEST_MESSAGE = 1500  # characters, some ten lines of a page
-_SETTLED = 2e9  # ns after which a change of a folder shows in its time, on any file system
+STORE = "zarr.json"  # a folder with this file is a study's store
+_LONGEST_MESSAGE = 1500  # characters, about ten lines of a page
+_SETTLED = 2e9  # ns after which a folder's modification time is certain to show a change, on any file system
 
 
 class FolderError(ValueError):
-    """A name that is none of a file in the panel's folder."""
+    """Name that is not a valid file name in the panel's folder."""
 
 
 class File(NamedTuple):
-    """A file of the folder: its name, when it was changed, s since 1970, and its size, bytes."""
+    """A file of the folder: name, time of its last change (s since 1970), size (bytes)."""
 
     name: str
     changed: float
@@ -35,7 +35,7 @@ class File(NamedTuple):
 
 
 class _Content(NamedTuple):
-    """Content of a folder, and the time [ns] of its last change when it was read."""
+    """Content of a folder, and its modification time [ns] when it was read."""
 
     changed: int
     folders: list[str]
@@ -43,20 +43,20 @@ class _Content(NamedTuple):
 
 
 class Folder:
-    """A folder and the files in it, named by their path inside it with slashes."""
+    """A folder and its files, named by their relative path with slashes."""
 
     def __init__(self, root: Path) -> None:
         self.root = root.resolve()
-        self._known: dict[str, _Content] = {}  # of folders that have not changed lately
+        self._known: dict[str, _Content] = {}  # content of folders that have not changed lately
         self._shared = Shared()
 
     def path(self, name: str) -> Path:
-        """Where the file of that name is, or would be.
+        """Return the path of a file of that name, existing or not.
 
         Raises:
-            FolderError: the name leads out of the folder, by dots or by a link, is no plain name, or that of
-                what may never answer who opens it (a pipe, a socket, a device), or of what no list shows: in
-                a study's store, or too deep.
+            FolderError: the name leads out of the folder, by dots or by a link; it is not a plain name; it
+                names a pipe, socket or device, which may block whoever opens it; or the file would not be
+                listed, because it lies in a study's store or too deep.
         """
         try:
             found = inside(self.root, name, "the panel's folder")
@@ -71,12 +71,14 @@ class Folder:
         return found
 
     def name(self, path: Path) -> str:
-        """The name of a file in the folder."""
+        """Return the name of a file in the folder."""
         return path.resolve().relative_to(self.root).as_posix()
 
     def files(self, *suffixes: str) -> list[File]:
-        """Return all files with these endings, the newest first, but not links that lead out, nor files whose
-        names `path` refuses."""
+        """Return all files with these endings, the newest first.
+
+        Links that lead out of the folder and files whose names `path` refuses are left out.
+        """
         return [*self._shared(suffixes, lambda: self._files(suffixes))]
 
     def _files(self, suffixes: tuple[str, ...]) -> list[File]:
@@ -85,7 +87,7 @@ class Folder:
             path = f"{self.root}/{name}"
             wanted = os.path.splitext(name)[1] in suffixes and len(name) <= LONGEST_NAME
             if wanted and not (link and self._leads_out(path)):
-                with suppress(OSError):  # it went in between, or is a link to itself
+                with suppress(OSError):  # the file was just deleted, or is a link to itself
                     status = os.stat(path)
                     if stat.S_ISREG(status.st_mode):
                         found.append(File(name, status.st_mtime, status.st_size))
@@ -95,11 +97,11 @@ class Folder:
         return not Path(os.path.realpath(path)).is_relative_to(self.root)
 
     def _walk(self, inside: str) -> Iterator[tuple[str, bool]]:
-        if len(inside) > LONGEST_NAME:  # nothing in there can be asked for
+        if len(inside) > LONGEST_NAME:  # names this long are refused
             return
         with suppress(OSError):
             content = self._content(inside)
-            if inside and (STORE, False) in content.files:  # its chunks are no files of the lab
+            if inside and (STORE, False) in content.files:  # its chunks are not the user's files
                 yield inside + STORE, False
                 return
             for name, link in content.files:
@@ -108,7 +110,7 @@ class Folder:
                 yield from self._walk(f"{inside}{name}/")
 
     def _content(self, inside: str) -> _Content:
-        """Read anew only where it has changed: many pages ask for lists of hundreds of runs."""
+        """List a folder again only if it has changed: many pages ask for lists of hundreds of runs."""
         path, now = f"{self.root}/{inside}", time.time_ns()
         changed = os.stat(path).st_mtime_ns
         known = self._known.get(inside)
@@ -124,8 +126,8 @@ class Folder:
         return content
 
     def told(self, text: str) -> str:
-        """A message without the paths of this machine: those in the folder are named as inside it."""
+        """Return a message without paths of this machine; paths in the folder are made relative to it."""
         text = text.replace(f"{self.root}{os.sep}", "").replace(str(self.root), "the panel's folder")
-        if len(text) > _LONGEST_MESSAGE:  # names and values of a file may be as long as the file
+        if len(text) > _LONGEST_MESSAGE:  # it may quote names and values as long as a file
             text = f"{text[: _LONGEST_MESSAGE - 300]} ... {text[-300:]}"
         return _ABSOLUTE.sub(r"\1", text)

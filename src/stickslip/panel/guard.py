@@ -1,4 +1,4 @@
-"""Access to the panel: hosts, origins, the token, the size of requests; and the headers of answers."""
+"""Access to the panel: hosts, origins, tokens, the size of requests, and security headers of answers."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "[::1]"})
-LARGEST_BODY = 32 * 2**20  # bytes of a request; an uploaded recording is the largest
-PENALTY = 1.0  # s that the answer to a wrong token takes
-MOST_WRONG = 5  # of them at a time from one address; more are refused at once
+LARGEST_BODY = 32 * 2**20  # bytes of a request; the largest are uploaded recordings
+PENALTY = 1.0  # s of delay of the answer to a wrong token
+MOST_WRONG = 5  # wrong tokens that may wait at a time from one address; further ones are refused at once
 _COOKIE = "stickslip_panel"
 # The page's own files only: no inline script or style, no eval, no other host.
 _HEADERS = {
@@ -39,14 +39,14 @@ _HEADERS = {
 
 
 class Guard:
-    """ASGI middleware before everything else.
+    """ASGI middleware that checks every request before the application sees it.
 
     Args:
-        app: what is guarded.
-        hosts: names that the Host header may have; None: any address in numbers too, for a panel that is
-            served to a network behind a token. A name that somebody else's DNS points here is in neither.
-        tokens: the role of each token (see `roles`). A client must show one as a bearer, a cookie, or once
-            as ``/?token=``; with none, it needs to show nothing, and may maintain.
+        app: the guarded application.
+        hosts: names that the Host header may have. A foreign DNS name that points to this machine is refused.
+        any_address: also accept any numeric address, for a panel that is served to a network with a token.
+        tokens: the role of each token (see `roles`). A client sends one as a bearer, as a cookie, or once as
+            ``/?token=``. Without tokens every client has the role "maintain".
         largest_body: bytes of a request.
     """
 
@@ -63,7 +63,7 @@ class Guard:
         self._wrong: Counter[str] = Counter()  # wrong tokens that wait for their answer, by address
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        with nothing_run():  # no request runs a file that the panel was not started with
+        with nothing_run():  # requests run no file that was not named when the panel started
             await self._guarded(scope, receive, send)
 
     async def _guarded(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -89,7 +89,7 @@ class Guard:
     async def _slowly(
         self, scope: Scope, headers: dict[str, str], refused: tuple[int, str]
     ) -> tuple[int, str]:
-        """The same answer, late where a wrong token was shown."""
+        """Return the same answer, after a delay if a wrong token was sent."""
         if not any(_offered(scope, headers)):
             return refused
         address = (scope.get("client") or ("",))[0]
@@ -130,7 +130,7 @@ class Guard:
         return f"a request may have up to {self._largest / 2**20:.3g} MiB"
 
     def _refused(self, scope: Scope, headers: dict[str, str], role: str) -> tuple[int, str] | None:
-        """Status and reason, or None. `role` is that of the token, "" without a right one."""
+        """Return status and reason of a refusal, or None. `role` is the token's, "" without a valid token."""
         host = headers.get("host", "").lower()
         if not self._known(host):
             return 421, "this panel does not answer under that host name"
@@ -138,7 +138,8 @@ class Guard:
         if origin is not None and origin.lower() not in (f"http://{host}", f"https://{host}"):
             return 403, "a page of another origin may not use this panel"
         if not role:
-            # The right token never waits, however many wrong ones come from its address, as by a tunnel.
+            # A valid token never waits, however many wrong ones come from its address, for example through a
+            # tunnel.
             if self._wrong.get((scope.get("client") or ("",))[0], 0) >= MOST_WRONG:
                 return 429, "too many wrong tokens: wait a moment"
             return 401, "the panel needs its token: open the address that the command printed"
@@ -163,7 +164,7 @@ class Guard:
         return True
 
     def _shown(self, scope: Scope, headers: dict[str, str]) -> str:
-        """The right token that a client shows, "" for none; compared in constant time."""
+        """Return the valid token of a request, "" without one; compared in constant time."""
         offered, found = _offered(scope, headers), ""
         for token in self._tokens:
             if any(hmac.compare_digest(one.encode(), token.encode()) for one in offered):
@@ -172,8 +173,9 @@ class Guard:
 
 
 def _offered(scope: Scope, headers: dict[str, str]) -> list[str]:
-    """What a client shows as tokens. In the address of the page it is the only one: it may be another role
-    than that of the cookie."""
+    """Return the tokens in a request. A token in the address of the page replaces the others: the cookie may
+    have another role.
+    """
     if scope["path"] == "/" and b"token=" in scope["query_string"]:
         return parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
     try:

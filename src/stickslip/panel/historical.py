@@ -1,4 +1,4 @@
-"""Routes of the History page: all runs of the folder, found again, annotated, compared, binned."""
+"""Routes of the History page: list, search, annotate, compare and delete the runs of the folder."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from .sharing import Shared
 from .stream import Hub, packed
 from .uploading import add_uploads
 
-MOST_ROWS = 500  # of an answer; more are counted, and found by a search
+MOST_ROWS = 500  # rows of an answer; further ones are counted, and found by a search
 MOST_COMPARED = 8
 _LEFT_OUT = ("settings", "channels", "bytes")  # of a row in the list
 
@@ -55,7 +55,7 @@ class Annotation(Strict):
 
 
 class Overlay(Strict):
-    """A channel of several recordings on one clock, for the screen."""
+    """A channel of several recordings over a common time, reduced for the screen."""
 
     names: list[str] = Field(min_length=2, max_length=MOST_COMPARED)
     channel: str
@@ -67,8 +67,10 @@ class Overlay(Strict):
 def history_routes(
     folder: Folder, hub: Hub, control: Control, read: Reader, logs: Callable[[], dict[str, Path]]
 ) -> APIRouter:
-    """The routes. The index belongs to no page; a damaged file costs its time once. `logs` gives the folders
-    of the logs, by name."""
+    """Return the routes. `logs` returns the folders of the logs, by name.
+
+    All pages share one index; a damaged file costs its reading time only once.
+    """
     routes = APIRouter(prefix="/history")
     shelf = Shelf(folder, read)
     shared = Shared()
@@ -137,7 +139,7 @@ def history_routes(
 
     @routes.get("/log")
     def log(search: str = "") -> dict[str, Any]:
-        """The newest lines of the panel's log and of the log of the rig on the bench."""
+        """Return the newest lines of the panel's log and of the log of the rig on the bench."""
         found = [
             {**one._asdict(), "of": of}
             for of, path in logs().items()
@@ -151,7 +153,7 @@ def history_routes(
 
 
 def _add_bin(routes: APIRouter, folder: Folder, hub: Hub, control: Control, read: Reader) -> None:
-    """Runs are moved to a bin, and back."""
+    """Add the routes that move runs to the bin and back."""
 
     @routes.post("/delete")
     def delete(asked: Names, request: Request) -> dict[str, int]:
@@ -180,7 +182,7 @@ def _add_bin(routes: APIRouter, folder: Folder, hub: Hub, control: Control, read
 
 
 def _parsed(row: dict[str, Any]) -> dict[str, Any]:
-    """With what the index keeps as JSON."""
+    """Return the row with its JSON columns parsed."""
     return row | {name: json.loads(row[name] or "{}") for name in ("links", "settings") if name in row}
 
 
@@ -193,7 +195,7 @@ def _chosen(found: list[dict[str, Any]], names: list[str]) -> list[dict[str, Any
 
 
 def _from(recording: xr.Dataset, zero: float) -> xr.Dataset:
-    """Its clock begins at that time of it."""
+    """Shift a recording's time so that `zero` becomes 0."""
     return recording.assign_coords(time=recording["time"] - zero) if zero else recording
 
 

@@ -1,4 +1,4 @@
-"""The interlock of the rig on the bench: what pages are told of it, and what they may do about it."""
+"""The interlock of the rig on the bench: its state for the pages, and the acts that pages may request."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from .journal import Journal
 from .roles import need_role
 from .stream import Client, Hub
 
-LOOKS = 0.5  # s between two looks at the interlock, which other programs change too
-_ANSWERS = 1.0  # s in which the rig's process must answer a look
+LOOKS = 0.5  # s between two looks at the interlock: other programs may change it
+_ANSWERS = 1.0  # s in which the rig's process must answer
 
 
 class Why(Strict):
@@ -45,11 +45,11 @@ class PermitAct(Why):
 
 
 class Interlocks:
-    """What is known of the interlock; `state` is that of `rig.interlock`.
+    """Last known state of the interlock; `state` has the fields of `rig.interlock`.
 
     Args:
-        hub, journal: who is told.
-        document: says which rig is on the bench.
+        hub, journal: receive every change.
+        document: names the rig on the bench.
         folder: the panel's.
         rigs: the folder of the process that owns the panel's virtual rig.
     """
@@ -59,7 +59,7 @@ class Interlocks:
     ) -> None:
         self._hub, self._journal, self._document = hub, journal, document
         self._folder, self._rigs = folder, rigs
-        self._link: Link | None = None  # while it is open, what was armed by it stays armed
+        self._link: Link | None = None  # the output stays enabled while this link is open
         self._asking = threading.RLock()
         self._closing = threading.Event()
         self.state = {**Interlock(simulated=True).state(), "site": []}
@@ -67,16 +67,18 @@ class Interlocks:
 
     @property
     def simulated(self) -> bool:
-        """Whether the rig on the bench is a virtual one."""
+        """True if the rig on the bench is virtual."""
         return isinstance(self._document.checked.file.rig, VirtualRigSpec)
 
     def need(self) -> None:
-        """Raise InterlockError where a run would be refused; the rig's process looks again itself."""
+        """Raise InterlockError if a run would be refused; the rig's process checks again itself."""
         self.look()
         Interlock.of_state(self.state).need()
 
     def look(self) -> None:
-        """Ask the rig's process, and tell pages what is new; what cannot be asked stays as it was known."""
+        """Ask the rig's process for the state and send changes to the pages. Without an answer the state
+        stays as it was.
+        """
         with self._asking:
             place = self.place
             found = self._seen(place)
@@ -89,7 +91,7 @@ class Interlocks:
         self._hub.tell("interlock", **found)
 
     def act(self, do: str, **what: Any) -> None:
-        """Arm, disarm, acknowledge or change a permit; raises ValueError or RigError where it is refused."""
+        """Arm, disarm, acknowledge or change a permit; raises ValueError or RigError if it is refused."""
         asker = asking()
         who = asker.named(self._document.checked.file.operator)
         who += f" at {asker.address}" if asker.address else ""
@@ -102,7 +104,7 @@ class Interlocks:
                 self._link.ask(do, who=who, **what)
             except InterlockError:
                 raise
-            except RigError:  # its process is another one now
+            except RigError:  # the rig's process was restarted
                 self.close_link()
                 self._link = Link(place, "the panel")
                 self._link.ask(do, who=who, **what)
@@ -111,20 +113,20 @@ class Interlocks:
         self.look()
 
     def disarm(self, why: str) -> None:
-        """Take the enabling back, in a thread: who asks waits for nothing."""
+        """Disable the output, in a thread: the caller does not wait."""
         threading.Thread(target=self._disarmed, args=(why,), daemon=True).start()
 
     def watch(self) -> None:
-        """Start to look again and again, until `close`."""
+        """Start to look every `LOOKS` seconds, until `close`."""
         threading.Thread(target=self._watch, daemon=True).start()
 
     def close(self) -> None:
-        """Let go; what was armed here is disarmed."""
+        """Stop looking and close the link; an output that was enabled through it is disabled."""
         self._closing.set()
         self.close_link()
 
     def close_link(self) -> None:
-        """End the connection by which the output was enabled."""
+        """Close the connection through which the output was enabled."""
         if self._link is not None:
             self._link.close()
             self._link = None
@@ -140,7 +142,7 @@ class Interlocks:
                 self.look()
 
     def _site(self, place: Path) -> list[str]:
-        """Limits of the site, in words; or why they cannot be read."""
+        """Return the limits of the site in words, or why they cannot be read."""
         try:
             return [] if self.simulated else site_of(place.name).told()
         except RigError as error:
@@ -152,7 +154,9 @@ class Interlocks:
         return rigs_of(self._document.checked.file, self._rigs, self._folder.root)
 
     def _seen(self, place: Path) -> dict[str, Any] | None:
-        """What the process says, or kept where there is none; None where it does not answer."""
+        """Return the state from the rig's process, or from its file if no process runs; None without an
+        answer.
+        """
         if not (place / "rig.json").exists():
             return Interlock(place / FILE).state()
         link = greeted(place, "the panel", _ANSWERS)
@@ -172,7 +176,9 @@ _DONE = {"arm": "armed", "disarm": "disarmed", "acknowledge": "fault acknowledge
 
 
 def interlock_routes(control: Control, interlocks: Interlocks) -> APIRouter:
-    """The routes. Who is in control arms, acknowledges and gives; anybody disarms and withdraws."""
+    """Return the routes. The page in control may arm, acknowledge and give permits; every page may disarm and
+    withdraw permits.
+    """
     routes = APIRouter(prefix="/interlock")
 
     def done(do: str, **what: Any) -> dict[str, Any]:

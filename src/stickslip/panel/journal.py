@@ -1,4 +1,6 @@
-"""The log of the panel: lines on the disk, told to every page, which asks for those that it missed."""
+"""The log of the panel: lines are written to the disk and sent to every page. Pages ask for lines they
+missed.
+"""
 
 from __future__ import annotations
 
@@ -11,25 +13,25 @@ from .asking import asking
 from .folder import Folder
 from .stream import Client, Hub, Message
 
-SHOWN = 200  # lines that a page is told when it comes
+SHOWN = 200  # lines that a new page receives
 
 
 class Journal:
-    """Writes lines with who has asked for what they tell.
+    """Writes log lines, each with the person or page that caused it.
 
     Args:
-        hub: tells the pages.
-        folder: the panel's, which has the file.
+        hub: sends the lines to the pages.
+        folder: the panel's, which contains the log.
     """
 
     def __init__(self, hub: Hub, folder: Folder) -> None:
         self._hub, self._folder = hub, folder
         self._book = Logbook(folder.root)
-        self.operator: Callable[[], str] = lambda: ""  # whom the experiment names
+        self.operator: Callable[[], str] = lambda: ""  # the operator that the experiment names
         hub.greetings.append(self._missed)
 
     def __call__(self, text: str, level: str = "info", why: str = "") -> None:
-        """Write a line; from any thread. Levels: info, warning, error."""
+        """Write a line, from any thread. Levels: info, warning, error."""
         asker = asking()
         who = asker.named(self.operator())
         shown = self._folder.told(" ".join(text.split()))
@@ -45,5 +47,5 @@ class Journal:
 
 
 def _line(entry: Entry) -> dict[str, Any]:
-    """As pages are told; ids begin at 1."""
+    """Return the line as pages receive it; ids start at 1."""
     return {**entry._asdict(), "id": entry.id + 1, "text": entry.what}

@@ -1,4 +1,4 @@
-"""The samples of the run that is going on, or was the last: told to every page as they come, and kept."""
+"""Samples of the current or last run: sent to every page as they come, and kept at full resolution."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from .decimation import Float32, extremes, window
 from .stream import Client, Hub, Message, packed
 
-SHOWN = 1250  # buckets of a whole run: 2500 points, few enough for a browser to join them all by lines
+SHOWN = 1250  # buckets of a whole run: 2500 points, few enough for a browser to draw all connecting lines
 
 
 class Live:
-    """One run at a time; the memory of the one before is given back.
+    """Samples of one run at a time; a new run replaces the previous one.
 
     Args:
-        hub: who is told.
+        hub: sends to the pages.
         largest: samples of all channels together that are kept at full resolution, float32.
     """
 
@@ -34,7 +34,7 @@ class Live:
         self._bucket = 1
         self._rate = 1.0
         self._pre_trigger = 0.0
-        self._recorded: list[float] | None = None  # what the recording of this run ends at
+        self._recorded: list[float] | None = None  # last values of the run's recording
         hub.greetings.append(self._so_far)
 
     def begin(
@@ -46,16 +46,17 @@ class Live:
         before: int,
         pre_trigger: float = 0.0,
     ) -> None:
-        """A run begins.
+        """Start a run.
 
         Args:
             title: of the run.
             columns: name, unit and label of each channel.
             rate: Hz.
-            samples: how many each channel will have.
-            before: how many of them come before the drive: time 0 is after them.
-            pre_trigger: s that the recording begins before its trigger, which is taken to be at time 0 until
-                `triggered` says otherwise.
+            samples: number of samples of each channel.
+            before: number of samples before the drive starts; time 0 is after them.
+            pre_trigger: s of the recording before its trigger. The trigger is assumed at time 0 until
+                `triggered`
+                is called.
         """
         if samples * len(columns) > self._largest:
             raise MemoryError(f"{samples} samples of {len(columns)} channels are too many to show")
@@ -82,7 +83,7 @@ class Live:
             self._hub.send(json.dumps(self._header))
 
     def triggered(self, sample: int) -> None:
-        """The recording's trigger is this sample: pages show the run on the recording's clock."""
+        """Set the sample of the recording's trigger: pages then show the run over the recording's time."""
         with self._lock:
             if self._header is None:
                 return
@@ -92,30 +93,32 @@ class Live:
 
     @property
     def begun(self) -> bool:
-        """Whether the run has samples."""
+        """True if the run has samples."""
         return self._filled > 0
 
     def add(self, block: Mapping[str, NDArray[np.float64]]) -> None:
-        """The next samples of each channel."""
+        """Append samples of each channel."""
         rows = list(block.values())
         with self._lock:
             end = min(self._filled + rows[0].size, self._values.shape[1])
             for i, row in enumerate(rows):
                 self._values[i, self._filled : end] = row[: end - self._filled]
             self._filled = end
-            if not self._hub.behind:  # else they go with the next ones
+            if not self._hub.behind:  # else they are sent with the next ones
                 self._send()
 
     def recorded(self, last: Mapping[str, float]) -> None:
-        """The run has its recording, which ends at these values: pages say what the file says. (More is
-        measured than is recorded: the trigger might have come later.)"""
+        """Take the last values of the run's recording: pages show what the file contains.
+
+        More samples are measured than recorded, because the trigger might have come later.
+        """
         with self._lock:
             if self._header is not None and self._filled:
                 self._recorded = [float(last[one["name"]]) for one in self._header["columns"]]
                 self._tell_latest()
 
     def end(self) -> None:
-        """The run has ended: what is left is sent."""
+        """Finish the run: send the remaining samples."""
         with self._lock:
             if self._header is None:
                 return
@@ -136,7 +139,9 @@ class Live:
             self._hub.send(message)
 
     def window(self, trace: int, begin: float, end: float, points: int) -> bytes:
-        """What a page asks for when it zooms in: times from `begin`, and the values of each channel."""
+        """Return the values of each channel between two times, for a page that zooms in; times count from
+        `begin`.
+        """
         with self._lock:
             if self._header is None or trace != self._number:
                 raise ValueError("that run is no longer in memory: open its recording")
@@ -149,7 +154,7 @@ class Live:
             return packed({"kind": "window", "trace": trace, "from": begin}, times - begin, *shown)
 
     def _block(self, first: int) -> bytes | None:
-        """The whole buckets from `first` on, as a message; None if there are none."""
+        """Return the complete buckets from `first` on as a message; None if no new bucket is complete."""
         last = self._filled // self._bucket
         if last <= first:
             return None

@@ -1,6 +1,7 @@
-"""A file before it is taken in, as the page needs it: its columns, which is the time, whether it is cut off.
+"""Preview of an uploaded file for the page: its columns, its time column, whether its last row is cut off.
 
-It runs in the process that reads, and so nothing of a server is imported here."""
+It runs in the process that reads files, so nothing of the server is imported here.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from ..recording.readers.opening import source_of
 from ..recording.readers.preview import LOOKED_AT, look
 from ..recording.readers.source import FileContent, Rows
 
-# What the readers advise to who calls them, and what helps on the page.
+# Advice of the readers to Python users, and the same for users of the page.
 _ADVICE = (
     (
         re.compile(r"\(missing='drop'[^)]*\)"),
@@ -22,13 +23,14 @@ _ADVICE = (
     ),
     (re.compile(r"[^.:]*\brows=.*", re.DOTALL), " Tick “Take only the complete rows” to go on without it."),
 )
-# Rows, more than any file has: with an end, a reader takes what is there of a file that is cut off.
+# More rows than any file has: given a last row, a reader accepts a file whose end is cut off.
 _ALL = 2**40
 
 
 def preview(path: Path) -> dict[str, Any]:
-    """As `look`, and "first": whether there may be more than was looked at. Of a file whose last row is cut
-    off, "cut" says so, and "complete" is how many rows are whole.
+    """Return the result of `look`, and "first": True if the file may have more rows than were read.
+
+    For a file whose last row is cut off, "cut" says so, and "complete" is the number of complete rows.
 
     Raises:
         RecordingError: see `look`.
@@ -40,7 +42,9 @@ def preview(path: Path) -> dict[str, Any]:
 
 
 def _cut(source: FileContent, columns: list[int]) -> dict[str, Any]:
-    """Nothing of a file that is whole; what else is wrong with it is said when it is taken."""
+    """Return "cut" and "complete", or nothing for a whole file. Other errors are reported when the file is
+    read.
+    """
     try:
         source.read(columns, Rows())
     except RecordingError as error:
@@ -53,7 +57,7 @@ def _cut(source: FileContent, columns: list[int]) -> dict[str, Any]:
 
 
 def for_the_page(text: str) -> str:
-    """What a reader says, with the advice that helps on the page."""
+    """Return a reader's message with the advice replaced by advice for users of the page."""
     for pattern, advice in _ADVICE:
         text = pattern.sub(advice, text)
     return text

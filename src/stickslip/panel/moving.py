@@ -1,4 +1,6 @@
-"""Moves on the bench's rig: a loop in the rig's process that holds until it is let go, told what to do."""
+"""Moves of the bench's rig: a closed loop in the rig's process, which follows commands until it is
+released.
+"""
 
 from __future__ import annotations
 
@@ -52,18 +54,20 @@ from .running import Job, Runner
 from .starting import Starter, counted_on, new_folder
 from .stream import Client, Hub, Message
 
-AT_MOST = 120.0  # s of a session: then it lets go
-_INTERVAL = 0.25e-3  # s between samples that are kept
-_TOLD = 0.05  # s between words of how it goes
-_SPREAD = 0.05  # of the natural frequency, at both ends of which the loop must keep its margins
+AT_MOST = 120.0  # s: longest session
+_INTERVAL = 0.25e-3  # s between recorded samples
+_TOLD = 0.05  # s between messages about the progress
+_SPREAD = 0.05  # relative change of the natural frequency, both ways, at which the loop must keep its margins
 _SHOWN = 0.03  # s of a predicted response
 COLUMNS = {"drive_voltage": "drive", POSITION: "end-effector", "target_position": "target"}
 
 
 class Settings(fields_of(Stepping, "amplitude", "frequency", "tolerance")):
-    """How the loop is closed, and fields of `control.Stepping`. `input` is the sensor, "" the first of
-    positions; `bandwidth` [Hz] and `proportional` are the gains times that of the piezo, K_i gain / (2 pi)
-    and K_p gain; what is null is as tuned."""
+    """Settings of the loop, and fields of `control.Stepping`.
+
+    `input` is the sensor, "" for the first position. `bandwidth` [Hz] and `proportional` are the gains times
+    the piezo's gain: K_i gain / (2 pi) and K_p gain. Fields that are null keep the tuned value.
+    """
 
     input: str = ""
     bandwidth: float | None = None
@@ -72,14 +76,16 @@ class Settings(fields_of(Stepping, "amplitude", "frequency", "tolerance")):
 
 
 class Act(Strict):
-    """A command, see `control.Commanded`, and the settings with which a session begins, if none goes on."""
+    """A command, see `control.Commanded`, and the settings of the session that it starts if none is
+    active.
+    """
 
     what: dict[str, Any]
     settings: Settings = Field(default_factory=Settings)
 
 
 class Prepared(NamedTuple):
-    """What is on the bench, and what was tuned for it."""
+    """The first run on the bench, its rig, and the loop that was tuned for it."""
 
     content: dict[str, Any]
     file: ExperimentFile
@@ -94,22 +100,22 @@ class Prepared(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Of positions: m, or rad where the actuator turns."""
+        """Unit of positions: m, or rad for rotary actuators."""
         return unit_for(self.cell.actuator, "m")
 
     @property
     def amplitude(self) -> float:
-        """V of full steps, unless others are asked for."""
+        """Default amplitude of full steps, V."""
         return min(Stepping().amplitude, self.high - self.low)
 
     @property
     def sensors(self) -> list[str]:
-        """Inputs that read in that unit."""
+        """Inputs that measure in `unit`."""
         return [name for name, unit in self.can.inputs.items() if unit == self.unit]
 
     @property
     def columns(self) -> list[dict[str, str]]:
-        """What is recorded."""
+        """Recorded channels."""
         units = {"drive_voltage": "V"}
         return [
             {"name": name, "unit": units.get(name, self.unit), "label": label}
@@ -117,7 +123,7 @@ class Prepared(NamedTuple):
         ]
 
     def regulator(self, asked: Settings) -> Regulator:
-        """With the gains that were asked for."""
+        """Return the regulator with the requested gains."""
         own = self.tuning
         gain, integral = self.cell.actuator.gain, own.pid.integral
         if asked.bandwidth is not None:
@@ -134,7 +140,7 @@ def _range(tuned: float, low: float, high: float) -> dict[str, float]:
 
 
 class Moves:
-    """One session at a time: from the first command until it is let go, stopped, or has lasted `AT_MOST`."""
+    """One session at a time: from the first command until release, stop, or `AT_MOST`."""
 
     def __init__(
         self,
@@ -153,18 +159,18 @@ class Moves:
         self._lock, self._preparing = threading.Lock(), threading.Lock()
         self._known: tuple[str, Prepared] | None = None
         self._tables: dict[str, StepSizes] = {}
-        self._rig: HostedRig | None = None  # while a session goes on
-        self._first: dict[str, Any] | None = None  # the command that it begins with
+        self._rig: HostedRig | None = None  # during a session
+        self._first: dict[str, Any] | None = None  # the command that starts the session
         self.state: dict[str, Any] = {"on": False}
         self._told = self._jogged = 0.0
         hub.greetings.append(self._greet)
         control.gone.append(self._left)
 
     def prepared(self) -> Prepared:
-        """Of the first run of the experiment that is on the bench.
+        """Return the preparation for the first run of the experiment on the bench.
 
         Raises:
-            ValueError: it cannot be moved so: no gain keeps the margins, it is clamped.
+            ValueError: it cannot be moved in closed loop: no gain keeps the margins, or it is clamped.
             RigError: the rig does not answer.
         """
         content = self._document.checked.content
@@ -190,7 +196,7 @@ class Moves:
         return Prepared(content, file, cell, can, output, low, high, tuning, loops, others)
 
     def choices(self) -> dict[str, Any]:
-        """What the page offers: sensors, ranges, what was tuned."""
+        """Return the choices of the page: sensors, ranges, tuned values."""
         made = self.prepared()
         own, model, rate = made.tuning, made.cell.actuator, made.can.update_rate
         sensors, known = made.sensors, made.cell.channels.get(POSITION)
@@ -209,7 +215,7 @@ class Moves:
         }
 
     def _believed(self, made: Prepared) -> list[dict[str, Any]]:
-        """The thresholds of what is believed of the sensor, for people to read."""
+        """Return the limits of the plausibility check of the sensor, as text."""
         beliefs, rows = self._plausibility(made, Stepping().frequency), []
         for name, quantity in quantities(Plausibility).items():
             own = quantity if made.unit == "m" else quantity.turned()
@@ -222,8 +228,9 @@ class Moves:
         return plausibility(made.cell.actuator, made.output, frequency, span, table=table)
 
     def response(self, asked: Settings) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
-        """The response to a target that jumps, of the model and with its frequency off both ways, and what
-        the margins are."""
+        """Return the margins, and the step response of the model and of models with a changed natural
+        frequency.
+        """
         made = self.prepared()
         regulator, rate = made.regulator(asked), made.can.update_rate
         ticks = round(_SHOWN * rate)
@@ -242,10 +249,10 @@ class Moves:
         }
 
     def act(self, asked: Act) -> None:
-        """Do it, and begin a session for it if none goes on.
+        """Execute a command; it starts a session if none is active.
 
         Raises:
-            ValueError, RigError: it cannot be done; nothing was put out for it.
+            ValueError, RigError: it is refused; nothing was put out.
         """
         do = asked.what.get("do")
         with self._lock:
@@ -254,7 +261,7 @@ class Moves:
                 self._rig.command(**asked.what)
                 return
             if self._first is not None and do in ("jog", "halt") and self._runner.busy:
-                self._first = asked.what  # the session begins: the last word counts
+                self._first = asked.what  # the session is starting: the last command counts
                 return
             if do == "halt":
                 return  # it has ended
@@ -273,7 +280,7 @@ class Moves:
             *(cell.actuator.gain, made.can.step),
             unit=made.unit,
         )
-        spec.made().command(**asked.what)  # what is refused is refused before a volt
+        spec.made().command(**asked.what)  # refuse a wrong command before any output
         position = self._position(made, settings.input)
         content = counted_on(made.content, self._folder.root)
         out = new_folder(self._folder, "move")
@@ -305,7 +312,9 @@ class Moves:
         return self._tables[key]
 
     def _position(self, made: Prepared, name: str) -> Channel:
-        """The sensor: one of positions, or the experiment's own with its calibration."""
+        """Return the sensor: an input that measures position, or the experiment's channel with its
+        calibration.
+        """
         own, sensors = made.cell.channels.get(POSITION), made.sensors
         name = name or (sensors or [own.input if own else ""])[0]
         if own is not None and own.input == name:
@@ -357,7 +366,7 @@ class Moves:
         if first is not None:
             self._rig = rig
             if first.get("do") == "jog" and time.monotonic() - self._jogged > HEARTBEAT:
-                first = {"do": "halt"}  # it was let go while the session began
+                first = {"do": "halt"}  # the button was released while the session started
             rig.command(**first)
         self._live.add({name: block[name] for name in COLUMNS})
         position = float(block[POSITION][-1])
@@ -373,7 +382,9 @@ class Moves:
         yield json.dumps({"kind": "move", **self.state})
 
     def _left(self) -> None:
-        """The page that was in control does not come back: let go, in a thread, for the event loop calls."""
+        """Release, since the page in control does not come back; in a thread, because the event loop calls
+        this.
+        """
         if self._rig is not None:
             threading.Thread(target=self._let_go, daemon=True).start()
 

@@ -20,7 +20,7 @@ _IMPORT = re.compile(r'^import\s+(?P<what>.+?)\s+from\s+"(?P<file>[^"]+)";\s*$',
 
 
 def _bundled(name: str, addresses: dict[str, str]) -> str:
-    """A module that needs no other: those that it imports are inside it, as data addresses."""
+    """Return a JavaScript module with its imports embedded as data addresses."""
     folder = (_STATIC / name).parent
 
     def inside(found: re.Match[str]) -> str:
@@ -34,7 +34,7 @@ def _bundled(name: str, addresses: dict[str, str]) -> str:
 
 
 def _style() -> str:
-    """What plots need of the panel's style, for the element of a widget only."""
+    """Return the part of the panel's style that plots need, limited to the widget's element."""
     text = (_STATIC / "style.css").read_text(encoding="utf-8")
     light, dark = (
         re.search(rf"^{re.escape(where)} \{{(.*?)\}}", text, re.MULTILINE | re.DOTALL)
@@ -53,7 +53,7 @@ def _style() -> str:
 
 
 class PlotWidget(anywidget.AnyWidget):
-    """A plot with zoom, pan, cursors and their differences; see `plot_widget`."""
+    """A plot with zoom, pan and cursors that show differences; see `plot_widget`."""
 
     _esm = _bundled("widget.js", {})
     _css = _style()
@@ -65,16 +65,17 @@ class PlotWidget(anywidget.AnyWidget):
 def plot_widget(
     recording: xr.Dataset, channels: Sequence[str] | None = None, *, height: int = 420
 ) -> PlotWidget:
-    """The plot of the control panel for a recording or a simulation, in a notebook.
+    """Plot a recording or a simulation in a notebook, as the control panel does.
 
     Args:
-        recording: over "time"; what `simulate`, `read_recording` and rigs give.
-        channels: what to draw, those of one unit on one axis; left out: all positions, elongations and
-            voltages, or everything where there are none.
+        recording: over "time"; from `simulate`, `read_recording` or a rig.
+        channels: channels to draw; channels of one unit share an axis. Default: all positions, elongations
+            and
+            voltages, or all channels if it has no such channel.
         height: of the plot, in pixels.
 
     Raises:
-        RecordingError: it is no recording, or has no such channel.
+        RecordingError: it is not a recording, or has no such channel.
     """
     validate_recording(recording)
     known = [str(name) for name in recording.data_vars]
@@ -93,7 +94,7 @@ def plot_widget(
         }
         for name in channels
     ]
-    # Times from the first sample on, where float32 is finest.
+    # Times count from the first sample: float32 is finest near 0.
     time = recording["time"].values
     frame = packed({"start": float(time[0])}, time - time[0], *(recording[n].values for n in channels))
     return PlotWidget(frame=frame, series=series, height=height)

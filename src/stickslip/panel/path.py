@@ -1,6 +1,7 @@
-"""Routes of the way on from a fit: saved as a parameter set, a prediction, its drive on the bench, verified.
+"""Routes of the next steps after a fit: save a parameter set, predict, send the drive to the bench, verify.
 
-Each step leaves a file with its links, which the history shows; the page asks for them again at any time.
+Each step leaves a file with links to its sources. The history shows the links; the page can ask for them at
+any time.
 """
 
 from __future__ import annotations
@@ -39,23 +40,23 @@ from .sets import Sets
 from .stream import Hub
 
 PREDICTIONS = "predictions"  # the folder
-PREDICTED = "predicted"  # the run of the bench that a drive is sent as
-SAID = "As predicted in "  # what its notes begin with
-_SAMPLES = 4000  # of a prediction
-_LONGEST = 60.0  # s of a prediction
-_REST = 0.2  # s that the bench records after the drive
-_PATIENCE = 300.0  # s for a verification
+PREDICTED = "predicted"  # name of the bench's run that has the predicted drive
+SAID = "As predicted in "  # start of the notes of that run
+_SAMPLES = 4000  # samples of a prediction
+_LONGEST = 60.0  # s, longest prediction
+_REST = 0.2  # s that are recorded after the drive
+_PATIENCE = 300.0  # s, longest verification
 
 
 class Save(Strict):
-    """A fit (its folder) and the name of the parameter set to be."""
+    """A fit (its folder) and the name of the new parameter set."""
 
     fit: str
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_. -]{0,59}$")
 
 
 class Drive(Strict):
-    """A periodic drive, as a prediction keeps it too."""
+    """A periodic drive; a prediction stores it in this form."""
 
     shape: str = Field(pattern="^(Sawtooth|ReverseSawtooth|Triangle|Cycloid|Sine)$")
     amplitude: float | str
@@ -63,7 +64,7 @@ class Drive(Strict):
     periods: int = Field(ge=1, le=1000)
 
     def forever(self) -> Any:
-        """The waveform without an end; QuantityError for a wrong value."""
+        """Return the waveform without an end; raises QuantityError for a wrong value."""
         return shape(self.shape)(amplitude=self.amplitude, frequency=self.frequency)
 
 
@@ -74,13 +75,13 @@ class Prediction(Drive):
 
 
 class Sent(Strict):
-    """A prediction whose drive the bench shall have."""
+    """A prediction whose drive is sent to the bench."""
 
     prediction: str
 
 
 class Check(Strict):
-    """A fit, and recordings for it to predict."""
+    """A fit, and recordings that it is verified on."""
 
     fit: str
     recordings: list[str] = Field(min_length=1, max_length=20)
@@ -95,7 +96,7 @@ def path_routes(
     read: Reader,
     sets: Sets,
 ) -> APIRouter:
-    """The routes, of the Identify page and of the history."""
+    """Return the routes, for the Identify page and the history."""
     routes = APIRouter(prefix="/path")
 
     @routes.get("")
@@ -159,7 +160,9 @@ def path_routes(
 
 
 def _linked(folder: Folder, read: Reader, name: str) -> dict[str, Any]:
-    """What was made of a fit so far: parameter sets, predictions, recordings, verifications."""
+    """Return the results that were made from a fit: parameter sets, predictions, recordings,
+    verifications.
+    """
     with Index(folder.root, read) as index:
         index.patience = READING
         rows = index.rows()
@@ -183,7 +186,7 @@ def _linked(folder: Folder, read: Reader, name: str) -> dict[str, Any]:
 
 
 def predicted_of(run: dict[str, Any]) -> str | None:
-    """The prediction whose drive a run of the experiment has, if any."""
+    """Return the prediction whose drive a run of the experiment uses, if any."""
     found = re.match(re.escape(SAID) + r"(predictions/[\w.-]+\.nc)", str(run.get("notes", "")))
     return found[1] if found else None
 
@@ -229,7 +232,7 @@ def _predicted(actuator: Actuator, asked: Prediction) -> tuple[Any, dict[str, An
 
 
 def _run(prediction: str, drive: Drive, runs: list[dict[str, Any]]) -> dict[str, Any]:
-    """A run of the experiment with that drive, sampled as the others are."""
+    """Return a run of the experiment with this drive, at the sampling interval of the first run."""
     forever = drive.forever()
     amplitude, frequency = forever.amplitude, forever.frequency
     capture = runs[0]["capture"] if runs else {}
@@ -250,7 +253,7 @@ def _run(prediction: str, drive: Drive, runs: list[dict[str, Any]]) -> dict[str,
 
 
 def _verified(folder: Folder, asked: Check, out: Path) -> None:
-    """As the command does it, in a process of its own: it draws, and reads files."""
+    """Verify with the command line in a separate process, because it draws pictures and reads files."""
     paths = [folder.path(name) for name in asked.recordings]
     missing = [name for name, path in zip(asked.recordings, paths, strict=True) if not path.is_file()]
     if missing:

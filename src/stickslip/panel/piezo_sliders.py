@@ -1,8 +1,8 @@
-"""Two sliders for a piezo: how much of the stroke follows with hysteresis, and how much creeps per decade.
+"""Two sliders for a piezo: the share of the stroke that follows with hysteresis, and the creep per decade.
 
-A parameter set's own plays are stretched to what the sliders say, and kept to the last bit where they say
-what it has. An actuator without any gets plays that make loops as those of PZT stacks. Hysteresis of another
-kind has sliders of its own instead, one for each of its numbers, "piezo_alpha" and so on.
+The play operators of a parameter set are scaled to the sliders' values; they stay bit-identical at the set's
+own values. A piezo without play operators gets default ones, with loops like those of PZT stacks. Other
+hysteresis models have one slider for each of their parameters, "piezo_alpha" and so on.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ FIELDS = {
     "hysteresis": Quantity("", "h", "share of the stroke that follows with hysteresis", minimum=0, below=1),
     "creep": Quantity("", "g", "creep per decade of time, over the stroke", minimum=0, maximum=1),
 }
-THRESHOLDS = (0.0, 5.0, 10.0, 20.0, 40.0)  # V, of an actuator without hysteresis of its own
+THRESHOLDS = (0.0, 5.0, 10.0, 20.0, 40.0)  # V, of an actuator without play operators
 
 
 def shares(piezo: Piezo | None) -> dict[str, float]:
-    """The values of both sliders, as a model has them."""
+    """Return the values of both sliders for a piezo."""
     law, creep = piezo or (None, None)
     found = 0.0
     if isinstance(law, PrandtlIshlinskii):
@@ -33,7 +33,7 @@ def shares(piezo: Piezo | None) -> dict[str, float]:
 
 
 def own_fields(piezo: Piezo | None) -> dict[str, Quantity]:
-    """The numbers of hysteresis that is not made of plays, by the name of their slider."""
+    """Return the parameters of a hysteresis model without play operators, by the name of their slider."""
     law = None if piezo is None else piezo.hysteresis
     if law is None or isinstance(law, PrandtlIshlinskii):
         return {}
@@ -42,16 +42,16 @@ def own_fields(piezo: Piezo | None) -> dict[str, Quantity]:
 
 
 def values(piezo: Piezo | None) -> dict[str, Any]:
-    """Of all sliders, as a model has them."""
+    """Return the values of all sliders for a piezo."""
     law = None if piezo is None else piezo.hysteresis
     return {**shares(piezo), **{name: getattr(law, name.removeprefix(PIEZO)) for name in own_fields(piezo)}}
 
 
 def with_values(piezo: Piezo | None, hysteresis: Any, creep: Any, **own: Any) -> Piezo | None:
-    """The piezo with these shares and numbers of its own; None if nothing is left.
+    """Return the piezo with these slider values; None without hysteresis and creep.
 
     Raises:
-        QuantityError: one is out of range, or the voltage would turn back before the stroke does.
+        QuantityError: a value is out of range, or the voltage would turn back before the stroke does.
     """
     if own and piezo is not None:
         fields = {name.removeprefix(PIEZO): value for name, value in own.items()}
@@ -68,12 +68,12 @@ def with_values(piezo: Piezo | None, hysteresis: Any, creep: Any, **own: Any) ->
 
 
 def _at_once(law: PrandtlIshlinskii) -> float:
-    """The weight of what follows without hysteresis."""
+    """Return the weight of the part without hysteresis."""
     return law.weights[0] if law.thresholds[0] == 0.0 else 0.0
 
 
 def _crept(creep: Creep | None, per_decade: float) -> Creep | None:
-    """Creep of so much per decade; None of 0."""
+    """Return creep of this size per decade; None for 0."""
     if per_decade == 0.0:
         return None
     if creep is None or creep.per_decade == 0.0:
@@ -83,7 +83,7 @@ def _crept(creep: Creep | None, per_decade: float) -> Creep | None:
 
 
 def _stretched(law: Any, share: float) -> PrandtlIshlinskii | None:
-    """Plays whose weights are so much of all."""
+    """Return play operators whose weights are this share of the total."""
     if not isinstance(law, PrandtlIshlinskii) or law.thresholds[0] > 0.0 or sum(law.weights[1:]) == 0.0:
         law = PrandtlIshlinskii(THRESHOLDS, (1.0,) * len(THRESHOLDS))
         if share == 0.0:

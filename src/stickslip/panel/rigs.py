@@ -1,4 +1,6 @@
-"""Rigs that the Bench page offers: benches, back ends, what is connected; the experiment made to fit one."""
+"""Rigs that the Bench page offers: virtual benches, back ends, connected devices; an experiment adapted to a
+rig.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +21,14 @@ from ..rig.measurement import DRIVE, POSITION
 from .folder import Folder
 
 Content = dict[str, Any]
-_MOST = 50  # benches of the folder
+_MOST = 50  # benches of the folder that are offered
 _LONGEST = 2000  # characters of options
 
 
 def offered(folder: Folder) -> dict[str, Any]:
-    """What can be chosen, and what is connected to this machine; nothing is sent to any device."""
+    """Return the rigs to choose from and the devices connected to this machine. Nothing is sent to any
+    device.
+    """
     benches = [*available_benches(), *_own_benches(folder)]
     return {
         "rigs": [
@@ -45,18 +49,18 @@ def _own_benches(folder: Folder) -> Iterator[str]:
             with nothing_run():
                 load_bench(folder.path(name))
         except (ParameterSetError, QuantityError, RegistryError, OSError):
-            continue  # a parameter set, or not whole
+            continue  # a parameter set, or a damaged file
         yield name
 
 
 def _options(kind: str) -> str:
-    """What a back end is made with, as it is typed: what it must be told, with its defaults."""
+    """Return the arguments of a back end as text to edit, with their defaults."""
     given = inspect.signature(registry.rigs.find(kind)).parameters.values()
     return ", ".join(f"{one.name}: {'' if one.default is one.empty else one.default}" for one in given)
 
 
 def asked_rig(kind: str, bench: str, options: str, before: Content) -> Content:
-    """The rig of an experiment file, as it was chosen; a virtual one keeps what it was set to before."""
+    """Return the chosen rig for an experiment file; a virtual rig keeps its previous settings."""
     if kind == "virtual":
         kept = (
             before if before.get("kind", "virtual") == "virtual" else {"kind": "virtual", "real_time": True}
@@ -73,15 +77,15 @@ def asked_rig(kind: str, bench: str, options: str, before: Content) -> Content:
 def fitted(
     content: Content, can: Capabilities, check: Callable[[Content], object]
 ) -> tuple[Content, list[str]]:
-    """The experiment with channels of what a rig has, and the runs that it can do; and what was left out.
+    """Return the experiment with the channels and runs that a rig supports, and a list of what was left out.
 
     Args:
-        content: the experiment, on that rig.
-        can: what that can do.
-        check: raises ValueError or RigError for what cannot be recorded.
+        content: the experiment, with the new rig.
+        can: the rig's capabilities.
+        check: raises ValueError or RigError for a content that cannot be recorded.
 
     Raises:
-        QuantityError: it can do none of the runs.
+        QuantityError: the rig supports none of the runs.
     """
     content = copy.deepcopy(content)
     said = [f"channel {name}" for name, one in content["channels"].items() if one["input"] not in can.inputs]
@@ -110,8 +114,9 @@ def fitted(
 
 
 def facts(can: Capabilities, limits: Limits, about: About | None, unit: str) -> dict[str, Any]:
-    """The rig on the bench: what it can do, the unit of positions from home, and the experiment's limits, in
-    SI; infinite ones left out."""
+    """Return the rig's capabilities, the unit of positions from home, and the finite limits of the
+    experiment, in SI.
+    """
     return {
         **can._asdict(),
         "unit": unit,

@@ -1,8 +1,7 @@
-"""Roles of tokens: who shows one may watch, operate or maintain.
+"""Roles of tokens. Each role may also do what the roles before it may do.
 
-watch       see everything, stop the rig, disarm it, withdraw a permit
-operate     and control the rig, and write into the folder
-maintain    and change limits, and choose the rig
+watch       see everything, stop the rig, disarm it, withdraw a permit operate     control the rig, and write
+into the folder maintain    change limits, and choose the rig
 """
 
 from __future__ import annotations
@@ -10,7 +9,8 @@ from __future__ import annotations
 from .asking import asking
 
 ROLES = ("watch", "operate", "maintain")
-# Requests that write nothing and move nothing, and those that only make the rig safer; each GET is one too.
+# POST requests that write nothing and move nothing, or only make the rig safer. Every GET belongs to them
+# too.
 _WATCH = frozenset(
     {
         *("/quantity", "/bench/stop", "/bench/window", "/interlock/disarm", "/interlock/permit"),
@@ -21,11 +21,11 @@ _WATCH = frozenset(
     }
 )
 _MAINTAIN = frozenset({"/bench/rig"})
-SAID_BY_ALL = frozenset({"emergency_stop", "greet"})  # what watchers may say on the stream
+SAID_BY_ALL = frozenset({"emergency_stop", "greet"})  # messages on the stream that watchers may send
 
 
 class RoleError(ValueError):
-    """The role of who asks is not enough."""
+    """The asker's role is too low for the request."""
 
 
 def least_role(method: str, path: str) -> str:
@@ -36,11 +36,11 @@ def least_role(method: str, path: str) -> str:
 
 
 def enough(role: str, least: str) -> bool:
-    """Whether a role is at least another one."""
+    """Return True if a role includes another one."""
     return ROLES.index(role) >= ROLES.index(least)
 
 
 def need_role(least: str) -> None:
-    """Raise RoleError unless who asks now has at least that role."""
+    """Raise RoleError unless the current asker has at least that role."""
     if not enough(asking().role, least):
         raise RoleError(f"this needs the role {least}, and your token is one to {asking().role}")

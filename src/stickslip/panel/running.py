@@ -1,4 +1,4 @@
-"""The run that goes on: an experiment in a thread of its own, whoever watches, until its end or a stop."""
+"""The current run: an experiment in a thread, independent of the pages, until its end or a stop."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ from .statistics import Statistics, drive_channel
 from .stream import Hub
 from .trigger import TriggerSeeker
 
-_AT_ZERO = 0.5  # V, the most that the drive of a run at rest is measured to be
+_AT_ZERO = 0.5  # V, largest measured drive that counts as 0 V
 
 
 class Arrived(RigError):
-    """A run that was only to move somewhere is there."""
+    """A run whose only goal was a position has reached it."""
 
 
 class Job(NamedTuple):
-    """What to run: an experiment, the folder that its paths begin in, where recordings go, its channels.
+    """An experiment to run, the folder of its relative paths, the folder for recordings, its channels.
 
-    `goal` sees the position since home and the blocks, and raises `Arrived` when the run has done what it was
-    for. A `loop` is run instead of the experiment.
+    `goal` receives the position from home and the blocks, and raises `Arrived` when the run has reached its
+    goal. A `loop` is run instead of the experiment.
     """
 
     title: str
@@ -58,17 +58,17 @@ class Job(NamedTuple):
 
 
 class Runner:
-    """Runs one job at a time. `position` is where the end-effector is, m from home, as far as was seen;
-    `before_ramp` says that a ramp to 0 V came after, through which nothing is measured.
+    """Runs one job at a time. `position` is the last measured position of the end-effector, m from home.
+    `before_ramp` is True if a ramp to 0 V followed, during which nothing is measured.
 
-    What is put out belongs to a process of its own, which stops by itself where this one dies or stalls; a
-    stop goes to it directly, whatever the run's thread is doing.
+    The output belongs to another process, which stops by itself if this one dies or stalls. A stop goes
+    directly to that process, whatever the run's thread is doing.
 
     Args:
-        hub, live, journal: who is told.
+        hub, live, journal: receive the progress.
         rigs: the folder of the process that owns the panel's virtual rig.
         read: reads the files that an experiment names.
-        statistics: sees what is measured; may ask for a stop.
+        statistics: receives the samples; may request a stop.
     """
 
     def __init__(
@@ -76,23 +76,23 @@ class Runner:
     ) -> None:
         self._hub, self._live, self._journal, self._rigs, self._read = hub, live, journal, rigs, read
         self._statistics = statistics
-        self.asks: list[Callable[[], None]] = []  # called before a job starts; what they raise refuses it
-        self.also_stop: list[Callable[[], bool]] = []  # what else ends then; whether it went on
+        self.asks: list[Callable[[], None]] = []  # called before a job starts; an exception refuses it
+        self.also_stop: list[Callable[[], bool]] = []  # called at a stop; return whether they were active
         self._control: Link | None = None
         self._stopper: Link | None = (
             None  # to the same process, for stops only: they wait for no other answer
         )
         self._linking = threading.Lock()
-        self._using = threading.Lock()  # the rig: a run, or setting home
-        self._delivered = 0.0  # s that a request to stop took to the rig's process
-        self._telling = threading.RLock()  # `state`, which the run's thread and who asks for a stop change
+        self._using = threading.Lock()  # lock of the rig: for a run, or for setting home
+        self._delivered = 0.0  # s until the rig's process had the request to stop
+        self._telling = threading.RLock()  # lock of `state`, which the run's thread and requests change
         self._thread: threading.Thread | None = None
         self._stop: tuple[str, float] | None = None
         self._told = 0.0
         self._busy = False
         self.position = 0.0
         self.before_ramp = False
-        self._moved, self._volts = False, 0.0  # whether the job has shown a position; its last drive
+        self._moved, self._volts = False, 0.0  # True once the job has a position; its last drive, V
         self.state: dict[str, Any] = {
             "number": 0,
             "phase": "idle",
@@ -105,16 +105,16 @@ class Runner:
 
     @property
     def where(self) -> dict[str, Any]:
-        """The position, as pages are told."""
+        """The position in the form that pages receive."""
         return {"position": self.position, "before_ramp": self.before_ramp}
 
     @property
     def busy(self) -> bool:
-        """Whether a job is running."""
+        """True while a job is running."""
         return self._busy
 
     def start(self, job: Job) -> None:
-        """Start a job; raises RigError while another runs, or what one of `asks` refuses it with."""
+        """Start a job; raises RigError while another runs, or what one of `asks` raises."""
         if not self.busy:
             for ask in self.asks:
                 ask()
@@ -137,7 +137,7 @@ class Runner:
             self._thread.start()
 
     def stop(self, why: str) -> bool:
-        """Ask the run to end with a ramp to 0 V; at once, whoever asks. Whether anything went on."""
+        """Ask the run to end with a ramp to 0 V, at once. Return False if nothing was active."""
         asked, stopper = time.perf_counter(), self._stopper
         told = stopper is not None and self._busy and self._stop is None
         if stopper is not None and told:  # before anything that may take time
@@ -159,21 +159,21 @@ class Runner:
         return True
 
     def _tell_stop(self, asker: Asker, why: str) -> None:
-        """In the log, by a thread: a stop waits for no disk."""
+        """Log the stop in a thread: a stop does not wait for a disk."""
         with asked_by(asker):
             self._journal(f"{why}: asked for", "warning")
 
     def _halt(self, stopper: Link, asked: float) -> None:
-        """Hear that the rig's process has the request; it may never answer."""
+        """Wait until the rig's process has confirmed the request; it may never answer."""
         with suppress(RigError):
             stopper.heard_stop()
             self._delivered = time.perf_counter() - asked
 
     def _follow(self, why: str, asked: float, number: int) -> None:
-        """By connections of its own, until there is evidence that the output is at 0 V."""
+        """Follow a stop through separate connections until the output is measured at 0 V."""
         control = self._control
         if control is None:
-            return  # the run has not reached the rig yet, and looks whether it may go on before it does
+            return  # the run has not reached the rig yet, and checks for a stop before it does
         alarm = ""
 
         def tell(stop: StopState) -> None:
@@ -190,8 +190,9 @@ class Runner:
         follow_stop(control.folder, why, tell, lambda: self.busy and self.state["number"] == number, asked)
 
     def reach(self, folder: Path | None = None) -> Link:
-        """A connection to the rig's process, by default that of the virtual rig, which it starts if need be;
-        for all but runs."""
+        """Return a connection to the rig's process, by default the virtual rig's, which is started if needed.
+        Runs do not use it.
+        """
         folder = folder or self._rigs
         with self._linking:
             if self._control is not None:
@@ -206,7 +207,7 @@ class Runner:
             return self._control
 
     def find_position(self) -> None:
-        """Take over what the rig's process knows of where the end-effector is."""
+        """Take the position of the end-effector from the rig's process."""
         if not self.busy:
             position = self.reach().ask("state")[0]["position"]
             if position is not None:
@@ -214,7 +215,7 @@ class Runner:
                 self._state()
 
     def close(self) -> None:
-        """Let go of the rig's process."""
+        """Close the connections to the rig's process."""
         links = self._control, self._stopper
         self._control = self._stopper = None
         for link in links:
@@ -222,12 +223,12 @@ class Runner:
                 link.close()
 
     def join(self, most: float | None = None) -> None:
-        """Wait for the end of the run, `most` seconds."""
+        """Wait for the end of the run, at most `most` seconds."""
         if self._thread is not None:
             self._thread.join(most)
 
     def home_here(self, file: ExperimentFile, folder: Path, cell: Cell) -> None:
-        """Call the present position home, as the experiment's channel shows it."""
+        """Set home to the present position, as the experiment's channel shows it."""
         channel = cell.channels.get(POSITION)
         if channel is None:
             raise RigError(f"home is set by the channel {POSITION}, which is not recorded")
@@ -271,11 +272,11 @@ class Runner:
             if self._moved:
                 self.before_ramp = ramped
             with self._telling:
-                self._busy = False  # before it is told: who hears of the end may start again
+                self._busy = False  # first of all: a page may start again as soon as it sees the end
                 self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
 
     def _recorded(self, job: Job, progress: Progress) -> int:
-        """How many recordings it has made."""
+        """Run the job; return the number of recordings."""
         if job.loop is not None:
             job.loop(progress)
             return 1
@@ -297,16 +298,16 @@ class Runner:
         self._live.recorded({str(name): float(one[-1]) for name, one in recording.data_vars.items()})
 
     def laboratory(self, job: Job) -> Laboratory:
-        """Where it is recorded."""
+        """Open the laboratory of a job."""
         return open_laboratory(job.file, job.folder, self._rigs, "the panel")
 
     def need_going(self) -> None:
-        """Raises StopRequested where somebody asked for a stop."""
+        """Raise StopRequested after a request to stop."""
         if self._stop is not None:
             raise StopRequested(self._stop[0])
 
     def seen(self, position: float) -> None:
-        """A loop goes on, and the end-effector is there, m from home."""
+        """Take the position of a running loop, m from home."""
         self._at(position)
         self._puts_out()
 
@@ -321,7 +322,7 @@ class Runner:
     def _finish(self, finished: Callable[[], None]) -> None:
         try:
             finished()
-        except (ValueError, OSError) as error:  # the recordings are there; the next run is not to wait for it
+        except (ValueError, OSError) as error:  # the recordings exist; the next run must not wait for this
             self._journal(f"after the run: {error}", "error")
 
     def _watched(self, job: Job, cell: Cell, rig: Rig) -> Rig:
@@ -335,7 +336,7 @@ class Runner:
             seek.begin(before)
             self._statistics.begin(job.columns, drive)
             with self._telling:
-                # A virtual rig computes before it puts out; where a stop was asked for, it does neither.
+                # A virtual rig computes before its output starts; after a stop request it does neither.
                 self._state(phase="preparing" if self._stop is None else "stopping", doing=cell.name)
 
         def sees(block: dict[str, NDArray[np.float64]]) -> None:
@@ -376,7 +377,7 @@ class Runner:
         if now - self._told < 0.1 and doing == self.state["doing"]:
             return
         self._told = now
-        # The first moments say little: a run may have to be computed before it begins.
+        # The first moments say little: a run may have to be computed before it starts.
         remaining = (now - begun) * (1.0 - done) / done if done > 0.02 else None
         self._state(doing=doing, done=done, remaining=remaining)
 

@@ -1,4 +1,4 @@
-"""A queue of runs: matrices of variables, repeats, rests, conditions; one after the other."""
+"""A queue of runs, one after the other: combinations of variables, repeats, rests, conditions."""
 
 from __future__ import annotations
 
@@ -22,12 +22,14 @@ from .starting import Starter
 from .stream import Client, Hub
 
 MOST_STEPS = 1000
-_OVERHEAD = 1.0  # s that a run takes beside its capture, until one was seen
-_ENDS = 600.0  # s after which a run that does not end is given up
+_OVERHEAD = 1.0  # s that a run takes besides its capture, until one was measured
+_ENDS = 600.0  # s after which a run that does not end is abandoned
 
 
 class Item(Strict):
-    """A run of the experiment, for each combination of the values of its variables, so many times."""
+    """A run of the experiment, repeated `repeats` times for each combination of the values of its
+    variables.
+    """
 
     run: str
     matrix: dict[str, list[str]] = Field(default_factory=dict, max_length=6)
@@ -36,9 +38,10 @@ class Item(Strict):
 
 
 class Sequence(Strict):
-    """What is queued, and on which conditions.
+    """Queued runs and their conditions.
 
-    `order` "given": all repeats of a combination together; "rounds": all combinations, then all again.
+    `order` "given": all repeats of a combination, then the next one; "rounds": all combinations, then all
+    again.
     """
 
     items: list[Item] = Field(min_length=1, max_length=50)
@@ -57,14 +60,14 @@ class Step(NamedTuple):
 
 
 class Sequencer:
-    """Runs one sequence at a time, in a thread; a stop of the run ends it too."""
+    """Runs one sequence at a time in a thread; stopping the run also ends the sequence."""
 
     def __init__(self, hub: Hub, document: BenchDocument, runner: Runner, starter: Starter) -> None:
         self._hub, self._document, self._runner, self._starter = hub, document, runner, starter
         self._lock = threading.Lock()
-        self._telling = threading.Lock()  # `state`, which the sequence's thread and requests change
-        self._ending = threading.Event()  # now
-        self._last = threading.Event()  # no further run; what rests need not rest on
+        self._telling = threading.Lock()  # lock of `state`, which the sequence's thread and requests change
+        self._ending = threading.Event()  # set: end now
+        self._last = threading.Event()  # set: no further run, and no more rest
         self._thread: threading.Thread | None = None
         self.state: dict[str, Any] = {
             "phase": "idle",
@@ -78,10 +81,10 @@ class Sequencer:
         hub.greetings.append(self._greet)
 
     def steps(self, asked: Sequence) -> list[Step]:
-        """Every run of a sequence, checked as if it began now; nothing is put out.
+        """Return every run of a sequence, checked as if it started now; nothing is put out.
 
         Raises:
-            ValueError, RigError: one of them cannot be recorded; names it.
+            ValueError, RigError: one of them cannot be recorded; the message names it.
         """
         found: list[Step] = []
         for item in asked.items:
@@ -115,7 +118,9 @@ class Sequencer:
         return Step(content, title, seconds, rest)
 
     def start(self, asked: Sequence) -> int:
-        """Begin; how many runs there are. Raises as `steps`, and RigError where something runs already."""
+        """Start the sequence; return the number of runs. Raises as `steps`, and RigError if a run is
+        active.
+        """
         steps = self.steps(asked)
         with self._lock:
             if self.state["phase"] == "running" or self._runner.busy:
@@ -129,14 +134,14 @@ class Sequencer:
         return len(steps)
 
     def end_after(self) -> None:
-        """No further run after the one that goes on; between two runs it ends at once."""
+        """End the sequence after the current run; at once between two runs."""
         with self._telling:
             if self.state["phase"] == "running":
                 self._change(said="ends after this run")
                 self._last.set()
 
     def join(self) -> None:
-        """End it, and wait for that."""
+        """End the sequence and wait for its thread."""
         self._end()
         if self._thread is not None:
             self._thread.join()
@@ -159,7 +164,7 @@ class Sequencer:
             self._tell(phase=phase, said=said, left=None)
 
     def _all(self, steps: list[Step], asked: Sequence) -> tuple[str, str]:
-        """One after the other; the phase in which it ended, and what is said of it."""
+        """Run all steps; return the final phase and a message."""
         overhead, failed = _OVERHEAD, 0
         for i, step in enumerate(steps):
             if self._last.is_set():
@@ -179,7 +184,7 @@ class Sequencer:
         return "done", f"{len(steps)} runs" + (f", {failed} of them failed" if failed else "")
 
     def _one(self, step: Step, i: int, count: int, asked: Sequence) -> str:
-        """Run a step, after the way home where that is asked for; its phase at the end."""
+        """Run a step, after homing if the sequence says so; return its final phase."""
         try:
             if asked.home_first and abs(self._runner.position) > 0.0:
                 outcome = self._ended(self._starter.home)
@@ -198,7 +203,7 @@ class Sequencer:
         if self._ending.is_set():
             return "stopped"
         begin()
-        if self._ending.is_set():  # a stop that came between two runs holds for the next one too
+        if self._ending.is_set():  # a stop between two runs also stops the next one
             self._runner.stop("stop")
         self._runner.join(_ENDS)
         return str(self._runner.state["phase"])
@@ -216,12 +221,12 @@ class Sequencer:
 
 
 def _left(steps: list[Step], overhead: float) -> float:
-    """s that these runs will take, with the rests between them."""
+    """Return the s that these runs will take, with the rests between them."""
     return sum(one.seconds + overhead for one in steps) + sum(one.rest for one in steps[:-1])
 
 
 def sequence_routes(control: Control, sequencer: Sequencer) -> APIRouter:
-    """The routes of the sequence."""
+    """Return the routes of the sequence."""
     routes = APIRouter(prefix="/sequence")
 
     @routes.post("/check")
@@ -240,7 +245,7 @@ def sequence_routes(control: Control, sequencer: Sequencer) -> APIRouter:
 
     @routes.post("/end")
     def end(request: Request) -> dict[str, str]:
-        """No further run; the one that goes on is finished."""
+        """End the sequence after the current run."""
         control.need(request.headers.get("x-client", ""))
         sequencer.end_after()
         return {"phase": str(sequencer.state["phase"])}

@@ -56,7 +56,7 @@ from .stream import Client, Hub
 from .studies import Studies, study_routes
 
 STATIC = Path(__file__).parent / "static"
-# Modules of the functions that pages have applied to files. To import them takes 1.5 s of computing.
+# Modules of the functions that read files for pages. Importing them takes 1.5 s of computing.
 READ_BY = (
     "stickslip.recording.readers.reading",
     "stickslip.history.describing",
@@ -65,17 +65,17 @@ READ_BY = (
     "stickslip.study.picture",
     "stickslip.jobs.analysis.fit_parameters",
 )
-_IDLE = 600  # s between looks for unused memory while nobody runs anything
+_IDLE = 600  # s between garbage collections while nothing runs
 
 
 _COMMENT = re.compile(rb"^[ \t]*(?://.*|/\*\*.*\*/)\n", re.MULTILINE)
 
 
 class _Static(StaticFiles):
-    """The page's files; scripts without the lines that are comments only, a twentieth of what is sent."""
+    """The page's files; comment lines of scripts are removed, 5 % of the bytes sent."""
 
     async def get_response(self, path: str, scope: MutableMapping[str, Any]) -> Response:
-        """The file, or that it has not changed."""
+        """Return the file, or the answer that it has not changed."""
         answer = await super().get_response(path, scope)
         if not isinstance(answer, FileResponse) or not path.endswith(".js") or path.startswith("vendor"):
             return answer
@@ -85,7 +85,7 @@ class _Static(StaticFiles):
 
 
 class Text(Strict):
-    """What somebody typed into a field of a unit."""
+    """Text that was typed into a field with a unit."""
 
     text: str
     unit: str = ""
@@ -100,11 +100,12 @@ def create_app(
     any_address: bool = False,
     largest_body: int = LARGEST_BODY,
 ) -> FastAPI:
-    """The panel on a folder.
+    """Return the panel's application for a folder.
 
     Args:
         folder: recordings and experiment files are read from it and written to it, and nowhere else.
-        token: what a browser must show to maintain; without any token nothing, for the loopback address only.
+        token: token of the role "maintain". Without any token everybody has that role: for the loopback
+            address only.
         tokens: the role of each further token, see `roles`.
         hosts, any_address: see `guard.Guard`.
         largest_body: bytes of a request.
@@ -133,7 +134,7 @@ def create_app(
     studies, sets = Studies(files, journal), Sets(files)
 
     async def beat() -> None:
-        """Every second a sign of life: silence tells a page that the connection is lost."""
+        """Send a sign of life every second: a page that hears nothing knows that the connection is lost."""
         for second in itertools.count(1):
             await asyncio.sleep(1.0)
             control.watch()
@@ -144,7 +145,7 @@ def create_app(
     @asynccontextmanager
     async def life(app: FastAPI) -> AsyncIterator[None]:
         beating = asyncio.create_task(beat())
-        # A thread that computes keeps the others waiting for so long; Python's 5 ms are a third of a picture.
+        # A computing thread delays the others by this interval; Python's 5 ms are a third of a video frame.
         sys.setswitchinterval(1e-3)
         _start_processes(hub, runner, read)
         interlocks.watch()
@@ -193,7 +194,9 @@ def create_app(
 
 
 def _greeting() -> Hub:
-    """A stream that tells each page who it is, and which start of the panel it is connected to."""
+    """Return a stream whose first message gives each page its name, its role and the id of this server
+    start.
+    """
     hub, boot = Hub(), secrets.token_hex(8)
 
     def hello(client: Client, said: dict[str, Any]) -> list[str]:
@@ -205,7 +208,7 @@ def _greeting() -> Hub:
 
 
 def _start_processes(hub: Hub, runner: Runner, read: Reader) -> None:
-    """Start the process that reads files at once, that of the rig with the first page."""
+    """Start the process that reads files now, and the rig's process with the first page."""
     first = threading.Lock()
 
     def rig() -> None:
@@ -239,7 +242,7 @@ def _page_routes(app: FastAPI, hub: Hub) -> None:
 
 
 def _explain_errors(app: FastAPI, folder: Folder) -> None:
-    """An error is one line for the page, {"error": ...}, without paths of this machine."""
+    """Answer every error with one line, {"error": ...}, without paths of this machine."""
 
     def answer(status: int, text: str) -> JSONResponse:
         return JSONResponse({"error": folder.told(" ".join(text.split()))}, status)

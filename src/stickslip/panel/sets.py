@@ -1,4 +1,4 @@
-"""Parameter sets that the pages offer: those of the package, and those saved in the panel's folder."""
+"""Parameter sets that the pages offer: the package's, and sets saved in the panel's folder."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from ..quantities.registry import nothing_run
 from ..quantities.units import QuantityError
 from .folder import Folder, FolderError
 
-MOST = 50  # saved ones that are offered, the newest
+MOST = 50  # newest saved sets that are offered
 
 
 class Sets:
-    """A saved set is named by its file in the folder, "parameters/NAME.toml"; without a folder there is
-    none."""
+    """Parameter sets by name. A saved set has the name of its file, "parameters/NAME.toml"; only a panel with
+    a folder has saved sets.
+    """
 
     def __init__(self, folder: Folder | None = None) -> None:
         self._folder = folder
 
     def offered(self) -> dict[str, tuple[str, Actuator]]:
-        """Title and actuator of each; a file that cannot be read is left out."""
+        """Return title and actuator of each set; files that cannot be read are left out."""
         found = {name: _published(name) for name in available_sets() if load_set(name).kind == "actuator"}
         for name in self._saved():
             try:
@@ -34,10 +35,10 @@ class Sets:
         return found
 
     def actuator(self, name: str) -> Actuator:
-        """That of a set; read once: reading a file takes longer than simulating it.
+        """Return the actuator of a set. It is read only once: reading takes longer than simulating.
 
         Raises:
-            QuantityError: there is none of that name, or it cannot be read.
+            QuantityError: the set does not exist, or cannot be read.
         """
         if name in available_sets():
             return _published(name)[1]

@@ -1,4 +1,4 @@
-"""Answers that take a while, of which each is made for all who ask at once."""
+"""Slow answers, computed once for all who ask at the same time."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import threading
 from collections.abc import Callable, Hashable
 from typing import Any
 
-_KEPT = 8  # answers, to different questions
+_KEPT = 8  # answers to different questions that are kept
 
 
 class Shared:
-    """Makes one answer at a time: who waited for that takes what was begun after they asked.
+    """Computes one answer at a time. Callers that waited share an answer that was started after they asked.
 
-    Many pages ask at once, and threads that all look at a folder let nobody else come to speak.
+    Many pages ask at the same time, and many threads that scan a folder would block all other requests.
     """
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class Shared:
         ] = {}  # by the question: the how manieth, and what it is
 
     def __call__(self, question: Hashable, make: Callable[[], Any]) -> Any:
-        """The answer to a question, not to be changed; `make` makes it."""
+        """Return the answer to a question, computed by `make`; callers must not modify it."""
         before = self._begun
         with self.lock:
             number, answer = self._answers.pop(question, (0, None))

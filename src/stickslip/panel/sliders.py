@@ -1,8 +1,8 @@
-"""Fields of the Explore page: each with its unit, meaning and the range of its slider.
+"""Fields of the Explore page: each with its unit, meaning and slider range.
 
-Units, symbols, meanings and what is allowed come from the records themselves. Only the range that a slider
-sweeps is chosen here, from what such actuators have; a typed value may lie outside of it. What turns has the
-ranges of what slides at a radius of `ARM`.
+Units, symbols, meanings and allowed values come from the records. Only the slider ranges are chosen here,
+from typical actuators; a typed value may lie outside of them. Rotary actuators have the ranges of linear ones
+at a radius of `ARM`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .sets import PACKAGE, Sets
 
 
 class Slider(NamedTuple):
-    """The range of a slider. On a logarithmic one, the left end may stand for zero, the right end for ∞."""
+    """Range of a slider. On a logarithmic one, the left end may mean zero, the right end ∞."""
 
     low: float
     high: float
@@ -74,7 +74,7 @@ _WAVEFORM = {
     "duration": Slider(1e-3, 10.0),
 }
 DURATION = Slider(1e-2, 10.0)
-# Of a field that has no range of its own, by its unit: one of somebody's own law or waveform.
+# Range by unit, for fields of a user's own law or waveform.
 _BY_UNIT = {
     "V": Slider(0.0, 150.0, "linear"),
     "V/s": Slider(1.0, 1e5),
@@ -87,20 +87,21 @@ _BY_UNIT = {
     "m": Slider(1e-9, 1e-4, zero=True),
     "m/s": Slider(1e-6, 1.0),
 }
-# What the page says in units of its own: those of what slides.
+# Units of the page's own quantities, for linear actuators.
 _UNITS = {"position": "m", "speed": "m/s", "force": "N"}
 ARM = 0.01  # m
-_POWERS = {"m": -1, "N": 1, "kg": 2}  # of the radius, in the same quantity of what turns
-_STRIBECK_VELOCITY = 1e-3  # m/s, of a contact without one
-_NO_SLIDERS = ("Constant", "Rest")  # waveforms that move nothing
-_ELEMENTS = ("stiffness", "strength")  # fields of several values that have a slider each
-# Fields that follow others of the same law, as powers of them, so that the law stays whole: as in fits,
-# stiction keeps its ratio to sliding friction, and an elastic range its share of the presliding distance.
+_POWERS = {"m": -1, "N": 1, "kg": 2}  # of the radius, in the rotary counterpart of a unit
+_STRIBECK_VELOCITY = 1e-3  # m/s, for a contact without a Stribeck velocity
+_NO_SLIDERS = ("Constant", "Rest")  # waveforms without motion
+_ELEMENTS = ("stiffness", "strength")  # fields of several values, with one slider each
+# Fields that follow others of the same law, as powers of them, so that the law stays valid. As in fits,
+# stiction keeps its ratio to sliding friction, and the elastic range keeps its share of the presliding
+# distance.
 TIED = {
     "stiction_force": {"coulomb_force": 1},
     "breakaway_deflection": {"coulomb_force": 1, "sigma_0": -1},
 }
-# Where a waveform begins when it is chosen.
+# Initial values of a waveform.
 _BEGIN = {
     "amplitude": 65.0,
     "frequency": 5.0,
@@ -114,7 +115,7 @@ _BEGIN = {
 
 
 def shapes() -> dict[str, Any]:
-    """The waveforms that are adjusted by sliders, by name."""
+    """Return the waveforms that have sliders, by name."""
     return {
         name: one
         for name, one in registry.waveforms.all()
@@ -127,12 +128,12 @@ def _required(shape: Any) -> set[str]:
 
 
 def _fields_of(shape: Any) -> list[str]:
-    """The fields of a waveform that have a slider: each a number, and not how often it comes."""
+    """Return the fields of a waveform that have a slider: single numbers, except the number of periods."""
     return [f for f in quantities(shape) if f != "periods" and f not in sequences(shape)]
 
 
 def law_types() -> dict[str, Any]:
-    """The laws whose values are adjusted by sliders, by name."""
+    """Return the friction laws that have sliders, by name."""
     return {
         name: law
         for name, law in registry.laws.all()
@@ -141,7 +142,7 @@ def law_types() -> dict[str, Any]:
 
 
 def sized(value: float, unit: str, rotary: bool) -> float:
-    """A number of what slides, or the same of what turns, at `ARM`."""
+    """Return a value of a linear actuator, or its rotary counterpart at the radius `ARM`."""
     over, _, under = unit.partition("/")
     power = sum(_POWERS.get(one, 0) for one in over.split()) - sum(
         _POWERS.get(one, 0) for one in under.split()
@@ -165,7 +166,7 @@ def _middle(slider: Slider) -> float:
 
 
 def _around(quantity: Quantity, value: float) -> Slider:
-    """For a number whose size is known only from a model: a decade either way, or as far as it may go."""
+    """Return a range around a value of unknown scale: a decade either way, within the quantity's limits."""
     if value > 0.0:
         low = max(0.1 * value, quantity.minimum or quantity.above or 0.0)
         most = [end for end in (10.0 * value, quantity.maximum, quantity.below) if end is not None]
@@ -174,16 +175,20 @@ def _around(quantity: Quantity, value: float) -> Slider:
 
 
 def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
-    """Everything that the page offers, as JSON can hold it (infinity is "inf").
+    """Return everything that the page offers, in JSON types (infinity is "inf").
 
-    By "sets" (title, unit of its position, model, sliders of its own "piezo", law, and values of each law for
-    that contact), "by_unit" (see `_kind`), "shapes" (fields), "start" (values of each shape), "tied" (see
-    `TIED`) and "duration" (a field).
+    Keys:
+
+    - "sets": title, unit of position, model, own sliders "piezo", law, values of each law for the contact;
+    - "by_unit": see `_kind`;
+    - "shapes": fields of each waveform, and "start", their initial values;
+    - "tied": see `TIED`;
+    - "duration": a field.
     """
     sets, known, drives = {}, law_types(), shapes()
     for name, (title, actuator) in offered.offered().items():
         law = type(actuator.friction).__name__
-        if law not in known:  # somebody's own that has no sliders
+        if law not in known:  # a user's own law without sliders
             continue
         laws = laws_like(actuator.friction, known, actuator.rotary)
         laws[law] = actuator.friction
@@ -206,7 +211,7 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
         name: {f: _middle(slider) for f, slider in ranges[name].items()} | shape._field_defaults | _BEGIN
         for name, shape in drives.items()
     }
-    for swinging in ("Sine", "Chirp"):  # about the middle of what a stack takes
+    for swinging in ("Sine", "Chirp"):  # around the middle of a stack's voltage range
         start[swinging] |= {"offset": 75.0}
     return {
         "sets": sets,
@@ -233,12 +238,14 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
 
 
 def _model(rotary: bool) -> dict[str, Slider]:
-    """Of the actuator; what turns has no incline."""
+    """Return the sliders of an actuator; rotary ones have no incline."""
     return {field: slider for field, slider in _MODEL.items() if not (rotary and field == "incline")}
 
 
 def _kind(known: dict[str, Any], rotary: bool) -> dict[str, Any]:
-    """Of what slides, or of what turns: "units" (see `_UNITS`), "model" (fields) and "laws" (fields)."""
+    """Return the fields of linear or rotary actuators: "units" (see `_UNITS`), "model" (fields) and "laws"
+    (fields).
+    """
     return {
         "units": {name: turned(unit) if rotary else unit for name, unit in _UNITS.items()},
         "model": [
@@ -255,7 +262,7 @@ def _kind(known: dict[str, Any], rotary: bool) -> dict[str, Any]:
 
 
 def laws_like(law: Any, known: dict[str, Any], rotary: bool = False) -> dict[str, Any]:
-    """A law of each of the known types for the same contact, whatever law that is described by."""
+    """Return a law of each known type with parameters for the same contact."""
     contact = law
     if not isinstance(law, LuGre):
         force = getattr(law, "coulomb_force", sized(0.5, "N", rotary))
@@ -266,13 +273,15 @@ def laws_like(law: Any, known: dict[str, Any], rotary: bool = False) -> dict[str
     found = {type(one).__name__: one for one in examples.values()}
     for name, kind in known.items():
         if name not in found:
-            with suppress(QuantityError, TypeError):  # what is in the middle of its sliders is refused
+            with suppress(QuantityError, TypeError):  # the middle values of its sliders may be invalid
                 found[name] = kind(**_values_like(kind, contact, rotary))
     return found
 
 
 def _values_like(kind: Any, contact: LuGre, rotary: bool) -> dict[str, Any]:
-    """Of somebody's own law: those that the contact has too, else defaults, else the middle of a slider."""
+    """Return values for a user's own law: the contact's where names agree, else defaults, else the middle of
+    a slider.
+    """
     shared = {f: value for f, value in contact._asdict().items() if f in kind._fields}
     return {
         f: kind._field_defaults.get(f, sized(_middle(_slider(q, _FRICTION.get(f))), q.unit, rotary))
@@ -281,7 +290,9 @@ def _values_like(kind: Any, contact: LuGre, rotary: bool) -> dict[str, Any]:
 
 
 def values_of(law: Any) -> dict[str, Any]:
-    """The values of a law by the name of their slider: elements are "stiffness_1", "stiffness_2", ..."""
+    """Return the values of a law by the name of their slider: elements are "stiffness_1", "stiffness_2",
+    ...
+    """
     found = {}
     for field, value in law._asdict().items():
         if isinstance(value, tuple):
@@ -292,7 +303,7 @@ def values_of(law: Any) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON can hold it."""
+    """Return the value in a JSON type."""
     return str(value) if isinstance(value, float) and math.isinf(value) else value
 
 
@@ -308,7 +319,7 @@ def _described(record: Any, field: str, slider: Slider, rotary: bool = False) ->
 
 
 def shown(field: str, quantity: Quantity, slider: Slider, rotary: bool = False) -> dict[str, Any]:
-    """A field as pages read it; quantity and slider are those of what slides."""
+    """Return a field in the form that pages read; quantity and slider are given for a linear actuator."""
     ends = {name: sized(getattr(slider, name), quantity.unit, rotary) for name in ("low", "high")}
     return {
         "name": field,

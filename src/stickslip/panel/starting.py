@@ -1,4 +1,4 @@
-"""Start of a run: of the experiment on the bench, with a folder of its own, and the way home."""
+"""Start of runs: the experiment on the bench, with a folder for its recordings, and the walk home."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ from .path import predicted_of
 from .running import Arrived, Job, Runner
 from .stream import Hub
 
-_HOMING = 10.0  # s that a way home may take
+_HOMING = 10.0  # s, longest walk home
 _LONGEST_NOTE = 2000  # characters
 
 
 class Starter:
-    """Starts runs; keeps what somebody notes meanwhile with their recordings."""
+    """Starts runs; adds notes that users write during a run to its recordings."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class Starter:
     ) -> None:
         self._folder, self._hub, self._journal, self._read = folder, hub, journal, read
         self._document, self._runner = document, runner
-        self.queued = False  # whether a sequence says what runs next
+        self.queued = False  # True while a sequence decides what runs next
         self._notes: list[str] = []
         self._out: Path | None = None
         self._lock = threading.Lock()
@@ -61,10 +61,10 @@ class Starter:
     def start(
         self, content: dict[str, Any], title: str, slug: str, ended: Callable[[], None] | None = None
     ) -> str:
-        """Start all runs of a content; the name of the folder of its recordings.
+        """Start all runs of a content; return the name of the folder of its recordings.
 
         Raises:
-            ValueError, RigError: it cannot be recorded, or a run is going on.
+            ValueError, RigError: it cannot be recorded, or a run is active.
         """
         if self._runner.busy:
             raise RigError("a run is going on: stop it first")
@@ -88,14 +88,14 @@ class Starter:
             with self._lock:
                 self._runner.start(job)
                 self._out, self._notes = out, []
-        except RigError:  # another start was first
+        except RigError:  # another start came first
             (out / "experiment.yaml").unlink()
             out.rmdir()
             raise
         return self._folder.name(out)
 
     def need_free(self) -> None:
-        """Raises RigError while a sequence says what runs next."""
+        """Raise RigError while a sequence decides what runs next."""
         if self.queued:
             raise RigError("a sequence is going on: stop it, or let it end")
 
@@ -104,7 +104,7 @@ class Starter:
         self._runner.start(homing(self._folder, self._document, self._runner.position))
 
     def note(self, text: str) -> str:
-        """Keep a line with the run that is going on, or was the last; which one that is, "" for none."""
+        """Keep a line with the current or last run; return the run's folder, "" without a run."""
         text = " ".join(text.split())[:_LONGEST_NOTE]
         if not text:
             raise QuantityError("a note has words")
@@ -138,15 +138,18 @@ class Starter:
 
 
 def counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
-    """No run of a virtual rig is an earlier one again, as none of a real one is: its runs are numbered on
-    from those of the folder, whatever became of their files, and the number is kept with the recordings."""
+    """Return the content with the number of its first virtual run, counted over all runs of the folder.
+
+    The number seeds the random variation, so no virtual run repeats an earlier one, as on a real rig. The
+    count stays correct if files are deleted; it is saved with the recordings.
+    """
     rig = content.get("rig", {})
     if rig.get("kind", "virtual") != "virtual":
         return content
     kept = root / ".rig" / "runs"
     try:
         before = int(kept.read_text(encoding="ascii"))
-    except FileNotFoundError:  # of a version that counted folders
+    except FileNotFoundError:  # a folder from a version without this file
         before = len(list(root.glob("recordings/*")))
     except (OSError, ValueError):
         before = -1
@@ -162,7 +165,7 @@ def counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
 
 
 def _recordings(content: dict[str, Any]) -> int:
-    """How many runs of the rig a content asks for."""
+    """Return the number of single runs of the rig in a content."""
     runs = check_experiment(content).runs
     return sum(
         run.repeats * int(run.capture.average) * math.prod(map(len, run.matrix.values())) for run in runs
@@ -170,7 +173,7 @@ def _recordings(content: dict[str, Any]) -> int:
 
 
 def new_folder(folder: Folder, slug: str) -> Path:
-    """A folder that was not there before, however many runs begin within the same second."""
+    """Create a new folder, even if several runs start within the same second."""
     stamp = datetime.now().strftime("%Y-%m-%d_%H%M%S")
     for number in itertools.count(1):
         made = folder.path(f"recordings/{stamp}_{slug}" + (f"_{number}" if number > 1 else ""))
@@ -188,7 +191,7 @@ def _slug(text: str) -> str:
 
 
 def homing(folder: Folder, document: BenchDocument, position: float) -> Job:
-    """Walk towards home until the end-effector is there while the drive is at 0 V."""
+    """Return a job that walks towards home until the end-effector is there while the drive is at 0 V."""
     content, file, _, units, *_ = document.checked
     walk = {"forward_voltage", "reverse_voltage", "frequency"}
     if not walk <= file.variables.keys() or POSITION not in units:
@@ -215,7 +218,7 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> Job:
             )
 
     shown = document.described()["channels"]
-    # Beyond an end stop there is a way back: one stroke farther out is allowed for it.
+    # From beyond an end stop the rig must be able to walk back, so the limit is widened by one stroke.
     cell = document.checked.cells[0]
     stroke = abs(position) + abs(cell.actuator.gain) * max(cell.limits.max_voltage, -cell.limits.min_voltage)
     limits = dict(content.get("limits", {}))
@@ -223,6 +226,6 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> Job:
         if limits.get(name) is not None and sign * position > 0.0:
             limits[name] = sign * max(sign * to_si(limits[name], unit, name), stroke)
     made = check_experiment({**content, "runs": [run], "save_as": [], "limits": limits})
-    out = folder.root / ".rig" / "home"  # nobody wants a recording of it
+    out = folder.root / ".rig" / "home"  # this recording is deleted
     remove = partial(shutil.rmtree, out, ignore_errors=True)
     return Job("Home", made, folder.root, out, shown, goal=goal, finished=remove)

@@ -1,4 +1,6 @@
-"""Live statistics of a run: rms and range of each channel, the step, its drift; and alarms on them."""
+"""Live statistics of a run: rms and range of each channel, net step, drift of the step; and alarms on
+them.
+"""
 
 from __future__ import annotations
 
@@ -27,14 +29,14 @@ from .journal import Journal
 from .stream import Client, Hub
 
 PAUSE = 0.2  # s between two messages
-STEPS = 50  # that the drift is taken over
-_GROWN = 1.05  # times its swing: a drive of another amplitude
-_LEAST_SWING = 1.0  # V of a drive that makes steps
+STEPS = 50  # last steps over which the drift is fitted
+_GROWN = 1.05  # growth of the drive's swing that counts as another amplitude
+_LEAST_SWING = 1.0  # V, smallest swing of a drive that makes steps
 ALARMS = ".stickslip/alarms.json"
 
 
 class Alarm(Strict):
-    """A statistic, and what it may not leave; texts with units, or None."""
+    """A statistic and its limits: texts with units, or None."""
 
     statistic: str = Field(max_length=80)
     low: str | float | None = None
@@ -43,17 +45,17 @@ class Alarm(Strict):
 
 
 class Alarms(Strict):
-    """All of them."""
+    """List of all alarms."""
 
     alarms: list[Alarm] = Field(max_length=40)
 
 
 class Statistics:
-    """Of the run that goes on, or was the last.
+    """Statistics of the current or last run.
 
-    A step is how much farther the end-effector is each time the drive rises through the middle of its swing:
-    the same phase, so that what is elastic does not count. The drift is the slope of a straight line through
-    the last steps, per step. Positions and steps are in the unit of the channel of the position.
+    A step is the displacement between two instants at which the drive rises through the middle of its swing:
+    the phase is the same, so elastic deflection does not count. The drift is the slope of a straight line
+    through the last steps, per step. Positions and steps are in the unit of the position channel.
     """
 
     def __init__(self, hub: Hub, journal: Journal, folder: Path) -> None:
@@ -67,23 +69,22 @@ class Statistics:
         hub.greetings.append(self._greet)
 
     def begin(self, columns: list[dict[str, str]], drive: str) -> None:
-        """A run begins; `drive` is the name of the channel that shows it, "" for none."""
+        """Start a run; `drive` is the name of the channel that shows the drive, "" for none."""
         with self._lock:
             self._columns, self._drive = columns, drive
             self._unit = next((one["unit"] for one in columns if one["name"] == POSITION), "m")
             self._sums = {one["name"]: np.zeros(3) for one in columns}
             self._ends = {one["name"]: [math.inf, -math.inf] for one in columns}
             self._low, self._high = math.inf, -math.inf
-            self._swing = 0.0  # to which the middle of the drive belongs
-            self._above = True  # until it was below the middle: no rise yet
+            self._swing = 0.0  # swing for which the middle is valid
+            self._above = True  # True until the drive was below the middle: no rise yet
             self._at: float | None = None
             self._steps: deque[float] = deque(maxlen=STEPS)
             self._count = 0
             self._raised, self._next = set(), 0.0
 
     def add(self, block: Mapping[str, NDArray[np.float64]], position: float) -> str:
-        """The next samples, and where the end-effector is from home; why the run is to be stopped, ""
-        for not."""
+        """Add samples and the position from home; return why the run must stop, "" to continue."""
         with self._lock:
             for name, values in block.items():
                 if values.size and name in self._sums:
@@ -99,14 +100,16 @@ class Statistics:
             return self._tell(position)
 
     def end(self, position: float) -> None:
-        """The run has ended."""
+        """Send the statistics of a run that has ended."""
         with self._lock:
             if self._columns:
                 self._tell(position)
 
     def _walk(self, volts: NDArray[np.float64], at: NDArray[np.float64]) -> None:
-        """What is known of the swing at each sample is that of the samples up to it: how a run comes cut
-        into blocks changes no step."""
+        """Find steps in the next samples. The swing at a sample depends only on samples before it.
+
+        The steps therefore do not depend on how a run is cut into blocks.
+        """
         low = np.fmin.accumulate(np.append(self._low, volts))[1:]
         high = np.fmax.accumulate(np.append(self._high, volts))[1:]
         self._low, self._high = float(low[-1]), float(high[-1])
@@ -115,14 +118,14 @@ class Statistics:
         state = np.where(volts > middle, 1, np.where(volts < middle - margin, -1, 0))
         begin = int(np.searchsorted(swing, _LEAST_SWING))
         while begin < swing.size:
-            if swing[begin] > _GROWN * self._swing:  # rises were seen at another phase until now
+            if swing[begin] > _GROWN * self._swing:  # earlier rises were at another phase
                 self._swing, self._above, self._at = float(swing[begin]), True, None
             end = int(np.searchsorted(swing, _GROWN * self._swing, side="right"))
             self._rises(state[begin:end], at[begin:end])
             begin = end
 
     def _rises(self, state: NDArray[np.int_], at: NDArray[np.float64]) -> None:
-        """Steps between rises of a drive above the middle (1) from below it (-1)."""
+        """Add the steps between rises of the drive: `state` is 1 above the middle, -1 below it."""
         known = np.flatnonzero(state)
         turns = np.flatnonzero(np.diff(state[known], prepend=1 if self._above else -1))
         for i in known[turns]:
@@ -161,7 +164,7 @@ class Statistics:
         return why
 
     def _watch(self) -> str:
-        """Raise alarms that were not raised in this run; why the run is to be stopped."""
+        """Raise alarms that were not raised in this run; return why the run must stop."""
         stop = ""
         for alarm in self.alarms:
             value = self.values.get(alarm.statistic)
@@ -186,7 +189,9 @@ class Statistics:
         return stop
 
     def set_alarms(self, alarms: list[Alarm]) -> None:
-        """Other alarms from now on, kept in the folder; raises QuantityError for a limit of another unit."""
+        """Replace the alarms and save them in the folder; raises QuantityError for a limit in a wrong
+        unit.
+        """
         for one in alarms:
             unit = self.values.get(one.statistic, {}).get("unit")
             for limit in (one.low, one.high):
@@ -220,12 +225,12 @@ def _value(label: str, value: float, unit: str) -> dict[str, Any]:
 
 
 def drive_channel(channels: Mapping[str, Any]) -> str:
-    """The channel of a cell that shows its drive, "" for none."""
+    """Return the channel of a cell that shows its drive, "" for none."""
     return next((name for name, one in channels.items() if one.input == DRIVE), "")
 
 
 def statistics_routes(control: Control, statistics: Statistics) -> APIRouter:
-    """The route of the alarms."""
+    """Return the route of the alarms."""
     routes = APIRouter(prefix="/statistics")
 
     @routes.post("/alarms")

@@ -1,7 +1,7 @@
-"""The one WebSocket of the page: JSON both ways, and blocks of float32 to the page.
+"""The page's only WebSocket: JSON in both directions, and blocks of float32 to the page.
 
 A binary message is the length of its header (4 bytes, little endian), the header (JSON, padded with spaces to
-a multiple of 4), and the numbers. What goes to everybody is encoded once.
+a multiple of 4), and the numbers. A message to all pages is encoded once.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from .packing import packed as packed
 from .roles import SAID_BY_ALL, enough
 
 Message = str | bytes
-MOST_WAITING = 400  # messages; a client that is further behind is let go: it comes back and catches up
+MOST_WAITING = 400  # messages; a client further behind is disconnected, connects again and catches up
 MOST_CLIENTS = 200
-LONGEST_MESSAGE = 65536  # characters of what a page may say
+LONGEST_MESSAGE = 65536  # characters of a message from a page
 
 
 class Client:
@@ -46,11 +46,11 @@ class Client:
 
 
 class Hub:
-    """All pages that are connected.
+    """All connected pages.
 
-    `greetings` give what a page is told first, and again when it asks to be greeted, called with what it said
-    of itself; `hears` maps the "kind" of a message from a page to what is done with it; `changed` is called
-    when a page came or went. All of these run in the event loop, and must be quick.
+    `greetings` return the first messages for a page, also when it asks for them again; they receive what the
+    page said about itself. `hears` maps the "kind" of a message from a page to its handler. `changed` is
+    called when a page connects or leaves. All of them run in the event loop and must be fast.
     """
 
     def __init__(self) -> None:
@@ -60,16 +60,19 @@ class Hub:
         self.changed: list[Callable[[], None]] = []
         self._loop: asyncio.AbstractEventLoop | None = None
         self._counting = threading.Lock()
-        self._under_way = 0  # messages that the event loop has not come to
+        self._under_way = 0  # messages that the event loop has not sent yet
 
     @property
     def behind(self) -> bool:
-        """Whether the event loop has not come to the last message: what can wait, and be said together with
-        what comes next, is to wait. Else a stop would wait for all of it to be written to every page."""
+        """True if the event loop has not sent the last message yet.
+
+        Messages that can be combined with the next one should wait then; otherwise a stop waits until all of
+        them are written to every page.
+        """
         return self._under_way > 0
 
     def tell(self, kind: str, **fields: Any) -> None:
-        """Tell every page; from any thread."""
+        """Send a message to every page; from any thread."""
         self.send(json.dumps({"kind": kind, **fields}))
 
     def send(self, message: Message) -> None:
@@ -86,7 +89,7 @@ class Hub:
             client.put(message)
 
     async def serve(self, socket: WebSocket) -> None:
-        """Talk to one page until it goes."""
+        """Talk to one page until it leaves."""
         self._loop = asyncio.get_running_loop()
         await socket.accept()
         if len(self.clients) >= MOST_CLIENTS:
@@ -97,7 +100,7 @@ class Hub:
         except (TimeoutError, WebSocketDisconnect, KeyError):
             return
         client = Client(str(said.get("client", ""))[:64], str(said.get("name", ""))[:40])
-        # No await between: what is said from now on comes after the greeting, and nothing is said twice.
+        # No await in between: a message is sent either in the greeting or after it, never twice.
         self._greet(client, said)
         self.clients.add(client)
         self._changed()
@@ -129,7 +132,7 @@ class Hub:
 
 
 def _said(text: str) -> dict[str, Any]:
-    """What a page said; nothing where it is no JSON object of a sensible length."""
+    """Return the message of a page; empty if it is not a JSON object or is too long."""
     if len(text) > LONGEST_MESSAGE:
         return {}
     try:
@@ -151,4 +154,4 @@ async def _write(socket: WebSocket, client: Client) -> None:
             else:
                 await socket.send_bytes(message)
     except (WebSocketDisconnect, RuntimeError):
-        return  # the page went; its reader notices too
+        return  # the page left; its reader ends too

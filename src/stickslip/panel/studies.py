@@ -1,7 +1,7 @@
-"""Routes of the Studies page: studies of the folder, wherever they run: state, begin, go on, stop, look at.
+"""Routes of the Studies page: list, start, continue, stop and view the studies of the folder.
 
-A study runs in a process of its own, as `stickslip study` does: it is that command. Stores are read in the
-process that can be ended, as recordings are, and only a run's own file is ever run.
+Each study runs in its own process with the command `stickslip study`. The panel reads stores in the process
+that can be ended, as it reads recordings. No file except the run's own study file is executed.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ from .journal import Journal
 from .packing import packed
 
 _KIND = re.compile(rb"^kind:\s*[\"']?study\b", re.MULTILINE)
-_LOOKED = 65_536  # bytes of a file, in which its kind stands
-_NICE = 10  # below the panel, whose stream and runs come first
-QUIET, MISSED = 30.0, 10.0  # s, and times that a task takes: after which nobody works on it
-_TOLD = 2000  # bytes of what a run said last
+_LOOKED = 65_536  # bytes of a file that are searched for its kind
+_NICE = 10  # lower priority than the panel, whose stream and runs come first
+QUIET, MISSED = 30.0, 10.0  # s, and task durations, after which a study without news counts as idle
+_TOLD = 2000  # bytes of a run's last messages
 
 
 class Asked(Strict):
@@ -50,7 +50,7 @@ class Asked(Strict):
 
 
 class Begin(Strict):
-    """A study file, and the store that it fills or goes on with; left out, the file's name with .zarr."""
+    """A study file, and the store to fill or continue; by default the file's name with .zarr."""
 
     file: str = Field(max_length=400)
     name: str = Field(default="", max_length=400)
@@ -71,18 +71,18 @@ class _Run(NamedTuple):
 
 
 class Studies:
-    """The studies that run from here; those of others are known by their stores alone."""
+    """The studies that this panel started. Other studies are known only by their stores."""
 
     def __init__(self, folder: Folder, journal: Journal) -> None:
         self._folder, self._journal = folder, journal
         self._runs: dict[str, _Run] = {}
 
     def begin(self, file: Path, store: Path) -> None:
-        """Run a study, or go on with it; raises FolderError while it runs from here already."""
+        """Start a study or continue it; raises FolderError if this panel runs it already."""
         name = self._folder.name(store)
         if self.runs(name):
             raise FolderError(f"{name} runs already")
-        said = tempfile.TemporaryFile()  # noqa: SIM115 - as long as its run is known
+        said = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as its run is known
         words = ["study", str(file), "--store", str(store), "--workers", str(max(1, processors() - 1))]
         process = subprocess.Popen(
             [sys.executable, "-m", "stickslip", *words], stdin=subprocess.DEVNULL, stdout=said, stderr=said
@@ -96,7 +96,7 @@ class Studies:
         return name in self._runs
 
     def runs(self, name: str) -> bool:
-        """Whether a store's study runs from here."""
+        """Return True if this panel is running the study of a store."""
         return name in self._runs and self._runs[name].process.poll() is None
 
     def fault(self, name: str) -> str:
@@ -109,7 +109,7 @@ class Studies:
         return self._folder.told(lines[-1] if lines else f"it ended (exit code {run.process.returncode})")
 
     def close(self) -> None:
-        """End those that run: what is finished is kept."""
+        """Kill the running studies; finished tasks are kept."""
         for run in self._runs.values():
             run.process.kill()
             run.process.wait()
@@ -117,7 +117,7 @@ class Studies:
 
 
 def study_routes(folder: Folder, studies: Studies, journal: Journal, read: Reader) -> APIRouter:
-    """The routes."""
+    """Return the routes of the Studies page."""
     routes = APIRouter(prefix="/studies")
 
     def manifest(name: str) -> Path:
@@ -174,7 +174,7 @@ def study_routes(folder: Folder, studies: Studies, journal: Journal, read: Reade
 
 
 def _found(folder: Folder) -> tuple[list[str], list[str]]:
-    """Names of the study files and of the stores of the folder."""
+    """Return the names of the study files and of the stores of the folder."""
     files, stores = [], []
     for name, *_ in folder.files(".yaml", ".yml", ".json"):
         if name.endswith(f"/{STORE}"):
@@ -187,15 +187,15 @@ def _found(folder: Folder) -> tuple[list[str], list[str]]:
 
 
 def _row(studies: Studies, files: list[str], name: str) -> dict[str, Any]:
-    """What is known of a store without reading it: the file of its name is its study, if there is one."""
+    """Describe a store without reading it. Its study is the file of the same name, if that exists."""
     own = [file for file in files if file.rsplit(".", 1)[0] == name.rsplit(".", 1)[0]]
     return {"name": name, "file": own[0] if own else "", "runs": studies.runs(name)}
 
 
 def _said(found: StudyState, runs: bool, fault: str) -> dict[str, Any]:
-    """The state of a study in words."""
+    """Return the state of a study in words."""
     task = found.members / found.tasks / found.rate  # s
-    lately = time.time() - found.last < max(QUIET, MISSED * task)  # not, where either is NaN
+    lately = time.time() - found.last < max(QUIET, MISSED * task)  # False if either is NaN
     grows = runs or (lately and not found.finished and not fault)
     rows = [("tasks", f"{found.done:,} of {found.tasks:,}"), ("members", f"{found.members:,}")]
     if grows and math.isfinite(found.rate):
@@ -214,7 +214,7 @@ def _said(found: StudyState, runs: bool, fault: str) -> dict[str, Any]:
 
 
 def _state(manifest: Path) -> tuple[StudyState, dict[str, list[dict[str, str]]]]:
-    """The state of a store, and what a picture of it can be over."""
+    """Return the state of a store, and the variables that a picture can show."""
     varied, results = ([_about(one) for one in some.values()] for some in pictured(Store(manifest.parent)))
     return study_state(manifest.parent), {"varied": varied, "results": results}
 

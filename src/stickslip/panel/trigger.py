@@ -1,4 +1,4 @@
-"""The sample at which the recording of a live run is triggered."""
+"""Trigger of the recording of a live run."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from .live import Live
 
 
 class TriggerSeeker:
-    """Finds the sample at which the recording of a run is triggered, in the blocks as they come."""
+    """Finds the sample that triggers the recording of a run, block by block."""
 
     def __init__(self, capture: Capture, live: Live) -> None:
         self._trigger, self._live = capture.trigger, live
         self._open = False
 
     def begin(self, before: int) -> None:
-        """A run begins, so many samples before its drive."""
+        """Start a run whose drive starts after `before` samples."""
         self._seen, self._before = np.zeros(0), before
         self._passed = 0
         self._open = self._trigger is not None

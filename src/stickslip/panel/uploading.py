@@ -1,4 +1,4 @@
-"""Routes for somebody's own file: looked at first, then taken into the history."""
+"""Routes for uploaded files: a preview first, then the import into the history."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ from .looking import for_the_page, preview
 from .stream import Hub
 
 UPLOADS = ".uploads"
-_KEPT = 3600.0  # s that an upload waits to be taken
+_KEPT = 3600.0  # s after which an upload that was not imported is deleted
 _SUFFIXES = (".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".dat", ".lvm", ".mf4", ".nc")
 
 
 class Taken(Strict):
-    """An upload that is taken: our names, each with the index of its column and its unit; what becomes of
-    samples without a number; and how many rows of it, None for all."""
+    """An upload to import: channel names with the index of their column and their unit; the treatment of
+    missing samples; the number of rows, None for all.
+    """
 
     token: str
     columns: dict[str, int] = Field(default_factory=dict, max_length=100)
@@ -43,7 +44,7 @@ class Taken(Strict):
 
 
 def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> None:
-    """Add them to those of the history."""
+    """Add the routes of uploads to the history's routes."""
     shutil.rmtree(folder.root / UPLOADS, ignore_errors=True)
 
     @routes.post("/upload")
@@ -53,13 +54,13 @@ def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> No
             raise FolderError(f"{called[:60]!r}: a file that can be taken ends in {', '.join(_SUFFIXES)}")
         from starlette.concurrency import run_in_threadpool
 
-        # In threads, for a slow disk must not hold up other requests: one may be a stop.
+        # In threads: a slow disk must not delay other requests, which may be a stop.
         path = await run_in_threadpool(_place, folder, called)
         try:
             with path.open("wb") as file:  # in parts: a body that is kept whole outlives a refused request
                 async for part in request.stream():
                     await run_in_threadpool(file.write, part)
-        except BaseException:  # it is too large, or whoever sent it went
+        except BaseException:  # too large, or the sender disconnected
             shutil.rmtree(path.parent, ignore_errors=True)
             raise
         return await run_in_threadpool(_looked_at, folder, read, path)
@@ -73,7 +74,7 @@ def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> No
         save_recording(recording, target)
         try:
             read(target, _counted)
-        except RecordingError as error:  # the upload is all that there is of it
+        except RecordingError as error:  # the upload is the only copy
             target.unlink()
             raise RecordingError(f"{asked.name}: as a recording it cannot be read: {error}") from None
         shutil.rmtree(source.parent, ignore_errors=True)
@@ -104,14 +105,14 @@ def _read(source: Path, asked: Taken, folder: Folder, read: Reader) -> xr.Datase
 
 
 def _by_name(text: str, path: Path, folder: Folder) -> str:
-    """What is said of a file, without the folders that it lies in."""
+    """Return a message about a file without the folders of its path."""
     for one in (str(path), str(path.relative_to(folder.root))):
         text = text.replace(one, path.name)
     return text
 
 
 def _place(folder: Folder, name: str) -> Path:
-    """Return where an upload is kept aside; those that nobody took go."""
+    """Return the path of a new upload; delete uploads that nobody imported."""
     root = folder.root / UPLOADS
     for old in root.glob("*"):
         if time.time() - old.stat().st_mtime > _KEPT:
@@ -122,7 +123,7 @@ def _place(folder: Folder, name: str) -> Path:
 
 
 def _looked_at(folder: Folder, read: Reader, path: Path) -> dict[str, Any]:
-    """Look into an upload in the process that can be ended."""
+    """Preview an upload in the process that can be ended."""
     token, name = path.parent.name, path.name
     try:
         if path.suffix.lower() == ".nc":
@@ -148,7 +149,7 @@ def _upload(folder: Folder, token: str) -> Path:
 
 
 def _free(folder: Folder, name: str) -> Path:
-    """Where an upload of that name goes, which is nobody else's place."""
+    """Return an unused path for an upload of that name."""
     path = folder.path(f"uploads/{name.removesuffix('.nc')}.nc")
     number = 1
     while path.exists():
