@@ -1,13 +1,13 @@
-"""Benches: the instruments of a laboratory with their datasheet numbers, from TOML files.
+"""Benches: the instruments of a laboratory with their datasheet values, from TOML files.
 
 A file looks like a parameter set (see `stickslip.parameters.load`): one table per number, with its unit and
-source, or ``assumed = true`` and a reason. ``[sensor.NAME]`` says the sensor's `type` (one of one's own is
-"my_sensor.py:MySensor", beside the file), what it is `on` (stage or end_effector), and the `adc` that samples
-it.
+source, or ``assumed = true`` and a reason. ``[sensor.NAME]`` gives the sensor's `type` (a user's own type is
+"my_sensor.py:MySensor", beside the file), the part it is mounted `on` (stage or end_effector), and the `adc`
+that samples it.
 
-With ``base = "kang2007-bench"`` a file says only what differs: its tables take the place of those of that
-bench. ``amplifier = "pd200x4"`` and ``stack = "ae0505d16"`` (for its capacitance) take parts of
-`electronics.parts`, by name or by a file beside the bench's.
+With ``base = "kang2007-bench"`` a file contains only the differences: its tables replace those of that bench.
+``amplifier = "pd200x4"`` and ``stack = "ae0505d16"`` (for its capacitance) use parts of `electronics.parts`,
+by name or by a file beside the bench's.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from ..recording.chain import Chain
 
 T = TypeVar("T")
 
-MOST_BASES = 10  # benches, each the base of the one before
+MOST_BASES = 10  # longest chain of bases
 _BENCHES = Path(__file__).parent / "benches"
 Sensor = StrainGauge | InductiveSensor | Interferometer | Encoder | PositionSensor | Chain
 _PLACES = ("stage", "end_effector")
@@ -54,7 +54,7 @@ _OF_SENSOR = ("type", "on", "adc")
 
 @dataclass(frozen=True)
 class Mounted:
-    """A sensor, what it is on ("stage" or "end_effector"), and what samples it (None: it is digital)."""
+    """A sensor, its place ("stage" or "end_effector"), and its converter (None for a digital sensor)."""
 
     sensor: Sensor
     on: str
@@ -63,9 +63,10 @@ class Mounted:
 
 @dataclass(frozen=True)
 class Bench:
-    """Everything between a program and an actuator, for one drive channel.
+    """All instruments between a program and an actuator, for one drive channel.
 
-    `sample_rate` is that of all inputs, Hz; `assumptions` says what the source does not print, by field.
+    `sample_rate` applies to all inputs, Hz. `assumptions` gives, by field, the values that the source does
+    not state.
     """
 
     name: str
@@ -85,18 +86,20 @@ class Bench:
         object.__setattr__(self, "piezo_capacitance", capacitance)
 
     def replace(self, **changes: Any) -> Bench:
-        """The same bench with some fields changed."""
+        """Return the same bench with some fields changed."""
         return replace(self, **changes)
 
     def output(self, points: float = math.inf) -> OutputStage:
-        """Return the output stage: converter, amplifier and piezo, with a greatest number of points."""
+        """Return the output stage: converter, amplifier and piezo, with `points` updates at most."""
         of = OutputStage.of_amplifier(self.amplifier, self.piezo_capacitance)
         step = self.dac.step * self.amplifier.gain
         return of._replace(update_rate=self.dac.update_rate, points=points, step=step)
 
     def with_chain(self, chain: Chain, name: str = "position") -> Bench:
-        """The bench with an input of that name that shows the end-effector as a chain does, in m and without
-        noise, and an amplifier that follows at the chain's slew rate."""
+        """Return the bench with an additional input that measures the end-effector through a chain.
+
+        The input is in m and free of noise. The amplifier gets the chain's slew rate, if it is known.
+        """
         amplifier = self.amplifier
         if chain.known_slew_rate is not None:
             amplifier = amplifier._replace(slew_rate=chain.slew_rate, max_current=math.inf)
@@ -105,12 +108,12 @@ class Bench:
 
 
 def available_benches() -> tuple[str, ...]:
-    """The names of the benches that come with the package."""
+    """Return the names of the benches in the package."""
     return tuple(sorted(file.stem for file in _BENCHES.glob("*.toml")))
 
 
 def load_bench(name: str | os.PathLike[str]) -> Bench:
-    """A bench that comes with the package, ``load_bench("kang2007-bench")``, or that of a TOML file.
+    """Load a bench of the package, ``load_bench("kang2007-bench")``, or of a TOML file.
 
     Raises:
         ParameterSetError: there is no such bench, or the file is wrong; names file and field.
@@ -121,7 +124,7 @@ def load_bench(name: str | os.PathLike[str]) -> Bench:
 
 
 def _whole(file: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """The content of a file, on that of its base."""
+    """Return the content of a file merged into that of its base."""
     if file in above or len(above) > MOST_BASES:
         said = f"the bench is its own base, or the last of more than {MOST_BASES}"
         raise ParameterSetError(f"{file}: base: {said}")
@@ -139,7 +142,7 @@ def _whole(file: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
 
 
 def _beside(file: Path, name: str) -> str | Path:
-    """What a file names: a file in its folder, or what comes with the package; raises ParameterSetError."""
+    """Return the path of a file in the same folder, or the name of a part. Raises ParameterSetError."""
     if not name.endswith(".toml"):
         return name
     try:
@@ -149,7 +152,7 @@ def _beside(file: Path, name: str) -> str | Path:
 
 
 class _Reading:
-    """A file as it is read: notes the assumptions on its way."""
+    """Reader of a bench file, which collects the assumptions."""
 
     def __init__(self, file: Path, content: dict[str, Any]) -> None:
         self.file, self.content, self.assumptions = file, content, dict[str, str]()
@@ -190,7 +193,7 @@ class _Reading:
         return bench
 
     def _amplifier(self) -> Amplifier:
-        """Its own table, or a part by name."""
+        """Return the amplifier from its own table, or a part by name."""
         if not isinstance(self.content.get("amplifier"), str):
             return self._part(Amplifier, "amplifier", self._table("amplifier"))
         name = _beside(self.file, self.content.pop("amplifier"))
@@ -199,7 +202,7 @@ class _Reading:
         return amplifier
 
     def _capacitance(self) -> float:
-        """F: its own, or what the stack of a name puts before an amplifier."""
+        """Return the piezo's capacitance, F: from its own table, or the load of a named stack."""
         named = self.content.pop("stack", None)
         if named is None:
             key = "piezo_capacitance"
@@ -215,7 +218,7 @@ class _Reading:
         return stack.load
 
     def _assume(self, where: str, part: Part, fields: tuple[str, ...] = ()) -> None:
-        """Note what a part assumes: of these fields, or of all."""
+        """Collect the assumptions of a part, for these fields or for all."""
         for field, said in part.assumptions.items():
             if not fields or field in fields:
                 self.assumptions[f"{where}.{field}"] = f"{said} ({part.name})"

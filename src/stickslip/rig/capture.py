@@ -13,11 +13,11 @@ from .protocols import Array, RigError
 
 
 class CaptureError(RigError):
-    """A capture cannot be made as it was asked for: the trigger did not come, for example."""
+    """A capture cannot be made as requested, for example because the trigger did not come."""
 
 
 class Trigger(NamedTuple):
-    """When the channel `signal` passes `level` (SI, in the channel's unit) on a rising or falling edge."""
+    """Crossing of `level` by the channel `signal` (in its SI unit) on a rising or falling edge."""
 
     signal: str
     level: float
@@ -26,10 +26,10 @@ class Trigger(NamedTuple):
 
 @record
 class Capture(NamedTuple):
-    """One recording: its length, how far its samples are apart, and where it begins.
+    """One recording: its length, sampling interval and start.
 
-    Time 0 is `pre_trigger` before the trigger, or before the drive begins where there is no trigger.
-    `average` runs are averaged into one recording.
+    Time 0 is `pre_trigger` before the trigger. Without a trigger it is `pre_trigger` before the start of the
+    drive. `average` runs are averaged into one recording.
     """
 
     length: Annotated[float, Quantity("s", "T", "length", above=0)]
@@ -51,20 +51,20 @@ class Capture(NamedTuple):
 
     @property
     def samples(self) -> int:
-        """How many there are."""
+        """Number of samples."""
         return int(self.length / self.interval + 1e-6)
 
     @property
     def before(self) -> int:
-        """How many of them are before the trigger."""
+        """Number of samples before the trigger."""
         return round(self.pre_trigger / self.interval)
 
 
 def stride(capture: Capture, sample_rate: float) -> int:
-    """Every which sample of the rig is kept.
+    """Return the number of samples of the rig per sample of the recording.
 
     Raises:
-        QuantityError: the interval is no whole multiple of the rig's.
+        QuantityError: the interval is not a whole multiple of the rig's.
     """
     ratio = capture.interval * sample_rate
     whole = round(ratio)
@@ -77,7 +77,8 @@ def stride(capture: Capture, sample_rate: float) -> int:
 
 
 def find_trigger(values: Array, trigger: Trigger, start: int) -> int | None:
-    """The first sample, from `start` on, at which the values have passed the level; None if none has."""
+    """Return the first sample, from `start` on, at which the values have crossed the level; None without a
+    crossing."""
     above = values >= trigger.level if trigger.edge == "rising" else values <= trigger.level
     crossings = np.flatnonzero(above[1:] & ~above[:-1]) + 1
     later = crossings[crossings >= max(start, 1)]
@@ -85,7 +86,6 @@ def find_trigger(values: Array, trigger: Trigger, start: int) -> int | None:
 
 
 def picks(capture: Capture, sample_rate: float, trigger: int) -> NDArray[np.int64]:
-    """The samples of the rig that make the recording, by their index, for a trigger at the sample
-    `trigger`."""
+    """Return the indices of the rig's samples that form the recording, for a trigger at that sample."""
     step = stride(capture, sample_rate)
     return trigger + (np.arange(capture.samples) - capture.before) * step

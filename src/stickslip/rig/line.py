@@ -1,4 +1,4 @@
-"""A connection to a device, over TCP or a serial port, with errors that name device, command and reply."""
+"""Connection to a device over TCP or a serial port, with errors that name device, command and reply."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _INSISTENCE, _PAUSE = 1.0, 0.05  # s
 
 
 class Line:
-    """A connection.
+    """A connection to a device.
 
     Args:
-        device: what it is called in errors.
+        device: name of the device in errors.
         host: name or address, or a serial port such as /dev/ttyUSB0.
-        port: of TCP; None for a serial port, which needs pyserial.
+        port: TCP port; None for a serial port, which needs pyserial.
         timeout: s, for connecting and for each answer.
         baud: bits/s of a serial port.
-        closing: where an answer is late, or none, the connection is closed: what comes later could be taken
-            for the answer to something else. Who leaves it open sees to that, and may still send.
+        closing: close the connection if an answer is late or missing, because a later answer could be taken
+            for the answer to another request. Without it the caller must prevent that, and may still send.
 
     Raises:
         RigError: nobody answers there.
@@ -48,7 +48,7 @@ class Line:
         self.open()
 
     def open(self) -> None:
-        """Connect, anew where it was closed.
+        """Connect, or connect again.
 
         Raises:
             RigError: nobody answers there.
@@ -66,7 +66,7 @@ class Line:
 
     @contextmanager
     def closed_on_refusal(self) -> Iterator[None]:
-        """Where what is done in this context fails, the device is free for others again."""
+        """Close the connection if the context fails, so that others can use the device."""
         try:
             yield
         except BaseException:
@@ -74,11 +74,13 @@ class Line:
             raise
 
     def insist(self, act: Callable[[], object], begin: Callable[[], object] = lambda: None) -> None:
-        """Do what brings the output to its safe state; where the connection is closed, or fails, again
-        on a new one, which `begin` begins: twice at least, and for a second.
+        """Bring the output to its safe state, repeatedly if needed.
+
+        If the connection is closed or fails, try again on a new one, on which `begin` is called first. There
+        are at least two attempts, and attempts for at least a second.
 
         Raises:
-            RigError: it did not help; the output may keep its voltage.
+            RigError: all attempts failed; the output may keep its voltage.
         """
         end, again = time.monotonic() + _INSISTENCE, True
         while True:
@@ -98,10 +100,10 @@ class Line:
             time.sleep(_PAUSE)
 
     def send(self, content: bytes) -> None:
-        """Send.
+        """Send bytes.
 
         Raises:
-            RigError: the connection is gone.
+            RigError: the connection is closed.
         """
         if self.closed:
             raise RigError(f"{self.device}: {_told(content)} was not sent: the connection is closed")
@@ -112,10 +114,10 @@ class Line:
             self.fail(f"{_told(content)} could not be sent: {error}")
 
     def until(self, end: bytes, asked: bytes = b"", timeout: float | None = None) -> bytes:
-        """What comes up to and without `end`; `asked` is for the error.
+        """Return what arrives before `end`; `asked` is the request, for errors.
 
         Raises:
-            RigError: it does not come in time, is too long, or the connection is gone.
+            RigError: the answer is late or too long, or the connection is closed.
         """
         last = time.monotonic() + (self._timeout if timeout is None else timeout)
         while end not in self._rest:
@@ -124,7 +126,7 @@ class Line:
         return found
 
     def exactly(self, count: int, asked: bytes = b"") -> bytes:
-        """So many bytes; errors as `until`."""
+        """Return the next `count` bytes; errors as for `until`."""
         last = time.monotonic() + self._timeout
         while len(self._rest) < count:
             self._receive(last, asked)
@@ -132,14 +134,14 @@ class Line:
         return found
 
     def more(self) -> bytes:
-        """What has come and was not asked for: then it is not known which answer is to what."""
+        """Return unexpected data. If there are any, answers can no longer be matched to requests."""
         if not self.closed and not self._rest and self._socket.waiting():
             with suppress(OSError):
                 self._rest += self._socket.recv(65536)
         return self._rest
 
     def close(self) -> None:
-        """Let go."""
+        """Close the connection."""
         if not self.closed:
             self.closed = True
             self._socket.close()
@@ -162,14 +164,14 @@ class Line:
         self._rest += came
 
     def fail(self, why: str) -> NoReturn:
-        """Raise RigError that says why; close, if it is a line that does."""
+        """Raise RigError with a reason; close the connection first if it was made with `closing`."""
         if self._closing:
             self.close()
         raise RigError(f"{self.device}: {why}") from None
 
 
 def finite(text: str) -> float:
-    """A number; ValueError for what is none, or not finite."""
+    """Return the number in a text. ValueError if it is not a finite number."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is not finite")
@@ -177,7 +179,7 @@ def finite(text: str) -> float:
 
 
 def need_silence(line: Any, name: str, query: str) -> None:
-    """Raise RigError where an instrument has sent more than it was asked for: it is not known to what."""
+    """Raise RigError if an instrument has sent more than was requested."""
     more = line.more()
     if more:
         raise RigError(f"{name}: {query}: {more[:20]!r} came beside its answer")
@@ -193,12 +195,12 @@ class _Tcp:
         self.recv, self.close = self._link.recv, self._link.close
 
     def waiting(self) -> bool:
-        """Whether something has come."""
+        """True if data have arrived."""
         return bool(select.select([self._link], [], [], 0.0)[0])
 
 
 class _Serial:
-    """A serial port with the calls of a socket; its errors are OSErrors as well."""
+    """A serial port with the methods of a socket. Its errors are OSErrors, too."""
 
     def __init__(self, port: str, baud: int, timeout: float) -> None:
         try:
@@ -208,26 +210,26 @@ class _Serial:
         self._port = serial.Serial(port, baud, timeout=timeout, write_timeout=timeout, exclusive=True)
 
     def settimeout(self, timeout: float) -> None:
-        """s, for what follows."""
+        """Set the timeout, s."""
         self._port.timeout = self._port.write_timeout = timeout
 
     def waiting(self) -> bool:
-        """Whether something has come."""
+        """True if data have arrived."""
         return self._port.in_waiting > 0
 
     def sendall(self, content: bytes) -> None:
-        """Send."""
+        """Send bytes."""
         self._port.write(content)
 
     def recv(self, most: int) -> bytes:
-        """What has come, at least a byte of it."""
+        """Return the bytes that have arrived, at least one."""
         first = self._port.read(1)
         if not first:
             raise TimeoutError("nothing came")
         return first + self._port.read(min(self._port.in_waiting, most))
 
     def close(self) -> None:
-        """Let go."""
+        """Close the port."""
         self._port.close()
 
 

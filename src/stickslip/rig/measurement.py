@@ -1,4 +1,4 @@
-"""One recording from any rig: put out a drive through the gate, watch what comes, record."""
+"""One recording from any rig: put out a drive through the gate, check the samples, record."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from .samples import Samples
 from .site import sited
 
 DRIVE, POSITION = "drive", "end_effector_position"
-SETTLING = 0.01  # s before the pre-trigger, for filters to settle
+SETTLING = 0.01  # s before the pre-trigger in which filters settle
 
 
 class Plan(NamedTuple):
-    """What goes to a rig for one run: voltages, samples to record, and where the drive begins among them."""
+    """Inputs of one run: voltages, samples to record, sample at which the drive starts, and longest wait."""
 
     volts: Array
     samples: int
@@ -59,25 +59,25 @@ def measure(
     home: Home | None = None,
     save: Path | None = None,
 ) -> xr.Dataset:
-    """A recording. However the run ends, the output ramps to 0 V.
+    """Record one run, or the average of several. The output always ramps to 0 V, however the run ends.
 
-    Where it does not end as it should, the error has an attribute `recording`: what was recorded until then,
-    or None; its attribute `outcome` says why it ended, and is "complete" for a whole recording.
+    If a run ends early, the error has an attribute `recording` with the samples recorded so far, or None. The
+    recording's attribute `outcome` says why the run ended; it is "complete" for a whole recording.
 
     Args:
         rig: virtual or real.
         drive: V at the piezo.
-        channels: by the name of the variable they become.
+        channels: by the name of the recorded variable.
         capture: length, interval, trigger, averaging.
-        limits: what the output may not pass.
-        title, notes, attributes: kept with the recording.
-        progress: called with each block that comes; see `progress`.
-        home: where positions count from; by default where the end-effector was when this rig was first used.
-            A `HostedRig` has a home of its own.
-        save: the file to save the recording to, NAME.nc. Room for it is taken before the first volt, and the
-            samples are kept beside it while the run goes on: should the program be killed, `samples.recover`
-            makes a recording of them. What there is of a run that ended early goes to unfinished/NAME.nc; the
-            error's attribute `kept` is that path.
+        limits: limits of the output and the position.
+        title, notes, attributes: stored with the recording.
+        progress: called with each block of samples; see `progress`.
+        home: origin of positions; by default the end-effector's position when this rig was first used. A
+            `HostedRig` has its own home.
+        save: file for the recording, NAME.nc. Disk space is reserved before the output starts, and the
+            samples are stored beside the file during the run. If the program is killed, `samples.recover`
+            makes a recording of them. A run that ended early goes to unfinished/NAME.nc, the error's
+            attribute `kept`.
 
     Raises:
         QuantityError: a channel, the drive or the capture does not fit the rig. Nothing was put out.
@@ -93,7 +93,7 @@ def measure(
     plan = plan_run(can, drive, channels, capture, limits)
     site.check(plan.volts, limits, can)
     limits = narrower
-    told = getattr(rig, "told", None)  # of a virtual rig: what is true of these runs
+    told = getattr(rig, "told", None)  # a virtual rig reports the truth of these runs
     told = {} if told is None else told(int(capture.average))
     texts = {"title": title, "notes": notes, **(attributes or {}), **told}
     making = Making(can, channels, units, capture, limits, plan.begin, plan.wait, drive_text(drive), texts)
@@ -131,7 +131,7 @@ _HOMES: WeakKeyDictionary[Rig, Home] = WeakKeyDictionary()
 def _keep(
     failure: BaseException, recording: xr.Dataset | None, samples: Samples | None, save: Path | None
 ) -> None:
-    """What there is of a run goes with the error that ended it, and to a file while its samples are there."""
+    """Attach an incomplete recording to the error that ended it, and save it if its samples are on disk."""
     failure.recording = recording  # type: ignore[attr-defined]
     if recording is None or samples is None or save is None:
         return
@@ -144,7 +144,7 @@ def _keep(
 def _home_of(rig: Rig) -> Home:
     try:
         return _HOMES.setdefault(rig, Home())
-    except TypeError:  # somebody's rig that cannot be a key
+    except TypeError:  # a user's own rig that cannot be a key
         return Home()
 
 
@@ -157,7 +157,7 @@ def _why(failure: BaseException) -> str:
 def plan_run(
     can: Capabilities, drive: Waveform, channels: Mapping[str, Channel], capture: Capture, limits: Limits
 ) -> Plan:
-    """The drive as the rig's output takes it, checked against the limits; nothing is put out.
+    """Return the drive in updates of the rig's output, checked against the limits. Nothing is put out.
 
     Raises:
         QuantityError, LimitError, CaptureError: as `measure`.
@@ -190,7 +190,7 @@ def plan_run(
 def _wait(
     can: Capabilities, played: Array, channels: Mapping[str, Channel], capture: Capture, span: float
 ) -> int:
-    """How many samples after the begin of the drive its trigger comes at the latest."""
+    """Return the longest wait for the trigger after the start of the drive, in samples."""
     trigger = capture.trigger
     if trigger is None:
         return 0
@@ -206,12 +206,13 @@ def _wait(
             f"the drive never passes {trigger.level:g} V ({trigger.edge} edge): it goes from "
             f"{min(played.min(), 0.0):g} to {played.max():g} V, beginning at 0 V"
         )
-    # A converter's steps and a filter may bring it a little later than the drive as it is asked for.
+    # Converter steps and a filter may delay the trigger a little.
     return math.ceil((found / can.update_rate + 0.005) * can.sample_rate)
 
 
 def channel_units(can: Capabilities, channels: Mapping[str, Channel], limits: Limits) -> dict[str, str]:
-    """The unit of each channel, calibrated; raises QuantityError for channels that the rig cannot record."""
+    """Return the unit of each channel after calibration. Raises QuantityError for channels the rig cannot
+    record."""
     if not channels:
         raise QuantityError("a recording needs at least one channel")
     units = {}
@@ -251,7 +252,8 @@ def _check_length(can: Capabilities, seconds: float) -> None:
 
 
 def _check_speed(can: Capabilities, drive: Waveform) -> None:
-    """Raises QuantityError for what repeats faster than the output can follow: it would be another signal."""
+    """Raise QuantityError if a drive repeats faster than the output can follow: aliasing would change the
+    signal."""
     for part, _ in getattr(drive, "parts", ((drive, 0.0),)):
         period: float | None = getattr(part, "period", None)
         ends = getattr(part, "start_frequency", 0.0), getattr(part, "end_frequency", 0.0)
@@ -271,11 +273,10 @@ def _run(
     samples: Samples | None,
     progress: Progress,
 ) -> tuple[Array, BaseException | None]:
-    """One run: the raw samples [inputs, n], and what ended it before all of them were there, if anything
-    did."""
+    """Return the raw samples of one run [inputs, n], and the error that ended it early, or None."""
     channel = making.channels.get(POSITION)
     position = None if channel is None else PositionInput(channel.input, channel.calibration)
-    guard = getattr(rig, "guard", None)  # of a rig that watches all this itself, in a process of its own
+    guard = getattr(rig, "guard", None)  # a rig that is supervised in its own process
     if guard is not None:
         guard(making.limits, position, plan.begin, None if samples is None else samples.path)
     gate = Gate(rig, making.limits, making.can, home)

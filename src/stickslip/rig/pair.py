@@ -1,8 +1,8 @@
-"""A function generator and an oscilloscope as a rig, what most laboratories own, each by its SCPI commands.
+"""A function generator and an oscilloscope as a rig, both controlled by SCPI commands.
 
-The generator's output goes to an amplifier of known gain, whose output drives the piezo; its sync output
-triggers the oscilloscope, to whose channels the sensors go. Which commands each understands is in
-`generators` and `oscilloscopes`, by what it says that it is.
+The generator's output goes to an amplifier of known gain, which drives the piezo. The generator's sync output
+triggers the oscilloscope, whose channels read the sensors. `generators` and `oscilloscopes` hold the commands
+of each family, which is recognised by the instrument's identity.
 """
 
 from __future__ import annotations
@@ -29,32 +29,33 @@ from .table import (
     within,
 )
 
-_SAMPLES = 50_000  # of a recording; oscilloscopes give some 60,000 points of a screen
-_SPAN = 8.0  # V
+_SAMPLES = 50_000  # of a recording; oscilloscopes return some 60,000 points of a screen
+_SPAN = 8.0  # V, range of an input by default
 _POLL = 0.02  # s
-_JITTER = 1e-6  # s, assumed: of a trigger by cable
-_LATE = 5.0  # s after the end of the screen at which an acquisition should be over
+_JITTER = 1e-6  # s, assumed for a trigger by cable
+_LATE = 5.0  # s after the end of the screen within which an acquisition must end
 
 
 class PairRig:
-    """A function generator and an oscilloscope that speak SCPI; see `protocols.Rig`.
+    """A function generator and an oscilloscope that use SCPI; see `protocols.Rig`.
 
     Args:
-        generator, oscilloscope: "HOST", "HOST:PORT" (5025 unless told; Rigol 5555, Tektronix 4000), or a VISA
-            resource (needs pyvisa).
-        gain: of the amplifier, V at the piezo per V of the generator.
-        inputs: which channel each input of the rig is, such as {"gauge": 2}, all in V; "drive" is what was
-            put out, unless a channel measures it.
-        spans: V from the bottom to the top of the screen, of inputs; 8 V by default.
+        generator, oscilloscope: "HOST", "HOST:PORT" (default port 5025; Rigol 5555, Tektronix 4000), or a
+            VISA resource (needs pyvisa).
+        gain: gain of the amplifier, V at the piezo per V of the generator.
+        inputs: oscilloscope channel of each input, such as {"gauge": 2}, all in V. The input "drive" is the
+            loaded drive, unless a channel measures it.
+        spans: V from the bottom to the top of the screen, for each input; 8 V by default.
         rate: Hz, of output and inputs.
-        ramp: V/s at the piezo, of the ramp to 0 V that ends each drive.
-        output: of the generator.
-        trigger: what triggers the oscilloscope, as it calls it; `level` is the trigger's, V.
+        ramp: V/s at the piezo, slew of the ramp to 0 V that ends each drive.
+        output: number of the generator's output.
+        trigger: trigger source in the oscilloscope's words.
+        level: trigger level, V.
         timeout: s, for each answer.
 
     Raises:
-        RigError: one of them does not answer, or is of no known family.
-        QuantityError: a value that cannot be.
+        RigError: an instrument does not answer, or its family is unknown.
+        QuantityError: a value is out of range.
     """
 
     about = About(
@@ -100,7 +101,7 @@ class PairRig:
         self._volts: Array = np.zeros(0)
         self._inputs: tuple[str, ...] = ()
         self._samples, self._running = 0, False
-        self._lasts = self._ends = self._over = 0.0  # s the table takes; when table and acquisition are over
+        self._lasts = self._ends = self._over = 0.0  # s: duration; times when table and acquisition end
         self.capabilities = Capabilities(
             name=f"{one.name} and {self._oscilloscope.table.name}",
             update_rate=rate,
@@ -116,7 +117,7 @@ class PairRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """For the recording: the instruments and what they are set to."""
+        """Return the instruments and their settings, for the recording."""
         del runs
         known = {
             "generator": self._generator.link.identity,
@@ -127,7 +128,7 @@ class PairRig:
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
-        """Upload the drive, V at the piezo, and a ramp to 0 V after it."""
+        """Upload the drive, V at the piezo, with a ramp to 0 V at its end."""
         can = self.capabilities
         table = with_ramp(np.asarray(volts, dtype=float), self._ramp, self._rate)
         within(can.name, table, can.min_voltage, can.max_voltage, self._generator.table.points)
@@ -137,17 +138,17 @@ class PairRig:
         self._lasts = table.size / self._rate
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Set the oscilloscope up for these inputs."""
+        """Set up the oscilloscope for these inputs."""
         can = self.capabilities
         check_inputs(can, inputs, samples)
         read = [name for name in inputs if name in self._channels]
-        shown = read or list(self._channels)[:1]  # it tells when the run is over, whatever is read
+        shown = read or list(self._channels)[:1]  # one channel must show when the run is over
         spans = {self._channels[name]: self._spans.get(name, _SPAN) for name in shown}
         self._oscilloscope.arm(spans, (samples + 1) / self._rate)
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Trigger the generator, and so the oscilloscope."""
+        """Trigger the generator, which triggers the oscilloscope."""
         check_ready(self.capabilities, self._volts, self._samples)
         self._oscilloscope.start()
         self._generator.on()
@@ -157,7 +158,7 @@ class PairRig:
         self._over = time.monotonic() + self._oscilloscope.length + _LATE
 
     def fetch(self) -> Array:
-        """All samples [inputs, n], V, when the acquisition is over, none before."""
+        """Return all samples [inputs, n], V, once the acquisition is over; none before."""
         if not self._running:
             raise RigError(f"{self.capabilities.name}: nothing is running")
         if not self._oscilloscope.over():
@@ -168,7 +169,7 @@ class PairRig:
                 )
             time.sleep(_POLL)
             return np.zeros((len(self._inputs), 0))
-        # The table begins with a value at rest, so the first value of the drive comes one update later.
+        # The table starts with a value at rest, so the drive starts one update later.
         times = np.arange(1, self._samples + 1) / self._rate
         played = held(self._volts, self._samples)
         read, channels = self._oscilloscope.read, self._channels
@@ -178,7 +179,7 @@ class PairRig:
         return np.array(rows)
 
     def stop(self, slew: float) -> None:
-        """Fade to 0 V and disconnect the output; that is sent even where nothing else is understood."""
+        """Fade to 0 V and disconnect the output, which is disconnected even if fading fails."""
         running, self._running = self._running, False
         try:
             if running:
@@ -190,7 +191,7 @@ class PairRig:
                 self._oscilloscope.stop()
 
     def close(self) -> None:
-        """Let go; a table that is put out goes on to its end, 0 V."""
+        """Close both connections. A running table continues to its end, at 0 V."""
         self._generator.link.close()
         self._oscilloscope.link.close()
 

@@ -1,14 +1,14 @@
-"""The raw samples of a run on disk while it goes on: whoever dies, what was recorded is not lost.
+"""Raw samples of a run on disk during the run, so that nothing is lost if a program dies.
 
-The file lies beside the recording to be and is as long as it can become before the first volt is put out,
-with room for the recording itself: a disk that is full refuses the run instead of losing it.
+The file lies beside the future recording. Before the output starts, it is given its full size, including room
+for the recording itself. A full disk thus refuses the run instead of losing it.
 
-A run has an identity of its own, drawn at random: it is in the name of the file, and in the recording that
-is made of it, as the attribute `run_id`. Programs that write the file share its lock until they end, however
-they end. So nobody takes the samples of a run that goes on for those of a killed one, and samples are removed
-only where a recording with their identity is there.
+A run has a random identity. It is part of the file's name and, as the attribute `run_id`, of the recording
+made from the file. Programs that write the file share its lock until they end in any way. The samples of an
+active run are therefore never taken for those of a killed one, and samples are removed only if a recording
+with their identity exists.
 
-    bytes 0-7     number of samples that are there, unsigned, lowest byte first
+    bytes 0-7     number of samples in the file, unsigned, little-endian
     bytes 8-15    length of the description
     then          the description, JSON (see `recorded.Making`)
     then          float64, all inputs of a sample one after the other
@@ -35,19 +35,19 @@ from .lock import POLL, taken
 from .protocols import Array
 from .recorded import Making
 
-SAMPLES = ".samples"  # at the end of a name
+SAMPLES = ".samples"  # ending of the file's name
 _HEAD = struct.Struct("<QQ")
-_OVERHEAD = 200_000  # bytes of a recording beside its samples
+_OVERHEAD = 200_000  # bytes of a recording in addition to its samples
 KILLED = "the program was killed"
 
 
 class Samples:
-    """The file of one run; a context, at whose end it is gone.
+    """File of one run. It is a context, and the file is removed at its end.
 
     Args:
-        target: the recording to be, NAME.nc.
-        making: what makes it.
-        samples: how many the run has.
+        target: the future recording, NAME.nc.
+        making: makes the recording from the samples.
+        samples: number of samples of the run.
 
     Raises:
         OSError: the folder cannot be written, or the disk has no room for all of it; names the target.
@@ -56,7 +56,7 @@ class Samples:
     def __init__(self, target: Path, making: Making, samples: int) -> None:
         self.run_id = secrets.token_hex(8)
         self.path = target.with_name(f".{target.stem}.{self.run_id}{SAMPLES}")
-        self._left = False  # whether the file is to stay
+        self._left = False  # True if the file is to stay
         self._width = len(making.inputs)
         text = making.to_text().encode()
         self._begin = _HEAD.size + len(text)
@@ -88,20 +88,22 @@ class Samples:
         self.close()
 
     def restart(self) -> None:
-        """Another run of the same recording begins."""
+        """Start again, for another run of the same recording."""
         self._count = 0
         os.pwrite(self._file, struct.pack("<Q", 0), 0)
 
     def add(self, block: Array) -> None:
-        """The next samples [inputs, n]."""
+        """Append the next samples [inputs, n]."""
         at = self._begin + 8 * self._count * self._width
         os.pwrite(self._file, np.ascontiguousarray(block.T, dtype="<f8").tobytes(), at)
         self._count += block.shape[1]
         os.pwrite(self._file, struct.pack("<Q", self._count), 0)
 
     def become(self, recording: xr.Dataset, target: Path, unfinished: bool = False) -> Path:
-        """Save the recording that was made of them, in the room that was kept for it; as what there is of an
-        `unfinished` one beside NAME.nc. Where that fails the file lies, as that of a program that was killed.
+        """Save the recording made from the samples, in the space reserved for it.
+
+        An `unfinished` recording is saved in the folder unfinished/. If saving fails, the file of samples
+        stays, as after a killed program.
 
         Raises:
             RecordingError, OSError: as `save_recording`.
@@ -114,7 +116,7 @@ class Samples:
         return saved
 
     def close(self) -> None:
-        """Remove the file, unless it did not become a recording."""
+        """Remove the file, unless saving its recording failed."""
         if not self._left:
             self.path.unlink(missing_ok=True)
         os.close(self._file)
@@ -128,7 +130,8 @@ def _reserve(file: int, size: int) -> None:
 
 
 def shared(path: Path) -> BinaryIO | None:
-    """The file of a run, opened: while it is, nobody takes its samples for those of a killed run."""
+    """Open the file of a run and share its lock, so that nobody treats the run as killed. None if it cannot
+    be opened."""
     with suppress(OSError):
         file = path.open("rb")
         taken(file.fileno(), shared=True)
@@ -137,10 +140,10 @@ def shared(path: Path) -> BinaryIO | None:
 
 
 def complete(path: Path, before: int, values: Array) -> None:
-    """Add what a program that is gone had not stored: values [inputs, n] that begin at the sample `before`.
+    """Append the samples that a dead program had not stored: values [inputs, n] from the sample `before` on.
 
     Raises:
-        OSError: the file is gone, and so nothing was missing; or it does not say what the values are.
+        OSError: the file is gone, so nothing was missing; or its description was never written.
     """
     with path.open("r+b") as file:
         count, length = _head(file)
@@ -154,10 +157,10 @@ def complete(path: Path, before: int, values: Array) -> None:
 
 
 def recover(folder: Path, most: float = 2.0) -> list[Path]:
-    """Make recordings of the samples that killed programs left in a folder; their paths.
+    """Make recordings of the samples that killed programs left in a folder; return their paths.
 
-    What cannot be read is left as it is, and so is what a program still writes: for so long [s] at most this
-    waits until it has ended, for the rig's process ramps to 0 V after the program that it recorded for.
+    Unreadable files are left as they are, and so are files still being written. This waits `most` seconds for
+    their programs to end: the rig's process ramps to 0 V after the death of the program that it records for.
     """
     end = time.monotonic() + most
     made = []
@@ -165,11 +168,11 @@ def recover(folder: Path, most: float = 2.0) -> list[Path]:
         name, run_id = path.name[1:].removesuffix(SAMPLES).rpartition(".")[::2]
         if not name or path.is_symlink() or not path.is_file():
             continue
-        with suppress(Exception), path.open("rb") as file:  # whatever it holds, others are looked at
+        with suppress(Exception), path.open("rb") as file:  # one bad file must not stop the others
             while not (alone := taken(file.fileno())) and time.monotonic() < end:
                 time.sleep(POLL)
             if not alone or not path.exists():
-                continue  # its program goes on, or another one has just done this
+                continue  # its program is still active, or another program has just recovered it
             target = folder / f"{name}.nc"
             recording = None if _is_saved(target, run_id) else _read(path)
             if recording is not None:
@@ -180,7 +183,7 @@ def recover(folder: Path, most: float = 2.0) -> list[Path]:
 
 
 def _is_saved(target: Path, run_id: str) -> bool:
-    """Whether a recording of that run is there, finished or not."""
+    """True if a recording of that run exists, finished or not."""
     own = re.compile(re.escape(target.stem) + r"(-\d+)?\.nc")
     others = [one for one in target.parent.glob("unfinished/*.nc") if own.fullmatch(one.name)]
     for one in (target, *others):
@@ -191,8 +194,7 @@ def _is_saved(target: Path, run_id: str) -> bool:
 
 
 def unfinished_path(target: Path) -> Path:
-    """Where what there is of NAME.nc goes: unfinished/NAME.nc beside it, or with a number, none that is
-    there."""
+    """Return a free path for an unfinished NAME.nc: unfinished/NAME.nc beside it, with a number if needed."""
     folder = target.parent / "unfinished"
     folder.mkdir(exist_ok=True)
     number, path = 1, folder / target.name
@@ -203,7 +205,7 @@ def unfinished_path(target: Path) -> Path:
 
 
 def _head(file: BinaryIO) -> tuple[int, int]:
-    """How many samples there are, and the length of the text before them: 0 where that was never written."""
+    """Return the number of samples and the length of the description, 0 if it was never written."""
     head = file.read(_HEAD.size)
     return _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
 

@@ -1,7 +1,8 @@
-"""The bench of a virtual rig one update at a time: converter, amplifier, actuator, sensors.
+"""Bench of a virtual rig, one update at a time: converter, amplifier, actuator, sensors.
 
-It is what `VirtualRig` computes at once for a drive that is known beforehand, with the same instruments, for
-one that a controller makes up as it goes. The sensors' noise has the same statistics, not the same values.
+`VirtualRig` computes a drive that is known beforehand in one piece. This module computes the same instruments
+for a drive that a controller decides update by update. The sensors' noise has the same statistics but other
+values.
 """
 
 from __future__ import annotations
@@ -21,21 +22,22 @@ from .protocols import RigError
 from .remanence import Remanence
 from .sensing import OVERSAMPLED, Sensing
 
-_TOLERANCE = 5e-3  # V, of the lines between points of the amplifier's output
+_TOLERANCE = 5e-3  # V, of the amplifier's output as a piecewise linear signal
 
 
 class Stream:
-    """A run of the virtual rig that goes on update by update.
+    """A run of the virtual rig, computed update by update.
 
     Args:
-        actuator: what is driven, as it is in this run.
+        actuator: the actuator in this run.
         bench: the instruments; its inputs are sampled once per update of the output.
-        inputs: what is read, "drive" among them or not.
-        seed: of all noise.
-        offset: V, of the output at number 0, and `per_unit` V for the number 1.
+        inputs: names of the inputs to read, which may include "drive".
+        seed: seed of all noise.
+        offset: V at the piezo for the converter's number 0.
+        per_unit: V at the piezo per unit of the number.
         tolerance: m, of the simulation.
-        remanence: the state of the piezo, where it is not annealed.
-        slips: what is irregular from step to step, if anything is.
+        remanence: state of the piezo, if it is not annealed.
+        slips: irregularity of the steps, if there is any.
     """
 
     def __init__(
@@ -77,27 +79,27 @@ class Stream:
         self._before = self._now()
 
     def number(self, volts: float) -> float:
-        """Return the number for the converter that gives a voltage at the piezo."""
+        """Return the converter's number for a voltage at the piezo."""
         return (volts - self._offset) / self._per_unit
 
     @property
     def slid(self) -> float:
-        """End-effector from stage, m."""
+        """Displacement of the end-effector relative to the stage, m."""
         return self.position - self._motion.stage_position
 
     @property
     def position(self) -> float:
-        """End-effector, m."""
+        """Position of the end-effector, m."""
         return self._motion.position + (0.0 if self._slips is None else self._slips.offset)
 
     @property
     def remanence(self) -> Remanence | None:
-        """The state of the piezo, if it has one."""
+        """State of the piezo, if it has a memory."""
         found = self._motion.remanence
         return None if found is None else Remanence(*found)
 
     def exchange(self, volts: float) -> list[float]:
-        """One update of the output, and the readings at the next one."""
+        """Update the output and return the readings of the next update."""
         target = self._amplified(self.number(volts))
         if target == self._volts and target == self._monitor:
             self._motion.hold(target, self._tick)
@@ -114,7 +116,7 @@ class Stream:
         return self.readings()
 
     def readings(self) -> list[float]:
-        """Of all inputs, now."""
+        """Return the present readings of all inputs."""
         (x0, v0, y0, w0), now = self._before, self._now()
         self._before = now
         found = []
@@ -135,7 +137,7 @@ class Stream:
         return self.position, motion.velocity, motion.stage_position, motion.stage_velocity
 
     def _amplified(self, number: float) -> float:
-        """What the amplifier aims at, V."""
+        """Return the amplifier's target voltage, V."""
         dac, amplifier = self._bench.dac, self._bench.amplifier
         steps = (number * dac.gain - dac.low) / dac.step
         code = math.floor(steps + 1e-6) if dac.truncates else round(steps)
@@ -145,7 +147,8 @@ class Stream:
 
 
 def _between(a: float, da: float, b: float, db: float, share: float, span: float) -> float:
-    """The cubic through both ends, with their slopes: of the motion within one tick, to picometres."""
+    """Interpolate the motion within one update by a cubic with the slopes of both ends, accurate to
+    picometres."""
     if share == 1.0:
         return b
     left = 1.0 - share

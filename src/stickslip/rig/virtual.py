@@ -1,4 +1,4 @@
-"""The virtual rig: the signal chain of a bench around the simulation of an actuator."""
+"""Virtual rig: the signal chain of a bench around the simulation of an actuator."""
 
 from __future__ import annotations
 
@@ -29,33 +29,33 @@ from .streaming import Stream
 from .variation import EXACT, Repeats
 
 BLOCK = 0.02  # s of samples per `fetch`
-OVERSAMPLING = 4  # analogue signals are computed at so many times the sampling rate
-_COLUMN = {"stage": STAGE, "end_effector": SLIDER}  # of a trajectory
-_SETTLE = 1e-3  # s at 0 V after a stop, for the amplifier to get there
+OVERSAMPLING = 4  # factor between the rate of analogue signals and the sampling rate
+_COLUMN = {"stage": STAGE, "end_effector": SLIDER}  # columns of a trajectory
+_SETTLE = 1e-3  # s at 0 V after a stop, for the amplifier to settle
 MAX_POINTS = 5_000_000
 MAX_STEPS = 5_000_000  # of the solver; a recording of 10 s takes some 200 000
 
 
 class VirtualRig:
-    """A bench in software, with its own amplifier, sensor and noise; see `protocols.Rig`.
+    """A simulated bench with its own amplifier, sensors and noise; see `protocols.Rig`.
 
     Args:
-        actuator: what is driven.
+        actuator: the actuator that is driven.
         bench: the instruments.
-        seed: of all noise: the same seed, the same recording, bit for bit. Each run after the first has noise
-            of its own.
-        repeats: how the contact differs from run to run and from step to step; by default it does not.
-        real_time: hand out samples no sooner than a real rig would.
+        seed: seed of all noise. The same seed gives the same recording, bit for bit. Each run after the first
+            has different noise.
+        repeats: variation of the contact from run to run and from step to step; none by default.
+        real_time: return samples no sooner than a real rig would.
         tolerance: m, of the simulation.
 
-    Each run begins at rest, and its readings at zero, as those of a sensor that counts from its start do;
-    `origin` is how far the end-effector had come before, m. But a piezo with hysteresis and creep goes on
-    from where the run before left it, without a pause: readings then begin at the stroke that is left. A rig
-    that is made anew has rested long at 0 V; a sine about 0 V that decays over many periods leaves almost
-    that, where the amplifier goes below 0 V, and a run at 0 V is a rest.
+    Each run starts at rest, and its readings start at zero, as those of an incremental sensor do. `origin` is
+    the end-effector's previous displacement, m. A piezo with hysteresis and creep, however, continues from
+    its state at the end of the previous run, without a pause; the readings then start at the remaining
+    stroke. A new rig has rested at 0 V for long. If the amplifier goes below 0 V, a sine about 0 V that
+    decays over many periods leaves almost the same state. A run at 0 V is a rest.
     """
 
-    simulated = True  # the interlock asks nobody to arm it
+    simulated = True  # needs no arming
     about = About(
         device="none: the simulated bench of a laboratory",
         does="puts out and records",
@@ -78,35 +78,36 @@ class VirtualRig:
         of_kind(actuator, Actuator, "actuator")
         of_kind(bench, Bench, "bench")
         _check_sensors(actuator, bench)
-        # The limits of the drive are the gate's; a converter's step beside 0 V is no error.
+        # The gate checks the drive. A converter step below 0 V is no error.
         self.actuator = at_temperature(actuator, repeats.irregularity.temperature).replace(
             min_voltage=-math.inf, max_voltage=math.inf, piezo=simplified(actuator.piezo)
         )
-        self._remanence: Remanence | None = None  # of the piezo; None: it is annealed
+        self._remanence: Remanence | None = None  # state of the piezo; None: annealed
         self.bench, self._seed, self._real_time, self._tolerance = bench, seed, real_time, tolerance
         self._repeats = repeats
         self._per_unit = bench.dac.gain * bench.amplifier.gain
-        # What a program adds so that the steps of a truncating converter lie around the wanted voltage.
+        # A program adds this offset, so that the steps of a truncating converter lie around the requested
+        # voltage.
         half = 0.5 * bench.dac.step * bench.amplifier.gain if bench.dac.truncates else 0.0
         self._offset = bench.amplifier.offset - half
         self._runs = 0
         self.origin = 0.0
-        self._slid = np.zeros(0)  # end-effector from stage at each sample of the run, m
+        self._slid = np.zeros(0)  # end-effector relative to stage at each sample of the run, m
         self._volts = np.zeros(0)
-        self._given: list[float] = []  # of a run that goes on update by update
+        self._given: list[float] = []  # voltages of a run that is computed update by update
         self._inputs: tuple[str, ...] = ()
         self._samples = self._fetched = 0
         self._began = 0.0
         self._running = False
-        self._interrupted = threading.Event()  # nobody waits for the rest of a block
+        self._interrupted = threading.Event()  # set by a stop: do not wait for the rest of a block
         self._data = np.zeros((0, 0))
-        self._stream: Stream | None = None  # while a run goes on update by update
-        self._turn = threading.Lock()  # of who puts out and who stops
-        self._numbers = np.zeros(0)  # all that went to the converter in the last run, the ramp included
+        self._stream: Stream | None = None  # the active run that is computed update by update
+        self._turn = threading.Lock()  # held while putting out or stopping
+        self._numbers = np.zeros(0)  # all numbers sent to the converter in the last run, with the ramp
 
     @property
     def capabilities(self) -> Capabilities:
-        """What it can do."""
+        """Rates, ranges and inputs of the bench."""
         bench = self.bench
         dac, amplifier = bench.dac, bench.amplifier
         ends = amplifier.gain * np.array([dac.low, dac.high - dac.step]) + amplifier.offset
@@ -122,11 +123,11 @@ class VirtualRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """What a recording made of the next runs says of their truth; see `Repeats.told`."""
+        """Return the truth of the next runs, for their recording; see `Repeats.told`."""
         return self._repeats.told(self.actuator, runs, self._runs)
 
     def load(self, volts: Array) -> None:
-        """Take the drive, V at the piezo, one value per update."""
+        """Load the drive, V at the piezo, one value per update."""
         self._forbid_running("load")
         self._volts = np.array(volts, dtype=float)
 
@@ -142,7 +143,7 @@ class VirtualRig:
         self._inputs, self._samples = tuple(inputs), samples
 
     def start(self) -> None:
-        """Run: everything is computed at once, and handed out by `fetch`."""
+        """Run: compute all samples at once, for `fetch`."""
         self._forbid_running("start")
         if not self._volts.size or not self._samples:
             raise RigError("start needs a drive (load) and inputs (arm)")
@@ -153,7 +154,7 @@ class VirtualRig:
         self._fetched, self._began, self._running = 0, time.monotonic(), True
 
     def begin(self, inputs: tuple[str, ...]) -> list[float]:
-        """Begin a run whose output comes update by update, at 0 V; the readings of these inputs."""
+        """Start a run at 0 V whose output is set update by update; return the readings of the inputs."""
         self._forbid_running("begin")
         self.arm(inputs, MAX_POINTS)
         actuator = self._here()
@@ -169,7 +170,7 @@ class VirtualRig:
         return stream.readings()
 
     def exchange(self, volts: float) -> list[float]:
-        """Put out a voltage at this update; the readings at the next one."""
+        """Put out a voltage at this update and return the readings of the next one."""
         with self._turn:
             stream = self._stream
             if stream is None:
@@ -186,7 +187,7 @@ class VirtualRig:
                 raise RigError(f"the simulation of the actuator: {error}") from None
 
     def fetch(self) -> Array:
-        """The next samples; none are left when all have been handed out."""
+        """Return the next samples; none at the end."""
         if not self._running:
             raise RigError("nothing is running")
         end = min(self._fetched + max(1, round(BLOCK * self.bench.sample_rate)), self._samples)
@@ -200,20 +201,20 @@ class VirtualRig:
         return block
 
     def interrupt(self) -> None:
-        """Have `fetch` hand out what there is and wait for no more, from another thread: a stop comes."""
+        """Let `fetch` return at once with the samples so far. Called from another thread, for a stop."""
         self._interrupted.set()
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V from what the output is at by now: where the samples end that were handed out.
+        """Ramp to 0 V from the present output, which is at the last fetched sample.
 
-        However slow it is asked for, it takes `limits.LONGEST_STOP` at most.
+        The ramp takes `limits.LONGEST_STOP` at most, even for a smaller `slew`.
         """
         if not self._running:
             return
         if self._stream is not None:
             self._stop_stream(self._stream, slew)
             return
-        if self._fetched and not self.actuator.clamped:  # it sticks to the stage as that goes back to 0 V
+        if self._fetched and not self.actuator.clamped:  # it sticks to the returning stage
             self.origin += float(self._slid[self._fetched - 1])
         rate = self.bench.dac.update_rate
         played = max(1, math.ceil(self._fetched * rate / self.bench.sample_rate))
@@ -228,7 +229,7 @@ class VirtualRig:
             self._remanence = left_by(piezo, self._begins(table.before), table, given.duration)
 
     def _ramp(self, volts: float, greatest: float, slew: float) -> Array:
-        """From a voltage to 0 V and there for a while, after a run with this greatest voltage."""
+        """Return the ramp from a voltage to 0 V, with a pause at 0 V; `greatest` is the run's peak, V."""
         slew = max(slew, greatest / LONGEST_STOP) if math.isfinite(slew) else math.inf
         rate = self.bench.dac.update_rate
         updates = math.ceil(abs(volts) / slew * rate)
@@ -236,9 +237,9 @@ class VirtualRig:
         return np.append(ramp, np.zeros(math.ceil(_SETTLE * rate)))
 
     def _stop_stream(self, stream: Stream, slew: float) -> None:
-        """Ramp to 0 V, and leave the actuator as it then is."""
+        """Ramp to 0 V, and keep the state of the actuator."""
         with self._turn:
-            self._stream = None  # whoever still wants to put out finds nothing that runs
+            self._stream = None  # a later update finds no active run
             given = self._given or [0.0]
             ramp = self._ramp(given[-1], max(map(abs, given)), slew).tolist()
             try:
@@ -253,14 +254,14 @@ class VirtualRig:
                 self._remanence = stream.remanence
 
     def _begins(self, volts: float) -> Remanence:
-        """The state of the piezo when a run begins, at that voltage if it is annealed."""
+        """Return the state of the piezo at the start of a run; an annealed piezo starts at that voltage."""
         assert self.actuator.piezo is not None
         return self._remanence or annealed(self.actuator.piezo, volts)
 
     def output(self) -> tuple[Array, Array]:
-        """What came out of the amplifier in the last run: times [s] and voltages, to be joined by lines.
+        """Return the amplifier's output in the last run: times [s] and voltages [V], piecewise linear.
 
-        0 V if there was none.
+        Without a run it is 0 V.
         """
         dac, bench = self.bench.dac, self.bench
         if not self._numbers.size:
@@ -270,7 +271,7 @@ class VirtualRig:
         )
 
     def monitor(self) -> float:
-        """What the amplifier puts out now that a run has ended, V: the last number, as it is converted."""
+        """Return the amplifier's output after a run, V: the last number, as the converter rounds it."""
         if not self._numbers.size:
             return 0.0
         code = float(dac_output(self.bench.dac, self._numbers[-1:])[0])
@@ -281,7 +282,7 @@ class VirtualRig:
             raise RigError(f"{what}: a run is going on; stop it first")
 
     def _computed(self) -> Array:
-        """The samples of all inputs [inputs, samples]."""
+        """Return the samples of all inputs [inputs, samples]."""
         bench, rate = self.bench, OVERSAMPLING * self.bench.sample_rate
         updates = math.ceil(self._samples * bench.dac.update_rate / bench.sample_rate) + 1
         codes = dac_output(bench.dac, _held(self._numbers, updates))
@@ -315,14 +316,17 @@ class VirtualRig:
         return np.array(rows).reshape(len(rows), self._samples)
 
     def _here(self) -> Actuator:
-        """The actuator of this run, with the normal force of the place that it has come to."""
+        """Return the actuator of this run, with the normal force at its present place."""
         actuator = self._repeats.actuator(self.actuator, self._runs)
         if (along := actuator.normal_force) is None:
             return actuator
         return actuator.replace(normal_force=along._replace(origin=along.origin + self.origin))
 
     def _driven(self, drive: Waveform, end: float) -> tuple[Actuator, Waveform]:
-        """The actuator of this run and its drive up to `end` [s]; behind the piezo, where that remembers."""
+        """Return the actuator of this run and its drive up to `end` [s].
+
+        If the piezo has a memory, the drive includes its hysteresis and creep, and the actuator has no piezo.
+        """
         actuator = self._here()
         piezo = actuator.piezo
         if piezo is None or not remembers(piezo):
@@ -342,7 +346,7 @@ class VirtualRig:
 
 
 def _check_sensors(actuator: Actuator, bench: Bench) -> None:
-    """Raise QuantityError for a sensor of angles on what slides, or of lengths on what turns."""
+    """Raise QuantityError for an angle sensor on a linear actuator, or a length sensor on a rotary one."""
     for name, mounted in bench.sensors.items():
         unit = mounted.sensor.unit
         if actuator.rotary and unit != "rad":
@@ -358,7 +362,7 @@ def _check_sensors(actuator: Actuator, bench: Bench) -> None:
 
 
 def _held(values: Array, count: int) -> Array:
-    """The first `count` values; the last one is held where there are fewer."""
+    """Return `count` values, the last one repeated if there are fewer."""
     return np.pad(values[:count], (0, max(0, count - values.size)), mode="edge")
 
 
