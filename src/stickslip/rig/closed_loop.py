@@ -1,8 +1,8 @@
 """A closed loop on a rig: read, step the controller, put out, update by update.
 
-The loop runs in a thread of its own, so that a controller that never answers can be left behind: whoever
-waits for it ramps the output to 0 V. What the loop recorded until then is kept. On a `HostedRig` it runs in
-the process that owns the rig, as a thread of this one that only takes its samples sees it.
+The loop runs in a thread of its own, so that a controller that never answers can be abandoned: the waiting
+thread ramps the output to 0 V. The samples recorded so far are kept. For a `HostedRig` the loop runs in the
+process that owns the rig, and the thread here only fetches its samples.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from .site import sited
 from .turns import ASKED, AT, STATISTICS, WANTED, LoopRig, looped
 
 _TARGET, _ASKED = "target_position", "asked_voltage"
-_GRACE = 0.2  # s after the ramp in which a controller that answers hands over what there is
-_LOOK = 0.02  # s between two looks at whether the loop goes on
+_GRACE = 0.2  # s after the ramp in which a late controller may return its samples
+_LOOK = 0.02  # s between two checks of the loop
 
 
 def regulate(
@@ -60,36 +60,37 @@ def regulate(
     plausibility: Plausibility | None = None,
     second: str = "",
 ) -> xr.Dataset:
-    """Close a loop for a while, and record it. However it ends, the output ramps to 0 V.
+    """Close a loop for a while, and record it. The output always ramps to 0 V, however the run ends.
 
-    What the controller asks for is kept within voltages and slew of the limits (`limited_updates` says how
-    often that was needed); a voltage that is no finite number, an exception, and no answer within
-    `limits.watchdog` end the run. A controller with an attribute `done` ends it when that is true.
+    The controller's request is limited to the voltages and the slew of the limits; `limited_updates` counts
+    these cases. A voltage that is not finite, an exception, and no answer within `limits.watchdog` end the
+    run. A controller with an attribute `done` ends the run when it becomes true.
 
     Args:
-        rig: one that takes its output update by update, such as `VirtualRig`; or a `HostedRig` of one.
-        controller: what has `step(measured, target, tick)`; of a `HostedRig` a `ControllerSpec`, from which
-            it is made in the rig's process.
+        rig: a rig whose output is set update by update, such as `VirtualRig`; or a `HostedRig` of one.
+        controller: has `step(measured, target, tick)`. A `HostedRig` needs a `ControllerSpec`, from which its
+            process makes the controller.
         target: m (rad) from home: a number, or a waveform in that unit.
-        channels: as for `measure`; the position that is controlled is `end_effector_position`.
-        limits: what the output may not pass; end stops and frozen readings end the run.
-        duration: s, at most.
-        interval: s between samples that are kept, a multiple of the rig's; each of them if left out.
+        channels: as for `measure`; the controlled position is `end_effector_position`.
+        limits: limits of the output; end stops and frozen readings end the run.
+        duration: longest duration, s.
+        interval: s between recorded samples, a multiple of the rig's; by default all samples are recorded.
         title, attributes, progress, home, save: as for `measure`. A run that ended early, or was killed, is
             in unfinished/ beside `save`.
-        sees: called with the next values of each channel [n]; what it raises ends the run.
-        plausibility: what is believed of the position, see `control.plausibility`; by default what the
-            controller says of itself, as a `Mover` does.
-        second: the channel of another sensor of the same position, which is compared with the first.
+        sees: called with the next values of each channel [n]; an error that it raises ends the run.
+        plausibility: thresholds for the position, see `control.plausibility`; by default the controller's
+            own, as for a `Mover`.
+        second: channel of another sensor of the same position, which is compared with the first.
 
     Returns:
         The recording, with `target_position` and `asked_voltage` [V]. Its attributes `limited_updates`,
-        `slowest_step` [s], `mean_step` [s] and `late_updates` (steps longer than an update) say how it went.
+            `slowest_step` [s], `mean_step` [s] and `late_updates` (steps longer than an update) are
+            statistics of the run.
 
     Raises:
         QuantityError: a channel, the target or a time does not fit the rig. Nothing was put out.
         LimitError: a limit was passed, the position is not plausible, or the controller failed; its
-            `recording` is what there is.
+            `recording` contains the samples so far.
         RigError: the rig does not answer as it should.
     """
     home = _home_of(rig) if home is None else home
@@ -122,7 +123,7 @@ def regulate(
         raise QuantityError(
             f"duration = {seconds:g} s is longer than {can.name} takes, {can.max_points} updates"
         )
-    whole = isinstance(target, float | int)  # one value, which is held
+    whole = isinstance(target, float | int)  # one constant value
     wanted = targets(target, 1 if whole else count, can.update_rate, unit)
     told = getattr(rig, "told", None)
     chains = {name: [to_text(one) for one in channel.calibration] for name, channel in channels.items()}
@@ -130,7 +131,7 @@ def regulate(
     shown = {**channels, POSITION: Channel(AT), _TARGET: Channel(WANTED), _ASKED: Channel(ASKED)}
     units = channel_units(looped(can, unit), shown, limits)
     texts |= {} if told is None else told(1)
-    if plausibility is None and not isinstance(rig, HostedRig):  # the rig's process asks its own controller
+    if plausibility is None and not isinstance(rig, HostedRig):  # a rig's process asks its own controller
         plausibility = plausibility_of(
             controller.made() if isinstance(controller, ControllerSpec) else controller
         )
@@ -178,7 +179,7 @@ def _looped(
     plausibility: Plausibility | None,
     second: PositionInput | None,
 ) -> LoopRig | HostedRig:
-    """The rig with its loop, here or in the rig's process."""
+    """Return the rig with its loop, in this program or in the rig's process."""
     if not isinstance(rig, HostedRig):
         made: Controller = controller.made() if isinstance(controller, ControllerSpec) else controller
         return LoopRig(rig, made, position, home, limits, plausibility, second)
@@ -192,7 +193,7 @@ def _looped(
 
 
 def targets(target: Waveform | float | str, count: int, rate: float, unit: str) -> list[float]:
-    """The wanted position at each of so many ticks at a rate [Hz], m (rad); raises QuantityError."""
+    """Return the target position at each of `count` updates at a rate [Hz], m (rad). Raises QuantityError."""
     if isinstance(target, float | int | str):
         found = [to_si(target, unit, "target")] * count
     elif getattr(target, "unit", None) != unit:
@@ -205,7 +206,7 @@ def targets(target: Waveform | float | str, count: int, rate: float, unit: str) 
 
 
 class _Loop:
-    """One run; `run` is for who waits, `_go` for the thread."""
+    """One run. The caller waits in `run`; the thread executes `_go`."""
 
     def __init__(
         self,
@@ -217,12 +218,12 @@ class _Loop:
         self._rig, self._making, self._samples, self._sees = rig, making, samples, sees
         self._blocks = [np.zeros((len(making.inputs), 0))]
         self._count = self._most = 0
-        self._left = False  # whether nobody waits any more
+        self._left = False  # True when nobody waits any more
         self._ended = threading.Event()
         self._failure: BaseException | None = None
 
     def run(self, wanted: list[float], count: int, progress: Progress) -> BaseException | None:
-        """To its end, and the ramp; what ended it early, if anything did."""
+        """Run to the end, with the ramp; return the error that ended it early, or None."""
         failure: BaseException | None = None
         self._most = count
         thread = threading.Thread(target=self._go, args=(wanted,), name="closed loop", daemon=True)
@@ -251,7 +252,7 @@ class _Loop:
         return self._rig.count if isinstance(self._rig, LoopRig) else self._count
 
     def _listen(self) -> None:
-        """Raises LimitError where nothing has come for too long; a hosted rig is watched in its process."""
+        """Raise LimitError after too long a silence. A hosted rig is watched in its own process."""
         rig = self._rig
         if not isinstance(rig, LoopRig) or not rig.begun:
             return
@@ -285,10 +286,10 @@ class _Loop:
             self._sees(self._making.channel_values(block))
 
     def recorded(self) -> Array:
-        """The raw samples [inputs, n]."""
+        """Return the raw samples [inputs, n]."""
         return np.concatenate(self._blocks, axis=1)
 
     def statistics(self) -> dict[str, Any]:
-        """See `regulate`."""
+        """Return the statistics; see `regulate`."""
         said = self._rig.said()
         return {name: said[name] for name in STATISTICS if name in said}

@@ -1,4 +1,4 @@
-"""Descriptions of rigs as JSON, by which a client names one to the process that is to own it."""
+"""Descriptions of rigs as JSON, by which a client tells the rig's process what to open."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .virtual import VirtualRig
 def virtual_device(
     actuator: Actuator, bench: str, seed: int, real_time: bool, repeats: Repeats = EXACT
 ) -> dict[str, Any]:
-    """A virtual rig; `bench` is a name or the path of a file."""
+    """Describe a virtual rig; `bench` is a name or the path of a file."""
     fields = actuator._asdict()
     return {
         "kind": "virtual",
@@ -30,15 +30,15 @@ def virtual_device(
 
 
 def own_device(rig_type: type, options: dict[str, Any]) -> dict[str, Any]:
-    """A rig of a back end known by name, made with these options."""
+    """Describe a rig whose back end has a registered name, with its options."""
     return {"kind": "own", **registry.rigs.written(rig_type), "options": options}
 
 
 def open_device(device: dict[str, Any], origin: float) -> Rig:
-    """The rig; `origin` is how far a virtual end-effector has come before, m.
+    """Open the rig of a description; `origin` is the previous displacement of a virtual end-effector, m.
 
     Raises:
-        RigError: nobody answers there, or it is no device.
+        RigError: nobody answers there, or the description has no known kind.
         ValueError: a value in it is wrong.
     """
     kind = device.get("kind")
@@ -58,7 +58,7 @@ def open_device(device: dict[str, Any], origin: float) -> Rig:
 
 
 def told_of(device: dict[str, Any], runs: int, after: int) -> dict[str, str]:
-    """What a recording says of so many runs of a device; see `Repeats.told`."""
+    """Return attributes for a recording of `runs` runs of a device; see `Repeats.told`."""
     if device.get("kind") != "virtual":
         return {}
     return Repeats.of_document(device.get("repeats", {})).told(_actuator(device), runs, after)

@@ -1,4 +1,4 @@
-"""A mark that this program drives a rig just now: then it must not be torn out of what it does."""
+"""A flag that this program is driving a rig, so that others do not interrupt it."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _HOLDERS: list[object] = []
 
 @contextmanager
 def driving() -> Iterator[None]:
-    """A context in which a rig may be driven and recorded from."""
+    """Set the flag while the context lasts: a rig may be driven and recorded from."""
     holder = object()
-    _HOLDERS.append(holder)  # of each thread, and one within the other
+    _HOLDERS.append(holder)  # contexts can be nested, and in several threads
     try:
         yield
     finally:
@@ -20,5 +20,5 @@ def driving() -> Iterator[None]:
 
 
 def is_driving() -> bool:
-    """Whether anybody in this program is in such a context."""
+    """True if any thread of this program is in such a context."""
     return bool(_HOLDERS)

@@ -1,8 +1,8 @@
 """Function generators with arbitrary waveforms: the commands of each family, from their programming guides.
 
-A waveform is a table of whole numbers, which is put out once at a trigger; its greatest number is half of the
-amplitude. So 0 is 0 V, whatever the amplitude, and an output fades to 0 V with its amplitude. None of these
-tables was tried on an instrument.
+A waveform is a table of integers, which is put out once after a trigger. The greatest integer corresponds to
+half of the peak-to-peak amplitude. So 0 is 0 V at any amplitude, and reducing the amplitude fades the output
+to 0 V. None of these tables was tried on an instrument.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ T = TypeVar("T", bound=Any)
 
 
 class GeneratorCommands(NamedTuple):
-    """A family of generators: how it is known by ``*IDN?``, what it can do, its commands.
+    """A family of generators: the pattern of its ``*IDN?`` answer, its abilities, and its commands.
 
-    In commands, {n} is the output, {rate} in Hz, {volts} from peak to peak, {block} the place of a block of
-    16-bit numbers, lowest byte first, from `low` to `high` ("shifted" ones begin at 0).
+    In commands, {n} is the output, {rate} is in Hz, and {volts} is from peak to peak. Tables are sent as
+    blocks of 16-bit integers, little-endian, from -`full` to `full`; "shifted" ones start at 0.
     """
 
     name: str
     known_by: str
-    volts: float  # greatest, V into a high impedance
-    least: float  # amplitude, V from peak to peak
-    points: int  # of a table
+    volts: float  # greatest output, V into a high impedance
+    least: float  # least amplitude, V from peak to peak
+    points: int  # greatest number in a table
     shortest: int
-    full: int  # the greatest number; the least is its negative
+    full: int  # greatest integer; the least is its negative
     shifted: bool
     off: str
     before: tuple[str, ...]
@@ -41,7 +41,7 @@ class GeneratorCommands(NamedTuple):
     on: str
     trigger: str
     max_rate: float
-    packet: int = 0  # numbers in a block, if there is a limit: then {more} is `parts` of it
+    packet: int = 0  # greatest block, 0 for no limit; {more} is then one of `parts`
     parts: tuple[str, str] = ("", "")
 
 
@@ -118,15 +118,15 @@ GENERATORS = (KEYSIGHT_33500, RIGOL_DG1000Z)
 
 
 class Generator:
-    """A generator's output.
+    """Output of a generator.
 
     Args:
         where: see `ScpiInstrument`.
-        output: its number.
+        output: number of the output.
         timeout: s, for each answer.
 
     Raises:
-        RigError: nobody answers there, or none of `GENERATORS`.
+        RigError: nobody answers there, or the instrument is none of `GENERATORS`.
     """
 
     def __init__(self, where: str, output: int, timeout: float) -> None:
@@ -140,7 +140,7 @@ class Generator:
             raise
 
     def load(self, values: Array, rate: float) -> None:
-        """Take the values [n], V, the first and the last 0; put out nothing yet."""
+        """Upload the values [n], V, which start and end at 0. Nothing is put out yet."""
         one = self.table
         values = np.append(values, np.zeros(max(one.shortest - values.size, 0)))
         greatest = max(float(np.abs(values).max()), 0.5 * one.least)
@@ -160,15 +160,15 @@ class Generator:
         self._do(self.table.on)
 
     def trigger(self) -> None:
-        """Put the table out, once."""
+        """Put out the table once."""
         self._do(self.table.trigger)
 
     def fade(self, share: float) -> None:
-        """Make the amplitude so much of what was loaded."""
+        """Set the amplitude to this fraction of the loaded one."""
         self._do(self.table.amplitude, volts=max(share * self._volts, self.table.least))
 
     def off(self) -> None:
-        """Disconnect the output: sent whether the instrument is heard or not."""
+        """Disconnect the output. The command is sent even if earlier answers are missing."""
         command = self.table.off.format(n=self._n)
         self.link.tell(command)
         self.link.check(command)
@@ -181,7 +181,7 @@ class Generator:
 
 
 def known(link: ScpiInstrument, tables: tuple[T, ...]) -> T:
-    """The table of the family that an instrument says it is of; RigError for others."""
+    """Return the command table of the instrument's family. Raises RigError for unknown families."""
     for table in tables:
         if re.search(table.known_by, link.identity):
             return table

@@ -1,7 +1,8 @@
-"""Home: positions of the end-effector count from there, over runs, repeats and restarts.
+"""Home: the origin of end-effector positions, kept over runs, repeats and restarts.
 
-A rig's readings keep counting from run to run, or begin anew with each: then its `origin` says how far the
-end-effector had come before. Home is a reading and the origin at which it was taken, so the position is
+The readings of some rigs continue from run to run. Others start again at zero with each run; then `origin` is
+the end-effector's previous displacement. Home is a reading together with the origin at that time. The
+position is
 
     x = origin - origin_home + calibrated(reading) - calibrated(reading_home).
 """
@@ -22,10 +23,10 @@ from .protocols import Array, RigError
 
 
 class Home:
-    """The reading at home of each input that gave the position, and where the end-effector was seen last.
+    """Reading at home of each position input, and the last position of the end-effector.
 
-    `position` is in m from home, None before the first run. `origin` is that of a rig which begins each
-    run at zero, kept here for the process that owns the rig after this one.
+    `position` is in m from home, None before the first run. `origin` belongs to a rig whose runs start at
+    zero. It is kept here for the next process that owns the rig.
     """
 
     def __init__(self) -> None:
@@ -34,15 +35,15 @@ class Home:
         self.origin = 0.0
 
     def set(self, source: str, reading: float, origin: float) -> None:
-        """Call where this input reads so (in the input's unit) home."""
+        """Make the place with this reading (in the input's unit) home."""
         self.readings = {source: (reading, origin)}
         self.position = 0.0
 
     def positions(self, source: str, raw: Array, chain: Sequence[Calibration], origin: float) -> Array:
-        """Readings [n] of an input as positions from home, m; the first reading ever is home itself.
+        """Return readings [n] of an input as positions from home, m. The first reading ever is home itself.
 
         Raises:
-            LimitError: a calibration makes no number of a reading; no end stop would hold such a position.
+            LimitError: a calibration gives no finite number, so that end stops could not be checked.
         """
         if source not in self.readings:
             self.readings[source] = (float(raw[0]), origin)
@@ -59,17 +60,17 @@ class Home:
         return found
 
     def save(self, path: Path) -> None:
-        """Keep it in a file, whole or not at all."""
+        """Save home to a file, in one step."""
         content = {"readings": self.readings, "position": self.position, "origin": self.origin}
         with replaced_whole(path) as temporary:
             temporary.write_text(json.dumps(content), encoding="utf-8")
 
     @classmethod
     def load(cls, path: Path) -> Home:
-        """What a file keeps; a new one where there is none.
+        """Load home from a file; a new home if there is no file.
 
         Raises:
-            RigError: it does not say where home is: end stops would silently count from elsewhere.
+            RigError: the file is damaged. End stops would otherwise have a wrong origin.
         """
         made = cls()
         try:
@@ -95,7 +96,7 @@ def _finite(value: object) -> float:
 
 
 def calibrated(raw: Array, chain: Sequence[Calibration]) -> Array:
-    """Readings through their calibrations, one after the other."""
+    """Return readings after their calibrations, in order."""
     for calibration in chain:
         raw = calibration(raw)
     return raw

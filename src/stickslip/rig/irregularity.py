@@ -1,20 +1,20 @@
-r"""Irregular steps of real stages: scatter, direction, noise of the threshold, relaxation, soft end stops,
-cold.
+r"""Irregular steps of real stages: scatter, direction, threshold noise, relaxation, soft end stops, cold.
 
-The equations of an actuator do not contain its position, so what a slip goes too far or too short only shifts
-what comes after it. The slip s is the plastic part of the sliding displacement q, a play of half width w, the
-deflection at which the contact yields:
+The equations of an actuator do not contain its position. The excess of a slip therefore only shifts later
+positions. The slip s is the plastic part of the sliding displacement q: a play of half width w, the
+deflection at which the contact yields,
 
 .. math:: s_k = \min(\max(s_{k-1}, q_k - w), q_k + w).
 
-Slip number n goes :math:`f\,(1 + \sigma e_n)` times as far, with :math:`f = \sqrt{1 + d}` forward and
-:math:`1/\sqrt{1 + d}` backward, after it has lost :math:`\xi_n = C\,\sigma_V e'_n` of its way (a threshold
-that is :math:`\sigma_V e'_n` higher; a lower one adds to the way). A slip never goes backward. The seat of
-the slider gives by r on the way, and comes back with a time constant after a stop,
+Slip number n is :math:`f\,(1 + \sigma e_n)` times as long, with :math:`f = \sqrt{1 + d}` forward and
+:math:`1/\sqrt{1 + d}` backward. Before that it loses the length :math:`\xi_n = C\,\sigma_V e'_n`, because the
+threshold is :math:`\sigma_V e'_n` higher; a lower threshold adds to the length. A slip never reverses. During
+a slip the seat of the slider yields by r, and after a stop it returns with a time constant,
 
 .. math:: \dot r = (R\,\mathrm{sign}\,\dot s - r)\,\frac{|\dot s|}{10 R} - \frac{r}{\tau}.
 
-An end stop gives by G at most: pushed on by u, the end-effector goes :math:`G\,(1 - e^{-u/G})` beyond it.
+An end stop yields by G at most: if the end-effector is pushed on by u, it moves :math:`G\,(1 - e^{-u/G})`
+beyond the stop.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ from ..simulation.strain import strained
 
 Array = NDArray[np.float64]
 
-_APART = 0.5e-3  # s without slip after which a new slip begins
-_BUILDING = 10.0  # relaxations of way until the seat has given; assumed
-_STREAM = 3  # of random numbers, beside those of `variation`
+_APART = 0.5e-3  # s without slip before a new slip starts
+_BUILDING = 10.0  # slip until the seat has yielded, in units of `relaxation`; assumed
+_STREAM = 3  # number of the random stream, distinct from those of `variation`
 
 
 @record
 class Irregularity(NamedTuple):
-    """What makes real steps differ. Values that are left out are those of published stages:
+    """Differences between the steps of a real stage. The default values are those of published stages.
 
-    scatter 5 % (attocube's catalogue); forward over backward 1.28, the geometric mean of 1.02 and 1.08 (a
-    rolling drive) and 1.5 and 1.65 (two axes of a KIM101); relaxation 0.29 um and end stops that give by 41
-    um (SmarAct MCS2). Threshold noise and the time of the relaxation are assumed: users only report that
-    steps near the threshold vary much.
+    Scatter: 5 % (attocube's catalogue). Direction: ratio 1.28 of forward to backward steps, the geometric
+    mean of 1.02 and 1.08 (a rolling drive) and of 1.5 and 1.65 (two axes of a KIM101). Relaxation: 0.29 um;
+    yield of end stops: 41 um (SmarAct MCS2). Threshold noise and relaxation time are assumed: users only
+    report that steps near the threshold vary much.
     """
 
     scatter: Annotated[float, Quantity("", "σ", "scatter of single slips", minimum=0, maximum=0.5)] = 0.05
@@ -63,7 +63,7 @@ class Irregularity(NamedTuple):
 
     @property
     def none(self) -> bool:
-        """Whether every slip goes as the equations say."""
+        """True if every slip follows the equations of the actuator."""
         return not (self.scatter or self.direction or self.threshold_noise or self.relaxation)
 
 
@@ -71,15 +71,15 @@ REGULAR = Irregularity(0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 class Slips:
-    """What slips go too far or too short: `offset` [m] is the sum, and what the seat has given by now.
+    """Deviations of the slips: `offset` [m] is their sum, including the present yield of the seat.
 
     Args:
-        of: how irregular.
-        actuator: whose contact slips.
-        seed: of the scatter.
+        of: size of the irregularity.
+        actuator: actuator whose contact slips.
+        seed: seed of the scatter.
 
     Raises:
-        QuantityError: a relaxation of an actuator that turns.
+        QuantityError: a relaxation of a rotary actuator.
     """
 
     def __init__(self, of: Irregularity, actuator: Actuator, seed: tuple[int, ...] = (0,)) -> None:
@@ -97,11 +97,11 @@ class Slips:
 
     @property
     def offset(self) -> float:
-        """m."""
+        """Sum of the deviations, m."""
         return self._shift + self._seat
 
     def step(self, slid: float, seconds: float) -> float:
-        """Return the offset [m] at a sliding displacement [m], `seconds` after the one before."""
+        """Return the offset [m] at a sliding displacement [m], `seconds` after the previous one."""
         at = min(max(self._slipped, slid - self._width), slid + self._width)
         went = at - self._slipped
         if went != 0.0:
@@ -117,17 +117,18 @@ class Slips:
         return self.offset
 
     def follow(self, slid: Array, seconds: Array) -> Array:
-        """Return the offsets [m] at sliding displacements [n], each so many seconds after the one before."""
+        """Return the offsets [m] at sliding displacements [n]; `seconds` [n] are the times since the previous
+        one."""
         return np.array([self.step(q, dt) for q, dt in zip(slid.tolist(), seconds.tolist(), strict=True)])
 
     def _begin(self, way: int) -> None:
-        """Draw how far the slip goes that begins."""
+        """Draw the deviation of a new slip."""
         scatter, gap = self._random.standard_normal(2)
         self._way, self._gap = way, self._gap_noise * gap
         self._factor = self._ratios[way] * max(1.0 + self._of.scatter * scatter, 0.0)
 
     def _slip(self, way: int, went: float) -> None:
-        """Shift by what a part of a slip [m] differs, and have the seat give."""
+        """Add the deviation of a part of a slip [m], and the yield of the seat."""
         lost = math.copysign(min(went, abs(self._gap)), self._gap)
         self._gap -= lost
         self._shift += way * (self._factor * (went - lost) - went)
@@ -137,13 +138,13 @@ class Slips:
 
 
 def beyond_end(before: float, raw: Array, end: float, give: float) -> Array:
-    """Return where end stops at -end and end [m], that give, let a path [n] get, m, which begins at
+    """Return a path [n], m, between end stops at -end and end [m] that yield by `give`. It starts at
     `before`."""
     found = raw.copy()
     for side in (-1.0, 1.0):
         edge = max(side * before, end)
         pushed = np.maximum(side * raw - edge, 0.0)
-        left = give - (edge - end)  # what the stop still gives
+        left = give - (edge - end)  # remaining yield of the stop
         further = left * -np.expm1(-pushed / give) if give > 0.0 else 0.0 * pushed
         found = np.where(pushed > 0.0, side * (edge + further), found)
     return found

@@ -1,7 +1,7 @@
 """Oscilloscopes: the commands of each family, from their programming guides.
 
-A recording is one acquisition from the trigger on, over the whole screen; numbers become volts by what the
-instrument says of the record (its preamble). None of these tables was tried on an instrument.
+A recording is one acquisition from the trigger on, over the whole screen. The instrument's preamble converts
+numbers to volts. None of these tables was tried on an instrument.
 """
 
 from __future__ import annotations
@@ -18,13 +18,16 @@ from .protocols import Array, RigError
 from .scpi import ScpiInstrument
 
 _POLL = 0.01  # s
-_BEYOND = 1.5  # span of a channel about 0 V, beyond which no number of it can lie
-_ARMED = 5.0  # s that arming may take
+_BEYOND = 1.5  # greatest credible voltage, in spans of a channel about 0 V
+_ARMED = 5.0  # s, longest time for arming
 
 
 class Preamble(NamedTuple):
-    """How numbers become volts: sample i is at `begin` + i `tick`, its voltage `zero` + its number `unit`.
-    There are `points`, of an instrument that says so."""
+    """Conversion from numbers to volts: sample i is at time `begin` + i `tick` and has `zero` + `unit` times
+    its number.
+
+    `points` is the number of samples, if the instrument reports it.
+    """
 
     begin: float
     tick: float
@@ -34,10 +37,11 @@ class Preamble(NamedTuple):
 
 
 class OscilloscopeCommands(NamedTuple):
-    """A family of oscilloscopes: how it is known by ``*IDN?``, its commands.
+    """A family of oscilloscopes: the pattern of its ``*IDN?`` answer, and its commands.
 
-    In commands, {n} is a channel, {span} what the screen shows, V, {division} an eighth of it, {source} what
-    triggers at {level} V, {length} the time on the screen, s, {half} half of it, {tenth} a tenth.
+    In commands, {n} is a channel and {span} the range of the screen, V; {division} is an eighth of it.
+    {source} is the trigger source and {level} its level, V. {length} is the time on the screen, s; {half} and
+    {tenth} are parts of it.
     """
 
     name: str
@@ -49,15 +53,15 @@ class OscilloscopeCommands(NamedTuple):
     screen: tuple[str, ...]
     single: tuple[str, ...]
     state: str
-    waits: Callable[[str], bool]  # of the answer: armed, and not triggered yet
+    waits: Callable[[str], bool]  # state of an armed oscilloscope before the trigger
     over: Callable[[str], bool]
     stop: str
     wave: tuple[str, ...]
     preamble: Callable[[ScpiInstrument], Preamble]
     data: str
-    kind: str  # of the numbers
-    clipped: tuple[int, int]  # numbers that say that the channel was beyond what is shown
-    decades: tuple[float, ...] = (1.0, 2.0, 5.0)  # in which the time of a tenth of the screen goes
+    kind: str  # data type of the numbers
+    clipped: tuple[int, int]  # numbers that mean out of range
+    decades: tuple[float, ...] = (1.0, 2.0, 5.0)  # possible times of a tenth of the screen, in each decade
 
 
 def _ten_numbers(link: ScpiInstrument) -> list[float]:
@@ -112,7 +116,7 @@ INFINIIVISION = OscilloscopeCommands(
     ),
     single=(":SING",),
     state=":OPER:COND?",
-    waits=lambda said: bool(int(said) & 8),  # bit 3: it runs
+    waits=lambda said: bool(int(said) & 8),  # bit 3: acquisition runs
     over=lambda said: not int(said) & 8,
     stop=":STOP",
     wave=(
@@ -167,7 +171,7 @@ RIGOL = OscilloscopeCommands(
 TEKTRONIX = OscilloscopeCommands(
     name="Tektronix MSO, DPO, MDO 2000, 3000, 4000",
     known_by=r"TEKTRONIX,\s*(MSO|DPO|MDO)[234]\d\d\d",
-    errors="*ESR?;EVM?",  # which frees the events that came since
+    errors="*ESR?;EVM?",  # *ESR? first releases the new events for EVM?
     before=(
         "*CLS",
         "HEAD OFF",
@@ -208,12 +212,12 @@ class Oscilloscope:
 
     Args:
         where: see `ScpiInstrument`.
-        source: what triggers it, as the instrument calls it: "EXT", "CHAN1".
-        level: V, of the trigger.
+        source: trigger source in the instrument's words: "EXT", "CHAN1".
+        level: trigger level, V.
         timeout: s, for each answer.
 
     Raises:
-        RigError: nobody answers there, or none of `OSCILLOSCOPES`.
+        RigError: nobody answers there, or the instrument is none of `OSCILLOSCOPES`.
     """
 
     def __init__(self, where: str, source: str, level: float, timeout: float) -> None:
@@ -230,8 +234,10 @@ class Oscilloscope:
             raise
 
     def arm(self, spans: dict[int, float], length: float) -> None:
-        """Set up: what each channel shows, V from end to end, and the time from the trigger on, s; the screen
-        shows as long as the next of its steps."""
+        """Set the range of each channel, V from end to end, and the recorded time after the trigger, s.
+
+        The time on the screen is rounded up to the next possible value.
+        """
         length = 10.0 * _step_up(0.1 * length, self.table.decades)
         given = {
             "source": self._source,
@@ -250,7 +256,7 @@ class Oscilloscope:
         self._shown, self._spans, self.length = set(spans), spans, length
 
     def start(self) -> None:
-        """Wait for one trigger; returns when it does."""
+        """Arm for one trigger; return when the instrument waits for it."""
         for command in self.table.single:
             self.link.do(command)
         end = time.monotonic() + _ARMED
@@ -260,18 +266,19 @@ class Oscilloscope:
             time.sleep(_POLL)
 
     def over(self) -> bool:
-        """Whether the acquisition has ended."""
+        """Return True if the acquisition has ended."""
         return self._state(self.table.over)
 
     def stop(self) -> None:
-        """End what is going on."""
+        """Stop the acquisition."""
         self.link.do(self.table.stop)
 
     def read(self, channel: int, times: Array) -> Array:
-        """The voltages [n] of a channel at these times after the trigger, s.
+        """Return the voltages [n] of a channel at these times after the trigger, s.
 
         Raises:
-            RigError: it has no samples so early, so late or so densely; or it was beyond what is shown.
+            RigError: the samples do not cover these times or are too far apart, or the signal was out of
+                range.
         """
         one = self.table
         for command in one.wave:

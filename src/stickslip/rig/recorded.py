@@ -26,10 +26,10 @@ COMPLETE = "complete"
 
 
 class Channel(NamedTuple):
-    """A variable of the recording: the rig's input, and what is done to it.
+    """A variable of the recording: the rig's input, and its processing.
 
-    `calibration` is applied to the raw samples, one after the other; then the `filter`; `zero` takes off the
-    mean of what is before the trigger.
+    The calibrations are applied to the raw samples in order, then the `filter`. `zero` subtracts the mean
+    before the trigger.
     """
 
     input: str
@@ -39,8 +39,11 @@ class Channel(NamedTuple):
 
 
 class Making(NamedTuple):
-    """All that makes a recording of raw samples: `begin` is the sample at which the drive begins, `wait` how
-    many samples later its trigger comes at the latest, `texts` the title, the notes and other attributes."""
+    """Settings that make a recording from raw samples.
+
+    `begin` is the sample at which the drive starts, `wait` the longest wait for its trigger after that, in
+    samples. `texts` are title, notes and other attributes.
+    """
 
     can: Capabilities
     channels: Mapping[str, Channel]
@@ -54,11 +57,11 @@ class Making(NamedTuple):
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """What the rig records."""
+        """Inputs that the rig records."""
         return tuple(dict.fromkeys(channel.input for channel in self.channels.values()))
 
     def values(self, raw: Array) -> dict[str, Array]:
-        """The channels of one whole run, raw samples [inputs, samples], at the samples that are kept.
+        """Return the channels of a whole run at the recorded samples, from raw samples [inputs, samples].
 
         Raises:
             CaptureError: the trigger did not come.
@@ -68,11 +71,11 @@ class Making(NamedTuple):
         return {name: self._zeroed(name, full[name][chosen], self.capture.before) for name in self.channels}
 
     def times(self, count: int) -> Array:
-        """Of so many samples, s from the first."""
+        """Return the times of `count` samples, s from the first."""
         return np.arange(count, dtype=float) * self.capture.interval
 
     def recording(self, total: Mapping[str, Array], time: Array, outcome: str = COMPLETE) -> xr.Dataset:
-        """The recording of these values, and what was done to them; `outcome` says how the run ended."""
+        """Return the recording of these values, with their processing; `outcome` says how the run ended."""
         texts = {name: [to_text(c) for c in channel.calibration] for name, channel in self.channels.items()}
         made = make_recording(
             time,
@@ -93,8 +96,10 @@ class Making(NamedTuple):
         return made
 
     def unfinished(self, raw: Array, why: str) -> xr.Dataset | None:
-        """What there is of a run that was not finished, up to the first reading that is no number; None for
-        less than two samples."""
+        """Return the recording of an unfinished run, up to the first reading that is not finite.
+
+        None for fewer than two samples.
+        """
         broken = np.flatnonzero(~np.isfinite(raw).all(axis=0))
         raw = raw[:, : broken[0]] if broken.size else raw
         if raw.shape[1] < 2:
@@ -106,7 +111,7 @@ class Making(NamedTuple):
         except CaptureError:
             trigger = self.begin
         first = max(trigger - self.capture.before * step, 0)
-        if raw.shape[1] - first < step + 1:  # what is there is from before the recording's begin
+        if raw.shape[1] - first < step + 1:  # all samples are from before the recording's start
             first = 0
         chosen = np.arange(first, raw.shape[1], step)[: self.capture.samples]
         if chosen.size < 2:
@@ -119,7 +124,7 @@ class Making(NamedTuple):
         return kept - kept[: max(before, 1)].mean() if self.channels[name].zero else kept
 
     def channel_values(self, raw: Array) -> dict[str, Array]:
-        """The channels at each of the raw samples [inputs, n]."""
+        """Return the channels at each of the raw samples [inputs, n]."""
         found = {}
         for name, channel in self.channels.items():
             values = calibrated(raw[self.inputs.index(channel.input)], channel.calibration)
@@ -129,7 +134,7 @@ class Making(NamedTuple):
         return found
 
     def _trigger(self, full: Mapping[str, Array]) -> int:
-        """The sample at which the recording is triggered."""
+        """Return the sample at which the recording is triggered."""
         if self.capture.trigger is None:
             return self.begin
         values = full[self.capture.trigger.signal]
@@ -144,7 +149,7 @@ class Making(NamedTuple):
         return found
 
     def _steps(self) -> list[str]:
-        """What was done to the samples, in words."""
+        """Return the processing of the samples, in words."""
         capture, rate = self.capture, self.can.sample_rate
         steps = [f"sampled at {with_prefix(rate, 'Hz')}"]
         for name, channel in self.channels.items():
@@ -162,7 +167,7 @@ class Making(NamedTuple):
         return steps
 
     def to_text(self) -> str:
-        """As JSON, for the samples that are kept while a run goes on."""
+        """Return the settings as JSON, for the samples that are stored during a run."""
         content = self._asdict() | {
             "can": self.can._asdict(),
             "channels": {name: channel_document(one) for name, one in self.channels.items()},
@@ -175,7 +180,8 @@ class Making(NamedTuple):
 
     @classmethod
     def from_text(cls, text: str) -> Making:
-        """Return what such a text says; raises ValueError, LookupError or TypeError for another."""
+        """Return the settings from their JSON text. Raises ValueError, LookupError or TypeError for other
+        text."""
         content = load_json(text, "samples that were kept")
         trigger = content["capture"].pop("trigger")
         return cls(
@@ -190,7 +196,7 @@ class Making(NamedTuple):
 
 
 def channel_document(channel: Channel) -> dict[str, Any]:
-    """A channel as JSON has it."""
+    """Return a channel as JSON data."""
     return {
         "input": channel.input,
         "calibration": [to_text(one) for one in channel.calibration],
@@ -200,7 +206,7 @@ def channel_document(channel: Channel) -> dict[str, Any]:
 
 
 def channel_of(content: Mapping[str, Any]) -> Channel:
-    """The channel of what `channel_document` gives."""
+    """Return the channel from `channel_document`'s data."""
     low = content["filter"]
     return Channel(
         str(content["input"]),

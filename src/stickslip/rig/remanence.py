@@ -1,6 +1,6 @@
-"""Remanence of a virtual rig's piezo from run to run: where its plays stand, and how far its creep has come.
+"""Memory of a virtual rig's piezo from run to run: the states of its plays and of its creep.
 
-A drive table becomes that at the piezo as in `plant.at_piezo`, but from any state.
+A drive table is passed through the piezo as in `plant.at_piezo`, but from any initial state.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .protocols import Array
 
 
 class Remanence(NamedTuple):
-    """The state of each play and of each term of creep, V."""
+    """State of each play and of each creep term, V."""
 
     plays: Array
     terms: Array
@@ -29,7 +29,7 @@ class Remanence(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AtPiezo:
-    """A drive table as a waveform, for as long as it was made."""
+    """A drive table as a waveform, for the duration for which it was computed."""
 
     table: Drive
     duration: float
@@ -39,21 +39,23 @@ class AtPiezo:
 
     @property
     def period(self) -> None:
-        """None: it happens once."""
+        """None: it does not repeat."""
 
     def range(self) -> tuple[float, float]:
-        """Of the values at its breaks; the limits of a drive are checked before it comes to the piezo."""
+        """Return the least and greatest value at the breaks. The limits of a drive are checked before the
+        piezo."""
         levels = self.table.polynomial[:, 0]
         return float(levels.min()), float(levels.max())
 
     def drive(self, duration: float) -> Drive:
-        """The table."""
+        """Return the table."""
         del duration
         return self.table
 
 
 def simplified(piezo: Piezo | None) -> Piezo | None:
-    """Without what has no weight: with none at all there is no piezo model, to the last bit."""
+    """Return the piezo without terms of zero weight, or None if nothing is left. The result is the same bit
+    for bit."""
     if piezo is None:
         return None
     hysteresis, after = piezo
@@ -72,7 +74,7 @@ def simplified(piezo: Piezo | None) -> Piezo | None:
 
 
 def remembers(piezo: Piezo | None) -> bool:
-    """Whether the states of its models are known here; those of another begin anew with each run."""
+    """True if the states of its models are known here. Other models start again with each run."""
     return (
         piezo is not None
         and isinstance(piezo.hysteresis, PrandtlIshlinskii | None)
@@ -81,7 +83,7 @@ def remembers(piezo: Piezo | None) -> bool:
 
 
 def annealed(piezo: Piezo, volts: float) -> Remanence:
-    """After a long rest at a voltage [V] that was reached from 0 V, without turning back."""
+    """Return the state after a long rest at a voltage [V] that was reached from 0 V monotonically."""
     hysteresis = piezo.hysteresis
     plays = np.zeros(0) if hysteresis is None else hysteresis.rested(volts)
     level = volts if hysteresis is None else hysteresis.at_rest(volts)
@@ -91,7 +93,7 @@ def annealed(piezo: Piezo, volts: float) -> Remanence:
 def from_state(
     piezo: Piezo, state: Remanence, drive: Drive, end: float, precision: float
 ) -> tuple[AtPiezo, Remanence]:
-    """The drive [V] at the piezo up to `end` [s], within the precision [V], and the state that it leaves."""
+    """Return the drive [V] after the piezo up to `end` [s], within the precision [V], and the final state."""
     made, plays = _after_plays(piezo, state, drive, end)
     if piezo.creep is None:
         return AtPiezo(made, end), Remanence(plays, state.terms)
@@ -100,12 +102,12 @@ def from_state(
 
 
 def left_by(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> Remanence:
-    """The state alone, as in `from_state`."""
+    """Return only the final state of `from_state`."""
     return from_state(piezo, state, drive, end, math.inf)[1]
 
 
 def _after_plays(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> tuple[Drive, Array]:
-    """The drive behind the plays, and their states at the end."""
+    """Return the drive after the plays, and their final states."""
     if piezo.hysteresis is None:
         return drive, state.plays
     operators, plays, level = piezo.hysteresis.operators, state.plays.copy(), np.empty(1)

@@ -1,8 +1,8 @@
-"""Connections to instruments that understand SCPI, over TCP or VISA: queries, commands, blocks, errors.
+"""Connections to SCPI instruments over TCP or VISA: queries, commands, blocks, errors.
 
-After each command the queue of errors is read, so what an instrument refuses is told with the command that it
-refused. Where an answer is late or garbage, which answer is to what is not known any more: nothing is asked
-again, and only `tell` goes on, for a last command that brings an output to its safe state.
+The error queue is read after each command, so that an error names the refused command. After a late or
+garbled answer, answers can no longer be matched to queries. From then on nothing is queried; only `tell`
+still sends, for a last command that brings an output to its safe state.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from .line import Line, need_silence
 from .protocols import RigError
 
 LARGEST_BLOCK = 100_000_000  # bytes
-_MOST_ERRORS = 32  # that a queue may hold
-_PIECE = 65536  # bytes of a block that are waited for at a time
+_MOST_ERRORS = 32  # greatest number of errors in a queue
+_PIECE = 65536  # bytes of a block read at a time
 
 
 class ScpiInstrument:
-    """An instrument; `identity` is its answer to ``*IDN?``.
+    """An SCPI instrument; `identity` is its answer to ``*IDN?``.
 
     Args:
-        role: what it is called in errors, "generator".
+        role: name in errors, such as "generator".
         where: "HOST", "HOST:PORT", or a VISA resource, "USB0::0x0957::0x2807::MY1::INSTR" (needs pyvisa).
-        port: TCP port, where none is given.
+        port: default TCP port.
         timeout: s, for each answer.
-        end: what ends a message to it.
+        end: end of each message to the instrument.
 
     Raises:
         RigError: nobody answers there.
@@ -37,7 +37,7 @@ class ScpiInstrument:
         self, role: str, where: str, port: int = 5025, timeout: float = 5.0, end: bytes = b"\n"
     ) -> None:
         self._end = end
-        self.errors = "SYST:ERR?"  # how its queue of errors is read
+        self.errors = "SYST:ERR?"  # query of the error queue
         self._lost = False
         if "::" in where:
             self._line: Any = _VisaLine(role, where, timeout)
@@ -54,22 +54,22 @@ class ScpiInstrument:
 
     @property
     def name(self) -> str:
-        """Role and place, for errors."""
+        """Role and address, for errors."""
         return self._line.device
 
     def tell(self, command: str) -> None:
-        """Send a command, and ask for nothing."""
+        """Send a command without reading the error queue."""
         self._line.send(command.encode("latin-1") + self._end)
 
     def ask(self, query: str) -> str:
-        """The answer to a query."""
+        """Return the answer to a query."""
         return self._heard(query, lambda asked: self._line.until(b"\n", asked)).decode("latin-1").strip()
 
     def do(self, command: str, content: bytes | None = None) -> None:
-        """A command, with a block of data or not.
+        """Send a command, with or without a block of data.
 
         Raises:
-            RigError: its queue of errors is not empty then; says what is in it.
+            RigError: the error queue was not empty afterwards; the message contains its first error.
         """
         if self._lost:
             raise RigError(f"{self.name}: {command}: not sent, an answer was late or garbage before")
@@ -79,7 +79,7 @@ class ScpiInstrument:
         self.check(command)
 
     def check(self, command: str) -> None:
-        """Raises RigError with the oldest error of the queue, which is empty then."""
+        """Read the error queue until it is empty. Raises RigError with the oldest error."""
         first = ""
         for _ in range(_MOST_ERRORS):
             said = self.ask(self.errors)
@@ -98,7 +98,7 @@ class ScpiInstrument:
             raise RigError(f"{self.name}: {command}: {first[:200]}")
 
     def number(self, query: str) -> float:
-        """The answer to a query for a number."""
+        """Return the number that answers a query."""
         said = self.ask(query)
         try:
             return float(said)
@@ -107,11 +107,11 @@ class ScpiInstrument:
             raise RigError(f"{self.name}: {query} is answered by {said[:60]!r}, no number") from None
 
     def block(self, query: str) -> bytes:
-        """The content of the block of definite length that answers a query."""
+        """Return the content of the definite-length block that answers a query."""
         return self._heard(query, self._read_block)
 
     def close(self) -> None:
-        """Let go of the connection."""
+        """Close the connection."""
         self._line.close()
 
     def _read_block(self, asked: bytes) -> bytes:
@@ -146,7 +146,7 @@ class ScpiInstrument:
 
 
 class _VisaLine:
-    """A VISA resource with the calls of a `Line`."""
+    """A VISA resource with the methods of a `Line`."""
 
     def __init__(self, role: str, resource: str, timeout: float) -> None:
         self.device = f"{role} at {resource}"
@@ -158,35 +158,35 @@ class _VisaLine:
         try:
             self._manager = pyvisa.ResourceManager("@py")
             self._link: Any = self._manager.open_resource(resource, timeout=1000.0 * timeout)
-            if resource.upper().endswith("SOCKET"):  # where nothing else ends a message
+            if resource.upper().endswith("SOCKET"):  # no other end of a message is defined there
                 self._link.read_termination = "\n"
         except self._failures as error:
             raise RigError(f"{self.device} cannot be opened: {error}") from None
 
     def send(self, content: bytes) -> None:
-        """Send."""
+        """Send bytes."""
         self._tried(lambda: self._link.write_raw(content), content)
 
     def until(self, end: bytes, asked: bytes = b"") -> bytes:
-        """What comes up to and without `end`."""
+        """Return what arrives before `end`."""
         while end not in self._rest:
             self._rest += self._tried(self._link.read_raw, asked)
         found, _, self._rest = self._rest.partition(end)
         return found
 
     def exactly(self, count: int, asked: bytes = b"") -> bytes:
-        """So many bytes."""
+        """Return the next `count` bytes."""
         while len(self._rest) < count:
             self._rest += self._tried(self._link.read_raw, asked)
         found, self._rest = self._rest[:count], self._rest[count:]
         return found
 
     def more(self) -> bytes:
-        """What has come and was not asked for."""
+        """Return unexpected data."""
         return self._rest
 
     def close(self) -> None:
-        """Let go."""
+        """Close the resource."""
         with contextlib.suppress(*self._failures):
             self._link.close()
             self._manager.close()

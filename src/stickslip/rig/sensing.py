@@ -1,4 +1,4 @@
-"""A sensor from tick to tick: what `Mounted.sensor.sense` does to a whole signal, done to it as it comes."""
+"""A sensor sample by sample: the same as `Mounted.sensor.sense`, which takes a whole signal."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from ..recording.chain import Chain
 from .bench import Mounted
 from .protocols import RigError
 
-_DRAWN = 4096  # random numbers at once
-# Where within a tick, as shares of it, a position is looked at: analogue signals are computed at four times
-# the sampling rate.
+_DRAWN = 4096  # random numbers drawn at once
+# Times within an update at which analogue signals are computed, as fractions of it: four times the sampling
+# rate.
 OVERSAMPLED = (0.25, 0.5, 0.75, 1.0)
 
 
@@ -36,12 +36,12 @@ class Sensing:
     Args:
         mounted: sensor and converter.
         anti_alias: the filter before the converter.
-        rate: Hz, `len(OVERSAMPLED)` times that at which it is read.
-        random: the source of its noise.
-        position: m, at which it has been for long.
+        rate: Hz, `len(OVERSAMPLED)` times the sampling rate.
+        random: source of the noise.
+        position: initial position, at rest, m.
 
     Raises:
-        RigError: a sensor of one's own, of which only whole signals are known.
+        RigError: a user's own sensor, which can only process whole signals.
     """
 
     def __init__(
@@ -61,13 +61,13 @@ class Sensing:
         self._random, self._drawn = random, iter(())
         self._walked = 0.0
         self._adc = mounted.adc
-        # What has no memory is looked at where it is read only.
+        # A sensor without memory is computed only when it is read.
         simple = mounted.adc is None and not self._filters and not self._delay
         self.shares = (1.0,) if simple else OVERSAMPLED
         self._after = None if mounted.adc is None else Running(anti_alias, rate, self._finished(first))
 
     def sees(self, position: float) -> float:
-        """The next position [m]; what comes out of it, at the input of the converter."""
+        """Take the next position [m] and return the voltage or number at the input of the converter."""
         value = self._shown(position)
         for one in self._filters:
             value = one(value)
@@ -85,7 +85,7 @@ class Sensing:
         return value if self._after is None else self._after(value)
 
     def reading(self, value: float) -> float:
-        """As the converter gives it, if there is one."""
+        """Return the value as the converter reads it, if there is one."""
         adc = self._adc
         if adc is None:
             return value
@@ -101,7 +101,7 @@ class Sensing:
 
 
 class Running:
-    """A low-pass filter of a signal that comes sample by sample, settled at its first value."""
+    """Low-pass filter of a signal that comes sample by sample, with its steady state at the first value."""
 
     def __init__(self, filter: Filter, rate: float, first: float) -> None:
         made = sections(filter, rate)
@@ -118,7 +118,7 @@ class Running:
 
 
 def _curve(sensor: Any) -> Callable[[float], float]:
-    """From a position to what the sensor makes of it, at rest and without noise."""
+    """Return the sensor's static characteristic, without noise."""
     if isinstance(sensor, PositionSensor | Interferometer | Encoder):
         return lambda x: x
     if isinstance(sensor, Chain):
@@ -134,7 +134,7 @@ def _curve(sensor: Any) -> Callable[[float], float]:
 
 
 def _quantised(sensor: Any) -> Callable[[float], float]:
-    """What is done to a value last."""
+    """Return the last stage of the sensor: quantisation or range."""
     if isinstance(sensor, Interferometer | Encoder):
         return lambda x: round(x / sensor.resolution) * sensor.resolution
     if isinstance(sensor, InductiveSensor):

@@ -1,14 +1,14 @@
 r"""Variation of a virtual rig's contact from run to run, as measured on real ones.
 
-Friction of all levels (Coulomb, stiction) is multiplied by one factor, the bristle's stiffness by another;
-what is a length goes with their ratio. In run k of a series the logarithms are, less half their variance, so
-that the mean factor is 1,
+One factor multiplies all friction forces (Coulomb, stiction), another the stiffness of the bristle. Lengths
+change with the ratio of the two factors. In run k of a series the logarithms are (up to half their variance,
+which is subtracted so that the mean factor is 1)
 
 .. math:: \ln f_k = \sigma_f\,e_k + \sigma_d\,d_k, \qquad d_k = \rho\,d_{k-1} + \sqrt{1-\rho^2}\,e'_k,
-          \qquad \rho = e^{-1/n}, \qquad \ln s_k = \sigma_s\,e''_k
+      \qquad \rho = e^{-1/n}, \qquad \ln s_k = \sigma_s\,e''_k
 
-with independent standard normal e. Runs are numbered, so that any of them can be drawn by itself, again and
-to the last bit: a rig that is opened anew goes on with the next number.
+with independent standard normal e. Runs are numbered, so that each of them can be drawn alone and reproduced
+bit for bit. A rig that is opened again continues with the next number.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from ..physics.actuator import Actuator
 from ..quantities.records import Quantity, quantities, record
 from .irregularity import REGULAR, Irregularity, Slips
 
-_OWN, _SLOW = 1, 2  # streams of random numbers of a series
+_OWN, _SLOW = 1, 2  # streams of random numbers in a series
 
 
 @record
 class Variation(NamedTuple):
-    """Relative standard deviations from run to run; all zero: every run is of the same contact.
+    """Relative standard deviations from run to run. If all are zero, every run has the same contact.
 
     Measured from stroke to stroke of a tribometer (see docs/decisions/rig.md): friction 0.4 %, drift 1.2 %,
     drift_runs 15, stiffness 2 %.
@@ -45,13 +45,15 @@ class Variation(NamedTuple):
 
     @property
     def none(self) -> bool:
-        """Whether every run is of the same contact."""
+        """True if every run has the same contact."""
         return self.friction == self.drift == self.stiffness == 0.0
 
 
 class Repeats(NamedTuple):
-    """Where a rig is in its runs: how they vary, the seed of the series, and the number of the next run;
-    `irregularity` is what differs from step to step."""
+    """State of a series of runs: variation, seed of the series, and number of the next run.
+
+    `irregularity` describes how steps differ from each other.
+    """
 
     variation: Variation = Variation()
     series: int = 0
@@ -59,11 +61,11 @@ class Repeats(NamedTuple):
     irregularity: Irregularity = REGULAR
 
     def factors(self, run: int = 0) -> tuple[float, float]:
-        """Of friction and stiffness, `run` runs from the next one."""
+        """Return the factors of friction and stiffness, `run` runs after the next one."""
         return _factors(self.variation, self.series, self.number + run)
 
     def actuator(self, actuator: Actuator, run: int = 0) -> Actuator:
-        """The actuator with the contact of that run; the same where nothing varies."""
+        """Return the actuator with the contact of that run; unchanged without variation."""
         if self.variation.none or actuator.clamped:
             return actuator
         friction, stiffness = self.factors(run)
@@ -74,14 +76,16 @@ class Repeats(NamedTuple):
         return actuator.replace(friction=law._replace(**changed))
 
     def slips(self, actuator: Actuator, run: int = 0) -> Slips | None:
-        """Return what is irregular in that run; None where nothing is."""
+        """Return the irregular slips of that run; None without irregularity."""
         if self.irregularity.none or actuator.clamped:
             return None
         return Slips(self.irregularity, actuator, (self.series, self.number + run))
 
     def told(self, actuator: Actuator, runs: int = 1, after: int = 0) -> dict[str, str]:
-        """What a recording says of the contact of its runs, averaged or one, in its attribute `contact`,
-        JSON: the number, both factors, and the fields that changed, in SI. Nothing where nothing varies."""
+        """Return the contact of one or several runs for a recording's attribute `contact`, as JSON.
+
+        It contains the number, both factors, and the changed fields in SI units; nothing without variation.
+        """
         if self.variation.none or actuator.clamped:
             return {}
         found = []
@@ -95,7 +99,7 @@ class Repeats(NamedTuple):
         return {"contact": json.dumps(found[0] if runs == 1 else found)}
 
     def document(self) -> dict[str, Any]:
-        """As JSON."""
+        """Return the series as JSON data."""
         return {
             **self._asdict(),
             "variation": self.variation._asdict(),
@@ -104,7 +108,7 @@ class Repeats(NamedTuple):
 
     @classmethod
     def of_document(cls, found: dict[str, Any]) -> Repeats:
-        """What `document` gave; the default of what is missing."""
+        """Return the series from `document`'s data, with defaults for missing fields."""
         return cls(
             Variation(**found.get("variation", {})),
             int(found.get("series", 0)),
@@ -113,7 +117,7 @@ class Repeats(NamedTuple):
         )
 
 
-EXACT = Repeats()  # every run is of the same contact
+EXACT = Repeats()  # every run has the same contact
 
 
 def _factors(variation: Variation, series: int, number: int) -> tuple[float, float]:
