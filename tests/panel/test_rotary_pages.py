@@ -81,7 +81,7 @@ def test_a_walk_is_recorded_and_an_angle_held(turning: Panel, page: Page) -> Non
     row = page.locator("table.statistics tr", has_text="mean step")
     assert RADIUS * number(row.locator("td").first.inner_text()) == pytest.approx(2.5e-6, rel=0.2)
     page.locator("#rig").click()
-    expect(page.get_by_role("dialog")).to_contain_text("end stop at 200 mrad")
+    expect(page.get_by_role("dialog")).to_contain_text("end stops at -200 mrad and 200 mrad")
     page.keyboard.press("Escape")
 
     page.goto(f"{turning.url}#identify")
