@@ -1,4 +1,4 @@
-"""Checks of a job beforehand: files that are there or will be made, models, limits with units."""
+"""Checks of a job before it runs: existing files, files made by earlier steps, models, units of limits."""
 
 from __future__ import annotations
 
@@ -27,23 +27,24 @@ from .campaign.checking import check_campaign
 from .campaign.file import CampaignFile
 from .file import Job, JobStep, checked
 
-# Below these, keys are a user's own words, and a "file" is no recording.
+# Keys below these are the user's own words; a "file" there is not a recording.
 _FREE = {"options", "variables", "fields", "columns", "units", "rename"}
 
 
 def check_job(job: Job, out: Path) -> None:
-    """That nothing is missing which the steps will need: told before the first of them.
+    """Check before the first step that everything that the steps need exists.
 
     Args:
-        job: as read.
-        out: where the recordings and results of its steps go.
+        job: the job.
+        out: folder for the recordings and results of its steps.
 
     Raises:
-        InputFileError: a file is not there, and no step before makes it; there is no such model; a limit has
+        InputFileError: a file does not exist and no earlier step makes it; the model does not exist; a limit
+            has
             no unit. Names the step and the field.
     """
     made: set[str] = set()  # absolute paths
-    cells: list[str] = []  # of the last `record`
+    cells: list[str] = []  # cells of the last `record`
     for number, step in enumerate(job.steps, start=1):
         spec, own = checked(step), list[str]()
         if isinstance(spec, ExperimentFile):
@@ -67,7 +68,7 @@ def _check_files(step: JobStep, spec: Any, made: set[str], out: Path) -> None:
 
 
 def _check_words(spec: Any, folder: Path, cells: list[str]) -> None:
-    """The model, the limits, and the cells of a campaign."""
+    """Check the model, the limits, and the cells of a campaign."""
     model = getattr(spec, "model", None)
     if isinstance(model, str) and model and not model.endswith(".json") and not (folder / model).is_file():
         _told("model", load_set, model)
@@ -85,7 +86,7 @@ def _check_words(spec: Any, folder: Path, cells: list[str]) -> None:
 
 
 def _check_recordings(recordings: Iterable[Any], folder: Path) -> None:
-    """Read those that are there, which the steps do again: a wrong column is told before hours of work."""
+    """Read existing recordings now: a wrong column is reported before hours of work."""
     for i, one in enumerate(recordings):
         if isinstance(one, RecordingFile) and not one.dataset and (folder / one.file).is_file():
             try:
@@ -95,7 +96,7 @@ def _check_recordings(recordings: Iterable[Any], folder: Path) -> None:
 
 
 def _files(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
-    """The files that a step's content names, and where it does."""
+    """Yield the files that a step's content names, with their place in it."""
     if isinstance(content, list):
         for i, one in enumerate(content):
             yield from _files(one, f"{place}.{i}")
@@ -124,7 +125,7 @@ def _told(where: str, check: Any, text: str) -> None:
 
 
 def _made_by(kind: str, spec: Any, number: int, cells: list[str]) -> Iterator[str]:
-    """What a later step can name, below the folder of the results."""
+    """Yield the results that a later step can name, relative to the output folder."""
     also = [EXPORTS[one] for one in spec.save_as] if isinstance(spec, ExperimentFile) else []
     yield from (f"recordings/{name}{end}" for name in cells for end in (".nc", *also))
     if kind == "identify":

@@ -1,8 +1,7 @@
 """The demonstration: the thesis's campaign on the virtual rig, then models of published measurements.
 
-The campaign is the one of `stickslip.examples`, and so are the identification files, each run as
-``stickslip identify`` would run it. A part whose data can neither be found nor fetched is said to be missing,
-and why.
+The campaign and the identification files come from `stickslip.examples`; each runs as with ``stickslip
+identify``. If the data of a part are missing and cannot be downloaded, the report says which and why.
 """
 
 from __future__ import annotations
@@ -27,13 +26,13 @@ from .running import joined
 
 CAMPAIGN = "kang2007_campaign.yaml"
 EXAMPLES = ("friction_loops.yaml", "piezo_mirror.yaml", "pulled_slider.yaml")
-# Of the time that all takes.
+# Fraction of the total time.
 _CAMPAIGN_SHARE = 0.6
 
 
 @contextlib.contextmanager
 def _others() -> Iterator[ProcessPoolExecutor]:
-    """Two processes for the identification files, which an error or Ctrl-C here ends at once."""
+    """Open two processes for the identification files; an error or Ctrl-C ends them at once."""
     before = multiprocessing.active_children()
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as others:
         try:
@@ -46,7 +45,7 @@ def _others() -> Iterator[ProcessPoolExecutor]:
 
 
 def _run_or_why(file: Path) -> Document | str:
-    """The document of an identification file, or why its data are missing."""
+    """Return the document of an identification file, or why its data are missing."""
     try:
         return run_file(file)
     except RecordingError as error:
@@ -54,7 +53,7 @@ def _run_or_why(file: Path) -> Document | str:
 
 
 def run(out: str | os.PathLike[str], progress: Progress = unheard) -> Document:
-    """Run everything; the campaign's recordings go into `out`, and are kept there for the next time.
+    """Run everything; the campaign's recordings go into `out`, and are used again next time.
 
     Two other processes run the identification files meanwhile.
     """

@@ -41,8 +41,11 @@ Content = dict[str, Any]
 
 
 class ExportSpec(Strict):
-    """A model as C99 or as an FMU: what the last identification found, or the parameter set `model`; `bench`
-    puts the amplifier of a bench before it."""
+    """A model as C99 or as an FMU.
+
+    The model is the result of the last identification, or the parameter set `model`. `bench` adds the
+    amplifier of a bench before it.
+    """
 
     format: Literal["c", "fmu"] = "c"
     model: str | None = None
@@ -58,17 +61,17 @@ Analysis = Annotated[
     Field(discriminator="kind"),
 ]
 _ANALYSIS: TypeAdapter[Any] = TypeAdapter(Analysis)
-# What a campaign has none of, and each other kind of file has one of.
+# Keys of other kinds of files, which a campaign does not have.
 _TELLING = ("steps", "runs", "kind")
 STEPS = ("record", "identify", "verify", "compare", "export", "design", "move")
 
 
 class StepSpec(Strict):
-    """One step: exactly one of these, each a file (beside the job's) or what it would say.
+    """One step: exactly one of these, each a file (in the job's folder) or its content.
 
-    What is identified is a campaign, or an analysis of its `kind`. Where `verify`, `export` and `design` name
-    no model, it is that of the last identification; a campaign whose recordings are `cells` takes those of
-    the last `record`.
+    `identify` takes a campaign, or an analysis of some `kind`. If `verify`, `export` and `design` name no
+    model, they use the last identification. A campaign whose recordings are `cells` uses those of the last
+    `record`.
     """
 
     record: ExperimentFile | str | None = None
@@ -96,8 +99,10 @@ class JobFile(Strict):
 
 
 class JobStep(NamedTuple):
-    """One step: what to do, what the file says of it, and the file that says it; `inside`, where in it,
-    "steps.0.record.", or "" of a file that is one step."""
+    """One step: its kind, its content, the file of the content, and the place in this file.
+
+    `inside` is the place, such as "steps.0.record."; "" for a file with a single step.
+    """
 
     kind: str
     content: Content
@@ -106,7 +111,7 @@ class JobStep(NamedTuple):
 
 
 class Job(NamedTuple):
-    """A job with its steps, those of other files read."""
+    """A job with its steps; steps in other files have been read."""
 
     title: str
     notes: str
@@ -114,10 +119,10 @@ class Job(NamedTuple):
 
 
 def read_job(path: Path, changes: Sequence[str] = ()) -> Job:
-    """The job of a job file, or of a file of another kind, with changes as `load_yaml` takes them.
+    """Return the job of a job file, or of a file of another kind, with changes as for `load_yaml`.
 
     Raises:
-        InputFileError: it is not as it must be; names the file and the field.
+        InputFileError: the file is invalid; the message names the file and the field.
     """
     content = load_yaml(path, changes)
     if "steps" not in content:
@@ -143,7 +148,7 @@ def read_job(path: Path, changes: Sequence[str] = ()) -> Job:
 
 
 def _refuse_missing(spec: Any, before: set[str], where: str) -> None:
-    """Raise InputFileError where a step needs one before it that is not there."""
+    """Raise InputFileError if a step needs an earlier step that is missing."""
     no_model = (
         isinstance(spec, VerificationAnalysis | DesignAnalysis) and spec.fit is None and spec.model is None
     )
@@ -170,7 +175,7 @@ def _step(number: int, said: Any, path: Path) -> JobStep:
 def _kind_of(content: Content, path: Path) -> str:
     if "runs" in content:
         return "record"
-    if {"target", "walk", "position"} & content.keys():  # none of which other files have
+    if {"target", "walk", "position"} & content.keys():  # keys that no other file has
         return "move"
     kind = content.get("kind")
     if kind in ("campaign", "experiment", "job", "move"):
@@ -181,7 +186,7 @@ def _kind_of(content: Content, path: Path) -> str:
 
 
 def checked(step: JobStep, where: str = "") -> Any:
-    """What a step says, as a record; raises InputFileError."""
+    """Return the content of a step as a record; raises InputFileError."""
     content = step.content
     try:
         if step.kind == "record":
@@ -205,7 +210,7 @@ def checked(step: JobStep, where: str = "") -> Any:
 
 
 def _refuse_mistyped_kind(content: Content, where: str) -> None:
-    """Raise InputFileError for what is no campaign, but has the key mistyped that says so."""
+    """Raise InputFileError for a file that is not a campaign, but has a mistyped key for its kind."""
     for key in map(str, content):
         hint = did_you_mean(key, (*CampaignFile.model_fields, *_TELLING))
         if key not in CampaignFile.model_fields and any(repr(one) in hint for one in _TELLING):
@@ -213,5 +218,5 @@ def _refuse_mistyped_kind(content: Content, where: str) -> None:
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of job files, for editors."""
+    """Return the JSON Schema of job files, for editors."""
     return JobFile.model_json_schema()

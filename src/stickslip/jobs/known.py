@@ -37,12 +37,12 @@ KINDS: Mapping[str, Callable[[], dict[str, str]]] = {
 
 
 def catalogue(*kinds: str) -> dict[str, dict[str, str]]:
-    """What is known by name, by kind, each with a line of what it is.
+    """Return all known names by kind, each with a one-line description.
 
     Args:
         kinds: of "laws", "actuators" (parameter sets), "piezo models", "waveforms", "sensors", "readers",
             "rigs", "amplifiers", "stacks", "materials", "friction pairs", "data sheets", "benches",
-            "calibrations" and "datasets"; all of them, if left out.
+            "calibrations" and "datasets"; all of them by default.
 
     Raises:
         QuantityError: there is no such kind.
@@ -62,7 +62,7 @@ def _lines(kind: registry.Kind) -> dict[str, str]:
 def _line(kind: registry.Kind, name: str) -> str:
     try:
         found = kind.find(name)
-    except registry.RegistryError as error:  # it is there, and cannot be used
+    except registry.RegistryError as error:  # it exists, but cannot be used
         return str(error)
     found = getattr(found, "read", found)  # of a format
     said, place = (found.__doc__ or "").strip().split("\n")[0], registry.origin(found)

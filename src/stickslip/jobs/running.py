@@ -1,4 +1,4 @@
-"""Run a job: its steps one after the other, each with what those before it made."""
+"""Run a job: its steps in turn, each with the results of earlier ones."""
 
 from __future__ import annotations
 
@@ -39,23 +39,24 @@ def run_job(
     kept: Callable[[Document], object] | None = None,
     changes: Sequence[str] = (),
 ) -> Document:
-    """Record, identify, verify, compare, export and map, as a file says.
+    """Record, identify, verify, compare, export and map, as described in a file.
 
     Args:
         path: a job file, or an experiment, campaign, identification, verification, design or move file.
-        out: the folder; recordings go into its `recordings`, results of single steps into its `steps`, and
-            what is exported beside them. Recordings that are there are kept; of an earlier run, what has the
-            name of an export or a move goes to `.bin` there, with a RecordingWarning.
-        progress: called with what is being done and how much of all is done, from 0 to 1.
+        out: the folder. Recordings go into its `recordings`, results of single steps into its `steps`, and
+            exports beside them. Existing recordings are used again. Exports and moves of an earlier run that
+            have the same name are moved to `.bin` there, with a RecordingWarning.
+        progress: called with the current activity and the finished fraction, from 0 to 1.
         figures: draw those of campaigns.
-        kept: called with the report of the steps before it where one fails, or is interrupted; the error then
-            goes on.
-        changes: of the file, as `load_yaml` takes them.
+        kept: called with the report of the finished steps if a step fails or is interrupted; the error is
+            then
+            raised.
+        changes: of the file, as for `load_yaml`.
 
     Raises:
-        InputFileError: the file is not as it must be, or names files and models that are not there, before
-            anything is done; names the file and the field.
-        RecordingError, FitError, RigError, ExportError: a step cannot be done; what was done before is kept.
+        InputFileError: the file is invalid, or names files and models that do not exist; raised before any
+            work; the message names the file and the field.
+        RecordingError, FitError, RigError, ExportError: a step fails; results of earlier steps are kept.
     """
     job, out = read_job(Path(path), changes), Path(out)
     check_job(job, out)
@@ -86,7 +87,7 @@ def _done(running: _Running, number: int, step: JobStep, progress: Progress) -> 
 
 
 def _until(job: Job, documents: Sequence[Document], error: BaseException) -> Document:
-    """The report of the steps before the one that failed, which it names."""
+    """Return the report of the steps before the failed one, with the failure."""
     at, count = len(documents), len(job.steps)
     interrupted = isinstance(error, KeyboardInterrupt)
     said = "was interrupted" if interrupted else f"failed: {' '.join(str(error).split())}"
@@ -102,7 +103,7 @@ def _until(job: Job, documents: Sequence[Document], error: BaseException) -> Doc
 
 
 class _Running:
-    """What the steps so far have made."""
+    """Results of the steps so far."""
 
     def __init__(self, out: Path, figures: bool) -> None:
         self.out, self.figures = out, figures
@@ -135,9 +136,9 @@ class _Running:
         return document
 
     def _room(self, name: str) -> Path:
-        """The folder of that name, with a number behind it where a step of this run has it already.
+        """Return the folder of this name, with a number if an earlier step of this run uses it.
 
-        What an earlier run has left there goes to the bin, or the old code would have the obvious name.
+        Results of an earlier run are moved to the bin; otherwise old code would have the obvious name.
         """
         number, found = 2, name
         while found in self.used:
@@ -169,7 +170,9 @@ class _Running:
 
 
 def _found(content: Content, folder: Path, out: Path) -> Content:
-    """The content with files that are not beside it, but were made by the job, by their paths there."""
+    """Return the content with the paths of files that the job made, where the named file does not exist
+    beside it.
+    """
 
     def resolved(value: Any, key: str = "") -> Any:
         if isinstance(value, dict):
@@ -183,7 +186,7 @@ def _found(content: Content, folder: Path, out: Path) -> Content:
 
 
 def joined(title: str, notes: str, documents: Sequence[Document], *, told: bool = True) -> Document:
-    """Several documents as one; their summaries are in its own where they are `told`."""
+    """Return several documents as one; its summary contains their summaries if `told`."""
     named = {}
     for i, one in enumerate(documents, start=1):
         sections = [_renamed(section, f"step{i}-") for section in one.sections]
@@ -210,7 +213,7 @@ def joined(title: str, notes: str, documents: Sequence[Document], *, told: bool 
 
 
 def _renamed(section: Section, prefix: str) -> Section:
-    """With names of pictures that no other step has."""
+    """Return the section with picture names that are unique among the steps."""
     return replace(
         section,
         figures=[replace(picture, name=prefix + picture.name) for picture in section.figures],

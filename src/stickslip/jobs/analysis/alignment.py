@@ -1,4 +1,4 @@
-"""A recording beside the drive that made it: where it begins, without bias, in the scale of the reference."""
+"""Alignment of a recording with its drive: start of the drive, bias, scale of the reference."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from ...waveform.signal import Waveform
 from ...waveform.slewed import Slewed
 
 POSITION = "end_effector_position"
-# Of the drive's duration: what is kept behind it, for the residual vibration.
+# Kept after the drive for the residual vibration, as a fraction of the drive's duration.
 AFTER = 0.05
-# Of its range: a drive_voltage further from its first sample has begun.
+# Deviation of drive_voltage from its first sample that counts as the start, as a fraction of its range.
 BEGUN = 0.02
-# Standard errors by which a drift surely is one, and deviations of the noise that it goes on to.
+# Standard errors of the slope for a significant drift; its total over the noise must be as large.
 SURELY = 5.0
-# Of the waveform's range, that of the channel at least; and the other way round.
+# Smallest allowed ratio of the ranges of channel and waveform, either way.
 ALIKE = 0.5
 
 
 class Aligned(NamedTuple):
-    """A recording and its drive, what to call it, and what it is for, in the words of the file that says so.
+    """A recording, its drive, its name, and its use in the words of the file.
 
-    `recording` holds the position less its mean before `begin` [s]; `noise` [m] is its scatter there, NaN
-    where nothing is before. `wanted` is the drive as asked for, `drive` as it is at the piezo, both in the
-    time of the recording; None where the channel drive_voltage is all that is known. The first part of the
-    drive ends at `forward` [s], None where it is the whole. `drift` has been taken off the position, None:
-    none. `taken` says what the drive was taken for, where none was given.
+    `recording` holds the position less its mean before `begin` [s]. `noise` [m] is the standard deviation
+    there, NaN without samples before. `wanted` is the requested drive and `drive` the drive at the piezo,
+    both in the time of the recording; None if only the channel drive_voltage is known. The first part of the
+    drive ends at `forward` [s], None for a single part. `drift` was subtracted from the position, None
+    without. `taken` describes the drive that was recognised, if none was given.
     """
 
     name: str
@@ -64,15 +64,15 @@ def aligned(
     scale: float = 1.0,
     begin: float | None = None,
 ) -> Aligned:
-    """Cut what lies more than `AFTER` behind the drive, take off the bias, put the drive where it begins.
+    """Cut samples more than `AFTER` behind the drive, subtract the bias, and shift the drive to its start.
 
     Args:
         whole: with end_effector_position [m], and drive_voltage [V] unless drive and begin are given.
-        drive: the waveform, from its own begin on; None: the channel drive_voltage is the drive.
-        name: what to call the recording.
+        drive: the waveform, from its own start; None: the channel drive_voltage is the drive.
+        name: of the recording.
         slew_rate: V/s, of the amplifier.
         scale: the position is divided by it.
-        begin: of the drive, s; left out, where the channel matches it best.
+        begin: start of the drive, s; by default where the channel matches it best.
 
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short, too coarsely sampled, or of
@@ -95,7 +95,7 @@ def aligned(
             except RecordingError:
                 _refuse_other_range(whole, drive, name)
                 raise
-        rest, drive = _after_rest(drive)  # nothing begins with a rest: it shows bias and noise
+        rest, drive = _after_rest(drive)  # an initial rest shows only bias and noise
         begin += rest
         end = begin + (1.0 + AFTER) * drive.duration if math.isfinite(drive.duration) else math.inf
         keep = time <= end
@@ -106,7 +106,7 @@ def aligned(
     recording = with_position(whole, position - bias).assign_attrs(title=name)
     if drive is None:
         return Aligned(name, recording, begin, noise, None, None)
-    # Of time that begins with the recording's: a waveform begins at zero.
+    # The time axis is shifted to start at zero, as a waveform does.
     moved = recording.assign_coords(time=("time", time - time[0], recording["time"].attrs))
     begin -= float(time[0])
     length = float(time[-1] - time[0])
@@ -120,7 +120,7 @@ def aligned(
 def aligned_by_itself(
     whole: xr.Dataset, name: str, slew_rate: float = math.inf, scale: float = 1.0
 ) -> Aligned:
-    """As `aligned`, with the drive that the recording names or shows: see `taken_drive`."""
+    """Align a recording with the drive that it names or shows: see `aligned` and `taken_drive`."""
     taken = taken_drive(whole, None if math.isinf(slew_rate) else slew_rate)
     if taken is None:
         return aligned(whole, None, name, slew_rate, scale)
@@ -129,27 +129,29 @@ def aligned_by_itself(
 
 
 def said_drives(walks: Iterable[Aligned]) -> list[str]:
-    """Say what the drive of each walk was taken for, where none was given."""
+    """Describe the recognised drive of each walk for which none was given."""
     return [f"drive of {one.name}: {one.taken}" for one in walks if one.taken]
 
 
 def with_position(recording: xr.Dataset, position: np.ndarray) -> xr.Dataset:
-    """The recording with other values of its position, in the same unit."""
+    """Return the recording with other values of its position, in the same unit."""
     return recording.assign({POSITION: ("time", position, recording[POSITION].attrs)})
 
 
 def _at_piezo(drive: Waveform, slew_rate: float) -> Waveform:
-    """Return a drive as an amplifier of that slew rate [V/s] follows it."""
+    """Return a drive after an amplifier with this slew rate [V/s]."""
     return drive if math.isinf(slew_rate) else Slewed(drive, slew_rate)
 
 
 def _before(time: np.ndarray, begin: float) -> np.ndarray:
-    """Which samples surely come before the drive begins."""
+    """Return a mask of the samples that are safely before the start of the drive."""
     return time < begin - 2.0 * float(np.median(np.diff(time)))
 
 
 def on_level(one: Aligned, model: Actuator) -> Aligned:
-    """The recording from where the model rests at the voltage before the drive, instead of from zero."""
+    """Shift the position so that it starts at the model's equilibrium for the initial voltage, not at
+    zero.
+    """
     if one.drive is None:
         level = model.gain * float(one.recording["drive_voltage"].values[0])
     else:
@@ -160,8 +162,10 @@ def on_level(one: Aligned, model: Actuator) -> Aligned:
 
 
 def without_drift(one: Aligned) -> Aligned:
-    """The recording less the slope of its position before the drive begins, where that surely is one and goes
-    on to many times the noise: no model of an actuator explains it, and a fit takes it for friction."""
+    """Subtract the slope of the position before the drive, if it is significant and large against the noise.
+
+    No actuator model explains such a drift; a fit would attribute it to friction.
+    """
     time, position = one.recording["time"].values, one.recording[POSITION].values
     before = _before(time, one.begin)
     drift = drift_seen(time[before], position[before], SURELY)
@@ -176,7 +180,7 @@ def without_drift(one: Aligned) -> Aligned:
 
 
 def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
-    """A sentence on each walk that a drift has been taken off."""
+    """Return a sentence for each walk from which a drift was subtracted."""
     said = []
     for one in walks:
         if one.drift is not None:
@@ -191,7 +195,7 @@ def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
 
 
 def _after_rest(drive: Waveform) -> tuple[float, Waveform]:
-    """How long a drive rests before it begins [s], and what follows."""
+    """Return the length of a drive's initial rest [s], and the rest of the drive."""
     parts = drive.parts if isinstance(drive, Sequence) else ()
     resting = next((i for i, (part, _) in enumerate(parts) if not isinstance(part, Rest)), 0)
     if not resting:
@@ -200,7 +204,9 @@ def _after_rest(drive: Waveform) -> tuple[float, Waveform]:
 
 
 def _refuse_other_range(whole: xr.Dataset, drive: Waveform, name: str) -> None:
-    """Raise RecordingError where the channel has other volts than the waveform: why it begins nowhere."""
+    """Raise RecordingError if the voltage ranges of channel and waveform differ, so that no start was
+    found.
+    """
     span = float(np.ptp(channel(whole, "drive_voltage", name, varies=True)))
     low, high = drive.range()
     if not ALIKE * (high - low) <= span <= (high - low) / ALIKE:
@@ -212,7 +218,7 @@ def _refuse_other_range(whole: xr.Dataset, drive: Waveform, name: str) -> None:
 
 
 def _first_change(whole: xr.Dataset, name: str) -> float:
-    """When drive_voltage leaves its first level [s]."""
+    """Return the time at which drive_voltage leaves its first level [s]."""
     u = channel(whole, "drive_voltage", name, varies=True)
     return float(whole["time"].values[int(np.argmax(np.abs(u - u[0]) > BEGUN * np.ptp(u)))])
 

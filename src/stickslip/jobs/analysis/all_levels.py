@@ -19,14 +19,14 @@ from ...report import Column, Number, Section, Table
 from ...report.fits import doubts, estimates, fit_numbers
 from .modes import Starts
 
-# Of parameters: the correlations of more are some megabytes that nobody reads.
+# Parameters; a larger correlation matrix would be some megabytes that nobody reads.
 MOST_CORRELATED = 150
 
 Score = tuple[float, float]
 
 
 class LevelData(NamedTuple):
-    """A level's response, and drives and responses that are to be predicted."""
+    """A level's response, and the drives and responses that are held out for prediction."""
 
     name: str
     response: xr.Dataset
@@ -35,7 +35,7 @@ class LevelData(NamedTuple):
 
 
 class OneModel(NamedTuple):
-    """What a document says of it."""
+    """Results of the common model for a report."""
 
     summary: str
     section: Section
@@ -43,13 +43,13 @@ class OneModel(NamedTuple):
 
 
 def score(predicted: NDArray[np.float64], steady: NDArray[np.float64]) -> Score:
-    """r² and rms error, over all outputs and realisations."""
+    """Return r² and rms error over all outputs and realisations."""
     residual = predicted - predicted.mean(axis=0) - steady
     return 1.0 - float(np.sum(residual**2) / np.sum(steady**2)), float(np.sqrt(np.mean(residual**2)))
 
 
 def numbers_of(fit: Fit) -> dict[str, Any]:
-    """For results.json."""
+    """Return the numbers of a fit for results.json."""
     numbers = fit_numbers(fit, "m/V")
     if len(fit.parameters) > MOST_CORRELATED:
         del numbers["correlation"]
@@ -63,12 +63,12 @@ def one_model_section(
     sample_rate: float,
     progress: Progress,
 ) -> OneModel:
-    """Fit one model to all levels, and to all but one for each level between others.
+    """Fit one model to all levels; for each inner level also to all other levels.
 
     Args:
         levels: all of them.
         own: scores of the models of each level alone.
-        modes: starts, at the level in the middle.
+        modes: initial values, at the middle level.
         sample_rate: Hz.
         progress: see `progress`.
     """

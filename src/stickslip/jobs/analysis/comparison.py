@@ -1,4 +1,4 @@
-"""Analysis: which model describes walks best, all fitted alike and judged on walks that none has seen."""
+"""Analysis: comparison of models of walks, fitted alike and judged on walks that no fit has seen."""
 
 from __future__ import annotations
 
@@ -29,8 +29,11 @@ from .walk import WalkFile
 
 
 class ComparisonAnalysis(WalkFile):
-    """See the module. `laws` are those of `walk_candidates` by their names, all of them if left out, and laws
-    of one's own as in a file of friction loops."""
+    """See the module.
+
+    `laws` are names in `walk_candidates` (all of them by default), and a user's own laws as in a file of
+    friction loops.
+    """
 
     kind: Literal["comparison"] = "comparison"
     laws: list[LawChoice] = Field(default_factory=list)
@@ -42,14 +45,14 @@ class ComparisonAnalysis(WalkFile):
         return laws
 
     def check(self, folder: Path) -> list[Candidate]:
-        """Check what is asked for before a recording is read; returns the laws."""
+        """Check the request before a recording is read; returns the laws."""
         if {one.use for one in self.recordings} != {"fit", "verify"}:
             raise InputFileError("recordings: at least one with 'use: fit' and one with 'use: verify'")
         model = self.load_model(folder)
         return checked_laws(candidates_of(model), self.laws or True, model, folder, "laws")
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit and judge."""
+        """Fit all models and judge them."""
         laws, model = self.check(folder), self.load_model(folder)
         parts = read_parts(self.recordings, folder)
         data: dict[str, list[Any]] = {"fit": [], "verify": []}
@@ -75,10 +78,11 @@ class ComparisonAnalysis(WalkFile):
 
 
 def candidates_of(model: Actuator) -> list[Candidate]:
-    """All models of a walk, begun at the sizes of an actuator's friction."""
+    """Return all models of a walk, with initial values from an actuator's friction."""
     law = model.friction
     force = float(getattr(law, "coulomb_force", 1.0))
-    # Usual sizes in metres say nothing of angles; a stage that jumps by 3 V has about them (kang2007).
+    # Typical stiffnesses in N/m do not apply to rotation. A stage that jumps by 3 V has about this deflection
+    # (kang2007).
     jump = 3.0 * abs(model.gain)
     stiffness = float(getattr(law, "sigma_0", force / jump if model.rotary else 1e6))
     usual = 0.2 * math.sqrt(stiffness * model.end_effector_mass) if model.rotary else 30.0
@@ -93,11 +97,12 @@ def named(
     field: str = "model_choice",
     folder: Path = Path(),
 ) -> list[Candidate]:
-    """Those of the names, all of them where there are none; and laws of one's own, their files in the folder.
+    """Return the candidates with these names (all for True or False), and a user's own laws from files in the
+    folder.
 
     Raises:
         QuantityError: a name is unknown.
-        AnalysisError: a law is.
+        AnalysisError: a law is unknown.
     """
     if isinstance(names, bool):
         return list(candidates)
@@ -121,10 +126,10 @@ def checked_laws(
     folder: Path,
     field: str,
 ) -> list[Candidate]:
-    """As `named`, with what each law has free checked for a model.
+    """Return the laws of `named`, after a check of the free parameters of each for a model.
 
     Raises:
-        QuantityError: a name is unknown, or a parameter of a law cannot be free as it is asked for.
+        QuantityError: a name is unknown, or a parameter of a law cannot be free as requested.
         AnalysisError: a law is unknown.
     """
     laws = named(candidates, names, field, folder)

@@ -1,12 +1,10 @@
-"""Analysis: what an actuator can do, as a design file asks: a map of the step, the fastest drive, the front
-of two goals, the actuator itself, the recordings that would tell most of it.
-
+"""Analysis of a design file: step map, fastest drive, front of two goals, actuator search, experiment plan.
 ::
 
     kind: design
     title: What the stage can do
     model: kang2007                     # or fit: results.json of an identification
-    uncertainty: posterior.nc           # or results.json; or fit: that of the fit
+    uncertainty: posterior.nc           # or results.json; or fit: the uncertainty of the fit
     map:
       drive: {shape: Sawtooth, fields: {amplitude: 65 V, frequency: 5 Hz, rise_fraction: 0.95}}
       voltage: {start: 10 V, stop: 150 V, points: 40}
@@ -45,7 +43,7 @@ OF_FIT = "fit"
 
 
 class DesignAnalysis(Analysis, ModelOrFit):
-    """See the module. At least one of the parts is asked for."""
+    """See the module. At least one of the parts is required."""
 
     kind: Literal["design"] = "design"
     uncertainty: str | None = None
@@ -62,7 +60,7 @@ class DesignAnalysis(Analysis, ModelOrFit):
         return self
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """All parts, one after the other. What is done when one is stopped, or cannot be done, is kept."""
+        """Run all parts in turn. If one fails or is stopped, the results of the others are kept."""
         model = self.load_model(folder)
         draws, origin = self._draws(folder), origin_of(model, [])
         parts = {name: getattr(self, name) for name in PARTS if getattr(self, name) is not None}
@@ -111,10 +109,10 @@ class DesignAnalysis(Analysis, ModelOrFit):
 
 
 def design_analysis(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> tuple[DesignAnalysis, Path]:
-    """A design file with changes as `load_yaml` takes them, and the folder that its files are relative to.
+    """Read a design file with changes as for `load_yaml`; return it and the folder of its relative paths.
 
     Raises:
-        AnalysisError: the file is not as it must be; names the file and the field.
+        AnalysisError: the file is invalid; the message names the file and the field.
     """
     content = load_yaml(path, changes)
     if "kind" in content and content["kind"] != "design":
@@ -126,5 +124,5 @@ def design_analysis(path: str | os.PathLike[str], changes: Sequence[str] = ()) -
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of design files, for editors."""
+    """Return the JSON Schema of design files, for editors."""
     return DesignAnalysis.model_json_schema()

@@ -29,7 +29,7 @@ from .design_given import (
 )
 from .model import named_model
 
-# Conditions that a table shows, the worst ones, and points of a front: all of them are in results.json.
+# Rows of a table (the worst conditions) and points of a front in a report; results.json has all of them.
 MOST_ROWS, MOST_POINTS = 30, 12
 STOPPED = "stopped before the end of the search: the best until then"
 
@@ -37,14 +37,17 @@ STOPPED = "stopped before the end of the search: the best until then"
 class OptimiseSpec(
     SearchSpec, arguments_of(optimise_waveform, "knots", "draws", "quantile", "minimum_speed", "budget")
 ):
-    """As `optimise_waveform`; a goal is "speed", "ripple", "tip_load", "noise" or one with a number. `draws`
-    are taken of the file's `uncertainty`, where it has one."""
+    """Arguments of `optimise_waveform`.
+
+    A goal is "speed", "ripple", "tip_load", "noise" or one with a number. `draws` are taken from the file's
+    `uncertainty`, if it has one.
+    """
 
     goal: Goal | None = None
     generator: GeneratorSpec | None = None
 
     def made(self, given: Given) -> Document:
-        """Search, and say what was found; raises QuantityError."""
+        """Search and report the result; raises QuantityError."""
         common = self.common(given)
         common["output"] = output_stage(self.limits, self.generator, given.folder)
         found = optimise_waveform(
@@ -60,12 +63,12 @@ class OptimiseSpec(
 
 
 class FrontSpec(SearchSpec, arguments_of(waveform_front, "knots", "points", "generations")):
-    """As `design.waveform_front`: drives of which none is better than another in both of two goals."""
+    """Arguments of `design.waveform_front`: Pareto-optimal drives for two goals."""
 
     goals: list[Goal] = ["speed"]  # noqa: RUF012  # pydantic copies it
 
     def made(self, given: Given) -> Document:
-        """Search, and say what was found; raises QuantityError."""
+        """Search and report the result; raises QuantityError."""
         found = waveform_front(
             given.model,
             goals=tuple(goal_of(one, given.model) for one in self.goals),  # type: ignore[arg-type]
@@ -77,15 +80,18 @@ class FrontSpec(SearchSpec, arguments_of(waveform_front, "knots", "points", "gen
 class ActuatorSearchSpec(
     SearchSpec, arguments_of(optimise_actuator, "draws", "minimum_speed", "holding_force", "budget")
 ):
-    """As `design.optimise_actuator`: `free` are fields with their ranges; `models` are parameter sets by
-    name, of which each is searched, in place of the model of the file."""
+    """Arguments of `design.optimise_actuator`.
+
+    `free` are fields with their ranges. `models` are parameter sets by name; each is searched instead of the
+    model of the file.
+    """
 
     goal: Goal | None = None
     free: dict[str, list[Quantity]]
     models: dict[str, str] | None = None
 
     def made(self, given: Given) -> Document:
-        """Search, and say what was found; raises QuantityError."""
+        """Search and report the result; raises QuantityError."""
         models = {name: named_model(given.folder, one) for name, one in (self.models or {}).items()}
         found = optimise_actuator(
             models or given.model,
@@ -98,14 +104,14 @@ class ActuatorSearchSpec(
 
 
 def _run_of(waveform: PeriodicKnots) -> str:
-    """For the `waveform:` of a run of an experiment file."""
+    """Return the `waveform:` entry for a run of an experiment file."""
     fields = {"times": [*waveform.times], "values": [*waveform.values], "period": waveform.period}
     made = {"waveform": [{"shape": "PeriodicKnots", "fields": fields}]}
     return "# For a run of an experiment file; s, V.\n" + yaml_text(made)
 
 
 def _csv(played: Any) -> str:
-    """One period, as the generator plays it."""
+    """Return one period of the generator's output as CSV."""
     text = io.StringIO()
     np.savetxt(
         text,

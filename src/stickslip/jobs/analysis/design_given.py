@@ -1,5 +1,6 @@
-"""Common fields of the parts of a design file: the model with what is uncertain of it, goals, limits, the
-generator, conditions; and what each part comes to."""
+"""Common fields of the parts of a design file: model and uncertainty, goals, limits, generator,
+conditions.
+"""
 
 from __future__ import annotations
 
@@ -26,13 +27,14 @@ from .file import AnalysisError
 
 Quantity = float | str
 Array = NDArray[np.float64]
-# Draws that are made of the intervals of a results.json, of which each part takes its own number.
+# Draws from the intervals of a results.json; each part uses as many of them as it needs.
 DRAWS = 1000
 
 
 class Given(NamedTuple):
-    """What a part starts from: the model; draws of its parameters by name, if there is an uncertainty; the
-    folder of the file."""
+    """Inputs of a part: the model, draws of its parameters by name (None without uncertainty), the file's
+    folder.
+    """
 
     model: Actuator
     uncertainty: dict[str, Array] | None
@@ -41,8 +43,11 @@ class Given(NamedTuple):
 
 
 class GoalSpec(Strict):
-    """A goal that needs a number, exactly one: the direction of the speed (1 or -1), the step that is wanted,
-    the capacitance of which the current is, the stack of which the heat is."""
+    """A goal with exactly one number.
+
+    The direction of the speed (1 or -1), the required step, the capacitance for the current, or the stack for
+    the heat.
+    """
 
     speed: Quantity | None = None
     step: Quantity | None = None
@@ -56,7 +61,7 @@ class GoalSpec(Strict):
         return self
 
     def goal(self) -> Any:
-        """Raises QuantityError."""
+        """Return the goal; raises QuantityError."""
         if self.heat is not None:
             return Heat(self.heat)
         ((name, value),) = self.model_dump(exclude_unset=True).items()
@@ -68,7 +73,7 @@ Goal = GoalSpec | str
 
 
 def goal_of(given: Goal | None, model: Actuator) -> Any:
-    """A goal as the searches take it; raises QuantityError."""
+    """Return a goal in the form of the searches; raises QuantityError."""
     if isinstance(given, GoalSpec):
         return given.goal()
     if given in ("tip_load", "noise"):
@@ -77,7 +82,7 @@ def goal_of(given: Goal | None, model: Actuator) -> Any:
 
 
 class OutputLimitsSpec(fields_of(OutputStage, "slew_rate", "current", "capacitance")):
-    """The limits of an `OutputStage`; or the amplifier of a `bench` into its piezo."""
+    """Limits of an `OutputStage`, or the amplifier of a `bench` with its piezo as load."""
 
     bench: str | None = None
 
@@ -92,7 +97,7 @@ class OutputLimitsSpec(fields_of(OutputStage, "slew_rate", "current", "capacitan
 
 
 class GeneratorSpec(fields_of(OutputStage, "update_rate", "points", "step", "interpolation")):
-    """The converter of an `OutputStage`; or that of a `bench`, with its `points`."""
+    """Converter of an `OutputStage`, or the converter of a `bench` with a number of `points`."""
 
     bench: str | None = None
 
@@ -123,26 +128,26 @@ def output_stage(
 
 
 class ScenarioSpec(Strict):
-    """A condition: `change` are values of fields of the actuator or its law, `factors` on those they have."""
+    """A condition: `change` sets fields of the actuator or its law, `factors` multiply their values."""
 
     name: str = ""
     change: dict[str, Quantity] = Field(default_factory=dict)
     factors: dict[str, Quantity] = Field(default_factory=dict)
 
     def scenario(self) -> Scenario:
-        """Raises QuantityError."""
+        """Return the scenario; raises QuantityError."""
         factors = {name: to_si(one, "", f"factors.{name}") for name, one in self.factors.items()}
         return Scenario(self.name, factors=factors, **self.change)
 
 
 class SearchSpec(arguments_of(optimise_waveform, "max_voltage", "min_voltage", "frequency", "seed")):
-    """What all searches for a drive are told; see `optimise_waveform`."""
+    """Common arguments of all searches for a drive; see `optimise_waveform`."""
 
     limits: OutputLimitsSpec | None = None
     scenarios: list[ScenarioSpec] = Field(default_factory=list)
 
     def common(self, given: Given) -> dict[str, Any]:
-        """Arguments of the call; raises QuantityError."""
+        """Return the arguments of the call; raises QuantityError."""
         return {
             **self.arguments,
             "output": output_stage(self.limits, None, given.folder),
@@ -152,8 +157,10 @@ class SearchSpec(arguments_of(optimise_waveform, "max_voltage", "min_voltage", "
 
 
 def draws_of_file(path: Path) -> dict[str, Array]:
-    """Draws of an actuator's parameters, by name: the samples of a posterior (NetCDF), or `DRAWS` of what an
-    identification or a campaign knows of them (results.json), normal in the logarithm of what is positive.
+    """Return draws of an actuator's parameters, by name.
+
+    They are the samples of a posterior (NetCDF), or `DRAWS` draws from the estimates of an identification or
+    a campaign (results.json), log-normal for positive parameters and normal for others.
 
     Raises:
         AnalysisError: the file holds neither.

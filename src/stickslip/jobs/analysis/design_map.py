@@ -1,4 +1,4 @@
-"""A map of the step, as a design file asks for it."""
+"""Step map of a design file."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from .axis import AxisSpec
 from .design_given import GeneratorSpec, Given, OutputLimitsSpec, output_stage
 
 AXES = {"voltage": "V", "frequency": "Hz", "load": "N"}
-# Fields of a drive that each point of the map sets.
+# Fields of the drive that each point of the map sets.
 AT_EACH = ("amplitude", "frequency", "offset", "periods")
 
 
 class MapAxisSpec(AxisSpec):
-    """Of a map, which is computed at once."""
+    """Axis of a step map."""
 
     points: Annotated[int, Field(ge=2, le=100_000)]
 
     def values(self, unit: str, name: str) -> list[float]:
-        """In SI; raises QuantityError."""
+        """Return the values in SI; raises QuantityError."""
         first, last = (
             to_si(v, unit, f"{name}.{end}") for end, v in (("start", self.start), ("stop", self.stop))
         )
@@ -48,8 +48,11 @@ class MapSpec(
         draws=Annotated[int, Field(ge=40, le=100_000)],
     )
 ):
-    """As `step_map`: `drive` as in an experiment file, a sawtooth if left out; `limits` and `generator` are
-    its `output`, the drive itself if both are left out."""
+    """Arguments of `step_map`.
+
+    `drive` is written as in an experiment file; a sawtooth by default. `limits` and `generator` form its
+    `output`; without both the drive acts directly on the piezo.
+    """
 
     drive: PartSpec | None = None
     voltage: Values | None = None
@@ -59,7 +62,7 @@ class MapSpec(
     generator: GeneratorSpec | None = None
 
     def made(self, given: Given) -> Document:
-        """Compute and draw it; raises QuantityError."""
+        """Compute and draw the map; raises QuantityError."""
         found = self._computed(given)
         return begun_by(view(found), f"Drive: {self._drive_words()}.")
 

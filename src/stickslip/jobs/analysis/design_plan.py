@@ -1,4 +1,4 @@
-"""The recordings that tell most of an actuator, as a design file asks for them."""
+"""Experiment plan of a design file: the most informative recordings."""
 
 from __future__ import annotations
 
@@ -22,9 +22,12 @@ from .design_given import Given, Quantity
 
 
 class PlanSpec(arguments_of(plan_experiment, "recordings", "duration", "sample_rate", "over", "seed")):
-    """As `plan_experiment`: `goal` is "all", a parameter, or a waveform whose step is to be predicted;
-    `noise` a standard deviation, or a recording at rest; `channel` that of the position. With an
-    `uncertainty` of the file the plan is the best one where it is worst among its draws."""
+    """Arguments of `plan_experiment`.
+
+    `goal` is "all", a parameter, or a waveform whose step is to be predicted. `noise` is a standard
+    deviation, or a recording at rest. `channel` describes the position channel. With an `uncertainty` of the
+    file the plan is the best one for the worst case among its draws.
+    """
 
     free: list[str] = Field(min_length=1)
     goal: PartSpec | str = "all"
@@ -58,7 +61,7 @@ class PlanSpec(arguments_of(plan_experiment, "recordings", "duration", "sample_r
         return self.noise
 
     def _files(self, plan: Plan, folder: Path) -> dict[str, str]:
-        """The experiment file, and the parameter set beside it, where it needs one."""
+        """Return the experiment file, and the parameter set that it needs, if any."""
         with tempfile.TemporaryDirectory() as made:
             plan.save(Path(made) / "experiment.yaml", like=None if self.like is None else folder / self.like)
             return {one.name: one.read_text(encoding="utf-8") for one in sorted(Path(made).iterdir())}

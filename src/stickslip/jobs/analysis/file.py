@@ -17,22 +17,21 @@ from ...recording.datasets import dataset_path
 from ...recording.readers import read_recording
 
 AnalysisError = InputFileError
-# Of parameters, by name: bounds, or value and standard deviation of priors; in SI, or texts with units.
+# By parameter: bounds, or mean and standard deviation of a prior; in SI, or as texts with units.
 Pairs = Annotated[dict[str, tuple[float | str, float | str]], Field(default_factory=dict)]
-# Parts of one file that agree in these are of one reading.
+# Parts of one file with equal values of these fields are read together.
 _FORMAT = ("columns", "units", "clocks", "sample_rate", "reader", "rows", "missing", "missing_values")
 OF_SOURCE = {"dataset", "file", "calibration", "rename", "scale_uncertainty", *_FORMAT}
 
 
 class SourceFile(Strict):
-    """Where data come from: a `file`, relative to the identification file, or a file of a published
-    `dataset`."""
+    """Source of data: a `file`, relative to the identification file, or a file of a published `dataset`."""
 
     file: str
     dataset: str | None = None
 
     def path(self, folder: Path) -> Path:
-        """The file, fetched first if it is published and not here.
+        """Return the path of the file; a published file is downloaded if necessary.
 
         Raises:
             RecordingError: see `stickslip.recording.datasets.dataset_path`.
@@ -43,11 +42,11 @@ class SourceFile(Strict):
 class RecordingFile(SourceFile):
     """A recording in a file.
 
-    `columns`, `units`, `clocks`, `rows`, `missing` and `missing_values` are as for `read_recording`;
-    `reader` is its format, where the content does not tell, or one of one's own, "my_reader.py:scope".
-    `calibration` names the calibrations of a variable, in order, and `rename` calls it otherwise then.
-    `start` and `end` cut a part out. `scale_uncertainty` is the relative standard uncertainty of a
-    variable's scale, where its calibrations do not say it.
+    `columns`, `units`, `clocks`, `rows`, `missing` and `missing_values` are as for `read_recording`. `reader`
+    is the format if it cannot be recognised from the content, or a user's own reader, "my_reader.py:scope".
+    `calibration` names the calibrations of a variable, in order; `rename` gives its name afterwards. `start`
+    and `end` select a part. `scale_uncertainty` is the relative standard uncertainty of a variable's scale,
+    if its calibrations do not give it.
     """
 
     columns: dict[str, str | int | list[str | int]] = Field(default_factory=dict)
@@ -68,11 +67,11 @@ class RecordingFile(SourceFile):
 
     @property
     def label(self) -> str:
-        """What to call it in tables and figures."""
+        """Name in tables and figures."""
         return self.name or Path(self.file).stem
 
     def read(self, folder: Path) -> xr.Dataset:
-        """All that the file holds, calibrated; raises RecordingError and CalibrationError."""
+        """Return the whole content of the file, calibrated; raises RecordingError and CalibrationError."""
         recording = self._calibrated(folder)
         for name, share in self.scale_uncertainty.items():
             if name not in recording:
@@ -107,7 +106,9 @@ class RecordingFile(SourceFile):
         return apply_calibration(recording, calibrations, self.rename)
 
     def cut(self, whole: xr.Dataset) -> xr.Dataset:
-        """The part of it, with the label as its title; raises AnalysisError for fewer than two samples."""
+        """Return the selected part, titled with the label; raises AnalysisError for fewer than two
+        samples.
+        """
         part = whole.sel(time=slice(self.start, self.end))
         if part.sizes["time"] < 2:
             first, last = (float(whole["time"][i]) for i in (0, -1))
@@ -119,11 +120,11 @@ class RecordingFile(SourceFile):
 
 
 def read_parts(recordings: Sequence[RecordingFile], folder: Path) -> dict[str, xr.Dataset]:
-    """The recordings by label, in order; a file of which several are parts is read once.
+    """Return the recordings by label, in order; a file with several parts is read once.
 
     Raises:
         RecordingError: a file cannot be read.
-        AnalysisError: two have one label, or a part holds fewer than two samples.
+        AnalysisError: two recordings have the same label, or a part holds fewer than two samples.
     """
     whole: dict[str, xr.Dataset] = {}
     parts: dict[str, xr.Dataset] = {}
@@ -140,7 +141,7 @@ def read_parts(recordings: Sequence[RecordingFile], folder: Path) -> dict[str, x
 
 
 class Analysis(Strict):
-    """What every identification file begins with."""
+    """First fields of every identification file."""
 
     title: str
     citation: list[str] = Field(default_factory=list)

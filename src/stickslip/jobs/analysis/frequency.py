@@ -1,5 +1,7 @@
-"""Analysis: modal models of a piezo mechanism from frequency responses, per amplitude and for all amplitudes,
-verified on other drives."""
+"""Analysis: modal models of a piezo mechanism from frequency responses.
+
+One model per amplitude, optionally one for all amplitudes, verified on other drives.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,7 @@ class Arrays(Strict):
 
 
 class Level(Arrays):
-    """One amplitude of the drive; `test` verifies instead of the realisations held out."""
+    """One amplitude of the drive; `test` is used for verification instead of the held-out realisations."""
 
     name: str
     amplitude: float
@@ -52,14 +54,14 @@ class Level(Arrays):
 class FrequencyAnalysis(Analysis):
     """See the module.
 
-    `modes` are the models: for each how many modes, or its starts, as pairs of frequency [Hz] and damping
-    ratio; by their number they are found at the level in the middle, where the others start. The last
-    `held_out` realisations verify (one, if there are no files to `test`); `output` counts from 1 and may be a
-    list; of the excited lines, each `every`-th is fitted, by its deviation or all alike (`equal_weights`);
-    `follow` are the modes, counted from 1 in the last model, whose change with the amplitude is shown;
-    `one_model` fits the last of the models to all levels together, as `identify_levels`; `time_domain` names
-    levels for a fit in time as well; `tied` are poles of the last model that follow from others, as for
-    `identify_frequency`.
+    `modes` lists the models, each as a number of modes or as initial values: pairs of frequency [Hz] and
+    damping ratio. A number of modes is identified at the middle level; the other levels start from its
+    result. The last `held_out` realisations verify (one by default, if no level has files to `test`).
+    `output` counts from 1 and may be a list. Every `every`-th excited line is fitted, weighted by its
+    deviation or equally (`equal_weights`). `follow` are modes, counted from 1 in the last model, whose change
+    with the amplitude is shown. `one_model` fits the last model to all levels together, as `identify_levels`.
+    `time_domain` names levels that are also fitted in time. `tied` are poles of the last model that follow
+    from others, as for `identify_frequency`.
     """
 
     kind: Literal["frequency_response"]
@@ -111,7 +113,7 @@ class FrequencyAnalysis(Analysis):
         )
 
     def _read(self, level: Level, folder: Path) -> _Data:
-        """The response from what is seen, and what is left to predict."""
+        """Return the response of the fitted realisations, and the held-out data."""
         drive, response = (_array(source, folder) for source in (level.drive, level.response))
         channels = [o - 1 for o in self.output]
         last = None if level.test else -(self.held_out or 1)
@@ -126,7 +128,7 @@ class FrequencyAnalysis(Analysis):
         if level.test:
             unseen = tuple(_array(source, folder) for source in (level.test.drive, level.test.response))
             _check_test(level.name, unseen, (drive.shape[1], response.shape[1]))
-        # The mean over the periods, without the offset of the sensor: the steady state that the model has.
+        # The mean over the periods without the sensor's offset is the steady state of the model.
         tested, steady = (array.mean(axis=3) for array in unseen)
         steady = steady[:, channels] - steady[:, channels].mean(axis=0)
         weighted = measured
@@ -158,13 +160,13 @@ class FrequencyAnalysis(Analysis):
 
 
 class _Data(NamedTuple):
-    """What was read of a level."""
+    """Data of one level."""
 
     level: Level
     measured: xr.Dataset
-    weighted: xr.Dataset  # as it is fitted
-    drive: NDArray[np.float64]  # to predict: (samples, inputs, realisations)
-    steady: NDArray[np.float64]  # what was measured of that: (samples, outputs, realisations)
+    weighted: xr.Dataset  # with the weights of the fit
+    drive: NDArray[np.float64]  # held out: (samples, inputs, realisations)
+    steady: NDArray[np.float64]  # measured response to it: (samples, outputs, realisations)
     first: tuple[NDArray[np.float64], NDArray[np.float64]]  # drive and response of the first realisation
 
 
@@ -172,7 +174,7 @@ class _Level(NamedTuple):
     level: Level
     data: _Data
     fits: list[Fit]
-    scores: list[tuple[float, float]]  # r² and rms error on what was held out
+    scores: list[tuple[float, float]]  # r² and rms error on the held-out data
     in_time: Fit | None
 
 
@@ -190,7 +192,7 @@ def _array(source: SourceFile, folder: Path) -> NDArray[np.float64]:
 
 
 def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tuple[int, int]) -> None:
-    """Raise AnalysisError unless files to test have the level's channels, drive as long as response."""
+    """Raise AnalysisError unless the test files have the level's channels and equal lengths."""
     drive, response = (array.shape for array in test)
     if (drive[0], *drive[2:]) != (response[0], *response[2:]) or (drive[1], response[1]) != channels:
         raise AnalysisError(
@@ -200,7 +202,9 @@ def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tupl
 
 
 def _static_gain(fit: Fit) -> Number:
-    """Response by drive at low frequency, first output and input: all gains and the remainder together."""
+    """Return the response per drive at low frequency, first output and input: sum of all gains and the
+    remainder.
+    """
     rest = next(p.name for p in fit.parameters if p.name.startswith("remainder"))
     names = [f"gain_{m}{rest.removeprefix('remainder')}" for m in range(1, len(fit.model.gain) + 1)] + [rest]
     value, error = fit.derived(lambda values: sum(values[name] for name in names))
@@ -270,7 +274,7 @@ def _document(analysis: FrequencyAnalysis, results: list[_Level], one: OneModel 
 
 
 def _followed(analysis: FrequencyAnalysis, results: list[_Level]) -> dict[str, list[Number]]:
-    """What is shown over the amplitude, level by level: static gain, frequencies and damping ratios."""
+    """Return the quantities shown over the amplitude, by level: static gain, frequencies, damping ratios."""
     followed: dict[str, list[Number]] = {"static gain": [_static_gain(r.fits[-1]) for r in results]}
     for m in analysis.follow:
         pairs = [_mode(r.fits[-1], m) for r in results]
@@ -281,7 +285,7 @@ def _followed(analysis: FrequencyAnalysis, results: list[_Level]) -> dict[str, l
 
 
 def _prediction_section(analysis: FrequencyAnalysis, results: list[_Level]) -> Section:
-    """How well each model predicts what was held out, and the responses under the last one."""
+    """Return the section on held-out predictions of each model, with the responses of the last one."""
     scores = [
         (r.level.name, f"{count(modes)}", *score)
         for r in results
@@ -320,7 +324,7 @@ def _prediction_section(analysis: FrequencyAnalysis, results: list[_Level]) -> S
 def _amplitude_section(
     analysis: FrequencyAnalysis, results: list[_Level], followed: dict[str, list[Number]]
 ) -> Section:
-    """What changes with the amplitude."""
+    """Return the section on the change with the amplitude."""
     return Section(
         "Change with the amplitude",
         tables=[
@@ -349,7 +353,7 @@ def _amplitude_section(
 
 
 def _in_time_section(analysis: FrequencyAnalysis, r: _Level, in_time: Fit) -> Section:
-    """The modes of a level beside those that were fitted in time."""
+    """Return the section that compares the modes of a level with a fit in time."""
     columns = ("frequency, by response", "damping, by response", "frequency, in time", "damping, in time")
     return Section(
         f"The same modes fitted in time, {r.level.name}",

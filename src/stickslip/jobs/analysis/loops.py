@@ -30,8 +30,11 @@ from .priors import with_priors
 
 
 class LawSpec(Strict):
-    """A law to fit: its name (or ``path.py:Name``, beside the file), the values at which the fit starts, what
-    is free, what is tied to others, and `priors` (see `identify_loops`); `label` for tables."""
+    """A friction law to fit.
+
+    Its name (or ``path.py:Name``, beside the file), initial values, free and tied parameters, and `priors`
+    (see `identify_loops`); `label` is its name in tables.
+    """
 
     law: str
     fields: dict[str, float | str | list[float | str]]
@@ -42,7 +45,7 @@ class LawSpec(Strict):
     label: str = ""
 
     def candidate(self, folder: Path) -> Candidate:
-        """The law to fit, where the file is in the folder; raises AnalysisError or QuantityError."""
+        """Return the law to fit, for a file in the folder; raises AnalysisError or QuantityError."""
         try:
             law: Any = registry.laws.find(self.law, folder)
         except registry.RegistryError as error:
@@ -53,7 +56,7 @@ class LawSpec(Strict):
         return Candidate(label, made, tuple(self.free), dict(self.bounds), **own)
 
 
-# A law by its name, or with values of one's own; an error is said of that one alone.
+# A law by its name, or with the user's own values. The discriminator keeps errors to the chosen kind.
 _NAME, _OWN = "a name", "of one's own"
 LawChoice = Annotated[
     Annotated[str, Tag(_NAME)] | Annotated[LawSpec, Tag(_OWN)],
@@ -62,10 +65,13 @@ LawChoice = Annotated[
 
 
 class LoopAnalysis(Analysis):
-    """See the module. Recordings have position, friction_force and, with `reference_normal_force`,
-    normal_force; `flip` turns the sign of the force, for channels that show the force on the other body;
-    `noise` is that of the force, against which priors weigh: what they did to the best law is told beside a
-    fit without them."""
+    """See the module.
+
+    Recordings have position, friction_force and, with `reference_normal_force`, normal_force. `flip` turns
+    the sign of the force, for channels that show the force on the other body. `noise` is the standard
+    deviation of the force; priors are weighed against it. The report compares the best law with a fit without
+    its priors.
+    """
 
     kind: Literal["friction_loops"]
     reference_normal_force: Annotated[float, quantity("N")] | None = None
@@ -76,7 +82,7 @@ class LoopAnalysis(Analysis):
     recordings: list[RecordingFile]
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit every law, verify it, and report the one that predicts best."""
+        """Fit and verify every law, and report the one that predicts best."""
         parts = read_parts(self.recordings, folder)
         data = {
             use: [self._turned(parts[r.label]) for r in self.recordings if r.use == use]
@@ -126,7 +132,7 @@ class LoopAnalysis(Analysis):
 
 
 def _spans(parts: list[xr.Dataset]) -> str:
-    """From when to when each lasts, to 1 % of the shortest."""
+    """Return the start and end of each part as text, to 1 % of the shortest part."""
     ends = [(float(part["time"][0]), float(part["time"][-1])) for part in parts]
     decimals = math.ceil(2.0 - math.log10(min(end - start for start, end in ends)))
 
@@ -137,7 +143,7 @@ def _spans(parts: list[xr.Dataset]) -> str:
 
 
 def _prediction_pictures(best: str, found: Verification, unseen: xr.Dataset) -> tuple[Picture, Picture]:
-    """Of the best law on a recording that its fit has not seen: over the position, and over time."""
+    """Plot the best law's prediction of an unseen recording over the position and over time."""
     predicted = found.predictions[0]
     last = slice(-len(predicted["time"]) // 4, None)
     return (

@@ -1,4 +1,4 @@
-"""Modes and outputs in identification files, checked."""
+"""Modes and outputs in identification files, with their checks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_MODES = 60
 
 
 def refused(why: str) -> PydanticCustomError:
-    """The error of a file whose parts do not fit together, in these words."""
+    """Return the error of a file whose parts contradict each other."""
     return PydanticCustomError("analysis", "{why}", {"why": why})
 
 
@@ -27,7 +27,7 @@ def _whole(value: Any, most: float) -> bool:
 
 
 def _modes(value: Any) -> int | Starts:
-    """How many, or the start of each."""
+    """Check a number of modes, or the initial values of each."""
     if _whole(value, MOST_MODES):
         return value
     pairs = value if isinstance(value, list | tuple) else []
@@ -48,7 +48,7 @@ def _modes(value: Any) -> int | Starts:
 
 
 def _outputs(value: Any) -> tuple[int, ...]:
-    """One, or several."""
+    """Check one output or several."""
     given = value if isinstance(value, list | tuple) else [value]
     if not given or not all(_whole(o, np.inf) for o in given) or len(set(given)) < len(given):
         raise refused(f"{value!r} is no output, counted from 1, and no list of different ones")
@@ -62,10 +62,10 @@ Outputs = Annotated[tuple[int, ...], BeforeValidator(_outputs, json_schema_input
 
 
 def count(modes: int | Starts) -> int:
-    """How many modes that are."""
+    """Return the number of modes."""
     return modes if isinstance(modes, int) else len(modes)
 
 
 def started(response: xr.Dataset, modes: int | Starts) -> Starts | ModalModel:
-    """Where to start: as given, or the modes found in a response, and the delay."""
+    """Return initial values: the given ones, or the modes and delay identified from a response."""
     return identify_frequency(response, modes).model if isinstance(modes, int) else modes

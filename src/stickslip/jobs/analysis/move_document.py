@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from .moving import MoveFile
 
 POSITION, DRIVE = "end_effector_position", "drive_voltage"
-RESOLVED = 3.0  # standard deviations of the noise; a smaller window is left by noise alone
-_BEFORE = 0.02  # s before the last scan that are shown of an approach
+RESOLVED = 3.0  # standard deviations of the noise; at rest the noise alone leaves smaller windows
+_BEFORE = 0.02  # s shown before the last scan of an approach
 
 
 def move_document(
@@ -39,7 +39,7 @@ def move_document(
     found: Settling,
     beliefs: Plausibility,
 ) -> Document:
-    """Of a run that ended as it should."""
+    """Report a run that was completed."""
     there = mover.settled_at is not None
     took = Number(
         math.nan if mover.settled_at is None else mover.settled_at, "s", note="it did not come there"

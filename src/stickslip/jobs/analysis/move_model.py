@@ -1,4 +1,4 @@
-"""Aim of a move, its model, and what else that may be: of a fit, a posterior or a stated spread."""
+"""Target of a move, its model, and alternatives: from a fit, a posterior or a stated spread."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from ...physics.piezo import Creep, PrandtlIshlinskii
 from ...quantities.units import QuantityError, with_prefix
 from ...simulation.varied import free_names, quantity_of
 
-MOST_DRAWS = 40  # on which the loop must keep its margins
+MOST_DRAWS = 40  # draws for which the loop must keep its margins
 
 
 class Aim(NamedTuple):
-    """What a move asks for, in `unit`: m, or rad of what turns."""
+    """Target and tolerances of a move in `unit`: m, or rad for rotary actuators."""
 
     unit: str
     target: float
@@ -29,12 +29,14 @@ class Aim(NamedTuple):
     hold_within: float | None
 
     def said(self, value: float) -> str:
-        """With its unit."""
+        """Return the value as text with its unit."""
         return with_prefix(value, self.unit)
 
 
 def feedforward_of(model: Actuator, rate: float) -> PiezoInverse | None:
-    """The inverse of its piezo at a rate [Hz]; None where that follows its voltage, or cannot be inverted."""
+    """Return the inverse of the model's piezo at a rate [Hz]; None without hysteresis, or if it has no
+    inverse.
+    """
     piezo = model.piezo
     if piezo is None or not isinstance(piezo.hysteresis, PrandtlIshlinskii):
         return None
@@ -42,7 +44,7 @@ def feedforward_of(model: Actuator, rate: float) -> PiezoInverse | None:
 
 
 def at_ends(model: Actuator, spread: Mapping[str, float]) -> list[Actuator]:
-    """The model with each field at both ends of its spread, a share of it."""
+    """Return the model with each field at both ends of its relative spread."""
     found = []
     for name, share in spread.items():
         if not 0.0 < share < 1.0:
@@ -56,7 +58,7 @@ def at_ends(model: Actuator, spread: Mapping[str, float]) -> list[Actuator]:
 
 
 def at_intervals(model: Actuator, results: Path) -> list[Actuator]:
-    """The model with each parameter at both ends of the interval that a results.json gives for it."""
+    """Return the model with each parameter at both ends of its interval in a results.json."""
     with damaged(QuantityError, f"{results}: no results of an identification"):
         return list(_at_intervals(model, results))
 
@@ -78,13 +80,13 @@ def _at_intervals(model: Actuator, results: Path) -> Iterator[Actuator]:
 
 
 def _allowed(model: Actuator, name: str, value: float) -> bool:
-    """Whether the model, or its law, can have the value."""
+    """Return True if the model, or its law, can have the value."""
     quantity = quantity_of(model, None, name)
     return quantity is None or bool(quantity.allows(float(value)))
 
 
 def at_draws(model: Actuator, draws: Mapping[str, ArrayLike]) -> list[Actuator]:
-    """The model with the parameters of draws [n] by name, `MOST_DRAWS` of them at most, evenly taken."""
+    """Return the model with at most `MOST_DRAWS` of the draws [n] by name, evenly selected."""
     columns = {name: np.asarray(one, dtype=float) for name, one in draws.items()}
     size = next(iter(columns.values())).size
     chosen = np.unique(np.linspace(0, size - 1, MOST_DRAWS).astype(int))
@@ -92,14 +94,14 @@ def at_draws(model: Actuator, draws: Mapping[str, ArrayLike]) -> list[Actuator]:
 
 
 def changed_in(model: Actuator, values: Mapping[str, float]) -> Actuator:
-    """The model with other values of its fields and of those of its law."""
+    """Return the model with other values of fields of the actuator and of its law."""
     law = {name: value for name, value in values.items() if name in model.friction._fields}
     own = {name: value for name, value in values.items() if name not in law}
     return model.replace(friction=model.friction._replace(**law), **own)
 
 
 def _intervals(numbers: Any) -> Iterator[tuple[str, Any]]:
-    """Of the parameters in results.json, wherever they stand."""
+    """Yield names and intervals of all parameters in results.json, at any depth."""
     for key, inner in numbers.items() if isinstance(numbers, dict) else ():
         if key == "parameters" and isinstance(inner, dict):
             for name, one in inner.items():

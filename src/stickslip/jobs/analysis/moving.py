@@ -1,4 +1,4 @@
-"""Moves and holds from a file: the loop is tuned on the model, closed on the rig, and what it did is told.
+"""Moves and holds from a file: the loop is tuned on the model, closed on the rig, and reported.
 
 A file names the rig, the actuator on it, the input that shows the position, and the target::
 
@@ -66,20 +66,24 @@ SECOND = "second_position"
 
 
 class PositionSpec(Strict):
-    """The input of the rig that shows the end-effector, and the calibrations from its readings to m (rad)."""
+    """The rig's input that measures the end-effector, and the calibrations from its readings to m (rad)."""
 
     input: str = "interferometer"
     calibration: list[str] = Field(default_factory=list)
 
 
 class SlipSpec(fields_of(Slip)):
-    """The edge with which steps slip; see `stickslip.control.Slip`. A `current` into the piezo of the bench
-    says its duration."""
+    """Edge of the drive at which the contact slips; see `stickslip.control.Slip`.
+
+    A `current` into the piezo of the bench determines its duration.
+    """
 
     current: Quantity | None = None
 
     def slip(self, bench: Bench, walk: Stepping) -> Slip:
-        """Raises AnalysisError for a duration and a current, QuantityError for a value."""
+        """Return the edge; raises AnalysisError for both a duration and a current, QuantityError for a wrong
+        value.
+        """
         if self.current is None:
             return Slip(**self.given)
         if "duration" in self.given:
@@ -89,26 +93,25 @@ class SlipSpec(fields_of(Slip)):
 
 
 class SecondSpec(PositionSpec):
-    """Another input that shows the same position: a move stops where the two differ."""
+    """Second input for the same position: a move stops if the two differ."""
 
     input: str  # type: ignore[mutable-override]
 
 
 class PlausibilitySpec(fields_of(Plausibility)):
-    """Thresholds of what is believed of the sensor; see `stickslip.rig.Plausibility`."""
+    """Limits of the plausibility check of the sensor; see `stickslip.rig.Plausibility`."""
 
 
 class MoveFile(Analysis):
     """See the module.
 
-    `change` and `friction` of the actuator are those of the plant on the rig. `model` is what the loop is
-    tuned on, the same if it is left out; or that is of `fit`, a results.json of an identification or a
-    campaign: then the loop must keep its margins at both ends of the interval of each parameter. It must on
-    `draws` too, those of a saved fit or the samples of a posterior, and at both ends of each `spread`,
-    relative uncertainties of fields of it, ``natural_frequency: 5 %``. `within` is what counts as there, the
-    `tolerance` of the `walk`; `hold` is how long it stays, `at_most` when a move is given up; `hold_within`
-    is required of the rms over the hold. `plausibility` are thresholds of what is believed of the sensor, in
-    the place of those of the model (`control.plausibility`).
+    `change` and `friction` of the actuator describe the plant on the rig. The loop is tuned on `model`, by
+    default the plant, or on `fit`, a results.json of an identification or a campaign. With a fit the loop
+    must keep its margins at both ends of each parameter's interval. It must also keep them for `draws` (of a
+    saved fit or a posterior) and at both ends of each `spread`, the relative uncertainty of a field such as
+    ``natural_frequency: 5 %``. `within` is the window around the target, the `tolerance` of the `walk`.
+    `hold` is the time at the target, `at_most` the longest time of a move. `hold_within` limits the rms over
+    the hold. `plausibility` overrides the limits that follow from the model (`control.plausibility`).
     """
 
     rig: VirtualRigSpec = Field(default_factory=VirtualRigSpec)
@@ -139,7 +142,9 @@ class MoveFile(Analysis):
         return value
 
     def aim(self, unit: str) -> Aim:
-        """In m, or rad of what turns; raises AnalysisError for what is no length, or no window."""
+        """Return the target in m or rad; raises AnalysisError for a value that is not finite or a window <=
+        0.
+        """
         within, rms = to_si(self.within, unit, "within"), optional_si(self.hold_within, unit, "hold_within")
         for name, value in (("within", within), ("hold_within", rms)):
             if value is not None and not 0.0 < value < math.inf:
@@ -151,8 +156,10 @@ class MoveFile(Analysis):
 
 
 def read_move(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> tuple[MoveFile, Path]:
-    """A file of a move or a hold, with changes as `load_yaml` takes them, and the folder that its files are
-    relative to; raises AnalysisError."""
+    """Read a file of a move or a hold, with changes as for `load_yaml`.
+
+    Returns the file and the folder of its relative paths; raises AnalysisError.
+    """
     content = load_yaml(path, changes)
     try:
         return MoveFile.model_validate(content), Path(path).parent
@@ -163,20 +170,22 @@ def read_move(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> tupl
 def run_move(
     file: MoveFile, folder: Path, out: Path, progress: Progress, *, only_hold: bool = False
 ) -> Document:
-    """Move to the target and hold it; the recording goes to move.nc, or hold.nc, in the folder `out`, and the
-    state machine with its regulator, as C, to mover.h.
+    """Move to the target and hold it.
+
+    The recording goes to move.nc, or hold.nc, in the folder `out`; the state machine with its regulator goes,
+    as C, to mover.h.
 
     Args:
-        file: as read.
-        folder: that of the file.
-        out: made if it is missing; a run that ended early is in unfinished/ there.
+        file: the move.
+        folder: the folder of the file.
+        out: created if missing; a run that ended early is in its subfolder unfinished/.
         progress: see `stickslip.quantities.progress`.
-        only_hold: without steps: the target must be in the piezo's reach.
+        only_hold: without steps: the target must be in the piezo's range.
 
     Raises:
         AnalysisError, QuantityError: something in the file is wrong.
         MarginError: no gain keeps the margins.
-        RigError: a limit was passed, or the move got nowhere. The output has gone to 0 V.
+        RigError: a limit was exceeded, or the move made no progress. The output has gone to 0 V.
     """
     plant = _model(file.actuator, folder)
     model, others = _tuned_on(file, plant, folder)
@@ -237,7 +246,7 @@ def run_move(
 
 
 def _tuned_on(file: MoveFile, plant: Actuator, folder: Path) -> tuple[Actuator, list[Actuator]]:
-    """The model, and what else it may be."""
+    """Return the model, and alternatives for which the loop must keep its margins."""
     if file.model is not None and file.fit is not None:
         raise AnalysisError("a move has 'model', a parameter set, or 'fit', a results.json, not both")
     if file.fit is not None:

@@ -1,4 +1,4 @@
-"""Effect of priors on a fit, in a report."""
+"""Section of a report: effect of priors on a fit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...report import Column, Document, Number, Section, Table
 
 
 def with_priors(document: Document, found: Sequence[PriorInfluence]) -> Document:
-    """The report with what each prior did; recordings that contradict one are told in the summary."""
+    """Add the effect of each prior to a report; the summary names priors that the recordings contradict."""
     if not found:
         return document
     return replace(
@@ -23,12 +23,12 @@ def with_priors(document: Document, found: Sequence[PriorInfluence]) -> Document
 
 
 def priors_summary(found: Sequence[PriorInfluence]) -> str:
-    """Sentences."""
+    """Return the effects as sentences."""
     return " ".join(f"{one.sentence}." for one in found)
 
 
 def priors_section(found: Sequence[PriorInfluence]) -> Section:
-    """A table of fits without and with the priors."""
+    """Return a table of fits without and with the priors."""
     rows = [
         (
             one.parameter.name,
@@ -56,7 +56,7 @@ def priors_section(found: Sequence[PriorInfluence]) -> Section:
 
 
 def prior_numbers(found: Sequence[PriorInfluence]) -> dict[str, Any]:
-    """For results.json, by parameter."""
+    """Return the effects for results.json, by parameter."""
     return {
         one.parameter.name: {
             "prior": Number(one.prior[0], one.parameter.unit, standard_error=one.prior[1]),

@@ -1,5 +1,7 @@
-"""Analysis: a slider pulled through a spring, its friction from one recording, its stick-slip predicted for
-others."""
+"""Analysis: a slider pulled through a spring.
+
+Friction is identified from one recording; stick-slip is predicted for the others.
+"""
 
 from __future__ import annotations
 
@@ -116,7 +118,7 @@ class PulledAnalysis(Analysis, arguments_of(identify_pulled_slider, "tied")):
 
 
 class _Predicted(NamedTuple):
-    """A recording beside the simulated slider: the events of both, and the traces of the force."""
+    """A recording and its simulation: the events of both, and both traces of the force."""
 
     label: str
     role: str
@@ -126,18 +128,18 @@ class _Predicted(NamedTuple):
 
     @property
     def periods(self) -> tuple[float, float]:
-        """Mean period of the events, measured and of the model, s; NaN without any."""
+        """Mean period of the events, measured and simulated, s; NaN without events."""
         return _mean(self.measured.period), _mean(self.model.period)
 
     @property
     def period_error(self) -> float:
-        """Of the model's period, %."""
+        """Error of the simulated period, %."""
         measured, model = self.periods
         return 100.0 * (model / measured - 1.0)
 
 
 def _coefficients(fit: Fit) -> tuple[float, float]:
-    """Static and dynamic friction coefficient."""
+    """Return the static and dynamic friction coefficients."""
     dynamic = fit.values["dynamic_coefficient"]
     return dynamic + fit.values["stiction_excess"], dynamic
 
@@ -150,7 +152,7 @@ def _predicted(label: str, recording: xr.Dataset, rig: PulledRig, fit: Fit, fitt
 
 
 def _verified(unseen: list[_Predicted], right: int) -> str:
-    """What the other conditions say, in words."""
+    """Return a sentence on the predictions of the other conditions."""
     errors = [abs(one.period_error) for one in unseen if np.isfinite(one.period_error)]
     said = f" The regime is predicted rightly for {right} of {len(unseen)} other conditions"
     if errors:

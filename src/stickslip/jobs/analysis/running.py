@@ -44,16 +44,17 @@ _FILE: TypeAdapter[Any] = TypeAdapter(_Any)
 def run_file(
     path: str | os.PathLike[str], progress: Progress = unheard, changes: Sequence[str] = ()
 ) -> Document:
-    """Fit and verify as an identification file says; what had to be assumed about a recording is among the
-    document's assumptions.
+    """Fit and verify as described by an identification file.
+
+    Assumptions that had to be made about a recording are among the document's assumptions.
 
     Args:
         path: of the file.
-        progress: called with what is being done and how much of all is done, from 0 to 1.
-        changes: of the file, as `load_yaml` takes them.
+        progress: called with the current activity and the finished fraction, from 0 to 1.
+        changes: of the file, as for `load_yaml`.
 
     Raises:
-        AnalysisError: the file is not as it must be; names the file and the field.
+        AnalysisError: the file is invalid; the message names the file and the field.
         RecordingError, FitError: data are missing or wrong, or cannot be fitted.
 
     Warns:
@@ -71,7 +72,7 @@ def run_file(
 
 
 def run_analysis(analysis: Any, folder: Path, progress: Progress = unheard) -> Document:
-    """As `run_file`, of what an identification file says; other files are relative to the folder."""
+    """Run the content of an identification file, see `run_file`; paths are relative to the folder."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RecordingWarning)
         document = analysis.run(folder, progress)
@@ -82,7 +83,7 @@ def run_analysis(analysis: Any, folder: Path, progress: Progress = unheard) -> D
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of identification files, for editors."""
+    """Return the JSON Schema of identification files, for editors."""
     return _FILE.json_schema()
 
 

@@ -52,16 +52,16 @@ Count = Annotated[int, Field(ge=1)]
 
 
 class GridAxisSpec(AxisSpec):
-    """Of a grid."""
+    """Axis of a grid."""
 
     def values(self, name: str, study: Any) -> list[float]:
-        """In SI, as the measure reads the name; raises QuantityError."""
+        """Return the values in SI, in the unit that the measure gives the name; raises QuantityError."""
         (first, last), _ = study.read(name, [self.start, self.stop])
         return self.between(first, last, f"grid.{name}")
 
 
 class RandomSpec(Strict):
-    """As `Random`."""
+    """Fields of `Random`."""
 
     ranges: dict[str, Part[Range]]
     members: Count
@@ -70,8 +70,11 @@ class RandomSpec(Strict):
 
 
 class DrawsSpec(Strict):
-    """`members` draws of a `fit` (saved by `save_fit`), or all of a table, `file`: CSV with a line of names,
-    or NetCDF (of a posterior's samples)."""
+    """Draws of parameters.
+
+    `members` draws of a `fit` (saved by `save_fit`), or all rows of a table, `file`: CSV with a line of
+    names, or NetCDF (samples of a posterior).
+    """
 
     fit: str | None = None
     file: str | None = None
@@ -79,7 +82,7 @@ class DrawsSpec(Strict):
     seed: Annotated[int, Field(ge=0)] = 0
 
     def part(self, folder: Path, model: Actuator) -> Draws:
-        """The draws; raises InputFileError, QuantityError, FitError."""
+        """Return the draws; raises InputFileError, QuantityError, FitError."""
         if (self.fit is None) == (self.file is None):
             raise InputFileError("draws has either 'fit' or 'file'")
         if self.fit is not None:
@@ -88,7 +91,7 @@ class DrawsSpec(Strict):
 
 
 class SteadySpec(Strict):
-    """As `SteadySteps`."""
+    """Fields of `SteadySteps`."""
 
     kind: Literal["steady"]
     tolerance: float | str = 1e-10
@@ -96,7 +99,7 @@ class SteadySpec(Strict):
 
 
 class WalkSpec(Strict):
-    """As `WalksFromRest`."""
+    """Fields of `WalksFromRest`."""
 
     kind: Literal["walk"]
     duration: Seconds | None = None
@@ -107,7 +110,7 @@ class WalkSpec(Strict):
 
 
 class OwnSpec(Strict):
-    """As `Own`: `function` is FILE.py:NAME, its file relative to the study's."""
+    """Fields of `Own`: `function` is FILE.py:NAME, with the file relative to the study's."""
 
     kind: Literal["own"]
     function: str
@@ -115,8 +118,11 @@ class OwnSpec(Strict):
 
 
 class StudyFile(ModelOrFit):
-    """See the module. `measure` is `steady`, `walk` or `own`; the points are all combinations of `grid`,
-    `random` and `draws`; `summary` is FILE.py:NAME; `keep` and `task` as for `Study`."""
+    """See the module.
+
+    `measure` is `steady`, `walk` or `own`. The points are all combinations of `grid`, `random` and `draws`.
+    `summary` is FILE.py:NAME; `keep` and `task` as for `Study`.
+    """
 
     kind: Literal["study"]
     title: str = ""
@@ -131,7 +137,7 @@ class StudyFile(ModelOrFit):
     task: Count | None = None
 
     def study(self, folder: Path) -> Study:
-        """The study; raises InputFileError, QuantityError, RegistryError, ..."""
+        """Return the study; raises InputFileError, QuantityError, RegistryError, ..."""
         model = self._model(folder)
         measure = self._measure(folder, model)
         points: list[Points] = []
@@ -177,17 +183,17 @@ class StudyFile(ModelOrFit):
 
 
 def study_of_file(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> Study:
-    """The study that a file describes, with changes as `load_yaml` takes them.
+    """Return the study that a file describes, with changes as for `load_yaml`.
 
     Raises:
-        InputFileError: the file is not as it must be; names the file and the field.
+        InputFileError: the file is invalid; the message names the file and the field.
     """
     content = load_yaml(path, changes)
     if "kind" in content and content["kind"] != "study":
         raise InputFileError(f"{path}: kind: a study file has the kind 'study', not {content['kind']!r}")
     try:
         study = StudyFile.model_validate(content).study(Path(path).parent)
-        _ = study.axes  # what is wrong with them is told with the file's name
+        _ = study.axes  # check the axes here, so that an error names the file
         return study
     except ValidationError as error:
         raise explain(path, error, content=content) from error
@@ -198,7 +204,7 @@ def study_of_file(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> 
 
 
 def _table(path: Path) -> dict[str, Any]:
-    """Columns by name."""
+    """Return the columns of a table by name."""
     try:
         if path.suffix == ".nc":
             found = netcdf_columns(path)

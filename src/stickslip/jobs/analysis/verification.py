@@ -1,4 +1,4 @@
-"""Analysis: a fitted actuator against recordings of its walk, and what is required of it."""
+"""Analysis: verification of a fitted actuator on recordings of walks, with requirements."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _EXAMPLES = {"--column": 'end_effector_position="Disp (um)"', "--unit": "drive_v
 
 
 class VerificationAnalysis(Analysis, ModelOrFit):
-    """See the module. `require`: sentences such as "r_squared > 0.99"."""
+    """See the module. `require`: conditions such as "r_squared > 0.99"."""
 
     kind: Literal["verification"] = "verification"
     delay: Seconds = 0.0
@@ -45,7 +45,7 @@ class VerificationAnalysis(Analysis, ModelOrFit):
     require: list[str] = Field(default_factory=list)
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Predict everything."""
+        """Predict all recordings and check the requirements."""
         for text in self.require:
             Requirement.parse(text)
         predictor, chain = self._predictor(folder)
@@ -69,7 +69,7 @@ class VerificationAnalysis(Analysis, ModelOrFit):
     def _document(
         self, found: Verification, predictor: Predictor, parts: Mapping[str, xr.Dataset]
     ) -> Document:
-        """The view of the verification, with what is required of it."""
+        """Return the view of the verification, with its requirements."""
         unmet = found.unmet([Requirement.parse(text) for text in self.require])
         made, count = view(found, self.title), len(self.require)
         origin = origin_of(predictor.model, parts.values())
@@ -103,7 +103,7 @@ class VerificationAnalysis(Analysis, ModelOrFit):
 def _verified(
     predictor: Predictor, chain: Chain, parts: Mapping[str, xr.Dataset], drives: Sequence[Waveform | None]
 ) -> Verification:
-    """As the campaign that found the chain predicts: the same cut, bias, scale and drive at the piezo."""
+    """Predict as the campaign that found the chain: with the same cut, bias, scale and drive at the piezo."""
     found = []
     for (name, part), drive in zip(parts.items(), drives, strict=True):
         if drive is None:
@@ -124,19 +124,19 @@ def verification_analysis(
     units: Sequence[str] = (),
     changes: Sequence[str] = (),
 ) -> tuple[VerificationAnalysis, Path]:
-    """What the command line asks for, and the folder that its files are relative to.
+    """Return the verification that a command line requests, and the folder of its relative paths.
 
     Args:
         path: a verification file, a results.json, or a fit of `save_fit`.
-        recordings: with one of the last two, the files to predict; their drive is the channel drive_voltage.
+        recordings: for the last two, the files to predict; their drive is the channel drive_voltage.
         require: further requirements.
-        columns, units: of these files, "NAME=COLUMN" and "NAME=UNIT"; what they leave out is found as
-            `inspect_file` finds it, and said in the report.
-        changes: of a verification file, as `load_yaml` takes them.
+        columns, units: of these files, "NAME=COLUMN" and "NAME=UNIT"; missing ones are guessed by
+            `inspect_file`,
+            and the report says so.
+        changes: of a verification file, as for `load_yaml`.
 
     Raises:
-        AnalysisError: the file, or a requirement, is not as it must be, or recordings are named twice or not
-            at all.
+        AnalysisError: the file or a requirement is invalid, or recordings are named twice or not at all.
         RecordingError: a recording cannot be read.
     """
     path = Path(path)
@@ -148,7 +148,7 @@ def verification_analysis(
             raise AnalysisError(
                 f"{path}: name the recordings to predict: stickslip verify {path.name} my.csv"
             )
-        # Before columns are asked for, which would not help what holds no model of a walk.
+        # First: a file without a model of a walk needs no columns.
         model_and_chain(path)
         named, said = _pairs("--column", columns), _pairs("--unit", units)
         entries = [_entry(Path(file), named, said) for file in recordings]
@@ -180,7 +180,7 @@ def verification_analysis(
 
 
 def _check_limits(where: str, require: Sequence[str]) -> None:
-    """Before anything is read: raises AnalysisError."""
+    """Raise AnalysisError for a wrong requirement, before anything is read."""
     for text in require:
         try:
             Requirement.parse(text)
@@ -199,10 +199,10 @@ def _pairs(option: str, given: Sequence[str]) -> dict[str, str]:
 
 
 def _entry(file: Path, named: Mapping[str, str], units: Mapping[str, str]) -> tuple[dict[str, Any], str]:
-    """What a verification file would say of a recording, and what had to be guessed, in words.
+    """Return the entry of a recording in a verification file, and a note on what was guessed.
 
     Raises:
-        AnalysisError: a column that is needed is not named and not found; says the option that names it.
+        AnalysisError: a required column is neither named nor found; the message names the option.
         RecordingError: the file cannot be read.
     """
     entry: dict[str, Any] = {"file": os.path.abspath(file)}

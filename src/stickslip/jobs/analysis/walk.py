@@ -1,4 +1,4 @@
-"""Friction (and other) parameters of an actuator from recordings of its walk, verified on others."""
+"""Analysis: parameters of an actuator, friction above all, from recordings of walks, verified on others."""
 
 from __future__ import annotations
 
@@ -38,20 +38,23 @@ DriveSpec = Annotated[
 
 
 class WalkRecording(RecordingFile):
-    """A recording with end_effector_position; the drive is given here, a part or one after the other as in an
-    experiment file, or is its channel drive_voltage."""
+    """A recording with end_effector_position.
+
+    Its drive is given as in an experiment file, as one part or several parts in turn, or is its channel
+    drive_voltage.
+    """
 
     drive: DriveSpec | None = None
 
     def waveform(self, folder: Path) -> Waveform | None:
-        """The drive; raises QuantityError for wrong fields."""
+        """Return the drive; raises QuantityError for wrong fields."""
         if self.drive is None:
             return None
         return drive_of(self.drive if isinstance(self.drive, list) else [self.drive], {}, folder)
 
 
 class WalkFile(Analysis, NamedModel):
-    """Walks of an actuator, and the model that a fit starts at."""
+    """Walks of an actuator, and the model at which a fit starts."""
 
     recordings: list[WalkRecording]
 
@@ -59,11 +62,14 @@ class WalkFile(Analysis, NamedModel):
 class WalkAnalysis(
     WalkFile, arguments_of(identify_friction, "tied", "starts", "hops", "tolerance", noise=float | str)
 ):
-    """See the module; `tied`, `starts`, `hops`, `tolerance` (of the simulations), and `priors` (value and
-    standard deviation) that weigh against `noise`, as for `identify_friction`; what they did is told beside
-    a fit without them; `noise` and `tolerance` in the unit of the position. `by` names an attribute of the
-    recordings (voltage, temperature, ...) for each value of which they are fitted alone too. `judgement` has
-    thresholds of the statements on the fit."""
+    """See the module.
+
+    `tied`, `starts`, `hops`, `tolerance` (of the simulations) and `priors` (mean and standard deviation),
+    which are weighed against `noise`, are as for `identify_friction`; `noise` and `tolerance` are in the unit
+    of the position. The report compares the fit with one without priors. `by` names an attribute of the
+    recordings (voltage, temperature, ...); the recordings of each of its values are also fitted alone.
+    `judgement` has thresholds of the statements on the fit.
+    """
 
     kind: Literal["walk"]
     free: list[str]
@@ -73,7 +79,7 @@ class WalkAnalysis(
     judgement: Part[Judgement] | None = None
 
     def check(self, folder: Path) -> Actuator:
-        """Check what is asked for before a recording is read; returns the model."""
+        """Check the request before a recording is read; returns the model."""
         model = self.load_model(folder)
         asked: dict[str, Any] = {"bounds": self.bounds, "priors": self.priors, "tied": self.tied}
         check_asked(model, self.free, noise=self.noise, **asked)

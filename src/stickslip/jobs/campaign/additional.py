@@ -1,4 +1,4 @@
-"""Additional analyses of a campaign, on request: posterior, profiles, comparison of models."""
+"""Optional analyses of a campaign: posterior, profile likelihood, comparison of models."""
 
 from __future__ import annotations
 
@@ -25,14 +25,17 @@ from .kept import Kept
 
 T = TypeVar("T")
 
-_EVALUATIONS = 250  # of each search for a candidate
-# Over the delay that was found: within it, other laws find theirs.
+_EVALUATIONS = 250  # evaluations of each search for a candidate
+# Upper bound of the delay in fits of other laws, as a multiple of the identified delay.
 _LONGEST_DELAY = 10.0
 
 
 class Additional(NamedTuple):
-    """Each None where the file does not ask for it, or it failed; `profiles` by parameter, 95 % intervals in
-    its unit, of those that did not; `failures` are sentences."""
+    """Results of the optional analyses; each is None if it was not requested or failed.
+
+    `profiles` has 95 % intervals by parameter, in its unit, without those that failed; `failures` are
+    sentences.
+    """
 
     posterior: Posterior | None = None
     profiles: dict[str, tuple[float, float]] | None = None
@@ -41,7 +44,7 @@ class Additional(NamedTuple):
 
 
 class Walked(NamedTuple):
-    """A fit of friction, its recordings with their drives, those that it has not seen, and its stage."""
+    """A friction fit, its recordings with their drives, the unseen recordings, and the stage's fit."""
 
     friction: Fit
     fitted: list[Aligned]
@@ -50,7 +53,7 @@ class Walked(NamedTuple):
 
     @property
     def recordings(self) -> list[xr.Dataset]:
-        """Those of the fit."""
+        """Recordings of the fit."""
         return [one.recording for one in self.fitted]
 
 
@@ -64,9 +67,10 @@ def additional(
     progress: Progress,
     kept: Kept,
 ) -> Additional:
-    """What the file asks for, of a fit of friction; a choice of models too where the law is `lacking`.
+    """Run the analyses that the file requests for a friction fit; compare models also if the law is
+    `lacking`.
 
-    What fails is said in the result: the fit stands without it.
+    A failure is reported in the result; the fit is valid without these analyses.
     """
     of = Walked(
         friction,
@@ -86,8 +90,8 @@ def additional(
             ends = attempted(f"the profile of {name}", of_name, failures)
             if ends is not None:
                 profiles[name] = ends
-    # A model that does not explain its recordings asks for another law, whether or not the file does, unless
-    # it is known what it lacks, or a fault of an instrument would decide.
+    # A model that does not explain its recordings is compared with other laws even if the file does not
+    # request it, unless the cause is already known, or a fault of an instrument would decide.
     known_cause = friction.advice is not None and friction.advice.explains
     known_cause = known_cause or any(one.moves > MOVES for one in friction.disturbances)
     if file.model_choice or (of.unseen and lacking and not known_cause):
@@ -111,10 +115,12 @@ def additional(
 
 
 def attempted(what: str, analysis: Callable[[], T], failures: list[str]) -> T | None:
-    """What an analysis beside the fits finds; None where it fails, which is then among the failures."""
+    """Return the result of an optional analysis; if it fails, add the failure to `failures` and return
+    None.
+    """
     try:
         return analysis()
-    except Exception as error:  # whatever it is, the fits took long and are right without it
+    except Exception as error:  # of any kind: the fits took long and are valid without it
         said = str(error) if isinstance(error, ValueError) else repr(error)
         failures.append(f"{what} failed: {' '.join(said.split())}")
         return None

@@ -1,4 +1,4 @@
-"""The sections of the report on what a campaign does on request: see `additional`."""
+"""Report sections on the optional analyses of a campaign: see `additional`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .stage import unit_of
 
 
 def additional_numbers(found: CampaignResult) -> dict[str, Any]:
-    """For results.json: what was asked for."""
+    """Return the results of the optional analyses for results.json."""
     more, numbers = found.additional, {}
     if more.profiles is not None:
         numbers["profiles"] = {
@@ -34,7 +34,7 @@ def additional_numbers(found: CampaignResult) -> dict[str, Any]:
 
 
 def additional_sections(found: CampaignResult, *, figures: bool) -> list[Section]:
-    """Those that were asked for."""
+    """Return the sections of the requested analyses."""
     more, sections = found.additional, []
     if more.profiles is not None or more.posterior is not None:
         sections.append(_without_linearisation(found, figures))

@@ -1,8 +1,9 @@
-"""Prediction bands: 95 % of what uncertain parameters leave open, for the figures.
+"""Prediction bands for the figures: 95 % intervals that follow from the uncertain parameters.
 
-A prediction depends on what was fitted and, through the stage that the fit took as known, on the steps. Both
-are linearised: with G the derivatives of the position by the fitted coordinates, P those by the stage's
-values and M how the fit moves with them, the covariance is G V Gᵀ + (G M + P) S (G M + P)ᵀ.
+A prediction depends on the fitted parameters and, through the stage that the fit took as known, on the steps.
+Both are linearised. G are the derivatives of the position by the fitted coordinates, P by the stage's values,
+and M is the shift of the fit with the stage's values. With their covariances V and S, the covariance of the
+position is G V Gᵀ + (G M + P) S (G M + P)ᵀ.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def walk_bands(
     slew_rate: float | None,
     stages: Sequence[Actuator] = (),
 ) -> list[Array] | None:
-    """Half widths [n] of the bands of walks, m; None for a law without derivatives."""
+    """Return the half widths [n] of the bands of walks, m; None for a law without derivatives."""
     if not has_slopes(fit.model):
         return None
     known = np.flatnonzero(np.isfinite(np.diag(fit.uncertainty.covariance)))
@@ -63,7 +64,7 @@ def walk_bands(
 
 
 def step_bands(stage: Fit, steps: Sequence[Aligned]) -> list[tuple[NDArray[np.intp], Array]]:
-    """Of each step the samples that were fitted, and the half widths of their bands [m]."""
+    """Return for each step the indices of the fitted samples, and the half widths of their bands [m]."""
     assert stage.jacobian is not None
     free = np.flatnonzero(stage.uncertainty.bounded == 0)
     own = stage.uncertainty.covariance[np.ix_(free, free)]

@@ -1,9 +1,9 @@
-"""Uncertainty budget of the friction parameters: the stage's and the sensor's scale are not exact either.
+"""Uncertainty budget of the friction parameters, with the errors of the stage and of the sensor's scale.
 
-The fit takes the stage's values as they were identified before. What their errors do to it is linearised:
-a change g of what was taken as known moves the estimate by -(JᵀJ + P)⁻¹ Jᵀ G g, with J and G the derivatives
-of the position by what was fitted and by what was taken, and P what priors hold the estimate with. Hysteresis
-and creep have no such derivatives: there G g is what other stages make of the position, each identified
+The fit takes the stage's values as they were identified before. The effect of their errors is linearised: an
+error g of the known values moves the estimate by -(JᵀJ + P)⁻¹ Jᵀ G g. J and G are the derivatives of the
+position by the fitted and by the known values, and P is the information of the priors. Hysteresis and creep
+have no such derivatives. For them G g is the change of the position with other stages, each identified
 without a part of the recordings.
 """
 
@@ -36,7 +36,9 @@ Array = NDArray[np.float64]
 
 
 class ErrorBudget(NamedTuple):
-    """Standard errors of each parameter, by source, and their sum; in the unit of the parameter."""
+    """Standard errors of each parameter by source, their total, and 95 % intervals; in the parameter's
+    unit.
+    """
 
     sources: dict[str, dict[str, float]]
     total: dict[str, float]
@@ -44,10 +46,16 @@ class ErrorBudget(NamedTuple):
 
 
 class Inherited(NamedTuple):
-    """What a fit took as known: how its coordinates move with each of the stage's values and with the log of
-    the sensor's scale, and the covariance of the stage's values [`STAGE_PARAMETERS`], None where they are
-    exact; how they move with each of the `others` [coordinates, stages], None without hysteresis; and with a
-    standard error of the drift that was taken off each walk [coordinates, walks], None without any."""
+    """Effect of the values that a fit took as known.
+
+    Attributes:
+        moved: shift of the fit's coordinates per change of each stage value and of the log of the sensor's
+            scale.
+        stage: covariance of the stage's values [`STAGE_PARAMETERS`]; None if they are exact.
+        others: shift with each of the other stages [coordinates, stages]; None without hysteresis.
+        drift: shift per standard error of the drift subtracted from each walk [coordinates, walks]; None
+            without.
+    """
 
     moved: dict[str, Array]
     stage: Array | None
@@ -55,12 +63,12 @@ class Inherited(NamedTuple):
     drift: Array | None = None
 
     def by_stage(self) -> Array:
-        """How the coordinates move with the stage's values, [coordinates, `STAGE_PARAMETERS`]."""
+        """Return the shift of the coordinates with the stage's values, [coordinates, `STAGE_PARAMETERS`]."""
         return np.column_stack([self.moved[name] for name in STAGE_PARAMETERS])
 
 
 def budget(fit: Fit, taken: Inherited | None, scale: SensorScale | None) -> ErrorBudget:
-    """The error budget of a friction fit, with what it took as known and the scale of a sensor."""
+    """Return the error budget of a friction fit with its known values and a sensor's scale."""
     names = [p.name for p in fit.shown if p.name not in CHANNEL and not p.fixed]
     by_source = {"noise of the recordings": fit.uncertainty.covariance}
     if freed(fit):
@@ -76,7 +84,7 @@ def budget(fit: Fit, taken: Inherited | None, scale: SensorScale | None) -> Erro
         if taken.drift is not None:
             by_source["drift of the sensor"] = taken.drift @ taken.drift.T
         if scale is not None and scale.standard_error > 0:
-            # A position read too large by a share makes the gain too large by the same.
+            # A position read too large by a factor makes the gain too large by the same factor.
             relative = scale.standard_error / scale.value
             by_scale = moved["scale"] - (moved["gain"] * fit.model.gain if taken.stage is not None else 0.0)
             by_source["scale of the sensor"] = relative**2 * np.outer(by_scale, by_scale)
@@ -95,12 +103,12 @@ def budget(fit: Fit, taken: Inherited | None, scale: SensorScale | None) -> Erro
 
 
 def freed(fit: Fit) -> list[int]:
-    """Where the values of the stage stand among those that a fit has found itself."""
+    """Return the indices of stage values among the fitted parameters."""
     return [i for i, p in enumerate(fit.parameters) if p.name in STAGE_PARAMETERS]
 
 
 def _shares(fit: Fit) -> tuple[Array, Array]:
-    """The covariance of a fit if the stage that it found were exact, and what that is not adds."""
+    """Split the covariance of a fit: with an exact stage, and the contribution of the fitted stage."""
     whole, at = fit.uncertainty.covariance, freed(fit)
     deviations = np.sqrt(np.diag(whole)[at])
     by = whole[:, at] / deviations
@@ -117,8 +125,10 @@ def inherited(
     slew_rate: float | None,
     stages: Sequence[Actuator] = (),
 ) -> Inherited | None:
-    """Of a friction fit to `fitted` with the stage of `stage`, and `stages` that might be it as well; None
-    for a law without derivatives."""
+    """Return the effect of the known stage on a friction fit; None for a law without derivatives.
+
+    `stages` are alternatives of the stage that its recordings allow as well.
+    """
     if fit.model is None or not has_slopes(fit.model):
         return None
     columns, names = [], [*(p.name for p in fit.parameters), *STAGE_PARAMETERS]
@@ -128,7 +138,7 @@ def inherited(
     stacked = {name: np.concatenate([c[name] for c in columns]) for name in columns[0]}
     jacobian = by_coordinates(stacked, fit)
     held = np.zeros((0, jacobian.shape[1]))
-    if stage is not None and freed(fit):  # what is known of it holds it, as it did in the fit
+    if stage is not None and freed(fit):  # the steps' information on the stage, as in the fit
         held = np.zeros((len(freed(fit)), jacobian.shape[1]))
         own = [[p.name for p in stage.parameters].index(fit.parameters[i].name) for i in freed(fit)]
         known = stage.uncertainty.covariance[np.ix_(own, own)]
@@ -138,7 +148,7 @@ def inherited(
     size = np.linalg.norm(jacobian, axis=0)
 
     def answer(columns: Array) -> Array:
-        """By how much the coordinates move with each of the columns [samples, k]."""
+        """Return the shift of the coordinates with each of the columns [samples, k]."""
         columns = np.concatenate([columns, np.zeros((len(held), columns.shape[1]))])
         return -np.linalg.lstsq(jacobian / size, columns, rcond=None)[0] / size[:, None]
 

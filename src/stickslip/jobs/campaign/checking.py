@@ -19,15 +19,14 @@ def check_campaign(file: CampaignFile, folder: Path, cells: Sequence[str]) -> Ac
     """Check model, parameters, requirements, laws and names; returns the model at which the fit starts.
 
     Args:
-        file: as read.
-        folder: where its paths begin.
+        file: the campaign.
+        folder: folder of its relative paths.
         cells: names of the recordings of the experiment.
 
     Raises:
-        QuantityError: a parameter cannot be free, its bounds or its prior are wrong; or a requirement or a
-            law is.
-        InputFileError: no recording fits a pattern, or there is none of a name that `published` has.
-        ParameterSetError: there is no such model.
+        QuantityError: a parameter cannot be free; or a bound, a prior, a requirement or a law is wrong.
+        InputFileError: no recording matches a pattern, or `published` names an unknown recording.
+        ParameterSetError: the model does not exist.
     """
     model = file.load_model(folder)
     for text in file.require:

@@ -40,7 +40,7 @@ _ROLE = {"piezo": "hysteresis and creep", "step": "stage", "fit": "friction, fit
 def campaign_document(
     file: CampaignFile, found: CampaignResult, recorded: Sequence[Recorded], *, figures: bool = True
 ) -> Document:
-    """What was done, what came out, and how sure it is."""
+    """Report a campaign: the procedure, the results, and their uncertainty."""
     friction, seen = found.friction, found.verification
     both = intervals_with_systematics(friction, intervals=found.budget.intervals)
     numbers: dict[str, Any] = {
@@ -234,7 +234,7 @@ Bands = Mapping[str, Any]
 
 
 def _bands(file: CampaignFile, found: CampaignResult) -> Bands:
-    """The half widths of each walk's bands [m]; empty for a law without derivatives."""
+    """Return the half widths of each walk's bands [m]; empty for a law without derivatives."""
     stages = () if found.hysteresis is None else found.hysteresis.stages
     bands = walk_bands(found.friction, found.inherited, found.walks, file.known_slew_rate, stages)
     names = [one.name for one in found.walks]
@@ -356,7 +356,7 @@ def _walks_picture(
     *,
     whole: bool = False,
 ) -> Picture:
-    """Of the forward walk only, unless `whole`."""
+    """Plot walks and residuals; only their forward part unless `whole`."""
     traces = {}
     for one in shown:
         p = found.verification.predictions[[w.name for w in found.walks].index(one.name)]

@@ -1,4 +1,4 @@
-"""From gathered recordings to what a campaign found: scale, stage, friction, prediction."""
+"""Evaluation of a campaign's recordings: scale, stage, friction, prediction."""
 
 from __future__ import annotations
 
@@ -43,22 +43,32 @@ from .hysteresis import Hysteresis, hysteresis_of
 from .kept import Kept
 
 WALKS = ("fit", "verify")
-# Of the steps' formulas with other noise.
+# Repetitions of the steps' formulas with other noise.
 _REPETITIONS = 50
 
 
 class CampaignResult(NamedTuple):
-    """What a campaign found.
+    """Results of a campaign.
 
-    `gathered` are the recordings in the scale of the reference, walks less their drift; `scale` is None
-    without a reference, `stage` and `formulas` (how far the thesis's formulas are off, see
-    `step_formula_errors`) without steps;
-    `hysteresis` is that of the stage, None without recordings of it; `start` is the actuator that the fit of
-    the friction began with; `inherited` is what that fit takes over from stage and scale, None without both
-    or for a law without derivatives; `walks` are the recordings of `verification`, in its order, and
-    `features` what they show without a model; `chain` is what the prediction takes between the model and the
-    channel; `everything` are the fits to all walks, which say whether one set of values explains them;
-    `additional` is what was done on request; `priors`, what each did to the fit of the friction.
+    Attributes:
+        gathered: recordings in the scale of the reference, walks without their drift.
+        scale: of the sensor; None without a reference.
+        stage: fit of the steps; None without steps.
+        formulas: errors of the thesis's formulas, see `step_formula_errors`; None without steps.
+        hysteresis: of the stage; None without recordings of it.
+        start: actuator at which the friction fit starts.
+        friction: fit of the friction.
+        inherited: what that fit takes over from stage and scale; None without both, or for a law without
+            derivatives.
+        budget: of the errors.
+        walks: recordings of `verification`, in its order.
+        features: of the walks, found without a model.
+        chain: from the model's position to the channel.
+        verification: of the walks.
+        everything: fits to all walks; they show whether one set of values explains all of them.
+        failures: as sentences.
+        additional: results of the optional analyses.
+        priors: effect of each on the friction fit.
     """
 
     gathered: list[Aligned]
@@ -81,7 +91,7 @@ class CampaignResult(NamedTuple):
 
     @property
     def widened_stage(self) -> Fit | None:
-        """The fit of the steps with the errors of hysteresis and creep in its intervals."""
+        """The fit of the steps, its intervals with the errors of hysteresis and creep."""
         if self.stage is None or self.hysteresis is None:
             return self.stage
         return self.hysteresis.widened(self.stage)
@@ -96,12 +106,14 @@ def evaluate(
     folder: Path = Path(),
     kept: Kept = Kept(),  # noqa: B008  # never changed
 ) -> CampaignResult:
-    """Fit and verify; `model` is where the fits start, `folder` where the file is, `kept` the stages of an
-    earlier run.
+    """Fit and verify.
+
+    `model` is where the fits start, `folder` the folder of the file, `kept` the finished stages of an earlier
+    run.
 
     Raises:
-        RecordingError: a recording is not what it must be.
-        FitError, QuantityError: a fit has nothing to begin with, or the file names what does not exist.
+        RecordingError: a recording is not suitable.
+        FitError, QuantityError: a fit has no valid start, or the file names something that does not exist.
     """
     requirements = [Requirement.parse(text) for text in file.require]
     recordings = list(gathered)
@@ -181,7 +193,7 @@ def evaluate(
 
 
 def moved(one: Aligned) -> PositionUnderDrive:
-    """The recording as the screen takes it."""
+    """Return the recording in the form of the plausibility checks of walks."""
     position, name = one.recording[POSITION], one.name
     unit = str(position.attrs.get("units", "") or "m")
     drive = driven(one.recording, one.wanted, name)
@@ -194,7 +206,7 @@ def _refuse_inverted(recordings: Sequence[Aligned], model: Actuator) -> None:
 
 
 class _Stage(NamedTuple):
-    """See `CampaignResult`; `model` is the actuator with what was identified."""
+    """See `CampaignResult`; `model` is the actuator with the identified values."""
 
     hysteresis: Hysteresis | None
     fit: Fit | None
@@ -205,7 +217,7 @@ class _Stage(NamedTuple):
 def _stage(
     file: CampaignFile, recordings: Sequence[Aligned], model: Actuator, progress: Progress, kept: Kept
 ) -> _Stage:
-    """Hysteresis and creep, then the mode, as far as there are recordings for them."""
+    """Identify hysteresis and creep, then the mode, as far as recordings for them exist."""
     hysteresis = None
     if any(one.use == "piezo" for one in recordings):
         progress("identifying hysteresis and creep", 0.0)
@@ -229,7 +241,7 @@ def _stage(
 def _influence(
     file: CampaignFile, fitted: Sequence[Aligned], model: Actuator, stage: Fit | None, friction: Fit
 ) -> tuple[PriorInfluence, ...]:
-    """What the priors did, beside a fit without them."""
+    """Return the effect of the priors, compared with a fit without them."""
     if not file.priors:
         return ()
     alone = _friction(file.model_copy(update={"priors": {}}), fitted, model, stage, diagnose=False)
@@ -281,7 +293,7 @@ def _in_the_minimum_of_all(
     stage: Fit | None,
     kept: Kept,
 ) -> Fit:
-    """The fit to some walks, searched again from the values of all walks where these contradict it."""
+    """Return the fit to some walks; if all walks contradict it, search again from their values."""
     if not contradicted(alone, everything):
         return alone
     near = file.model_copy(update={"hops": 0})
@@ -290,7 +302,7 @@ def _in_the_minimum_of_all(
 
 
 def _advised(file: CampaignFile, found: Explained, walks: Sequence[Aligned]) -> Fit:
-    """The fit to all walks with advice on what its model lacks."""
+    """Return the fit to all walks with advice on what its model lacks."""
     return diagnosed_together(
         found,
         [one.recording for one in walks],

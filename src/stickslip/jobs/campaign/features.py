@@ -1,4 +1,4 @@
-"""Sizes of the walks that need no model: a section of the report, and its numbers."""
+"""Features of the walks without a model: a section of the report, and its numbers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _UNITS = dict(zip(_WHOLE, ("s", "", "m", "Hz", "1/s"), strict=True))
 
 
 def features_of(walks: Sequence[Aligned]) -> dict[str, xr.Dataset | str]:
-    """The features of each walk; where there are none to be found, why."""
+    """Return the features of each walk, or why it has no features."""
     found: dict[str, xr.Dataset | str] = {}
     for one in walks:
         try:
@@ -32,7 +32,7 @@ def features_of(walks: Sequence[Aligned]) -> dict[str, xr.Dataset | str]:
 
 
 def feature_numbers(features: Mapping[str, xr.Dataset | str]) -> dict[str, Any]:
-    """For results.json: by walk, then by direction."""
+    """Return the features for results.json: by walk, then by direction."""
     numbers: dict[str, Any] = {}
     for name, of in features.items():
         if isinstance(of, str):
@@ -48,7 +48,7 @@ def feature_numbers(features: Mapping[str, xr.Dataset | str]) -> dict[str, Any]:
 
 
 def features_section(features: Mapping[str, xr.Dataset | str]) -> Section:
-    """Tables of the steps, and of what follows the slips."""
+    """Return tables of the steps, and of the vibration after the slips."""
     steps, after, missing = [], [], []
     for name, of in features.items():
         if isinstance(of, str):
@@ -120,7 +120,7 @@ def features_section(features: Mapping[str, xr.Dataset | str]) -> Section:
 
 
 def _step_of_peaks(walk: xr.Dataset) -> Number:
-    """The mean step of one walk with its error and interval, where it has more than one step."""
+    """Return the mean step of one walk; with error and interval if it has more than one step."""
     net, error = float(walk["net_step"]), float(walk["net_step_error"])
     if not math.isfinite(error):
         return Number(net, "m", standard_error=error)

@@ -20,35 +20,35 @@ from ..analysis.file import Pairs, RecordingFile
 from ..analysis.loops import LawChoice
 from ..analysis.model import NamedModel
 
-# `piezo` (slow, to and fro) and `step`: the end-effector fixed to the stage; `fit` and `verify`: it walks.
+# `piezo` (slow, to and fro) and `step`: end-effector fixed to the stage; `fit` and `verify`: it walks.
 Use = Literal["piezo", "step", "fit", "verify"]
 
 
 class CellsSpec(Strict):
-    """Recordings of the experiment whose names fit a pattern ("step_*") and no pattern before it."""
+    """Recordings of the experiment whose names match a pattern ("step_*") and no pattern before it."""
 
     cells: str
     use: Use
 
 
 class OwnRecordingSpec(RecordingFile):
-    """A recording in a file of one's own, and the drive as in an experiment file.
+    """A recording in a user's file, and the drive as in an experiment file.
 
-    Its channel drive_voltage shows when the drive begins; without a `waveform` the drive is the one that the
-    recording names or that channel shows, see `taken_drive`.
+    Its channel drive_voltage shows the start of the drive. Without a `waveform` the drive is taken from the
+    recording's attributes or from that channel, see `taken_drive`.
     """
 
     use: Use = "fit"  # type: ignore[assignment]
     waveform: list[PartSpec] = Field(default_factory=list)
 
 
-# No keys of the file: an error tells its place by these.
+# Tags only, not keys of the file; an error message shows them.
 _CELLS, _OWN = "of an experiment", "of a file"
 
 
 def _kind(one: Any) -> str:
-    """Which of both a recording is: an error is then said of that one alone."""
-    if isinstance(one, dict):  # with a mistyped key it is one of them nevertheless
+    """Return the kind of a recording entry, so that errors are reported for this kind only."""
+    if isinstance(one, dict):  # also with a mistyped key
         return _CELLS if "file" not in one and any(did_you_mean(str(key), ["cells"]) for key in one) else _OWN
     return _CELLS if isinstance(one, CellsSpec) else _OWN
 
@@ -61,17 +61,19 @@ RecordingSpec = Annotated[
 class CampaignFile(NamedModel, arguments_of(identify_friction, "tied", "hops", noise=float | str)):
     """A whole campaign file.
 
-    `experiment` is an experiment file that is recorded first. `model` is a parameter set or a file, whose
-    fields `change` and `friction` change; the fit of the parameters `free` starts there, with `bounds`,
-    `hops` and `tied` as for `identify_friction`, and `priors` (value and standard deviation, of a contact),
-    which weigh against `noise`, that of the position; what they did is told beside a fit without. `reference`
-    is a channel that shows the clamped position too, and better: on the steps the position is scaled to it,
-    the time `settling` after them left out; hysteresis and creep are taken from it, where there are
-    recordings for them (use: piezo). `filter` and `slew_rate` are those of the position channel and of the
-    amplifier, where they are known. `published` are r² that others found, by recording (and of all steps,
-    "step"). What takes longer is done on request: `posterior` (at most `posterior_simulations`), `profiles`
-    of the likelihood, `model_choice` among all models of a walk, or those that it names, laws of one's own
-    among them.
+    Fields beyond those of the model and of `identify_friction`:
+
+    - `experiment`: an experiment file that is recorded first.
+    - `free`, `bounds`, `priors`: free parameters of the fit, with bounds, and the mean and standard deviation
+      of priors on the contact. Priors are weighed against `noise`, the standard deviation of the position.
+      The report compares the fit with one without priors.
+    - `reference`: a more accurate channel for the clamped position. The position is scaled to it on the
+      steps, without the time `settling` after each step. Hysteresis and creep are identified from it, if
+      there are recordings for them (use: piezo).
+    - `filter`, `slew_rate`: of the position channel and of the amplifier, if known.
+    - `published`: r² of other authors, by recording (and of all steps, "step").
+    - `posterior` (at most `posterior_simulations`), `profiles` of the likelihood, `model_choice` (all models
+      of a walk, or a list of names and of the user's own laws): optional, because they take long.
     """
 
     title: str
@@ -103,15 +105,15 @@ class CampaignFile(NamedModel, arguments_of(identify_friction, "tied", "hops", n
 
     @property
     def known_slew_rate(self) -> float | None:
-        """V/s, of the amplifier; None where it is not known."""
+        """Slew rate of the amplifier, V/s; None if unknown."""
         return self.slew_rate if math.isfinite(self.slew_rate) else None
 
 
 def read_campaign(path: Path, changes: Sequence[str] = ()) -> CampaignFile:
-    """The content of a campaign file, with changes as `load_yaml` takes them.
+    """Return the content of a campaign file, with changes as for `load_yaml`.
 
     Raises:
-        InputFileError: it is not as it must be; names the file and the field.
+        InputFileError: the file is invalid; the message names the file and the field.
     """
     content = load_yaml(path, changes)
     try:
@@ -126,5 +128,5 @@ def read_campaign(path: Path, changes: Sequence[str] = ()) -> CampaignFile:
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of campaign files, for editors."""
+    """Return the JSON Schema of campaign files, for editors."""
     return CampaignFile.model_json_schema()

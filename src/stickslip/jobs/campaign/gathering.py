@@ -1,4 +1,4 @@
-"""The recordings of a campaign, ready to be fitted: cut, without bias, in the scale of the reference."""
+"""Recordings of a campaign, prepared for the fits: cut, without bias, in the scale of the reference."""
 
 from __future__ import annotations
 
@@ -24,12 +24,14 @@ from ...waveform.signal import Waveform
 from ..analysis.alignment import POSITION, Aligned, aligned, aligned_by_itself, with_position
 from .file import CampaignFile, OwnRecordingSpec
 
-# s, beside a step: the mean over so much of rest is a level.
+# s before a step and after its settling over which a level is averaged.
 LEVEL = 0.05
 
 
 class SensorScale(NamedTuple):
-    """The position channel over the reference on clamped steps: mean ratio, its standard error, and each."""
+    """Ratio of the position channel to the reference on clamped steps: mean, standard error, single
+    ratios.
+    """
 
     value: float
     standard_error: float
@@ -43,19 +45,19 @@ def gather(
     progress: Progress,
     experiment: tuple[ExperimentFile, Path] | None = None,
 ) -> tuple[list[Aligned], list[Recorded]]:
-    """All recordings; what is wrong with a user's own is told before those of the experiment are recorded.
+    """Return all recordings. A user's own files are checked before the experiment is recorded.
 
-    Those go into ``out/recordings`` unless they are there.
+    The experiment's recordings go into ``out/recordings``; existing ones are used again.
 
     Args:
-        file, folder: of a campaign that `check_campaign` has passed.
-        out: the folder.
-        progress: called with what is recorded.
-        experiment: whose cells are meant, and the folder of its paths.
+        file, folder: of a campaign that passed `check_campaign`.
+        out: the output folder.
+        progress: called with the current recording.
+        experiment: the experiment of the `cells`, and the folder of its paths.
 
     Raises:
         InputFileError: a recording's drive is wrong.
-        RecordingError: a file cannot be read, or is not what it must be.
+        RecordingError: a file cannot be read, or is not suitable.
     """
     found = {
         i: _own(spec, file, folder)
@@ -84,14 +86,14 @@ def gather(
 
 
 def _own(spec: OwnRecordingSpec, file: CampaignFile, folder: Path) -> Aligned:
-    """A recording of the user's own."""
+    """Read and align a user's recording."""
     whole = spec.cut(spec.read(folder))
     try:
         drive = drive_of(spec.waveform, {}, folder) if spec.waveform else None
     except QuantityError as error:
         raise InputFileError(f"recordings: {spec.label}: {error}") from error
     try:
-        if drive is None and spec.use != "piezo":  # of those every sample of the drive counts
+        if drive is None and spec.use != "piezo":  # for piezo recordings every sample of the drive counts
             one = aligned_by_itself(whole, spec.label, file.slew_rate)
         else:
             one = aligned(whole, drive, spec.label, file.slew_rate)
@@ -103,15 +105,15 @@ def _own(spec: OwnRecordingSpec, file: CampaignFile, folder: Path) -> Aligned:
 
 
 def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> SensorScale:
-    """How the position channel stands to a reference: their changes over each clamped step.
+    """Return the ratio of the position channel to a reference, from their changes over each clamped step.
 
     Args:
-        steps: of the clamped end-effector.
+        steps: with the end-effector clamped.
         reference: a channel in the unit of the position.
-        settling: s after the step, left out.
+        settling: s left out after the step.
 
     Raises:
-        RecordingError: there is no step, or no such channel, or a level lasts too short.
+        RecordingError: no step, no such channel, or a level that is too short.
     """
     if not steps:
         raise RecordingError(f"the scale of {POSITION} is taken from clamped steps, and there is none")
@@ -136,7 +138,7 @@ def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> Senso
 def scaled(one: Aligned, scale: float, share: float = 0.0) -> Aligned:
     """Return the recording with its position divided by the scale.
 
-    What is known of the position's scale is then `share`, that of the reference; 0 where nothing is.
+    `share` is the reference's relative scale uncertainty, which the position takes over; 0 if unknown.
     """
     recording = with_position(one.recording, one.recording[POSITION].values / scale)
     attrs = {k: v for k, v in recording[POSITION].attrs.items() if k != SCALE_UNCERTAINTY}

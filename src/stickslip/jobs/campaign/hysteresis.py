@@ -1,5 +1,8 @@
-"""Hysteresis and creep of a campaign's stage: identified first, and their errors handed on as stages that
-recordings without a part of each would have given."""
+"""Hysteresis and creep of a campaign's stage.
+
+They are identified first. Their errors are represented by alternative stages, each identified without a part
+of the recordings.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +23,7 @@ from .file import CampaignFile
 
 
 class Hysteresis(NamedTuple):
-    """The fit, that of a straight line to the same recordings, and the stages (each an actuator) that those
-    without a part of them give."""
+    """The fit, a straight-line fit to the same recordings, and the alternative stages (actuators)."""
 
     fit: Fit
     straight: Fit
@@ -29,17 +31,17 @@ class Hysteresis(NamedTuple):
 
     @property
     def straight_leaves(self) -> float:
-        """What the straight line leaves, over what the fit does."""
+        """Rms residual of the straight line over that of the hysteresis fit."""
         return self.straight.rmse / self.fit.rmse
 
     @property
     def needed(self) -> bool:
-        """Whether a stage without hysteresis does not explain the recordings."""
+        """True if a stage without hysteresis does not explain the recordings."""
         return self.straight_leaves >= self.fit.judgement.lack_ratio
 
     @property
     def sentence(self) -> str:
-        """On the straight line."""
+        """Statement on the straight line."""
         does = "does not explain" if self.needed else "explains"
         return (
             f"a stage without hysteresis and creep {does} these recordings: it leaves "
@@ -47,11 +49,11 @@ class Hysteresis(NamedTuple):
         )
 
     def refitted(self, stage_of: Callable[[Actuator], Fit]) -> Hysteresis:
-        """With the mode and gain that steps give each of the stages."""
+        """Return the alternative stages with the mode and gain that the steps give for each."""
         return self._replace(stages=tuple(stage_of(one).model for one in self.stages))
 
     def widened(self, stage: Fit) -> Fit:
-        """The fit of steps with what the errors of hysteresis and creep do to it."""
+        """Return the fit of the steps with the errors of hysteresis and creep added to its covariance."""
         at = [i for i, p in enumerate(stage.parameters) if p.name in STAGE_PARAMETERS]
         kept = [stage.parameters[i] for i in at]
         moved = [np.array([p.coordinate(getattr(one, p.name)) for p in kept]) for one in self.stages]
@@ -61,13 +63,13 @@ class Hysteresis(NamedTuple):
 
 
 def hysteresis_of(file: CampaignFile, recordings: Sequence[Aligned], model: Actuator) -> Hysteresis:
-    """Return what the recordings with `use: piezo` show, of which there is at least one."""
+    """Identify hysteresis from the recordings with `use: piezo`; at least one is needed."""
     shown = [one for one in recordings if one.use == "piezo"]
     return hysteresis_in([one.recording for one in shown], model, file.reference or POSITION)
 
 
 def hysteresis_in(data: Sequence[xr.Dataset], model: Actuator, observed: str) -> Hysteresis:
-    """Of recordings of the clamped end-effector, driven slowly to and fro, in the channel `observed`."""
+    """Identify hysteresis from slow to-and-fro recordings of the clamped end-effector, channel `observed`."""
     fit = identify_piezo(data, model, observed=observed)
     plain: dict[str, Any] = {"operators": 1, "asymmetric": False, "creep": False}
     plain |= {"delay": fit.values["delay"], "lag": fit.values["lag"]}

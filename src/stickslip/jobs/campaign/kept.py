@@ -1,7 +1,7 @@
-"""Finished stages of a campaign in files, with which the same command continues after an interruption.
+"""Finished stages of a campaign in files: the same command continues an interrupted campaign.
 
-A stage is found again by a hash of all that it is computed from: recordings, model, settings and the program
-itself. Whatever changes, the stages that depend on it are computed again. A stage is JSON of records (see
+A stage is identified by a hash of everything that it depends on: recordings, model, settings and the program
+itself. After any change, the dependent stages are computed again. A stage is JSON of records (see
 `estimate.saved`): reading it runs no code.
 """
 
@@ -33,9 +33,9 @@ from .file import CampaignFile
 from .hysteresis import Hysteresis
 
 FOLDER = "stages"
-# What no fit depends on; recordings count by what is in them.
+# Fields that no fit depends on; of recordings, only the content counts.
 _OF_THE_REPORT = {"title", "notes", "experiment", "recordings", "published", "require"}
-# What is computed beside the fits: each has a stage of its own, with its own settings.
+# Fields of optional analyses, whose stages have settings of their own.
 _BESIDE = {"posterior", "posterior_simulations", "profiles", "model_choice"}
 
 _TYPES = (Comparison, Explained, Hysteresis, Lack, Posterior, PriorInfluence)
@@ -44,7 +44,7 @@ T = TypeVar("T")
 
 
 class Kept(NamedTuple):
-    """The stages in a folder that were computed from what `key` is the hash of; None: none are kept.
+    """The stages in a folder whose inputs have the hash `key`; no stage is kept without a folder.
 
     `types` are those of a user's own laws, by name.
     """
@@ -62,14 +62,14 @@ class Kept(NamedTuple):
         folder: Path,
         laws: Sequence[type],
     ) -> Kept:
-        """The stages of a campaign, in a folder that is made with the first of them.
+        """Return the stages of a campaign; the folder is created with the first stage.
 
         Args:
             file: the settings.
             model: where the fits start.
             gathered: the recordings.
-            folder: where the stages are.
-            laws: those that are fitted.
+            folder: of the stages.
+            laws: the fitted laws.
         """
         found = hashlib.sha256(_program().encode())
         found.update(file.model_dump_json(exclude=_OF_THE_REPORT | _BESIDE).encode())
@@ -82,11 +82,11 @@ class Kept(NamedTuple):
         return cls(folder, found.hexdigest(), {law.__name__: law for law in laws})
 
     def stage(self, name: str, compute: Callable[[], T], settings: object = None) -> T:
-        """Return what a stage found before, else compute and keep it.
+        """Return the stored result of a stage, or compute and store it.
 
         Args:
             name: of the stage.
-            compute: what finds it.
+            compute: returns the result.
             settings: of this stage alone.
         """
         if self.folder is None:
@@ -99,7 +99,7 @@ class Kept(NamedTuple):
         made = compute()
         try:
             text = json.dumps({"key": whole, "stage": packed(made)})
-        except TypeError:  # a part of it is no record: what needs it computes it again
+        except TypeError:  # not a record: it is computed again when needed
             return made
         self.folder.mkdir(parents=True, exist_ok=True)
         with replaced_whole(path) as temporary:
@@ -107,7 +107,7 @@ class Kept(NamedTuple):
         return made
 
     def _read(self, path: Path, key: str) -> tuple[Any] | None:
-        """Read a stage; None where there is none, or its file is damaged: then it is computed again."""
+        """Read a stage; None if it does not exist or its file is damaged: then it is computed again."""
         types = {one.__name__: one for one in _TYPES}
         try:
             with damaged(GateError, str(path)):
@@ -120,13 +120,13 @@ class Kept(NamedTuple):
 
 
 def own_laws(file: CampaignFile, folder: Path) -> list[type]:
-    """Return the laws of the user's own that a campaign compares."""
+    """Return the user's own laws that a campaign compares."""
     choice = [] if isinstance(file.model_choice, bool) else file.model_choice
     return [type(one.candidate(folder).model) for one in choice if not isinstance(one, str)]
 
 
 def _program() -> str:
-    """A hash of the package's source."""
+    """Return a hash of the package's source."""
     found = hashlib.sha256()
     root = Path(__file__).parents[2]
     for path in sorted(root.rglob("*.py")):
@@ -135,7 +135,7 @@ def _program() -> str:
 
 
 def _source(law: type) -> bytes:
-    """The file that a law is in."""
+    """Return the content of the file that defines a law."""
     try:
         return Path(inspect.getfile(law)).read_bytes()
     except (OSError, TypeError):
@@ -143,7 +143,7 @@ def _source(law: type) -> bytes:
 
 
 def _parts(one: Aligned) -> Iterable[bytes]:
-    """All of a recording that a fit depends on."""
+    """Yield everything in a recording that a fit depends on."""
     yield repr((one.name, one.use, one.begin, one.noise, one.forward)).encode()
     for name in sorted(map(str, one.recording.variables)):
         values = one.recording[name]

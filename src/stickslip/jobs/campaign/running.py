@@ -31,18 +31,18 @@ def run_campaign(
     figures: bool = True,
     changes: Sequence[str] = (),
 ) -> Document:
-    """Record (where the file says so), identify, verify.
+    """Record (if the file names an experiment), identify and verify.
 
     Args:
         path: a campaign file.
-        out: the folder whose `recordings` take those of the experiment; those that are there are kept. Its
-            `stages` take what is finished, with which an interrupted campaign continues.
-        progress: called with what is being done and how much of all is done, from 0 to 1.
+        out: the output folder. Recordings of the experiment go into its subfolder `recordings`; existing ones
+            are used again. Finished stages go into `stages`, from which an interrupted campaign continues.
+        progress: called with the current activity and the finished fraction, from 0 to 1.
         figures: draw them.
-        changes: of the file, as `load_yaml` takes them.
+        changes: of the file, as for `load_yaml`.
 
     Raises:
-        InputFileError: the file is not as it must be; names the file and the field.
+        InputFileError: the file is invalid; the message names the file and the field.
         RecordingError, FitError: a recording is missing or wrong, or cannot be fitted.
     """
     path = Path(path)
@@ -61,11 +61,11 @@ def campaign_of(
     *,
     figures: bool = True,
 ) -> Document:
-    """As `run_campaign`, of what a file says; its paths begin at the folder.
+    """Run the content of a campaign file, see `run_campaign`; paths are relative to the folder.
 
     Args:
         file, folder, out, progress, figures: see `run_campaign`.
-        experiment: whose cells are meant where the file names none, and the folder of its paths.
+        experiment: the experiment of the `cells` if the file names none, and the folder of its paths.
     """
     if file.experiment is not None:
         path = folder / file.experiment

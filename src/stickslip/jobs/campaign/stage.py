@@ -1,4 +1,4 @@
-"""The section of the report on the stage, as the steps show it."""
+"""Report section on the stage, as identified from steps."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from .evaluation import CampaignResult
 from .file import CampaignFile
 from .gathering import POSITION
 
-# What is shown before the step, of what was fitted after it: the scale of time is the stage's.
+# Time shown before the step, as a fraction of the fitted time after it, which scales with the stage.
 _BEFORE = 0.225
 
 
 def unit_of(fit: Fit, name: str) -> str:
-    """Unit of a parameter."""
+    """Return the unit of a parameter."""
     return next(p.unit for p in fit.shown if p.name == name)
 
 
 def stage_section(file: CampaignFile, found: CampaignResult, figures: bool) -> Section:
-    """The fit, and what the classical formulas make of the same steps."""
+    """Return the fit of the steps, and the values by the classical formulas."""
     stage = found.stage
     assert stage is not None
     assert stage.predict is not None
@@ -67,7 +67,7 @@ def stage_section(file: CampaignFile, found: CampaignResult, figures: bool) -> S
 
 
 def _formulas(found: CampaignResult, stage: Fit) -> Table:
-    """The classical formulas (peak time, overshoot) beside the fit."""
+    """Return a table that compares the classical formulas (peak time, overshoot) with the fit."""
     known = found.formulas
     assert known is not None
     rows = []

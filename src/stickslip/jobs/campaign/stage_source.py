@@ -1,4 +1,4 @@
-"""The origin of a campaign's stage in words: steps, the fit of the friction, or taken as known."""
+"""Origin of a campaign's stage in words: from steps, from the friction fit, or taken as known."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from .budget import freed
 from .evaluation import CampaignResult
 from .file import CampaignFile
 
-# What a budget calls the errors of the stage, and what they are of where the friction's fit has found it.
+# Names of the stage's errors in a budget: identified from steps, or by the friction fit.
 FROM_STEPS, FITTED_TOO = "stage from the steps", "stage, fitted too"
 
 
 def stage_words(file: CampaignFile, found: CampaignResult) -> str:
-    """Which of the stage's values are of the steps, of the fit, or taken as known, and whether their errors
-    are part of the intervals."""
+    """Return the origin of the stage's values, and whether their errors are part of the intervals."""
     own = _asked_for(file)
     rest = [name for name in STAGE_PARAMETERS if name not in own]
     said = [f"Of the stage, {_listed(own)} {_is(own)} fitted too."] if own else []
@@ -30,7 +29,7 @@ def stage_words(file: CampaignFile, found: CampaignResult) -> str:
 
 
 def _without_steps(found: CampaignResult, rest: list[str], what: str) -> list[str]:
-    """Of what neither steps nor the fit have found."""
+    """Describe the values that neither steps nor the fit have identified."""
     said = []
     if found.hysteresis is not None and "gain" in rest:
         rest, what = [name for name in rest if name != "gain"], "What is left of it"
@@ -47,13 +46,13 @@ def _without_steps(found: CampaignResult, rest: list[str], what: str) -> list[st
 
 
 def stage_heading(file: CampaignFile, found: CampaignResult, source: str) -> str:
-    """A source of errors as the table calls it."""
+    """Return the heading of a source of errors in the table."""
     is_own = source == FROM_STEPS and freed(found.friction) and not _held_by_steps(file, found)
     return FITTED_TOO if is_own else source
 
 
 def band_words(file: CampaignFile, found: CampaignResult, *, drawn: bool) -> str:
-    """Whose errors the bands of a figure are of; `drawn`: there is more to them than the fit's noise."""
+    """Return the errors that the bands of a figure contain; `drawn`: more than the fit's noise."""
     if not drawn:
         return "the fit's noise alone; this law has no derivatives, which the errors of parameters need"
     rest = [name for name in STAGE_PARAMETERS if name not in _asked_for(file)]
@@ -63,12 +62,12 @@ def band_words(file: CampaignFile, found: CampaignResult, *, drawn: bool) -> str
 
 
 def _asked_for(file: CampaignFile) -> list[str]:
-    """The stage's values that the file itself lets the friction's fit find."""
+    """Return the stage's values that the file makes free in the friction fit."""
     return [name for name in STAGE_PARAMETERS if name in (*file.free, *(file.tied or ()))]
 
 
 def _held_by_steps(file: CampaignFile, found: CampaignResult) -> bool:
-    """Whether the fit has found stage and friction at once, with what the steps know of the stage."""
+    """Return True if stage and friction were fitted at once, with the steps' information on the stage."""
     names = {found.friction.parameters[i].name for i in freed(found.friction)}
     return found.stage is not None and bool(names - {*_asked_for(file)})
 

@@ -1,4 +1,4 @@
-"""Entries of recordings in a file that is written, with columns and units."""
+"""Entries of recordings in a new file, with columns and units."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ MOVED, DRIVE = "end_effector_position", "drive_voltage"
 
 
 class Inspected(NamedTuple):
-    """A recording, what is in it, and what its drive is taken for."""
+    """A recording, its inspection, and its recognised drive."""
 
     found: Inspection
     taken: TakenDrive | None
 
     @property
     def drive(self) -> Drive | None:
-        """The waveform, where files can name it in one line."""
+        """The waveform, if a file can name it in one line."""
         waveform: Any = None if self.taken is None else self.taken.waveform
         return waveform if isinstance(waveform, Drive) else None
 
     @property
     def waveform(self) -> str:
-        """What a campaign's entry says of the drive."""
+        """Entry of the drive in a campaign."""
         if self.taken is None:
             return ""
         if self.drive is None or not self.taken.whole:
@@ -48,7 +48,7 @@ def looked_at(file: Path) -> Inspected:
 
 
 def angles(seen: list[Inspected]) -> bool:
-    """Whether the positions are angles."""
+    """Return True if the positions are angles."""
     recordings: list[Any] = [one.found.recording for one in seen]
     return any(one[MOVED].attrs.get("units") == "rad" for one in recordings if MOVED in one)
 
@@ -56,7 +56,7 @@ def angles(seen: list[Inspected]) -> bool:
 def entry_of(
     one: Inspected, folder: Path, use: str, needed: Sequence[str] = (MOVED, DRIVE)
 ) -> tuple[list[str], list[str]]:
-    """What a file says of a recording, and what it does not know."""
+    """Return the entry of a recording in a file, and what is missing in it."""
     found = one.found
     where = Path(os.path.relpath(found.path.resolve(), folder.resolve())).as_posix()
     lines = [f"file: {json.dumps(where, ensure_ascii=False)}", f"use: {use}"]

@@ -1,4 +1,6 @@
-"""Recordings to try a skeleton with, where the user has none yet: simulated, and said so."""
+"""Simulated recordings to try a skeleton with, for users without recordings; they are labelled as
+simulated.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +15,21 @@ from ...waveform.periodic import Sawtooth
 from ...waveform.sequence import Sequence
 from ...waveform.shapes import Rest, Step
 
-REST, NOISE = 0.1, 20e-9  # s before the drive begins, m rms
+REST, NOISE = 0.1, 20e-9  # s before the drive starts, m rms
 _WALKS, _STEP = {65.0: 4e3, 75.0: 4e3}, 60.0  # V, and samples per second
 
 
 def example_files(beside: Path, step: bool) -> list[Path]:
-    """Where they are to be: two walks, and before them a step with the end-effector clamped, if asked for."""
+    """Return the paths of the examples: two walks and, if `step`, first a step with the end-effector
+    clamped.
+    """
     names = [f"walk-{volts:g}V" for volts in _WALKS]
     names = [f"step-{_STEP:g}V", *names] if step else names
     return [beside.with_name(f"{beside.stem}-example-{name}.csv") for name in names]
 
 
 def write_examples(beside: Path, step: bool) -> list[Path]:
-    """Simulate and write them; the files are new."""
+    """Simulate and write the examples, which must not exist yet."""
     files = example_files(beside, step)
     noise = np.random.default_rng(2007)
     hidden = load_actuator("kang2007")

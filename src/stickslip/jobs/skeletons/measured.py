@@ -1,4 +1,4 @@
-"""Identifications from recordings of no walk: friction loops of a tribometer, a piezo with its stage."""
+"""Identifications from recordings without a walk: friction loops of a tribometer, a piezo with its stage."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from .entries import DRIVE, MOVED, Inspected, entry_of, listed, shown_value
 WALK, LOOPS, PIEZO = "identification", "friction_loops", "piezo"
 STAGE = ("stage_position", "piezo_elongation")
 _CONTACT = ("position", "friction_force")
-# Of a single recording, the part that is fitted; of the stroke, over which a contact may yield.
+# Fitted fraction of a single recording; fraction of the stroke over which a contact may yield.
 _FITTED, _YIELDS = 0.6, 0.03
 
 Array = NDArray[np.float64]
 
 
 def measured_kind(seen: list[Inspected]) -> str:
-    """What recordings can be fitted as; as a walk, too, where what is missing is to be said."""
+    """Return the kind of fit that recordings allow; a walk also if channels are missing, which is then
+    reported.
+    """
     channels = [set(map(str, one.found.recording)) for one in seen]  # type: ignore[arg-type]
     if all(DRIVE not in one and one.issuperset(_CONTACT) for one in channels):
         return LOOPS
@@ -30,12 +32,12 @@ def measured_kind(seen: list[Inspected]) -> str:
 
 
 def loops(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
-    """The recordings, or two parts of the only one, and where the laws start."""
+    """Return the entries of the recordings (two parts of a single one), and initial values of the laws."""
     recording: Any = seen[0].found.recording
     position, friction = (recording[name].values for name in _CONTACT)
     force = 0.5 * float(np.ptp(friction)) or 1.0
     stiffness = force / (_YIELDS * float(np.ptp(position)) or 1.0)
-    turns = recording["position"].attrs["units"] == "rad"  # numbers without a unit are in N m then
+    turns = recording["position"].attrs["units"] == "rad"  # numbers without a unit are then in N m
     units = ("", "") if turns else ("N", "N/m")
     values = {"force": force, "half": 0.5 * force}, {"stiffness": stiffness, "stiffer": 1.5 * stiffness}
     starts = {
@@ -53,7 +55,7 @@ def loops(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str
 
 
 def piezo(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
-    """The recordings, and the channel that shows the stage."""
+    """Return the entries of the recordings, and the channel that shows the stage."""
     return {"observed": _observed(seen), "recordings": "\n".join(_fitted_first(seen, folder))}, []
 
 
@@ -62,19 +64,19 @@ def _observed(seen: list[Inspected]) -> str:
 
 
 def _fitted_first(seen: list[Inspected], folder: Path) -> list[str]:
-    """Entries: the first recording is fitted, the others are predicted."""
+    """Return entries: the first recording is fitted, the others are predicted."""
     return [listed(entry_of(one, folder, "verify" if i else "fit", ())[0]) for i, one in enumerate(seen)]
 
 
 def _halves(one: Inspected, folder: Path) -> list[str]:
-    """Entries of a recording whose first part is fitted, and whose last part is predicted."""
+    """Return two entries of a recording: its first part is fitted, its last part is predicted."""
     at = _round_between(one.found.recording["time"].values)  # type: ignore[index]
     parts = {"fit": f"name: first part, end: {at:.9g} s", "verify": f"name: last part, start: {at:.9g} s"}
     return [listed([*said.split(", "), *entry_of(one, folder, use, ())[0]]) for use, said in parts.items()]
 
 
 def _round_between(time: Array) -> float:
-    """The roundest time near that at which the part that is fitted ends."""
+    """Return the roundest time near the end of the fitted part."""
     length = float(time[-1] - time[0])
     at = float(time[0]) + _FITTED * length
     roundings = (float(f"{at:.{digits}g}") for digits in range(1, 9))
@@ -82,7 +84,7 @@ def _round_between(time: Array) -> float:
 
 
 def _against(position: Array, friction: Array) -> bool:
-    """Whether the force takes no work but gives it, as on the other body."""
+    """Return True if the force does positive work, because it is the force on the other body."""
     force = friction - np.mean(friction)
     return float(np.sum(np.diff(position) * (force[1:] + force[:-1]))) < 0.0
 

@@ -1,4 +1,4 @@
-"""Write skeletons: templates, with what the user's recordings show filled in."""
+"""New files from templates, filled in with data of the user's recordings."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .examples import example_files, write_examples
 from .measured import LOOPS, PIEZO, STAGE, WALK, loops, measured_kind, piezo
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_TICK = 50e-6  # s, of the virtual rig's bench
-_STROKE = 0.1057e-6  # m/V, of the set that the other starts are of
+_TICK = 50e-6  # s, update interval of the virtual rig's bench
+_STROKE = 0.1057e-6  # m/V, gain of the set from which the other initial values are taken
 _IN_PROPORTION = "the friction that is found is in proportion to it"
-MOST_RUN = 10.0  # s of a recording that an experiment repeats
+MOST_RUN = 10.0  # s, longest part of a recording that an experiment repeats
 
 
 class _Kind(NamedTuple):
-    """A kind of file: its usual name, its template, whether recordings are needed, what runs it."""
+    """Kind of file: usual name, template, whether recordings are needed, command that runs it."""
 
     file: str
     template: str
@@ -56,7 +56,7 @@ KINDS = {
 
 
 class New(NamedTuple):
-    """What was written: the file and those beside it, the command that runs it, and what is still missing."""
+    """Written files (the main one first), the command that runs it, and what is still missing."""
 
     files: tuple[Path, ...]
     command: str
@@ -70,15 +70,15 @@ def new_file(
 
     Args:
         kind: one of `KINDS`.
-        recordings: files of the user's, as `inspect_file` takes them: columns, units and drives are filled
-            in. Without any, simulated ones are written beside a campaign or an identification.
-        out: the file; by default one of the usual name in the present folder.
+        recordings: the user's files, as for `inspect_file`: columns, units and drives are filled in. Without
+            recordings, simulated ones are written beside a campaign or an identification.
+        out: the file; by default the usual name in the current folder.
 
     Raises:
         QuantityError: there is no such kind, or it takes no recordings.
         RecordingError: a recording cannot be read.
-        FileExistsError: a file is there already; nothing is written then.
-        OSError: a file cannot be written; none is left.
+        FileExistsError: a file exists already; then nothing is written.
+        OSError: a file cannot be written; then no file is left.
     """
     if kind not in KINDS:
         raise QuantityError(
@@ -109,14 +109,14 @@ def new_file(
         with replaced_whole(target) as temporary:
             temporary.write_text(text.substitute(name=target.name, **fields), encoding="utf-8")
     except BaseException:
-        for file in examples:  # they would keep the next try from being made
+        for file in examples:  # else they would block the next try
             file.unlink(missing_ok=True)
         raise
     return New((target, *examples), known.command.format(target), tuple(missing))
 
 
 def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[str, str], list[str]]:
-    """The recordings and the gain of a campaign, or of an identification."""
+    """Return the recordings and the gain of a campaign, or of an identification."""
     lines, missing, fitted = [], [], False
     for one in seen:
         step = steps and isinstance(one.drive, Step) and len(seen) > 1
@@ -126,7 +126,7 @@ def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[
         entry += [one.waveform] if steps and one.waveform else []
         lines.append(listed(entry))
         missing += lacking
-    if not fitted:  # steps alone: one of them is a walk, or there is nothing to fit
+    if not fitted:  # steps alone: one of them must be a walk, or there is nothing to fit
         lines[-1] = lines[-1].replace("use: step", "use: fit")
     gain, source = _gain(seen)
     missing += [source] if source and gain is None else []
@@ -135,7 +135,7 @@ def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[
 
 
 def _sliding(gain: float | None, source: str) -> dict[str, str]:
-    """Where a fit starts, what moves along a line."""
+    """Return the initial values of a fit for a linear actuator."""
     known = f"  gain: {shown_value(gain, 'm/V')} # {source}" if gain else ""
     return {
         "gain": known or f"  # gain: 0.1 um/V # {source or 'stroke of the piezo per volt'}",
@@ -149,7 +149,10 @@ def _sliding(gain: float | None, source: str) -> dict[str, str]:
 
 
 def _turning(gain: float | None, source: str) -> dict[str, str]:
-    """Where a fit starts, what turns: as the other, on the radius on which its stage would turn so far."""
+    """Return the initial values of a fit for a rotary actuator.
+
+    They are the linear ones at the radius at which the linear stage would turn by the measured angle.
+    """
     radius = float(f"{_STROKE / gain:.2g}") if gain else 10e-3
     inertia = f"{0.1 * radius**2:.3g} kg m^2 # "
     of = f"100 g on a radius of {1e3 * radius:g} mm: write yours"
@@ -170,8 +173,11 @@ def _turning(gain: float | None, source: str) -> dict[str, str]:
 
 
 def _gain(seen: list[Inspected]) -> tuple[float | None, str]:
-    """Of a recording that shows the stage, or a step with the end-effector clamped: way over volts, and where
-    that is from; None and what to do where it goes down as the volts go up."""
+    """Return the gain and its source; None and the remedy if the position falls with rising voltage.
+
+    The gain is displacement over voltage, from a recording of the stage or of a step with the end-effector
+    clamped.
+    """
     for one in seen:
         recording: Any = one.found.recording
         shown = next((name for name in STAGE if name in recording), None)
@@ -203,7 +209,9 @@ def _gain(seen: list[Inspected]) -> tuple[float | None, str]:
 
 
 def _voltages(seen: list[Inspected]) -> tuple[float, float, str]:
-    """What the drives reach, rounded outwards to 10 V; 0 V to 100 V without any."""
+    """Return the range of the drives, rounded outwards to 10 V, and its source; 0 V to 100 V without
+    drives.
+    """
     recordings: list[Any] = [one.found.recording for one in seen]
     drives = [one["drive_voltage"].values for one in recordings if "drive_voltage" in one]
     if not drives:
