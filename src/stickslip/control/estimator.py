@@ -1,18 +1,18 @@
-r"""Estimator of the position from the steps that were made: a Kalman filter, with a sensor or without.
+r"""Estimator of the position from counted steps: a Kalman filter, with or without a sensor.
 
-The states are the position, the steps forward and backward, and the load, which a step forward feels with one
-sign and a step backward with the other:
+The states are the position, the steps forward and backward, and the load, which acts on steps of both
+directions with opposite sign:
 
 .. math:: x_{k+1} = x_k + s_+ + c\,\ell + w \ \text{(forward)}, \qquad
           x_{k+1} = x_k - s_- + c\,\ell + w \ \text{(backward)}
 
-Between steps s_+, s_- and the load wander, each a random walk, and both steps together (`common_drift`: the
-temperature); w is the scatter of single steps. N steps at once are N single ones, in closed form. A change of
-direction loses a way b, which is known to an error. A measured position is used as it comes [barshalom2001].
-Without one the band grows: with the root of the number of steps by their scatter, in proportion to it by what
-is not known of their size and of the load.
+Between steps, s_+, s_- and the load drift, each as a random walk, and both steps together (`common_drift`,
+from the temperature). w is the scatter of single steps. N steps at once equal N single ones, in closed form.
+A change of direction loses a displacement b with a known error. A measured position updates the filter at
+once [barshalom2001]. Without measurements the band grows: by scatter with the square root of the number of
+steps, by unknown step size and load in proportion to that number.
 
-Steps of another amplitude are those of the model times a `scale`; c is the slope of the step over the load
+For another amplitude the model's steps are multiplied by a `scale`. c is the slope of the step over the load
 (`of_model`).
 """
 
@@ -39,10 +39,10 @@ from .blocks import whole_number
 Array = NDArray[np.float64]
 
 _POSITION, _FORWARD, _BACKWARD, _LOAD = range(4)
-# Of what the contact holds: the force of the first slope over the load. It is halved until the slope stays
-# within a share, or within the error of a step [m].
+# Force of the first slope over the load, as a fraction of the contact's breakaway force. It is halved until
+# the slope changes by less than a fraction, or by less than the error of a step [m].
 _PROBE, _HALVINGS, _AGREES, _STEP_ERROR = 0.01, 6, 0.01, 1e-10
-# Of a measured position, in standard deviations: further off is told.
+# standard deviations; a measured position further off is reported as an event
 _SURPRISE = 5.0
 _AT = Quantity("m", "x", "it")
 _ERROR = Quantity("m", "", "the standard deviation of the position", minimum=0)
@@ -52,8 +52,11 @@ _NOISE = Quantity("m", "", "the standard deviation of what was measured", above=
 
 @record
 class StepModel(NamedTuple):
-    """Steps and what is not known of them, as standard deviations. `size_error` and `load_error` are those at
-    the start; `size_drift` and `load_drift` what is added per root of a step."""
+    """Step sizes and their uncertainties, as standard deviations.
+
+    `size_error` and `load_error` are initial values; `size_drift` and `load_drift` are added per square root
+    of a step.
+    """
 
     forward: Annotated[float, Quantity("m", "s₊", "step forward", above=0)]
     backward: Annotated[float, Quantity("m", "s₋", "step backward", above=0)]
@@ -79,18 +82,17 @@ class StepModel(NamedTuple):
         frequency: float | str,
         **unknown: float | str,
     ) -> StepModel:
-        """Return the steps of a model's periodic walks under a sawtooth, and how they change with a force
-        along x.
+        """Return the steps of a model under a periodic sawtooth, and their change with a force along x.
 
         Args:
-            model: without the load; its `external_force` is there already.
-            output: converter and amplifier, ``bench.output()``; or the rate of its updates, Hz.
+            model: the actuator, with a constant `external_force` if any, but without the unknown load.
+            output: converter and amplifier, ``bench.output()``; or the update rate, Hz.
             amplitude, frequency: of the sawtooth.
             unknown: the other fields.
 
         Raises:
-            NotPeriodicError: it does not walk so.
-            QuantityError: a number is out of range, or a step does not change evenly with a small force.
+            NotPeriodicError: its motion is not periodic.
+            QuantityError: a number is out of range, or the step is not linear in a small force.
         """
         volts, hertz = to_si(amplitude, "V", "amplitude"), to_si(frequency, "Hz", "frequency")
         stage = output_of(output)
@@ -101,7 +103,7 @@ class StepModel(NamedTuple):
 
 
 def _slope(model: Actuator, walk: Waveform) -> float:
-    """How a step changes with a force along x, m/N."""
+    """Return the change of a step with a force along x, m/N."""
     probe, unit = _PROBE * _held(model), unit_for(model, "N")
     if not probe > 0.0:
         raise QuantityError(f"the contact of {model.name or 'the actuator'} holds no force [{unit}]")
@@ -122,7 +124,7 @@ def _slope(model: Actuator, walk: Waveform) -> float:
 
 
 def _held(model: Actuator) -> float:
-    """What the contact at rest holds at most, N."""
+    """Return the breakaway force of the contact, N."""
     law = model.friction
     if not elements(law):
         return float(breakaway(law))
@@ -130,14 +132,15 @@ def _held(model: Actuator) -> float:
 
 
 class Estimator:
-    """The filter.
+    """Kalman filter for the position.
 
     Args:
         model: of the steps.
-        position: m, at the start, known to `error` [m], a standard deviation.
+        position: m, at the start.
+        error: m, standard deviation of this position.
 
     Attributes:
-        events: what was noticed, in words, each with the number of steps made before.
+        events: contradictions in words, each with the number of steps before it.
     """
 
     def __init__(self, model: StepModel, position: float | str = 0.0, error: float | str = 0.0) -> None:
@@ -153,7 +156,7 @@ class Estimator:
 
     @property
     def position(self) -> float:
-        """m."""
+        """Estimated position, m."""
         return float(self._x[_POSITION])
 
     @property
@@ -168,7 +171,7 @@ class Estimator:
 
     @property
     def load(self) -> float:
-        """N."""
+        """Estimated load, N."""
         return float(self._x[_LOAD])
 
     @property
@@ -177,20 +180,22 @@ class Estimator:
         return math.sqrt(self._p[_POSITION, _POSITION])
 
     def band(self, level: float | str = 0.95) -> tuple[float, float]:
-        """Where the position is with a probability, m; raises QuantityError unless that is > 0 and < 1."""
+        """Return the interval that contains the position with a probability, m; raises QuantityError unless 0
+        < level < 1.
+        """
         half = float(scipy.stats.norm.ppf(0.5 + 0.5 * _LEVEL.check(level, "level"))) * self.error
         return self.position - half, self.position + half
 
     def stepped(
         self, direction: int, count: int = 1, *, scale: float = 1.0, scatter: float | None = None
     ) -> None:
-        """So many steps were made, direction 1 (towards +x) or -1.
+        """Predict the position after `count` steps.
 
         Args:
-            direction: of all of them.
-            count: how many.
-            scale: their size over that of the model's, for another amplitude.
-            scatter: m, of single ones; that of the model if left out.
+            direction: of all steps, 1 (towards +x) or -1.
+            count: number of steps.
+            scale: their size over the model's, for another amplitude.
+            scatter: m, of single steps; by default the model's.
         """
         if direction not in (1, -1):
             raise QuantityError(f"direction = {direction!r} must be 1 or -1")
@@ -206,7 +211,7 @@ class Estimator:
         adds[_POSITION, _LOAD] = model.per_load
         move, wander = np.eye(4) + count * adds, self._wander
         self._x = move @ self._x
-        # Drift of the first step is carried on by all that follow: sums of j and j^2 up to count - 1.
+        # The drift of a step acts on all later steps: sums of j and j^2 up to count - 1.
         once, twice = count * (count - 1) / 2.0, (count - 1) * count * (2 * count - 1) / 6.0
         self._p = move @ self._p @ move.T + count * wander
         self._p += once * (adds @ wander + wander @ adds.T) + twice * adds @ wander @ adds.T
@@ -214,12 +219,14 @@ class Estimator:
         self.steps += count
 
     def doubted(self, error: float | str) -> None:
-        """The position has moved by what is not known, a standard deviation [m] of it."""
+        """Add an unknown displacement with this standard deviation [m]."""
         self._p[_POSITION, _POSITION] += _ERROR.check(error, "error") ** 2
 
     def measured(self, position: float | str, noise: float | str) -> None:
-        """The position was measured [m], with a standard deviation `noise` [m]. What is further off than the
-        filter can explain is among the `events`, and used all the same."""
+        """Correct the position by a measured one [m] with standard deviation `noise` [m].
+
+        A position that contradicts the filter is used too, and added to `events`.
+        """
         value, sigma = _AT.check(position, "position"), _NOISE.check(noise, "noise")
         column = self._p[:, _POSITION]
         variance = float(column[_POSITION]) + sigma**2

@@ -1,9 +1,9 @@
-"""Position without a sensor, in front of any positioner: steps by direction, an interval that holds, datums.
+"""Position without a sensor, for any positioner: dead reckoning with an interval and datums.
 
 The interval grows with every step and shrinks at a datum: an end stop, an index, a camera, a sensor for a
-moment. Steps that the calibration does not cover (another voltage or frequency, a voltage that is held, steps
-that others made) leave a doubt: the interval is widened by as far as they may have gone, and the doubt is
-said until the next datum.
+moment. Some motion is not covered by the calibration: another voltage or frequency, a constant voltage, steps
+made by others. The interval is then widened by the largest possible displacement, and `doubt` gives the
+reason until the next datum.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from .estimator import Estimator
 from .step_law import StepLaw
 
 _AT = Quantity("m", "", "the position")
-_SPREAD = 1.3  # of the greatest calibrated step, per volt, that a step of another voltage may make
-_SAME = 0.01  # share by which a frequency may differ from that of the calibration
-_ANYWHERE = 1.0  # m, standard deviation of a position that is not known
+_SPREAD = 1.3  # largest step of another voltage over the largest calibrated step per volt
+_SAME = 0.01  # largest relative deviation of a frequency from the calibration
+_ANYWHERE = 1.0  # m, standard deviation of an unknown position
 _UNIFORM = math.sqrt(3.0)  # half-width of a uniform distribution over its standard deviation
 
 
@@ -33,22 +33,21 @@ class Tally(NamedTuple):
 
 
 class DeadReckoning:
-    """An axis whose position is counted.
+    """Axis whose position is computed from its counted steps.
 
     Args:
         positioner: any of `rig.positioners`.
-        axis: of it.
-        law: of its steps, `fit_steps`.
+        axis: of the positioner.
+        law: of the steps, see `fit_steps`.
         position: m, at the start.
-        error: m, standard deviation of that position; by default it is not known at all.
-        voltage: V, of the steps; by default the greatest that was calibrated.
+        error: m, standard deviation of the position at the start; by default the position is unknown.
+        voltage: V, of the steps; by default the largest calibrated one.
 
     Attributes:
         tally: see `Tally`.
-        doubt: why the position is not to be trusted before the next datum, or "".
+        doubt: why the position is not reliable before the next datum, or "".
 
-    At the start the controller is only read. Where it counts steps itself, steps that others made are
-    noticed.
+    At the start the controller is only read. If it counts steps itself, steps made by others are noticed.
     """
 
     def __init__(
@@ -87,14 +86,14 @@ class DeadReckoning:
         return self._estimator.error if self._known else math.inf
 
     def interval(self, level: float | str = 0.95) -> tuple[float, float]:
-        """Where the position is with a probability, m."""
+        """Return the interval that contains the position with a probability, m."""
         low, high = self._estimator.band(level)
         return (low, high) if self._known else (-math.inf, math.inf)
 
     def step(
         self, count: int, voltage: float | str | None = None, frequency: float | str | None = None
     ) -> None:
-        """Make so many steps (up where positive), wait until they are made, and count them."""
+        """Make `count` steps (upwards if positive), wait for their end, and count them."""
         volts = self.voltage if voltage is None else to_si(voltage, "V", "voltage")
         hertz = self.law.frequency if frequency is None else to_si(frequency, "Hz", "frequency")
         if not count:
@@ -120,7 +119,7 @@ class DeadReckoning:
             self._estimator.stepped(direction, abs(count), scale=scale, scatter=scatter)
 
     def go(self, target: float | str) -> tuple[float, float]:
-        """Make as many steps as lead nearest to a target [m]; the interval of the position then.
+        """Step as near as possible to a target [m]; return the interval of the position afterwards.
 
         Raises:
             QuantityError: the position is not known.
@@ -140,25 +139,28 @@ class DeadReckoning:
         return self.interval()
 
     def datum(self, position: float | str, error: float | str) -> None:
-        """The position was seen [m], with a standard deviation `error` [m]: the steps learn from it, doubts
-        end, tallies begin again. What does not fit is among `events`."""
+        """Correct the position by an observed one [m] with standard deviation `error` [m].
+
+        The step sizes are updated, doubts end, and tallies restart at zero. A datum that contradicts the
+        estimate is added to `events`.
+        """
         self._estimator.measured(position, error)
         self._known = True
         self.doubt, self.tally = "", Tally()
 
     @property
     def events(self) -> list[tuple[int, str]]:
-        """Datums that did not fit, with the steps made before each."""
+        """Datums that contradicted the estimate, with the number of steps before each."""
         return self._estimator.events
 
     def held(self, voltage: float | str) -> None:
-        """Hold the piezo at a voltage [V]; by how much that moves it, the law does not know."""
+        """Hold the piezo at a voltage [V]; the step law does not know the displacement."""
         volts = to_si(voltage, "V", "voltage")
         self.positioner.scan(self.axis, volts)
         self._doubt(1, volts, f"the piezo is held at {volts:g} V")
 
     def _doubt(self, count: int, volts: float, why: str) -> None:
-        """Widen the interval by all that steps may have gone, either way."""
+        """Widen the interval by the largest displacement of these steps, either way."""
         most = max(self.law.forward[-1], self.law.backward[-1]) / self.law.voltages[-1]
         far = abs(count) * _SPREAD * most * max(volts, self.law.voltages[-1])
         self._estimator.doubted(far / _UNIFORM)
@@ -172,5 +174,5 @@ class DeadReckoning:
             )
 
     def _counted(self) -> float:
-        """Steps by the controller's own counter; 0 of one that has a sensor instead."""
+        """Return the controller's step counter; 0 for a controller with a sensor instead."""
         return 0.0 if self.positioner.ranges.sensor else self.positioner.position(self.axis)

@@ -1,9 +1,9 @@
-"""Calibration of the steps of any positioner: bursts of steps, their way by a sensor or from limit to limit.
+"""Calibration of the steps of any positioner: bursts of steps, measured by a sensor or from limit to limit.
 
-A sensor is a function that returns the position in metres: a camera's, a gauge's, ``lambda:
-controller.position(0)`` of a controller that has one. Without any, the travel between two limits and a
-function that says whether the axis is at one (a switch, an image, the controller's status) are enough.
-`step_law.fit_steps` makes the law of what is measured.
+A sensor is a function that returns the position in metres: from a camera, a gauge, or ``lambda:
+controller.position(0)`` for a controller with a sensor. Without a sensor, two limits with a known distance
+are enough, and a function that tells whether the axis is at a limit (from a switch, an image, the
+controller's status). `step_law.fit_steps` computes the law from the measurements.
 """
 
 from __future__ import annotations
@@ -31,15 +31,16 @@ _LIMIT = Quantity("m", "", "the distance between the limits", above=0)
 _NOISE = Quantity("m", "", "the standard deviation of a measured way", minimum=0)
 _COLUMNS = {"voltage": "V", "direction": "", "steps": "", "displacement": "m", "noise": "m"}
 _MOST_BYTES = 10_000_000  # of a file of bursts
-_MOST_STEPS = 10_000_000  # of a way to a limit
+_MOST_STEPS = 10_000_000  # from limit to limit
 
 
 @record
 class Bursts(NamedTuple):
-    """Bursts of steps that a calibration makes: of each voltage, forward and then backward, `bursts` of
-    `steps` each, all of it `repeats` times; `settle` is the rest before each reading.
+    """Bursts of steps for a calibration.
 
-    The first burst after a change of direction goes short, so one in a direction is not enough.
+    For each voltage, `bursts` of `steps` each are made forward and then backward; all of it `repeats` times.
+    `settle` is the rest before each reading. The first burst after a change of direction is too short, so
+    each direction needs at least two.
     """
 
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes", above=0)]
@@ -58,8 +59,10 @@ class Bursts(NamedTuple):
 
     @property
     def plan(self) -> Iterator[tuple[float, int, bool]]:
-        """Voltage, direction, and whether the direction changes before it; every other repeat from the last
-        voltage on."""
+        """Voltage, direction, and whether the direction changes before it.
+
+        Every other repeat takes the voltages in reverse order.
+        """
         before = 0
         for repeat in range(int(self.repeats)):
             for volts in self.voltages[:: 1 if repeat % 2 == 0 else -1]:
@@ -78,21 +81,21 @@ def measure_steps(
     noise: float | str,
     progress: Progress = unheard,
 ) -> xr.Dataset:
-    """Make bursts of steps and measure their ways.
+    """Make bursts of steps and measure their displacements.
 
     Args:
-        positioner: any of `rig.positioners`; motions are stopped at the end, and where something fails.
-        axis: of it.
-        sensor: is called for the position in metres, which grows with steps up.
-        bursts: what is made.
+        positioner: any of `rig.positioners`; it is stopped at the end and after an error.
+        axis: of the positioner.
+        sensor: returns the position in metres, increasing with steps up.
+        bursts: the bursts to make.
         noise: m, standard deviation of a reading.
-        progress: called with how much is done.
+        progress: called with the finished fraction.
 
     Returns:
         Dataset over "burst", for `fit_steps`.
 
     Raises:
-        RigError, QuantityError: of the positioner; a reading is no number.
+        RigError, QuantityError: from the positioner; or a reading is not a number.
     """
     sigma, rows = math.sqrt(2.0) * _NOISE.check(noise, "noise"), []
     for volts in bursts.voltages:
@@ -125,14 +128,14 @@ def measure_travel(
 
     Args:
         positioner, axis, progress: as for `measure_steps`.
-        at_limit: returns 1 at the upper limit, -1 at the lower, 0 between.
-        travel: m, between them.
-        bursts: `steps` are made between two looks at the limit; the last ones count by half.
-        error: m, standard deviation with which limits repeat.
+        at_limit: returns 1 at the upper limit, -1 at the lower, 0 in between.
+        travel: m, between the limits.
+        bursts: `steps` are made between two looks at the limit; half of the last ones count.
+        error: m, standard deviation of the limits' positions.
 
     Raises:
-        RigError: a limit is not reached; of the positioner.
-        QuantityError: of the positioner, or the travel is out of range.
+        RigError: a limit is not reached; or from the positioner.
+        QuantityError: from the positioner; or the travel is out of range.
     """
     way, repeats = _LIMIT.check(travel, "travel"), _NOISE.check(error, "error")
     rows = []
@@ -160,7 +163,7 @@ def _to_limit(
     volts: float,
     bursts: Bursts,
 ) -> int:
-    """Step until the limit of a direction is reached; how many steps."""
+    """Step until the limit of a direction is reached; return the number of steps."""
     count = 0
     while at_limit() != direction:
         _step(positioner, axis, direction * int(bursts.steps), volts, bursts)
@@ -196,18 +199,18 @@ def _dataset(rows: list[Any], frequency: float, source: str) -> xr.Dataset:
 
 
 def read_bursts(path: str | os.PathLike[str], frequency: float | str) -> xr.Dataset:
-    """Return bursts that somebody measured, from a CSV file; the order of its lines is that of the bursts.
+    """Return bursts from a CSV file, in the order of its lines.
 
     The first line names the columns ``voltage [V], direction, steps, displacement [um], noise [nm]``, with
-    units of their kind: direction is 1 or -1, the displacement is positive towards +x, the noise the standard
-    deviation of it.
+    any units of these kinds. The direction is 1 or -1, the displacement is positive towards +x, and the noise
+    is the standard deviation of the displacement.
 
     Args:
         path: of the file.
         frequency: Hz, of the steps.
 
     Raises:
-        QuantityError: the file is not as described; names file and line.
+        QuantityError: the file is not as described; the message names file and line.
     """
     path, hertz = Path(path), to_si(frequency, "Hz", "frequency")
     try:

@@ -1,23 +1,24 @@
-r"""Steps of a motor by voltage and direction, from bursts of steps whose way was measured.
+r"""Steps of a motor by voltage and direction, from bursts of steps with measured displacement.
 
-Burst i of :math:`n_i` steps at voltage V in a direction goes, along that direction,
+Burst i of :math:`n_i` steps at voltage V moves, along its direction,
 
 .. math:: y_i = n_i\,s_{dir,V}\,(1 + k_i) - b\,r_i + e_i
 
-with the step s of each direction and voltage at the end of the calibration, the way b that is lost at a
-change of direction (r is 1 in the first burst after one), and k, by which steps of before differed: a random
-walk per step, a part common to both directions (temperature, q_c) and one of each direction (load, q_s).
-Errors e are scatter of single steps and of the threshold, and of the measurement,
+Here s is the step of each direction and voltage at the end of the calibration. b is the displacement lost at
+a change of direction; r is 1 in the first burst after one. k is the relative deviation of earlier steps from
+s. It is a random walk per step, with a part common to both directions (temperature, q_c) and a part of each
+direction (load, q_s). The errors e come from the scatter of single steps, the scatter of the threshold, and
+the measurement,
 
 .. math:: \mathrm{var}\,e_i = n_i\,(\sigma^2 s^2 + \tau^2) + \sigma_{y,i}^2 .
 
-s and b are the generalised least squares of this covariance, :math:`\sigma, \tau, q_c, q_s` its restricted
-maximum of likelihood [patterson1971]. Few bursts cannot show that there is no drift: both drifts are
-reported, and used, at the upper end where the log-likelihood has fallen by 1/4. The threshold is where a line
-through the lower half of the steps is zero.
+s and b are the generalised least-squares estimate for this covariance. :math:`\sigma, \tau, q_c, q_s`
+maximise the restricted likelihood [patterson1971]. A few bursts cannot exclude a drift. Both drifts are
+therefore reported, and used, at their upper end, where the log-likelihood has fallen by 1/4. The threshold is
+the zero of a line through the lower half of the steps.
 
-Valid at the frequency of the bursts and between their voltages; load and temperature may wander as they did
-then.
+The law is valid at the frequency of the bursts, between their voltages, and for load and temperature that
+drift as they did during the calibration.
 """
 
 from __future__ import annotations
@@ -43,20 +44,21 @@ from .steps import StepSizes
 Array = NDArray[np.float64]
 
 _MOST_BYTES = 1_000_000  # of a law's file
-FEWEST = 8  # bursts more than step sizes
+FEWEST = 8  # fewest bursts beyond the number of step sizes
 _BOUNDS = ((1e-4, 1.0), (1e-3, 1.0), (1e-7, 0.05), (1e-7, 0.05))  # of sigma, tau over the mean step, q_c, q_s
 _STARTS = ((0.05, 0.05, 1e-4, 1e-4), (0.2, 0.01, 2e-3, 1e-5), (0.02, 0.2, 1e-5, 2e-3))
 _FALLS = 0.25  # of the log-likelihood, at the upper end of a drift; study: docs/benchmarks/open-loop.md
-_STEPPING = 0.05  # share of the greatest step, below which a voltage makes no steps
+_STEPPING = 0.05  # fraction of the largest step, below which a voltage makes no steps
 
 
 @record
 class StepLaw(NamedTuple):
-    """Steps by voltage, as distances, their standard errors, and how they scatter and drift.
+    """Steps by voltage, as distances, their standard errors, scatter and drift.
 
-    `scatter` is that of single steps as a share of them, `threshold_scatter` what is independent of their
-    size; `common_drift` and `own_drift` are random walks, shares of a step per root of a step, of both
-    directions together and of each; `reversal` is the way that a change of direction loses.
+    `scatter` is the scatter of single steps relative to their size, `threshold_scatter` the part independent
+    of the size. `common_drift` and `own_drift` are random walks, relative to a step and per square root of a
+    step: for both directions together and for each. `reversal` is the displacement lost at a change of
+    direction.
     """
 
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes, ascending", above=0)]
@@ -80,7 +82,7 @@ class StepLaw(NamedTuple):
             )
 
     def covers(self, voltage: float) -> bool:
-        """Whether steps of an amplitude [V] were measured, or lie between such."""
+        """Return True if an amplitude [V] lies within the calibrated range."""
         return self.voltages[0] <= voltage <= self.voltages[-1]
 
     def size(self, voltage: float, direction: int) -> float:
@@ -92,8 +94,8 @@ class StepLaw(NamedTuple):
         return math.hypot(self.scatter * self.size(voltage, direction), self.threshold_scatter)
 
     def threshold(self, direction: int) -> tuple[float, float]:
-        """Return the voltage [V] at which steps begin and their slope [m/V], of a line through the lower half
-        of the steps.
+        """Return the voltage [V] at which steps start and their slope [m/V], from a line through the lower
+        half of the steps.
 
         Raises:
             QuantityError: fewer than two voltages make steps.
@@ -137,8 +139,9 @@ class StepLaw(NamedTuple):
         return StepSizes(self.voltages, up, down)
 
     def equal_steps(self, rows: int = 16) -> Array:
-        """Return a table for a controller [rows, 3]: a distance [m], the amplitudes [V] that make it forward
-        and backward."""
+        """Return a table for a controller [rows, 3]: a distance [m], and the amplitudes [V] for it forward
+        and backward.
+        """
         of = self.table()
         volts = [np.array(self.voltages)] * 2
         low = max(of.forward[0], of.backward[0])
@@ -184,9 +187,9 @@ def fit_steps(bursts: xr.Dataset) -> StepLaw:
     """Fit the steps of a motor to bursts; see the module and `measure_steps`.
 
     Args:
-        bursts: over "burst", in the order in which they were made: voltage [V], direction (1 or -1), number
-            of steps, displacement [m], noise [m] (its standard deviation), after_reversal (0 or 1);
-            attribute `frequency` [Hz].
+        bursts: over "burst", in chronological order: voltage [V], direction (1 or -1), number of steps,
+            displacement [m], noise [m] (its standard deviation), after_reversal (0 or 1); attribute
+            `frequency` [Hz].
 
     Raises:
         QuantityError: too few bursts for their voltages, or a number is not finite.
@@ -283,7 +286,7 @@ class _Fit:
         return made
 
     def _solved(self, logs: Array) -> tuple[Array, Array]:
-        """Return the sizes, with the way lost, and their covariance."""
+        """Return the step sizes, with the displacement lost at a reversal, and their covariance."""
         factor = scipy.linalg.cho_factor(self._covariance(logs))
         weighted = scipy.linalg.cho_solve(factor, self.x)
         covariance = np.linalg.inv(self.x.T @ weighted)

@@ -1,4 +1,4 @@
-"""How well actuators reproduce a data sheet: step, speed and stall force of many members at once."""
+"""Agreement of actuators with a data sheet: step, speed and stall force of many members at once."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from .sheet_priors import HALF, NAMES, Expectations
 Array = NDArray[np.float64]
 
 RATES_BELOW_RESONANCE = (
-    20.0  # a step is measured so many times below the resonance, where nothing else is said
+    20.0  # resonance over the step rate at which the step is measured, if the sheet does not give that rate
 )
-SHARE_OF_FRICTION = 0.98  # of F_C; a contact slides away under a load beyond it
-TOLERANCE = 1e-3  # of the simulations, as a share of the step
+SHARE_OF_FRICTION = 0.98  # of F_C; under a larger load the contact slides away
+TOLERANCE = 1e-3  # of the simulations, as a fraction of the step
 
 
 class Datum(NamedTuple):
-    """A number of the sheet that follows from a simulation: its value, SI, and its unit."""
+    """A number of the sheet that follows from a simulation: its value in SI, and its unit."""
 
     name: str
     value: float
@@ -36,12 +36,12 @@ class Datum(NamedTuple):
 
 
 class Simulated(NamedTuple):
-    """What simulations of a sheet need.
+    """Inputs of the simulations for a sheet.
 
     Attributes:
-        step_rate, speed_rate: Hz, of the drives that show the step and the speed; 0 without a speed.
-        data: what is compared.
-        deviation: of the logarithm of each number.
+        step_rate, speed_rate: Hz, of the drives for the step and the speed; 0 without a speed.
+        data: compared numbers.
+        deviation: standard deviation of the logarithm of each number.
     """
 
     sheet: DataSheet
@@ -54,7 +54,9 @@ class Simulated(NamedTuple):
 
     @classmethod
     def of(cls, sheet: DataSheet, expected: Expectations) -> Simulated:
-        """Make it; the rates that the sheet does not print follow from resonance, speed and step."""
+        """Return the inputs for a sheet; step rates that it does not print follow from resonance, speed and
+        step.
+        """
         middle = {name: float(one[0]) for name, one in expected.values(np.zeros((1, len(NAMES)))).items()}
         data = [Datum("step", sheet.step, "m")] if sheet.step is not None else []
         speed_rate = 0.0
@@ -78,7 +80,7 @@ class Simulated(NamedTuple):
         return Sawtooth(self.expected.high - self.expected.low, self.step_rate, offset=self.expected.low)
 
     def predicted(self, values: Mapping[str, Array]) -> dict[str, Array]:
-        """The sheet's numbers of members, by name; NaN where a member does not walk forward."""
+        """Return the sheet's numbers for members, by name; NaN where a member does not walk forward."""
         free = self._steps(values, self.step_rate, 0.0)
         return {one.name: self._number(one.name, values, free) for one in self.data}
 
@@ -90,7 +92,7 @@ class Simulated(NamedTuple):
         return self._stall(values, free)
 
     def log_likelihood(self, points: Array, least: Array) -> Array:
-        """Log likelihoods of standard normal points [n, k]; -inf for those below `least` [n]."""
+        """Return log likelihoods at standard normal points [n, k]; -inf if below `least` [n]."""
         values, found = self.expected.values(points), np.zeros(len(points))
         if not self.data:
             return found
@@ -106,7 +108,9 @@ class Simulated(NamedTuple):
         return np.where(found >= least, found, -np.inf)
 
     def _steps(self, values: Mapping[str, Array], rate: float, load: float) -> Array:
-        """Net steps [members] at a step rate against a load, NaN where there is none, or no step forward."""
+        """Return net steps [members] at a step rate against a load; NaN if not periodic, or without load not
+        forward.
+        """
         drawn = {name: values[name] for name in NAMES} | {"stiction_force": values["coulomb_force"]}
         count = drawn["gain"].size
         walks = np.flatnonzero(load < SHARE_OF_FRICTION * drawn["coulomb_force"])
@@ -117,21 +121,22 @@ class Simulated(NamedTuple):
         given |= {"external_force": np.full(walks.size, -load), "frequency": np.full(walks.size, rate)}
         scale = self.expected.known["gain"].value * (self.expected.high - self.expected.low)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SimulationWarning)  # of members that are improbable
+            warnings.simplefilter("ignore", SimulationWarning)  # of improbable members
             of = steady_steps(self.model, self.drive, parameters=given, tolerance=TOLERANCE * scale)
         kept = (of["status"].values == CONVERGED) & ((of["net_step"].values > 0.0) | (load > 0.0))
         steps[walks[kept]] = of["net_step"].values[kept]
         return steps
 
     def _stall(self, values: Mapping[str, Array], free: Array) -> Array:
-        """The load at which the step is zero, by the steps just below and above the sheet's stall force.
+        """Return the load at which the step is zero, from the steps just below and above the sheet's stall
+        force.
 
-        Between both it is interpolated; beyond them the step is taken to fall with the load as it does there.
+        Between the two loads the step is interpolated linearly; beyond them it is extrapolated.
         """
         stall, force = float(self.sheet.stall_force or 0.0), values["coulomb_force"]
         low, high = stall / (1.0 + self.sheet.tolerance), stall * (1.0 + self.sheet.tolerance)
         below, above = (self._steps(values, self.step_rate, load) for load in (low, high))
-        first = np.where(np.isfinite(above), low, 0.0)  # the line goes through two known steps
+        first = np.where(np.isfinite(above), low, 0.0)  # the line passes through two known steps
         of_first = np.where(np.isfinite(above), below, free)
         second, of_second = (
             np.where(np.isfinite(above), high, low),

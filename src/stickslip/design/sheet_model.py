@@ -32,11 +32,11 @@ from .sheet_priors import NAMES, SHEET, UNITS, Expectations, expectations
 Array = NDArray[np.float64]
 
 COLUMNS = UNITS | {"stiction_force": "N"}  # of the samples
-CHECKED = 200  # draws of which the sheet's numbers are computed again
+CHECKED = 200  # draws for which the sheet's numbers are computed again
 TOLD = 0.5  # width of an interval over the expected one, below which the sheet determines the parameter
 PERIODS, SAMPLES = 40, 200  # of a planned recording: periods of the step rate, samples per period
 PLANNED = 4  # draws for which a plan is made
-NOISE_SHARE = 0.01  # of the step: noise of a planned recording, where nothing is given
+NOISE_SHARE = 0.01  # noise of a planned recording over the step, if none is given
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,17 +44,19 @@ class SheetModel:
     """See `from_data_sheet`.
 
     Attributes:
-        sheet: the numbers that were given.
+        sheet: the given numbers.
         model: the actuator of the most probable draw.
-        posterior: draws of all parameters; what `step_map`, `optimise_waveform`, `plan_experiment`,
-            `control.tune` and others take as `fit`, `uncertainty`, `draws` or `posterior`.
-        dataset: over "parameter": value (that of the model), low and high (95 %), expected_low and
-            expected_high (95 % before the sheet was used), width (of the interval over the expected one, as
-            logarithms) and reason (of what was expected); over "quantity", the sheet's numbers that follow
-            from a simulation: stated, predicted (median), predicted_low and predicted_high (95 %).
-        drive: of the sheet's step: a sawtooth over all voltages.
-        speed_rate: Hz, step rate of the sheet's speed; 0 where there is none.
-        sources: of the numbers, by name; `citations`, keys of the references.
+        posterior: draws of all parameters, as `fit`, `uncertainty`, `draws` or `posterior` of `step_map`,
+            `optimise_waveform`, `plan_experiment`, `control.tune` and others.
+        dataset: over "parameter": value (of the model), low and high (95 %), expected_low and expected_high
+            (95 % before the sheet was used), reason (of the expectation), and width. The width is the log
+            ratio of the interval's ends over the same ratio of the expected interval. Over "quantity", the
+            sheet's numbers that follow from a simulation: stated, predicted (median), predicted_low and
+            predicted_high (95 %).
+        drive: for the sheet's step: a sawtooth over all voltages.
+        speed_rate: Hz, step rate of the sheet's speed; 0 without a speed.
+        sources: of the numbers, by name.
+        citations: keys of the references.
     """
 
     sheet: DataSheet
@@ -75,13 +77,13 @@ class SheetModel:
 
     @property
     def open(self) -> tuple[str, ...]:
-        """Parameters of which the sheet says little or nothing."""
+        """Parameters that the sheet does not determine."""
         known = self.determined
         return tuple(name for name in NAMES if name not in known)
 
     @property
     def citation(self) -> str:
-        """In words: the sheet's title and the source of each number."""
+        """The sheet's title and the source of each number, as text."""
         return "\n".join([self.sheet.title, *(f"  {name}: {said}" for name, said in self.sources.items())])
 
     _repr_html_ = preformatted
@@ -90,7 +92,7 @@ class SheetModel:
         return self.report()
 
     def report(self) -> str:
-        """Tables of the sheet's numbers and of the parameters, and what the sheet does not say."""
+        """Return tables of the sheet's numbers and of the parameters, and the parameters left open."""
         of, lines = self.dataset, [f"{self.sheet.title}", ""]
         lines.append(f"{'data sheet':14}{'stated':>12}{'model':>12}   95 % of the draws")
         for name in of["quantity"].values.tolist():
@@ -114,7 +116,7 @@ class SheetModel:
         """Choose the recordings that would determine what the sheet leaves open, by `plan_experiment`.
 
         Args:
-            noise: standard deviation of a sample of the position, m; a hundredth of the step, if left out.
+            noise: standard deviation of a sample of the position, m; by default a hundredth of the step.
             options: further arguments of `plan_experiment`; free, duration, sample_rate and draws have
                 defaults here.
 
@@ -177,24 +179,24 @@ def from_data_sheet(
     """Return an actuator that reproduces a data sheet, and a posterior of what the sheet leaves open.
 
     ``from_data_sheet(step="1 um", speed="2 mm/s", stall_force="1 N", max_voltage=100, mass="20 g")``. The
-    friction is a `LuGre` law without Stribeck effect. The sheet's step is that of a slow sawtooth over all
-    voltages with a jump; its speed is that of the same sawtooth at the sheet's step rate; its stall force is
-    the load at which the step is zero. What no number of the sheet determines follows from assumptions with
-    wide factors (`reason` in `dataset`).
+    friction is a `LuGre` law without Stribeck effect. The sheet's step is the step under a slow sawtooth over
+    all voltages with a jump. Its speed is the speed under the same sawtooth at the sheet's step rate. Its
+    stall force is the load at which the step is zero. Parameters that no number of the sheet determines
+    follow from assumptions with wide factors (`reason` in `dataset`).
 
     Args:
         sheet: the name of a sheet that comes with the package (`design.available_data_sheets`), a TOML file,
-            or a `design.DataSheet`; left out, the numbers are given by keyword.
-        draws: number of draws of the posterior; the simulations that they need grow in proportion.
+            or a `design.DataSheet`; by default the numbers are given by keyword.
+        draws: number of draws of the posterior; the number of simulations grows in proportion.
         seed: of the draws.
-        progress: called with what is being done and how much of all, from 0 to 1.
+        progress: called with the current activity and the finished fraction, from 0 to 1.
         numbers: fields of `design.DataSheet` by name, in SI or as strings with units: travel, step, speed,
             stall_force, resonance, capacitance, max_voltage, mass, min_voltage, frequency, step_frequency,
-            stroke, holding_force, stiffness, blocking_force, current, tolerance, title. Beside a sheet they
-            replace its numbers.
+            stroke, holding_force, stiffness, blocking_force, current, tolerance, title. They replace numbers
+            of the sheet.
 
     Raises:
-        QuantityError: a number is out of range, the sheet contradicts itself, or it says nothing of the step.
+        QuantityError: a number is out of range, the sheet contradicts itself, or does not determine the step.
         FitError: no actuator that was tried reproduces the sheet.
         ParameterSetError: see `design.load_data_sheet`.
     """
@@ -235,7 +237,9 @@ def from_data_sheet(
 
 
 def _columns_of(expected: Expectations) -> Callable[[Array], dict[str, Array]]:
-    """Values of points by name; without a Stribeck effect, stiction is the Coulomb friction."""
+    """Return a function from points to values by name; without a Stribeck effect, stiction is the Coulomb
+    friction.
+    """
 
     def columns(points: Array) -> dict[str, Array]:
         values = expected.values(points)

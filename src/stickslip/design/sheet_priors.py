@@ -1,7 +1,7 @@
-r"""What is expected of an actuator before its data sheet is used: a value and a factor for each parameter.
+r"""Prior of an actuator before its data sheet is used: a value and a factor for each parameter.
 
-A factor means that 68 % of actuators lie within it either way. What the sheet prints has the factor of its
-tolerance. What it does not print is expected about a value that follows from what it prints:
+68 % of actuators are expected within a factor of the value, either way. For printed numbers the factor
+follows from the tolerance. For others the value follows from printed numbers:
 
 .. math:: C \approx 1.5\,\Delta x / \Delta u, \qquad F_C \approx 2 F_0, \qquad m_e \approx F_C / a_0, \qquad
           \frac{F_C}{\sigma_0} \approx \frac{\Delta x}{10}, \qquad
@@ -25,9 +25,9 @@ from .data_sheet import DataSheet
 
 Array = NDArray[np.float64]
 
-# Standard deviations of half a 95 % interval.
+# Standard deviations in half a 95 % interval.
 HALF = 1.959964
-# Expected where the sheet says nothing, and the factor within which 68 % are expected.
+# Prior values if the sheet prints nothing, and their factors for 68 %.
 GAIN_OVER_STEP, OF_GAIN = 1.5, 1.5  # stroke over net step
 RESONANCE_OVER_RATE, LEAST_RESONANCE, OF_RESONANCE = 5.0, 500.0, 3.0  # over the step rate; Hz
 DAMPING, OF_DAMPING = 0.15, 3.0  # of the stage
@@ -37,19 +37,19 @@ MASS, OF_MASS = 0.05, 3.0  # kg
 PRESLIDING_SHARE, OF_PRESLIDING = 0.1, 3.0  # F_C / sigma_0 over the net step
 BRISTLE_DAMPING, OF_BRISTLE = 0.1, 3.0
 STAGE_OVER_MOVED, OF_STAGE = 1.0, 3.0  # effective mass of the stage over the moved mass
-VOLTAGE = 100.0  # V, of a sheet without one: the gain is then per this voltage
+VOLTAGE = 100.0  # V, for a sheet without a voltage: the gain is then per this voltage
 SHEET = "printed"
 
 
 class Expected(NamedTuple):
-    """A value in SI, the factor within which 68 % are expected either way, and why."""
+    """A value in SI, the factor within which 68 % are expected either way, and the reason."""
 
     value: float
     factor: float
     reason: str
 
 
-# In the order of what is sampled.
+# In the order of the sampled coordinates.
 NAMES = (
     "gain", "natural_frequency", "damping_ratio", "end_effector_mass", "stage_mass", "coulomb_force",
     "sigma_0", "sigma_1",
@@ -61,20 +61,20 @@ UNITS = {
 
 
 class Expectations(NamedTuple):
-    """What is expected of each coordinate, and the voltages of the sheet's drive.
+    """Prior of each coordinate, and the voltages of the sheet's drive.
 
-    `known` has one `Expected` per name of `NAMES`, but "sigma_0" is F_C/σ_0 [m] and "sigma_1" the damping
-    ratio of the bristle, and masses that the sheet does not print are F_C/m_e [m/s²] and m/m_e.
+    `known` has one `Expected` per name of `NAMES`. "sigma_0" is F_C/σ_0 [m], "sigma_1" the damping ratio of
+    the bristle. Masses that the sheet does not print are F_C/m_e [m/s²] and m/m_e.
     """
 
     known: Mapping[str, Expected]
     low: float
     high: float
-    mass_of_force: bool  # the moved mass is expected by the friction
+    mass_of_force: bool  # the moved mass follows from the friction
     stiffness: float | None  # N/m; the stage's mass is this over ω_n²
 
     def values(self, points: Array) -> dict[str, Array]:
-        """Parameters in SI at standard normal coordinates [n, k]."""
+        """Return the parameters in SI at standard normal coordinates [n, k]."""
         found = {
             name: self.known[name].value * self.known[name].factor ** points[:, i]
             for i, name in enumerate(NAMES)
@@ -93,7 +93,7 @@ class Expectations(NamedTuple):
 
 
 def expectations(sheet: DataSheet) -> Expectations:
-    """Return what a sheet lets expect.
+    """Return the prior for a sheet.
 
     Raises:
         QuantityError: the sheet has neither a step, nor a stroke, nor a speed with its step rate.

@@ -19,15 +19,15 @@ from .posterior import CHAINS, Posterior, summary_of
 from .problem import FitError
 
 Array = NDArray[np.float64]
-# From points [n, k] and bounds [n] to log likelihoods [n]: -inf where a point is impossible, or where its log
-# likelihood is below its bound, which may be seen before all of it is computed.
+# From points [n, k] and bounds [n] to log likelihoods [n]: -inf for an impossible point, or one whose log
+# likelihood is below its bound, which may be known before all of it is computed.
 LogLikelihood = Callable[[Array, Array], Array]
 
-KEPT = 0.6  # effective share of the points that a level keeps
+KEPT = 0.6  # effective fraction of the points that a level keeps
 MOVES, LAST_MOVES = 4, 40  # Metropolis steps at each level, and at the last one
 MOST_LEVELS = 60
-WANTED_ACCEPTANCE = 0.25  # of random walks in several dimensions [gelman1997]
-START = 4  # points of the prior for each draw
+WANTED_ACCEPTANCE = 0.25  # for random walks in several dimensions [gelman1997]
+START = 4  # points of the prior per draw
 AGREEING = 1.1  # R-hat of independent runs, below which they agree [gelman1992]
 FARTHEST = 6.0  # standard deviations of the prior, beyond which no point is tried
 
@@ -47,14 +47,14 @@ def sample_tempered(
     Args:
         log_likelihood: of points, up to a constant, at most 0.
         size: number of coordinates.
-        columns: values by name of points [n, k].
+        columns: returns values by name at points [n, k].
         units: name and unit of each column.
         draws: number of points of all runs together.
         seed: of the draws.
         progress: called after each level.
 
     Raises:
-        FitError: no point of the prior has a likelihood.
+        FitError: too few points of the prior are possible, or the posterior is not reached in `MOST_LEVELS`.
     """
     random = np.random.default_rng(seed)
     count = max(2 * size, draws // CHAINS)
@@ -82,7 +82,7 @@ def sample_tempered(
 
 
 def _of_all(log_likelihood: LogLikelihood, z: Array, least: Array) -> Array:
-    """Log likelihoods of points [runs, n, k]; -inf for those that are below `least` [runs, n]."""
+    """Return log likelihoods of points [runs, n, k]; -inf for those below `least` [runs, n]."""
     flat, bounds = z.reshape(-1, z.shape[-1]), least.ravel()
     tried = (np.max(np.abs(flat), axis=1) < FARTHEST) & (bounds <= 0.0)
     found = np.full(len(flat), -np.inf)
@@ -97,7 +97,7 @@ def _weights(log_weights: Array) -> Array:
 
 
 def _next(beta: float, found: Array) -> float:
-    """The next level of one run, at which a share `KEPT` of its points is effective."""
+    """Return the next level of one run, at which a fraction `KEPT` of its points is effective."""
     possible = found[np.isfinite(found)]
 
     def effective(to: float) -> float:
@@ -114,7 +114,7 @@ def _next(beta: float, found: Array) -> float:
 
 
 def _systematic(weights: Array, count: int, random: np.random.Generator) -> NDArray[np.int64]:
-    """Indices [count] of points, each as often as its weight says."""
+    """Return indices [count] of points by systematic resampling: each as often as its weight requires."""
     wanted = (np.arange(count) + random.random()) / count
     return np.minimum(np.searchsorted(np.cumsum(weights), wanted), weights.size - 1)
 
@@ -127,9 +127,9 @@ def _move(
     scale: Array,
     random: np.random.Generator,
 ) -> float:
-    """One Metropolis step of all points, in place; each run with the covariance of another run's points.
+    """Make one Metropolis step of all points, in place; each run with the covariance of another run's points.
 
-    Returns the share of accepted steps.
+    Returns the fraction of accepted steps.
     """
     proposed = np.empty_like(z)
     for c in range(CHAINS):
@@ -155,7 +155,7 @@ def _described(
     levels: int,
     random: np.random.Generator,
 ) -> Posterior:
-    for run in range(CHAINS):  # the order of the points means nothing, and copies stand side by side
+    for run in range(CHAINS):  # the order has no meaning, but copies lie side by side
         order = random.permutation(z.shape[1])
         z[run], found[run] = z[run][order], found[run][order]
     values = columns(z.reshape(-1, z.shape[2]))

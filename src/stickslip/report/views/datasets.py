@@ -1,4 +1,4 @@
-"""Views of what is an xarray Dataset: maps of the step, recordings, trajectories, frequency responses."""
+"""Views of xarray Datasets: step maps, recordings, trajectories, frequency responses."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _TITLES = {"time": "Recording", "frequency": "Frequency response", "member": "Me
 
 @document_of.register
 def dataset_document(data: xr.Dataset) -> Document:
-    """The picture of `plot`, and the range of each variable."""
+    """Return the picture of `plot`, and the range of each variable."""
     if is_map(data):
         return map_document(data)
-    axes = plot(data)  # refuses what is none of these
+    axes = plot(data)  # refuses any other dataset
     over = next(name for name in _TITLES if name in data.dims)
     coordinate = data[over]
     title = str(data.attrs.get("title") or _TITLES[over])
