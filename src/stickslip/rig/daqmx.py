@@ -1,7 +1,7 @@
-"""A DAQ card of National Instruments as a rig: analogue output and inputs on one clock, by NI-DAQmx.
+"""A DAQ card of National Instruments as a rig: analogue output and inputs on one clock, through NI-DAQmx.
 
-The output of the card goes to an amplifier of known gain, whose output drives the piezo; sensors go to
-inputs. The output is clocked by the inputs' sample clock, so both begin with the same sample.
+The card's output goes to an amplifier of known gain, which drives the piezo; sensors go to the inputs. The
+inputs' sample clock also clocks the output, so both start with the same sample.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from .limits import LONGEST_STOP
 from .protocols import About, Array, Capabilities, RigError
 
 _POLL = 0.01  # s
-_EDGE = 0.02  # share of an update in which the output jumps
+_EDGE = 0.02  # time of the output's jump, as a fraction of an update
 _MOST = 5_000_000  # samples
 
 
 class DaqmxRig:
-    """A measuring card of National Instruments, by nidaqmx; see `protocols.Rig`.
+    """A data acquisition card of National Instruments, through nidaqmx; see `protocols.Rig`.
 
     Args:
-        device: its name in NI-DAQmx, "Dev1".
-        gain: of the amplifier, V at the piezo per V at the card.
-        inputs: which analogue input each input of the rig is, such as {"gauge": "ai0"}, all in V; "drive" is
-            what was put out, unless an input measures it.
+        device: name in NI-DAQmx, "Dev1".
+        gain: gain of the amplifier, V at the piezo per V at the card.
+        inputs: analogue input of the card for each input of the rig, such as {"gauge": "ai0"}, all in V. The
+            input "drive" is the loaded drive, unless an input measures it.
         output: the analogue output.
         rate: Hz, of output and inputs.
-        low, high: V, that the card puts out and takes in.
+        low, high: range of the card's output and inputs, V.
 
     Raises:
-        RigError: nidaqmx or its driver is not there, or there is no such device.
-        QuantityError: a value that cannot be.
+        RigError: nidaqmx or its driver is not installed, or there is no such device.
+        QuantityError: a value is out of range.
     """
 
     about = About(
@@ -96,7 +96,7 @@ class DaqmxRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """For the recording: the card, its driver, and what both are set to."""
+        """Return the card, its driver and their settings, for the recording."""
         del runs
         low, high = self._range
         settings = {"name": self._device, "gain": self._gain, "low": low, "high": high, "rate": self._rate}
@@ -104,7 +104,7 @@ class DaqmxRig:
         return {"device": json.dumps({**self._card, **settings, **wiring})}
 
     def load(self, volts: Array) -> None:
-        """Take the drive, V at the piezo."""
+        """Load the drive, V at the piezo."""
         if volts.size > _MOST or not np.all(np.isfinite(volts)):
             raise RigError(f"{self._device}: the drive must be up to {_MOST} finite voltages")
         asked = volts / self._gain
@@ -125,7 +125,7 @@ class DaqmxRig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start the output, which waits for the clock of the inputs, and then these."""
+        """Start the output, which waits for the inputs' clock, and then the inputs."""
         if self._volts.size < 2 or not self._samples:
             raise RigError(f"{self._device}: start needs a drive (load) and inputs (arm)")
         self._end()
@@ -151,7 +151,7 @@ class DaqmxRig:
         self._done, self._started = 0, True
 
     def fetch(self) -> Array:
-        """The samples since the last call [inputs, n], V."""
+        """Return the samples since the last call [inputs, n], V."""
         if not self._started:
             raise RigError(f"{self._device}: nothing is running")
         with self._told("read"):
@@ -167,7 +167,7 @@ class DaqmxRig:
         return np.array([rows[name] if name in rows else self._volts[index] for name in self._inputs])
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V from what is put out by now, on the card's own clock."""
+        """Ramp to 0 V from the present output, on the card's own clock."""
         if not self._started:
             self._end()
             return
@@ -180,19 +180,23 @@ class DaqmxRig:
             self._end()
 
     def output(self) -> tuple[Array, Array]:
-        """What the drive that was loaded becomes: times [s] from the start and voltages, to be joined by
-        lines. Each is held, and taken to be reached within 2 % of its update (not measured on a card)."""
+        """Return the output for the loaded drive: times [s] from the start and voltages [V], piecewise
+        linear.
+
+        Each value is constant for an update. It is assumed to be reached within 2 % of the update (not
+        measured on a card).
+        """
         tick = 1.0 / self._rate
         begins: Array = np.arange(self._volts.size, dtype=np.float64) * tick
         times: Array = np.stack([begins + _EDGE * tick, begins + tick], axis=1).ravel()
         return np.append(0.0, times), np.append(0.0, np.repeat(self._volts, 2))
 
     def close(self) -> None:
-        """Let go; the card keeps its last voltage."""
+        """Close the tasks. The card keeps its last voltage."""
         self._end()
 
     def _ramp(self, slew: float) -> None:
-        """To 0 V from where the output is."""
+        """Ramp to 0 V from the present output."""
         played = int(self._tasks[1].out_stream.total_samp_per_chan_generated)
         self._end()
         if not played:
@@ -227,7 +231,7 @@ class DaqmxRig:
 
 
 class _Told:
-    """What goes wrong in the library is told with device and doing."""
+    """Context that turns errors of the library into RigError, with device and action."""
 
     def __init__(self, device: str, what: str, library: Any) -> None:
         self._device, self._what, self._library = device, what, library

@@ -1,7 +1,7 @@
 """GCS 2.0, the General Command Set of Physik Instrumente (PI), over TCP: commands, queries, error numbers.
 
-A command has no answer; ``ERR?`` says how it went. An answer of several lines ends each but the last with a
-space.
+A command has no answer; ``ERR?`` returns its error number. In an answer of several lines, all lines but the
+last end with a space.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ _ERRORS = {
 
 
 class GcsLine:
-    """A connection to a controller; `identity` is its answer to ``*IDN?``.
+    """Connection to a controller; `identity` is its answer to ``*IDN?``.
 
     Raises:
-        RigError: nobody answers there, or none of PI's.
+        RigError: nobody answers there, or the device is not from PI.
     """
 
     def __init__(self, host: str, port: int, timeout: float) -> None:
@@ -42,27 +42,27 @@ class GcsLine:
             self.identity = self.ask("*IDN?")[0]
             if "physik instrumente" not in self.identity.lower():
                 raise RigError(f"{self.name} says it is {self.identity[:80]!r}, not a controller of PI")
-            self.ask("ERR?")  # forgets what was before
+            self.ask("ERR?")  # clears an earlier error
         except RigError:
             self._line.close()
             raise
 
     @property
     def model(self) -> str:
-        """As the controller says it."""
+        """Model name in the controller's identity."""
         return [*self.identity.split(","), "controller"][1].strip()
 
     @property
     def name(self) -> str:
-        """Device and place, for errors."""
+        """Device and address, for errors."""
         return self._line.device
 
     def tell(self, command: str) -> None:
-        """Send a command, and ask for nothing."""
+        """Send a command without asking for its error."""
         self._line.send(command.encode("latin-1") + b"\n")
 
     def do(self, command: str, allowed: tuple[int, ...] = ()) -> None:
-        """A command; RigError where its error is none of those allowed."""
+        """Send a command. Raises RigError if its error is not one of those allowed."""
         self.tell(command)
         said = self.ask("ERR?")[0]
         if not re.fullmatch(r"-?\d{1,6}", said):
@@ -73,7 +73,7 @@ class GcsLine:
             raise RigError(f"{self.name}: {command}: error {said}, {words}")
 
     def ask(self, query: str) -> list[str]:
-        """The lines of the answer. A single control character, such as chr(5), is a query too."""
+        """Return the lines of the answer to a query, which may be a control character such as chr(5)."""
         if self._lost:
             raise RigError(f"{self.name}: {query!r}: not asked, an answer was late or garbage before")
         asked, lines = query.encode("latin-1"), list[str]()
@@ -91,7 +91,7 @@ class GcsLine:
         return [line.rstrip() for line in lines]
 
     def number(self, query: str) -> float:
-        """What stands behind the last "=" of the answer."""
+        """Return the number after the last "=" of the answer."""
         said = self.ask(query)[0]
         found = re.fullmatch(r"(?:.*=)?\s*([-+.\deE]+)\s*", said)
         try:
@@ -101,7 +101,7 @@ class GcsLine:
             raise RigError(f"{self.name}: {query} is answered by {said[:60]!r}, no number") from None
 
     def table(self, query: str) -> list[list[float]]:
-        """The rows of numbers of a GCS array, as many as its head says."""
+        """Return the rows of a GCS array, checked against its header."""
         said = self.ask(query)
         lines = [line for line in said if not line.startswith("#")]
         for name, count in (("NDATA", len([one for one in lines if one])), ("DIM", len(lines[0].split()))):
@@ -114,5 +114,5 @@ class GcsLine:
             raise RigError(f"{self.name}: {query} is answered by no table: {lines[0][:60]!r}") from None
 
     def close(self) -> None:
-        """Let go."""
+        """Close the connection."""
         self._line.close()

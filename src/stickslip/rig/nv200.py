@@ -1,8 +1,8 @@
-"""Piezosystem jena's NV200/D NET as a rig: its generator drives, its recorder records, on one clock.
+"""Piezosystem jena's NV200/D NET as a rig: generator and recorder of the amplifier on one clock.
 
-The drive goes into a table of 1024 values: what comes before a loop, and the loop. So it is a waveform that
-repeats, or steps and rests; the number of updates of a period must be whole. Both channels have 6144 samples,
-handed out when the run is over.
+The drive must fit into a table of 1024 values, whose end is repeated as a loop. A drive is therefore a
+periodic waveform, or steps with pauses; a period must be a whole number of updates. Each of the two channels
+has 6144 samples, which are read after the run.
 """
 
 from __future__ import annotations
@@ -42,17 +42,18 @@ class Nv200Rig:
     """The amplifier NV200/D NET of piezosystem jena; see `protocols.Rig`.
 
     Args:
-        host: its address.
-        port: of its data; 23 unless it was changed.
-        interval: s, between updates of the output and between samples, a multiple of 50 us.
-        ramp: V/s, of the ramp to 0 V with which it begins: a program that was killed leaves its last voltage.
+        host: address of the amplifier.
+        port: TCP port for data; 23 unless it was changed.
+        interval: s between updates of the output and between samples, a multiple of 50 us.
+        ramp: slew of the initial ramp to 0 V, V/s. It is needed because a killed program leaves its last
+            voltage.
         timeout: s, for each answer.
 
-    Inputs are "drive", the voltage at the piezo, and "position", that of its sensor.
+    Inputs are "drive", the voltage at the piezo, and "position", the reading of the sensor.
 
     Raises:
-        RigError: nobody answers there, or not as this device does.
-        QuantityError: another interval.
+        RigError: nobody answers there, or the device is another one.
+        QuantityError: the interval is not possible.
     """
 
     about = About(
@@ -111,23 +112,23 @@ class Nv200Rig:
 
     def _read_range(self) -> None:
         self._low, self._high = self._number("avmin"), self._number("avmax")
-        # The table is in shares of this range: once more, for what is put out hangs on it.
+        # The table contains fractions of this range, so an error would change the output: read it twice.
         again = self._number("avmin"), self._number("avmax")
         if again != (self._low, self._high) or not self._low <= 0.0 < self._high:
             self._line.fail(f"avmin, avmax are {self._low:g}, {self._high:g} V, then {again} V")
 
     def told(self, runs: int) -> dict[str, str]:
-        """For the recording: the device and what it is set to."""
+        """Return the device and its settings, for the recording."""
         del runs
         return {
             "device": json.dumps({"device": "NV200/D_NET", **self.told_of, "interval": self._factor * TICK})
         }
 
     def load(self, volts: Array) -> None:
-        """Put the drive into the table.
+        """Load the drive into the table.
 
         Raises:
-            RigError: it is longer than the table, and no loop of it makes it shorter.
+            RigError: it is longer than the table, even with a loop.
         """
         first, period, cycles = loop_of(volts, self.capabilities.step)
         size = first + period
@@ -179,7 +180,7 @@ class Nv200Rig:
         self._running = True
 
     def fetch(self) -> Array:
-        """All samples [inputs, n] when the run is over, none before."""
+        """Return all samples [inputs, n] after the run, none before."""
         if not self._running:
             raise RigError("NV200: nothing is running")
         if self._number("recrun") != 0.0:
@@ -198,8 +199,8 @@ class Nv200Rig:
         return np.array(rows)
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V by the slew rate of the device, 2 million V/s at most."""
-        percent = slew / (self._high - self._low) * 0.1  # of the range, per ms
+        """Ramp to 0 V with the slew rate of the device, 2 million V/s at most."""
+        percent = slew / (self._high - self._low) * 0.1  # slew in % of the range per ms
         self._running = False
         commands = ("grun,0", f"sr,{min(max(percent, 8e-7), 2000.0):.7g}", "set,0", "modsrc,0")
         self._line.insist(lambda: [self._do(command) for command in commands], self._greet)
@@ -209,8 +210,11 @@ class Nv200Rig:
         self._do("sr,2000")
 
     def output(self) -> tuple[Array, Array]:
-        """What the drive that was loaded becomes: times [s] from the start and voltages, to be joined by
-        lines. Each value is taken to be reached within a tick (not measured on a device)."""
+        """Return the output for the loaded drive: times [s] from the start and voltages [V], piecewise
+        linear.
+
+        Each value is assumed to be reached within 50 us (not measured on a device).
+        """
         begins: Array = np.arange(self._volts.size, dtype=np.float64) * (TICK * self._factor)
         times: Array = np.stack([begins, begins + TICK], axis=1).ravel()
         volts: Array = np.stack([np.append(0.0, self._volts[:-1]), self._volts], axis=1).ravel()
@@ -218,11 +222,11 @@ class Nv200Rig:
         return times[keep], volts[keep]
 
     def close(self) -> None:
-        """Let go; the voltage stays as it is."""
+        """Close the connection. The voltage stays."""
         self._line.close()
 
     def _greet(self) -> None:
-        """It says at once who it is."""
+        """Check that the device identifies itself as an NV200/D_NET."""
         self._line.send(b"\r\n")
         found = self._line.until(_ON, b"\r\n").strip(b"\r\n\x00<>" + _OFF)
         if found != b"NV200/D_NET":
@@ -236,7 +240,7 @@ class Nv200Rig:
             self._line.fail(f"{command} is answered by {found[0][:60]!r}, no number")
 
     def _ask(self, command: str, timeout: float | None = None) -> list[str]:
-        """What stands after the name in the answer."""
+        """Return the values after the name in the answer."""
         name, *found = self._said(command, timeout).split(",")
         if name != command.split(",")[0] or not found:
             self._line.fail(f"{command} is answered by {','.join([name, *found])[:60]!r}")
@@ -259,16 +263,18 @@ class Nv200Rig:
 
 
 def loop_of(volts: Array, within: float) -> tuple[int, int, int]:
-    """Before the loop, its length, and how often it is run so that all values come: the shortest such table.
+    """Return the shortest table for a drive: values before the loop, length of the loop, and number of
+    cycles.
 
-    The last value is held when the loop has ended: a drive that ends so needs whole cycles up to there.
+    After the loop the last value stays. A drive that ends in constant values therefore needs whole cycles up
+    to there.
 
     Args:
-        volts: the drive [n], V, one value an update.
-        within: V by which repeated values may differ.
+        volts: the drive [n], V, one value per update.
+        within: tolerance for repeated values, V.
     """
     changes = np.flatnonzero(np.abs(volts - volts[-1]) > within)
-    held = min(int(changes[-1]) + 2 if changes.size else 1, volts.size)  # up to the first of the last values
+    held = min(int(changes[-1]) + 2 if changes.size else 1, volts.size)  # end of the changes
     best = held - 1, 1, 1
     for values, whole in ((volts, False), (volts[:held], True)):
         for period in range(1, min(TABLE, values.size - 1) + 1):

@@ -1,7 +1,8 @@
-"""A digital piezo controller of Physik Instrumente as a rig: wave generator and data recorder, by GCS 2.0.
+"""A digital piezo controller of Physik Instrumente as a rig: wave generator and data recorder, through GCS
+2.0.
 
-Controllers such as E-709 and E-727: the servo is off, so the wave table is the piezo's voltage; position and
-voltage are recorded in steps of the servo's cycle.
+For controllers such as E-709 and E-727. The servo is off, so that the wave table is the piezo's voltage.
+Position and voltage are recorded at multiples of the servo's cycle time.
 """
 
 from __future__ import annotations
@@ -17,33 +18,33 @@ from .gcs import PORT, GcsLine
 from .protocols import About, Array, Capabilities, RigError
 from .table import check_followed, check_inputs, check_positive, check_ready, held, lower, with_ramp, within
 
-_CYCLE = "SPA? 1 0x0E000200"  # s, of the servo
-_OPTIONS = {"position": 2, "drive": 16}  # of the recorder: position of the axis, voltage of the channel
-_AT_A_TIME = 10  # values in one command: its length is limited
+_CYCLE = "SPA? 1 0x0E000200"  # query of the servo's cycle time, s
+_OPTIONS = {"position": 2, "drive": 16}  # record options: position of the axis, voltage of the channel
+_AT_A_TIME = 10  # values per command, whose length is limited
 _POLL = 0.02  # s
-_STEPS = 50  # of a ramp, at most
-_LATE = 5.0  # s
-_BEYOND = 0.1  # share of a range by which a reading may be beyond it
+_STEPS = 50  # most steps of a ramp
+_LATE = 5.0  # s after the end of the table within which the recording must end
+_BEYOND = 0.1  # fraction of a range by which a reading may exceed it
 
 
 class PiRig:
-    """A piezo controller of Physik Instrumente that speaks GCS; see `protocols.Rig`.
+    """A piezo controller of Physik Instrumente that uses GCS; see `protocols.Rig`.
 
     Args:
-        host: its address.
-        axis: of the controller, with its first output channel and wave generator.
-        interval: s, between updates of the output and between samples; a multiple of the servo's cycle.
-        points: of a wave table, and of a record, as the controller's manual says.
-        ramp: V/s, of the ramp to 0 V that ends each drive, and with which it begins: a program that was
-            killed leaves what it put out.
+        host: address of the controller.
+        axis: axis of the controller, driven by its first output channel and wave generator.
+        interval: s between updates of the output and between samples; a multiple of the servo's cycle time.
+        points: length of a wave table and of a record, from the controller's manual.
+        ramp: slew of the ramp to 0 V that ends each drive, V/s. It is also the slew of an initial ramp, which
+            is needed because a killed program leaves its last voltage.
         port: TCP port.
         timeout: s, for each answer.
 
-    Inputs are "drive", the voltage at the piezo, and "position", that of its sensor.
+    Inputs are "drive", the voltage at the piezo, and "position", the reading of the sensor.
 
     Raises:
-        RigError: nobody answers there, or not as a controller of PI does.
-        QuantityError: a value that cannot be.
+        RigError: nobody answers there, or the device is another one.
+        QuantityError: a value is out of range.
     """
 
     about = About(
@@ -82,7 +83,7 @@ class PiRig:
                     f"interval = {interval:g} s must be a multiple of {cycle:g} s, the servo's cycle"
                 )
             self._read_range()
-            # um: the ends of the sensor's travel, of which a reading may be a tenth beyond.
+            # um: ends of the sensor's travel, with a tenth of it as a margin for readings.
             ends = [self._line.number(f"{name}? {axis}") for name in ("TMN", "TMX")]
             self._travel = ends[0] - _BEYOND * (ends[1] - ends[0]), ends[1] + _BEYOND * (ends[1] - ends[0])
             self._line.do("WGO 1 0")
@@ -105,7 +106,7 @@ class PiRig:
         )
 
     def refresh(self) -> None:
-        """Read the range of the output again: somebody may have narrowed it at the controller."""
+        """Read the range of the output again: it may have been reduced at the controller."""
         self._read_range()
         low, high = min(self._low, 0.0), max(self._high, 0.0)
         step = (self._high - self._low) / 65536
@@ -115,7 +116,7 @@ class PiRig:
         self._low, self._high = (self._line.number(f"{name}? 1") for name in ("VMI", "VMA"))
 
     def told(self, runs: int) -> dict[str, str]:
-        """For the recording: the controller and what it is set to."""
+        """Return the controller and its settings, for the recording."""
         del runs
         known = {
             "device": self._line.identity,
@@ -125,7 +126,7 @@ class PiRig:
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
-        """Put the drive, V, and a ramp to 0 V after it, into the wave table."""
+        """Load the drive, V, with a ramp to 0 V at its end, into the wave table."""
         can = self.capabilities
         table = with_ramp(np.asarray(volts, dtype=float), self._ramp, can.update_rate)
         within(can.name, table, can.min_voltage, can.max_voltage, can.max_points + 1)
@@ -149,14 +150,14 @@ class PiRig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start the wave generator, and with it the recorder."""
+        """Start the wave generator, which starts the recorder."""
         check_ready(self.capabilities, self._volts, self._samples)
         self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
         self._line.do("WGO 1 1")
         self._ends = time.monotonic() + self._lasts
 
     def fetch(self) -> Array:
-        """All samples [inputs, n] when they are recorded, none before."""
+        """Return all samples [inputs, n] once they are recorded; none before."""
         if not self._running:
             raise RigError(f"{self.capabilities.name}: nothing is running")
         if self._line.number("DRL? 1") < self._samples + 1:
@@ -171,10 +172,10 @@ class PiRig:
             raise RigError(f"{self._line.name}: {query}: {len(rows)} rows came")
         self._check(np.array(rows[1:]).T)
         scale = np.array([1e-6 if name == "position" else 1.0 for name in self._inputs])  # from um
-        return (np.array(rows[1:]) * scale).T  # the first is that at rest
+        return (np.array(rows[1:]) * scale).T  # the first sample is from before the drive
 
     def _check(self, found: Array) -> None:
-        """Raises RigError for values that the sensor or the output cannot have."""
+        """Raise RigError for readings that sensor or output cannot have."""
         spare = _BEYOND * (self._high - self._low)
         for name, values in zip(self._inputs, found, strict=True):
             low, high = self._travel if name == "position" else (self._low - spare, self._high + spare)
@@ -189,7 +190,7 @@ class PiRig:
                 check_followed(self._line.name, values, held(self._volts, values.size))
 
     def stop(self, slew: float) -> None:
-        """End the wave where it is not over, and go to 0 V in steps; at once where it is not heard."""
+        """End the wave if it still runs, and go to 0 V in steps. Without answers, go to 0 V at once."""
         running, self._running = self._running, False
         try:
             self._go_to_zero(slew, running)
@@ -200,13 +201,13 @@ class PiRig:
 
     def _go_to_zero(self, slew: float, running: bool) -> None:
         if running and 0.0 < self._ends - time.monotonic() <= float(np.abs(self._volts).max()) / slew:
-            time.sleep(max(self._ends - time.monotonic(), 0.0))  # the table's own ramp
+            time.sleep(max(self._ends - time.monotonic(), 0.0))  # the table ends with its own ramp
         self._line.do("WGO 1 0")
         volts = self._line.number("VOL? 1")
         lower(lambda share: self._line.do(f"SVA {self._axis} {share * volts:.5f}"), abs(volts), slew, _STEPS)
 
     def close(self) -> None:
-        """Let go; a wave that is put out goes on to its end, 0 V."""
+        """Close the connection. A running wave continues to its end, at 0 V."""
         self._line.close()
 
 

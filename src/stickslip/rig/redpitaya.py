@@ -1,6 +1,7 @@
-"""A Red Pitaya as a rig: its generator drives an amplifier, its fast inputs record, by its SCPI server.
+"""A Red Pitaya as a rig, through its SCPI server: its generator drives an amplifier, its fast inputs record.
 
-Both have 16,384 values. The acquisition is triggered by the generator inside of the board, without a cable.
+Generator and inputs have buffers of 16,384 values. The generator triggers the acquisition inside the board,
+without a cable.
 """
 
 from __future__ import annotations
@@ -29,31 +30,31 @@ from .table import (
 PORT = 5000
 CLOCK = 125e6  # Hz
 BUFFER = 16384
-_SPAN = {"LV": 1.0, "HV": 20.0}  # V, to either side, by the jumpers of the inputs
+_SPAN = {"LV": 1.0, "HV": 20.0}  # V, to either side, set by the jumpers of the inputs
 _OUT = 1.0  # V, to either side
 _BITS = 14
-_LEAST = 1e-3  # V, of an amplitude
+_LEAST = 1e-3  # V, least amplitude
 _POLL = 0.02  # s
-_LATE = 5.0  # s
+_LATE = 5.0  # s after the expected end within which the buffer must be full
 
 
 class RedPitayaRig:
-    """The board Red Pitaya, by its SCPI server; see `protocols.Rig`.
+    """The board Red Pitaya, through its SCPI server; see `protocols.Rig`.
 
     Args:
-        host: its address.
-        gain: of the amplifier behind output 1, V at the piezo per V of the board.
-        inputs: which fast input each input of the rig is, such as {"gauge": 1}, in V; "drive" is what was put
-            out, unless an input measures it.
-        rate: Hz, of output and inputs: the next of 125 MHz by a whole number up to 65,536.
-        jumpers: of the inputs, "LV" (1 V to either side) or "HV" (20 V).
-        ramp: V/s at the piezo, of the ramp to 0 V that ends each drive.
-        port: of its SCPI server.
+        host: address of the board.
+        gain: gain of the amplifier at output 1, V at the piezo per V of the board.
+        inputs: fast input of the board for each input of the rig, such as {"gauge": 1}, in V. The input
+            "drive" is the loaded drive, unless an input measures it.
+        rate: Hz, of output and inputs; rounded to 125 MHz divided by an integer up to 65,536.
+        jumpers: range of the inputs, "LV" (1 V to either side) or "HV" (20 V).
+        ramp: V/s at the piezo, slew of the ramp to 0 V that ends each drive.
+        port: TCP port of the SCPI server.
         timeout: s, for each answer.
 
     Raises:
-        RigError: nobody answers there, or no such board.
-        QuantityError: a value that cannot be.
+        RigError: nobody answers there, or the device is another one.
+        QuantityError: a value is out of range.
     """
 
     about = About(
@@ -114,7 +115,7 @@ class RedPitayaRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """For the recording: the board and what it is set to."""
+        """Return the board and its settings, for the recording."""
         del runs
         known = {
             "device": self._link.identity,
@@ -125,7 +126,7 @@ class RedPitayaRig:
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
-        """Upload the drive, V at the piezo, and a ramp to 0 V after it."""
+        """Upload the drive, V at the piezo, with a ramp to 0 V at its end."""
         can = self.capabilities
         table = with_ramp(np.asarray(volts, dtype=float), self._ramp, self._rate)
         within(can.name, table, can.min_voltage, can.max_voltage, BUFFER)
@@ -148,12 +149,12 @@ class RedPitayaRig:
         self._do(
             *("ACQ:STOP", "ACQ:RST", f"ACQ:DEC {self._decimation}", "ACQ:AVG ON"),
             *("ACQ:DATA:FORMAT ASCII", "ACQ:DATA:UNITS VOLTS"),
-            f"ACQ:TRIG:DLY {samples + 1 - BUFFER // 2}",  # from the middle: those samples are the last
+            f"ACQ:TRIG:DLY {samples + 1 - BUFFER // 2}",  # from the middle: these samples are the last
         )
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start the generator, and so the acquisition."""
+        """Start the generator, which starts the acquisition."""
         check_ready(self.capabilities, self._volts, self._samples)
         self._do("ACQ:START", "ACQ:TRIG AWG_PE", "OUTPUT1:STATE ON")
         self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
@@ -161,7 +162,7 @@ class RedPitayaRig:
         self._ends = time.monotonic() + self._lasts
 
     def fetch(self) -> Array:
-        """All samples [inputs, n], V, when the buffer is full, none before."""
+        """Return all samples [inputs, n], V, once the buffer is full; none before."""
         if not self._running:
             raise RigError(f"{self.capabilities.name}: nothing is running")
         if self._link.ask("ACQ:TRIG:FILL?") != "1":
@@ -177,7 +178,7 @@ class RedPitayaRig:
         return np.array(rows)
 
     def stop(self, slew: float) -> None:
-        """Fade to 0 V and disconnect the output; that is sent even where nothing else is understood."""
+        """Fade to 0 V and disconnect the output, which is disconnected even if fading fails."""
         running, self._running = self._running, False
         try:
             if running:
@@ -188,14 +189,14 @@ class RedPitayaRig:
             self._link.check("OUTPUT1:STATE OFF")
 
     def close(self) -> None:
-        """Let go; a table that is put out goes on to its end, 0 V."""
+        """Close the connection. A running table continues to its end, at 0 V."""
         self._link.close()
 
     def _fade(self, share: float) -> None:
         self._do(f"SOUR1:VOLT {max(share * self._amplitude, _LEAST):.6f}")
 
     def _read(self, channel: int) -> Array:
-        """The samples from the first value of the drive on: one after the trigger."""
+        """Return the samples from the first value of the drive on, which is one sample after the trigger."""
         query = f"ACQ:SOUR{channel}:DATA?"
         said = self._link.ask(query)
         try:

@@ -1,4 +1,5 @@
-"""Experiment files: a YAML file says what to record, on which rig; running it gives the recordings."""
+"""Experiment files: a YAML file describes the recordings and their rig; running the file makes the
+recordings."""
 
 from .cells import Cell as Cell
 from .running import Recorded as Recorded

@@ -1,4 +1,4 @@
-"""From an experiment file to its cells: one for each recording, everything in it resolved and checked."""
+"""Cells of an experiment file: one for each recording, with all values resolved and checked."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ MOST_CELLS = 10_000
 
 @dataclass(frozen=True)
 class Cell:
-    """One recording: its name, everything that makes it, and `key`, which changes whenever that does.
+    """One recording: its name, its settings, and `key`, a hash of these settings.
 
-    `values` are those of the matrix; `seed` is that of the virtual rig's noise, `repeats` how its contact
-    varies, `bench` its bench, or "".
+    `values` are the recording's values of the matrix. `seed` is the seed of the virtual rig's noise,
+    `repeats` the variation of its contact, and `bench` its bench, or "".
     """
 
     name: str
@@ -58,17 +58,17 @@ Read = Callable[[Path], Any]
 def cells(
     file: ExperimentFile, folder: Path, laboratory: Laboratory, read: Read = read_recording
 ) -> list[Cell]:
-    """The recordings that a file asks for, in order; nothing is put out.
+    """Return the recordings of a file, in order. Nothing is put out.
 
     Args:
-        file: as read.
-        folder: that of the file, for the paths in it.
+        file: the experiment file's content.
+        folder: folder of the file, for the paths in it.
         laboratory: the rig.
-        read: reads the recordings that drives are taken from.
+        read: reads the recordings from which drives are taken.
 
     Raises:
-        ValueError: something in it is wrong; names the run and the field.
-        LimitError, CaptureError: a drive that the limits refuse, a trigger that cannot come.
+        ValueError: a value is wrong; names the run and the field.
+        LimitError, CaptureError: the limits refuse a drive, or a trigger cannot come.
     """
     channels = {name: _channel(name, spec, folder) for name, spec in file.channels.items()}
     found: dict[str, Cell] = {}
@@ -94,7 +94,7 @@ def cells(
 
 
 def _asked(run: RunSpec) -> Iterator[tuple[dict[str, float | str], int]]:
-    """The values and the number of each recording of a run, in order."""
+    """Return the matrix values and the repeat number of each recording of a run, in order."""
     for values in itertools.product(*run.matrix.values()):
         for repeat in range(1, run.repeats + 1):
             yield dict(zip(run.matrix, values, strict=True)), repeat
@@ -144,8 +144,10 @@ def _cell(
 
 
 def cell_names(file: ExperimentFile) -> list[str]:
-    """Names of the recordings that a file asks for, in order, without a look at rig, actuator or drives; of
-    more than `MOST_CELLS`, which `cells` refuses, the first."""
+    """Return the names of a file's recordings, in order, without loading rig, actuator or drives.
+
+    At most the first `MOST_CELLS` are returned; `cells` refuses more.
+    """
     names = (_name(run, axes, repeat) for run in file.runs for axes, repeat in _asked(run))
     return list(itertools.islice(names, MOST_CELLS))
 
@@ -156,14 +158,14 @@ def _name(run: RunSpec, axes: Mapping[str, float | str], repeat: int) -> str:
 
 
 def _repeats(file: ExperimentFile) -> Repeats:
-    """Of a file's first run."""
+    """Return the variation at a file's first run."""
     if not isinstance(file.rig, VirtualRigSpec):
         return Repeats()
     return Repeats(file.rig.variation, file.rig.seed, file.rig.first_run, file.rig.irregularity)
 
 
 def _in_name(value: float | str) -> str:
-    """A value as it may stand in the name of a file: "65V", "0.5Hz", "-3"."""
+    """Return a value as part of a file name: "65V", "0.5Hz", "-3"."""
     text = value if isinstance(value, str) else f"{value:g}"
     return re.sub(r"[^A-Za-z0-9.+-]", "", text)[:40].strip(".") or "x"
 
@@ -191,7 +193,7 @@ def _actuator(file: ExperimentFile, run: RunSpec, axes: Mapping[str, float | str
 
 
 def limits_of(spec: LimitsSpec, actuator: Actuator) -> Limits:
-    """The limits of a file; its voltages default to the actuator's."""
+    """Return the limits of a file; its voltages default to the actuator's."""
     given = spec.given
     for name in {*given} & {"min_position", "max_position"}:
         given[name] = to_si(given[name], unit_for(actuator, "m"), f"limits.{name}")
@@ -227,7 +229,7 @@ def _capture(run: RunSpec, can: Capabilities, units: Mapping[str, str]) -> Captu
 def drive_of(
     parts: list[PartSpec], axes: Mapping[str, float | str], folder: Path, read: Read = read_recording
 ) -> Waveform:
-    """The waveform of a run, one part after the other; raises QuantityError, naming the part."""
+    """Return the waveform of a run, one part after the other. Raises QuantityError, naming the part."""
     made = []
     for i, part in enumerate(parts):
         try:
@@ -252,5 +254,5 @@ def _waveform(part: PartSpec, axes: Mapping[str, float | str], folder: Path, rea
 
 
 def variables_attribute(file: ExperimentFile, cell: Cell) -> str:
-    """What goes into the attribute "variables" of a recording, JSON: the matrix's values and the file's."""
+    """Return the attribute "variables" of a recording, JSON: the values of the matrix and of the file."""
     return json.dumps({**file.variables, **cell.values}, ensure_ascii=False)

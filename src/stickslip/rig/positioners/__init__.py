@@ -1,7 +1,7 @@
-"""Positioners: controllers that step and scan stick-slip stages themselves, each by its own protocol.
+"""Positioners: controllers that generate the steps and scans of stick-slip stages themselves.
 
-A rig puts out a drive and records; a positioner is told how many steps. Each file adds one by name, to
-`registry.positioners`; what a client was tried on stands in its `about`.
+A rig puts out a drive and records; a positioner receives a number of steps. Each file registers a client by
+name in `registry.positioners`. The client's `about` says what it was tested on.
 """
 
 from .anc300 import Anc300Client as Anc300Client

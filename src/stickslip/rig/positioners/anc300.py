@@ -1,4 +1,4 @@
-"""attocube's ANC300 by its console, on TCP or on its serial port."""
+"""Client of attocube's ANC300, through its console on TCP or a serial port."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from ..protocols import About, RigError
 from .protocols import Ranges
 
 PORT = 7230
-_BAUD = 38400  # of its serial port
+_BAUD = 38400  # bits/s of the serial port
 _MOST_AXES = 7
 _STOPPING = (("stop", ""), ("setm", " gnd"))
 
 
 class Anc300Client:
-    """The controller; see `Positioner`. Axes are its modules, from 1 on; there is no sensor.
+    """The controller; see `Positioner`. Its axes are its modules, from 1. It has no sensor.
 
     Args:
-        host: its address, or its serial port, such as /dev/ttyACM0.
-        port: of its console; None for a serial port, which asks for no password.
-        password: of the console on TCP.
+        host: address, or serial port such as /dev/ttyACM0.
+        port: TCP port of the console; None for a serial port, which needs no password.
+        password: password of the console on TCP.
         timeout: s, for each answer.
 
     Raises:
@@ -65,7 +65,7 @@ class Anc300Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Begin steps."""
+        """Start steps."""
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         if not count:
@@ -77,29 +77,30 @@ class Anc300Client:
         self._counted[axis] = self._counted.get(axis, 0) + count
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Hold a voltage; needs a module with an offset."""
+        """Set a constant voltage. This needs a module with an offset."""
         voltage = to_si(voltage, "V", "voltage")
         self.ranges.check(axis, voltage=voltage)
         self._ask(f"setm {axis} off")
         self._ask(f"seta {axis} {voltage:.3f}")
 
     def moving(self, axis: int) -> bool:
-        """Whether the output is away from where it rests, 0 V or the offset: the console says no more."""
+        """Return True if the output differs from its resting value, 0 V or the offset. The console reports no
+        motion."""
         self.ranges.check(axis)
         rest = self._number(f"geta {axis}") if self._value(f"getm {axis}") == "off" else 0.0
         return any(abs(self._number(f"geto {axis}") - rest) > 1e-3 for _ in range(3))
 
     def position(self, axis: int) -> float:
-        """Steps that were asked for since the connection, up less down."""
+        """Return the steps requested since the connection, up minus down."""
         self.ranges.check(axis)
         return float(self._counted.get(axis, 0))
 
     def stop(self) -> None:
-        """End all motions, and ground the axes."""
+        """Stop all motions and ground the axes."""
         self._line.insist(self._ground, self._begin)
 
     def close(self) -> None:
-        """Let go."""
+        """Close the connection."""
         self._line.close()
 
     def _ground(self) -> None:
@@ -109,7 +110,7 @@ class Anc300Client:
             self._said(command)
 
     def _begin(self) -> None:
-        """What a connection begins with."""
+        """Send what a new connection needs: the password, and the end of echoing."""
         if self._password is not None:
             self._line.send(self._password.encode("latin-1") + b"\r\n")
             self._line.until(b"Authorization success\r\n", b"the password")
@@ -143,7 +144,7 @@ class Anc300Client:
         return self._said(command)
 
     def _said(self, command: str) -> str:
-        """What the console says before OK."""
+        """Return the lines of the answer before OK."""
         asked = command.encode("latin-1")
         lines: list[str] = []
         while True:

@@ -1,4 +1,4 @@
-"""Controllers of Physik Instrumente for stick-slip (PIShift) stages, such as E-871, by GCS 2.0."""
+"""Client of Physik Instrumente's controllers for stick-slip (PIShift) stages, such as E-871, by GCS 2.0."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from ..protocols import About, RigError
 from .protocols import Ranges
 
 _MOVING, _STOP = chr(5), chr(24)
-_STOPPED = 10  # the error that a stop leaves
+_STOPPED = 10  # error number after a stop
 
 
 class E871Client:
-    """The controller; see `Positioner`. Axes are numbered from 1 on.
+    """The controller; see `Positioner`. Its axes are numbered from 1.
 
     Args:
-        host: its address.
+        host: address of the controller.
         port: TCP port.
         timeout: s, for each answer.
 
     Raises:
-        RigError: nobody answers there, or not as a controller of PI does.
+        RigError: nobody answers there, or the device is another one.
     """
 
     about: ClassVar[About] = About(
@@ -54,7 +54,7 @@ class E871Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Begin steps, in open loop."""
+        """Start steps in open loop."""
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         for command in (
@@ -66,18 +66,18 @@ class E871Client:
             self._line.do(command)
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Raises RigError: it cannot."""
+        """Raise RigError: this controller cannot scan."""
         raise RigError(f"{self.ranges.name}: axis {axis} cannot be held at {voltage}: it only steps")
 
     def go(self, axis: int, position: float | str) -> None:
-        """Begin to move in closed loop, to m from where its positions count."""
+        """Start a closed-loop motion to a position, m from the origin of the sensor."""
         position = to_si(position, "m", "position")
         self.ranges.check(axis)
         self._line.do(f"SVO {axis} 1")
         self._line.do(f"MOV {axis} {1e3 * position:.9f}")
 
     def moving(self, axis: int) -> bool:
-        """Whether a motion is going on."""
+        """Return True during a motion."""
         self.ranges.check(axis)
         said = self._line.ask(_MOVING)[0]
         try:
@@ -86,17 +86,17 @@ class E871Client:
             raise RigError(f"{self._line.name}: #5 is answered by {said[:60]!r}") from None
 
     def position(self, axis: int) -> float:
-        """m, from where its positions count: power-on, until it is referenced."""
+        """Return the position, m, from where the axis was at power-on until it is referenced."""
         self.ranges.check(axis)
         return 1e-3 * self._line.number(f"POS? {axis}")
 
     def stop(self) -> None:
-        """End all motions."""
+        """Stop all motions."""
         self._line.tell(_STOP)
         self._line.do("STP", allowed=(_STOPPED,))
 
     def close(self) -> None:
-        """Let go."""
+        """Close the connection."""
         self._line.close()
 
 

@@ -1,4 +1,4 @@
-"""Thorlabs' KIM101 by its APT frames, on a serial port (USB) or TCP."""
+"""Client of Thorlabs' KIM101, through APT frames on a serial port (USB) or TCP."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from .protocols import Ranges
 
 _HOST, _DEVICE = 0x01, 0x50
 _MOVING = 0b1111 << 4
-_UNASKED = (0x08D6, 0x08E1)  # end of a motion, and status that another program asked for
-_OLDER = 8  # frames that may stand before an answer
+_UNASKED = (0x08D6, 0x08E1)  # messages to ignore: end of a motion, and status that another program requested
+_OLDER = 8  # most ignored frames before an answer
 
 
 class Kim101Client:
-    """The controller; see `Positioner`. Axes are its channels, 1 to 4; it counts steps.
+    """The controller; see `Positioner`. Its axes are its channels, 1 to 4. It counts steps.
 
     Args:
         where: "HOST:PORT", or a serial port such as /dev/ttyUSB0 (needs pyserial).
         timeout: s, for each answer.
 
     Raises:
-        RigError: nobody answers there, or not as this device does.
+        RigError: nobody answers there, or the device is another one.
     """
 
     about: ClassVar[About] = About(
@@ -60,36 +60,36 @@ class Kim101Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Begin steps."""
+        """Start steps."""
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         mask = 1 << (axis - 1)
         self._send(0x08C0, struct.pack("<HHHII", 0x07, mask, round(voltage), round(frequency), 100_000))
         self._send(0x08C0, struct.pack("<HH", 0x2B, axis))
-        # It takes a target: the count is read twice, for how far it goes hangs on it.
+        # The command takes a target, so an error in the count would change the distance: read it twice.
         begin = self._status(axis)[0]
         if self._status(axis)[0] != begin:
             raise RigError(f"{self._line.device}: channel {axis} is moving: wait, or stop it")
         self._send(0x08D4, struct.pack("<Hi", mask, begin + count))
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Raises RigError: it cannot."""
+        """Raise RigError: this controller cannot scan."""
         raise RigError(f"{self.ranges.name}: axis {axis} cannot be held at {voltage}: it only steps")
 
     def moving(self, axis: int) -> bool:
-        """Whether a motion is going on."""
+        """Return True during a motion."""
         return bool(self._status(axis)[1] & _MOVING)
 
     def position(self, axis: int) -> float:
-        """Steps, up less down, since power-on or since they were set to 0."""
+        """Return the steps, up minus down, since power-on or since the count was set to 0."""
         return float(self._status(axis)[0])
 
     def stop(self) -> None:
-        """End all motions, and disable the channels."""
+        """Stop all motions and disable the channels."""
         self._line.insist(self._disable)
 
     def close(self) -> None:
-        """Let go."""
+        """Close the connection."""
         self._line.close()
 
     def _disable(self) -> None:
@@ -97,7 +97,7 @@ class Kim101Client:
         self._ask(0x08E0, b"", 0x08E1)
 
     def _status(self, axis: int) -> tuple[int, int]:
-        """Steps and bits of a channel."""
+        """Return step count and status bits of a channel."""
         self.ranges.check(axis)
         data = self._ask(0x08E0, b"", 0x08E1)
         if len(data) != 56:
@@ -110,7 +110,7 @@ class Kim101Client:
         self._line.send(head + data)
 
     def _ask(self, message: int, data: bytes, answer: int) -> bytes:
-        """The data of the answer."""
+        """Return the data of the answer."""
         self._send(message, data)
         asked, found = f"0x{message:04X}".encode(), 0
         for _ in range(_OLDER):

@@ -1,4 +1,4 @@
-"""SmarAct's MCS2 by its ASCII commands on TCP."""
+"""Client of SmarAct's MCS2, through its ASCII commands on TCP."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..protocols import About, RigError
 from .protocols import Ranges
 
 PORT = 55551
-_FULL, _SCALE = 100.0, 65535  # V, and the number for it
+_FULL, _SCALE = 100.0, 65535  # V, and the corresponding number
 _MOVING, _SENSOR = 1 << 0, 1 << 5
 _ASK = b":SYST:ERR?"
 _ERROR, _WHOLE = re.compile(r"[+-]?[0-9]+,"), re.compile(r"[+-]?[0-9]{1,18}")
@@ -20,15 +20,15 @@ _MOST_ERRORS, _MOST_AXES = 64, 64
 
 
 class Mcs2Client:
-    """The controller; see `Positioner`. Axes are its channels, from 0 on.
+    """The controller; see `Positioner`. Its axes are its channels, from 0.
 
     Args:
-        host: its address.
-        port: of its ASCII interface.
+        host: address of the controller.
+        port: TCP port of the ASCII interface.
         timeout: s, for each answer.
 
     Raises:
-        RigError: nobody answers there, or not as this device does.
+        RigError: nobody answers there, or the device is another one.
     """
 
     about: ClassVar[About] = About(
@@ -60,7 +60,7 @@ class Mcs2Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Begin steps."""
+        """Start steps."""
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         self._do(f":CHAN{axis}:STEP:AMPL {max(round(voltage / _FULL * _SCALE), 1)}")
@@ -69,35 +69,35 @@ class Mcs2Client:
         self._do(f":MOVE{axis} {count}")
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Hold a voltage."""
+        """Set a constant voltage."""
         voltage = to_si(voltage, "V", "voltage")
         self.ranges._replace(min_voltage=0.0).check(axis, voltage=voltage)
         self._do(f":CHAN{axis}:MMOD 2")
         self._do(f":MOVE{axis} {round(voltage / _FULL * _SCALE)}")
 
     def go(self, axis: int, position: float | str) -> None:
-        """Begin to move in closed loop, to m from where its positions count."""
+        """Start a closed-loop motion to a position, m from the origin of the sensor."""
         position = to_si(position, "m", "position")
         self.ranges.check(axis)
         self._do(f":CHAN{axis}:MMOD 0")
         self._do(f":MOVE{axis} {round(1e12 * position)}")
 
     def moving(self, axis: int) -> bool:
-        """Whether a motion is going on."""
+        """Return True during a motion."""
         self.ranges.check(axis)
         return bool(self._number(f":CHAN{axis}:STAT?") & _MOVING)
 
     def position(self, axis: int) -> float:
-        """m, from where it was at power-on, or from its mark."""
+        """Return the position, m, from where the axis was at power-on, or from its reference mark."""
         self.ranges.check(axis)
         return 1e-12 * self._number(f":CHAN{axis}:POS?")
 
     def stop(self) -> None:
-        """End all motions."""
+        """Stop all motions."""
         self._line.insist(lambda: self._do("\n".join(f":STOP{axis}" for axis in self.ranges.axes)))
 
     def close(self) -> None:
-        """Let go."""
+        """Close the connection."""
         self._line.close()
 
     def _number(self, command: str) -> int:
@@ -107,7 +107,8 @@ class Mcs2Client:
         return int(said)
 
     def _ask(self, command: str) -> str:
-        """Its answer. What is wrong has none: then the error, which is asked for as well, comes instead."""
+        """Return the answer to a query. A wrong query has no answer: the error, queried with it, arrives
+        instead."""
         said = self._sent(command)
         if _ERROR.match(said):
             self._check(command, said)
@@ -119,7 +120,7 @@ class Mcs2Client:
         self._check(command, self._sent(command))
 
     def _sent(self, command: str) -> str:
-        """The first line that comes for a command, and for the question what was wrong."""
+        """Return the first line that arrives after a command and a query of the error queue."""
         self._line.send(command.encode("latin-1") + b"\n" + _ASK + b"\n")
         return self._said(command)
 
@@ -127,7 +128,7 @@ class Mcs2Client:
         return self._line.until(b"\n", command.encode("latin-1")).decode("latin-1").strip()
 
     def _check(self, command: str, said: str) -> None:
-        """Raises RigError with the oldest error that the device remembers, and forgets the others."""
+        """Empty the error queue. Raises RigError with its oldest error."""
         if not _ERROR.match(said):
             self._line.fail(f"{command}, then {_ASK.decode()}: {said[:60]!r} came, late or garbage")
         first, passed = said, ("0,", "+0,")

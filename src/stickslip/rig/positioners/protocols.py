@@ -1,4 +1,4 @@
-"""Interface of a positioner: steps, scans, and where it is, if it knows."""
+"""Interface of a positioner: steps, scans and position."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ _POLL = 0.02  # s
 
 
 class Ranges(NamedTuple):
-    """What a positioner can do: axes by number, V, Hz, steps at a time; whether it has a sensor of the
-    position, and whether it holds a voltage (scans)."""
+    """Abilities of a positioner: axes by number, V, Hz, steps per command.
+
+    `sensor` is True with a position sensor. `scans` is True if it can hold a constant voltage.
+    """
 
     name: str
     axes: tuple[int, ...]
@@ -28,7 +30,7 @@ class Ranges(NamedTuple):
     def check(
         self, axis: int, count: int = 0, voltage: float | None = None, frequency: float | None = None
     ) -> None:
-        """Raise QuantityError, with the range, for what is outside of it; nothing is put out then."""
+        """Raise QuantityError, with the range, for a value outside it. Nothing is sent to the device."""
         if axis not in self.axes:
             raise QuantityError(
                 f"{self.name}: there is no axis {axis}; there are {', '.join(map(str, self.axes))}"
@@ -46,49 +48,49 @@ class Ranges(NamedTuple):
 
 
 class Positioner(Protocol):
-    """A controller of stick-slip stages; `about` is what is known before it is connected.
+    """A controller of stick-slip stages; `about` describes it before it is connected.
 
-    All calls raise RigError, with device, command and reply, where it does not answer as it should, and
-    QuantityError where a value is out of its range.
+    All calls raise RigError, with device, command and reply, after a wrong or missing answer, and
+    QuantityError for a value out of range.
     """
 
     about: ClassVar[About]
 
     @property
     def ranges(self) -> Ranges:
-        """What it can do."""
+        """Axes and ranges of the controller."""
         ...
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Begin so many steps, up where positive, of an amplitude [V] and a rate [Hz]."""
+        """Start `count` steps, up if positive, with an amplitude [V] and a step rate [Hz]."""
         ...
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Hold the piezo at a voltage, V."""
+        """Set the piezo to a constant voltage, V."""
         ...
 
     def moving(self, axis: int) -> bool:
-        """Whether a motion is going on."""
+        """Return True during a motion."""
         ...
 
     def position(self, axis: int) -> float:
-        """Where it is, m by its sensor; without one, steps counted by the controller."""
+        """Return the position, m; without a sensor, the number of steps counted by the controller."""
         ...
 
     def stop(self) -> None:
-        """End all motions, and bring the outputs to 0 V where the device can."""
+        """Stop all motions, and bring the outputs to 0 V if the device can."""
         ...
 
     def close(self) -> None:
-        """Let go of the connection."""
+        """Close the connection."""
         ...
 
 
 def wait(positioner: Positioner, axis: int, longest: float | str = 60.0) -> None:
-    """Until an axis is still.
+    """Wait until an axis has stopped.
 
     Raises:
-        RigError: it still moves after `longest` s; it was stopped.
+        RigError: the axis still moved after `longest` s; it was stopped.
     """
     longest = to_si(longest, "s", "longest")
     end = time.monotonic() + longest
