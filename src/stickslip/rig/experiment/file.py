@@ -1,4 +1,4 @@
-"""Schema of an experiment file. Quantities are numbers in SI or texts with a unit, "65 V"."""
+"""Schema of an experiment file. Quantities are numbers in SI units or texts with a unit, "65 V"."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Count = Annotated[int, Field(ge=1, le=10_000)]
 
 def _known(text: str) -> str:
     path, _ = own_path(text)
-    if not path:  # a user's file is looked at when its folder is known
+    if not path:  # a user's file is checked once its folder is known
         shape(text)
     return text
 
@@ -39,17 +39,18 @@ def _shapes(schema: dict[str, Any]) -> None:
     schema |= {"anyOf": [{"enum": made}, {"pattern": r"\.py:\w+$"}]}
 
 
-# The name of a waveform, or that of a user's own: "my_waveform.py:Staircase", beside the file.
+# Name of a waveform, or a user's own: "my_waveform.py:Staircase", beside the file.
 Shape = Annotated[str, AfterValidator(_known), Field(json_schema_extra=_shapes)]
 
 
 class VirtualRigSpec(Strict):
-    """The virtual rig: a bench by name or file, the seed of its noise and of what varies from run to run; in
-    real time, or as fast as it can; `variation` is from run to run, `irregularity` from step to step
-    (``irregularity: {}``: as measured on published stages; every step is as the equations say where it is
-    left out).
+    """The virtual rig: a bench by name or file, and the seed of its noise and of the variations.
 
-    `first_run` is how many runs it made before those of this file: noise and variation go on from there.
+    It runs in real time, or as fast as it can. `variation` is the variation from run to run, `irregularity`
+    from step to step. ``irregularity: {}`` gives the values of published stages; without it every step
+    follows the equations.
+
+    `first_run` is the number of runs before those of this file, after which noise and variation continue.
     """
 
     kind: Literal["virtual"] = "virtual"
@@ -62,8 +63,10 @@ class VirtualRigSpec(Strict):
 
 
 class OwnRigSpec(Strict):
-    """A rig of a back end by its name (see `stickslip rigs`), or one of one's own, "my_rig.py:MyRig" beside
-    the file, and what it is made with."""
+    """A rig of a named back end (see `stickslip rigs`) or a user's own, "my_rig.py:MyRig" beside the file.
+
+    `options` are the arguments of its constructor.
+    """
 
     kind: str
     options: dict[str, Any] = Field(default_factory=dict)
@@ -71,7 +74,7 @@ class OwnRigSpec(Strict):
     @model_validator(mode="before")
     @classmethod
     def _kind_first(cls, said: Any) -> Any:
-        """Of a kind that there is not, no other field is judged: it may be one of the kind that is meant."""
+        """Ignore the other fields of an unknown kind: they may be valid for the kind that was meant."""
         kind = said.get("kind") if isinstance(said, dict) else None
         known = not isinstance(kind, str) or own_path(kind)[0] or kind in registry.rigs.names()
         return said if known else {"kind": kind}
@@ -96,9 +99,9 @@ RigSpec = Annotated[
 
 
 class ActuatorSpec(Strict):
-    """The actuator on the virtual rig: a parameter set by name or file, and fields changed in it.
+    """The actuator on the virtual rig: a parameter set by name or file, with changed fields.
 
-    On a real rig it is a note.
+    For a real rig it is only recorded as a note.
     """
 
     set: str = "kang2007"
@@ -107,11 +110,11 @@ class ActuatorSpec(Strict):
 
 
 class LimitsSpec(fields_of(Limits)):
-    """What the output may not pass; see `stickslip.rig.Limits`. Voltages default to the actuator's."""
+    """Limits of the output; see `stickslip.rig.Limits`. Voltages default to the actuator's."""
 
 
 class ChannelSpec(Strict):
-    """A variable of the recordings: an input of the rig, calibrations by name or file, in order, a filter."""
+    """A variable of the recordings: an input of the rig, its calibrations by name or file, and a filter."""
 
     input: str
     calibration: list[str] = Field(default_factory=list)
@@ -120,13 +123,13 @@ class ChannelSpec(Strict):
 
 
 class TriggerSpec(fields_of(Trigger, "signal", "edge")):
-    """The channel whose edge begins the recording; `level` in its unit."""
+    """The channel whose edge triggers the recording, with `level` in the channel's unit."""
 
     level: Quantity
 
 
 class CaptureSpec(fields_of(Capture, "length", "pre_trigger", "average")):
-    """Length; interval, or every how many samples of the rig one is kept; trigger; runs to average."""
+    """Length; interval, or samples of the rig per recorded sample; trigger; runs to average."""
 
     interval: Seconds | None = None
     down_sampling: Count | None = None
@@ -134,7 +137,8 @@ class CaptureSpec(fields_of(Capture, "length", "pre_trigger", "average")):
 
 
 class PartSpec(Strict):
-    """A part of the drive: a waveform with its fields, cut off after `duration`, or a channel of a file."""
+    """A part of the drive: a waveform with its fields, cut off after `duration`, or a variable of a
+    recording."""
 
     shape: Shape | None = None
     fields: dict[str, Quantity | bool | list[Quantity] | None] = Field(default_factory=dict)
@@ -144,10 +148,10 @@ class PartSpec(Strict):
 
 
 class RunSpec(Strict):
-    """Recordings that differ by the values of the matrix; $NAME stands for the value of that axis, or of that
-    variable of the file.
+    """Recordings that differ by the values of the matrix.
 
-    One recording for each combination of values, and so many `repeats` of it.
+    $NAME is replaced by the value of that axis, or of that variable of the file. There is one recording for
+    each combination of values, made `repeats` times.
     """
 
     name: Name
@@ -160,7 +164,7 @@ class RunSpec(Strict):
 
 
 class InstrumentSpec(Strict):
-    """An instrument on the control panel, bound to variables; `width` in twelfths of the panel's."""
+    """An instrument on the control panel, bound to variables; `width` in twelfths of the panel's width."""
 
     kind: Literal["plotter", "input", "display"]
     variables: Annotated[list[str], Field(min_length=1, max_length=12)]
@@ -170,7 +174,7 @@ class InstrumentSpec(Strict):
 
 
 class ExperimentFile(Strict):
-    """A whole experiment file."""
+    """Content of an experiment file."""
 
     title: str
     operator: str = ""
@@ -186,5 +190,5 @@ class ExperimentFile(Strict):
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of experiment files, for editors."""
+    """Return the JSON Schema of experiment files, for editors."""
     return ExperimentFile.model_json_schema()

@@ -1,4 +1,4 @@
-"""The rig that an experiment file names, and the process that owns it."""
+"""Laboratories: the rig that an experiment file names, and the process that owns it."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ from .file import ExperimentFile, OwnRigSpec, VirtualRigSpec
 
 
 class Laboratory(Protocol):
-    """Where the cells of a file are recorded; `home` is where positions count from, in all of them."""
+    """Source of the rigs that record the cells of a file; `home` is the common origin of positions."""
 
     home: Home
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
-        """Of the rig for a cell; nothing is put out."""
+        """Return the capabilities of the rig for a cell; nothing is put out."""
         ...
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """A rig for a cell."""
+        """Return the rig for a cell."""
         ...
 
     def close(self) -> None:
-        """Leave the rig as it was found."""
+        """Release the rig."""
         ...
 
 
 class VirtualLaboratory:
-    """A virtual rig for each cell, all on one bench, computed in this process as fast as it can."""
+    """A virtual rig for each cell, all on one bench, computed in this process as fast as possible."""
 
     def __init__(self, bench: Bench, real_time: bool = False) -> None:
         self._bench, self._real_time = bench, real_time
@@ -56,11 +56,11 @@ class VirtualLaboratory:
         self._last: VirtualRig | None = None
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
-        """Those of the bench."""
+        """Return the capabilities of the bench."""
         return VirtualRig(actuator, self._bench).capabilities
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """A new rig, whose end-effector is where that of the one before was left."""
+        """Return a new rig, whose end-effector starts at the end position of the previous one."""
         made = VirtualRig(actuator, self._bench, seed=seed, repeats=repeats, real_time=self._real_time)
         if self._last is not None:
             made.origin = self._last.origin
@@ -68,75 +68,74 @@ class VirtualLaboratory:
         return made
 
     def close(self) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
 
 class HostedVirtualLaboratory:
-    """The same in the process that owns the rig of a folder, from run to run and for all its clients."""
+    """Virtual rigs in the process that owns the rig of a folder, shared by all its clients."""
 
     def __init__(self, bench: Bench, name: str, real_time: bool, link: Link, own: Path | None = None) -> None:
         self._bench, self._name, self._real_time, self._link, self._own = bench, name, real_time, link, own
         self.home = Home()
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
-        """Those of the bench."""
+        """Return the capabilities of the bench."""
         return VirtualRig(actuator, self._bench).capabilities
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """The rig; it is opened when it starts."""
+        """Return the rig, which is opened when it starts."""
         device = virtual_device(actuator, self._name, seed, self._real_time, repeats)
         return HostedRig(self._link, device, self.capabilities(actuator))
 
     def close(self) -> None:
-        """Let go of the process; where it is of this laboratory only, of what it knew too."""
+        """Close the connection, and remove the folder of a process that only this laboratory used."""
         self._link.close()
         if self._own is not None:
             shutil.rmtree(self._own, ignore_errors=True)
 
 
 class RealLaboratory:
-    """One rig for all cells, owned by a process; what actuator is on it, the file only
-    says."""
+    """One real rig for all cells, owned by a process. The file's actuator is only a note."""
 
     def __init__(self, device: dict[str, Any], link: Link) -> None:
         self._device, self._link = device, link
         self.home = Home()
         opened = HostedRig(link, self._device)
         self._can, self._said = opened.capabilities, opened.told(1)
-        opened.stop(0.0)  # others may have it until something is recorded
+        opened.stop(0.0)  # free for others until something is recorded
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
-        """Those of the rig."""
+        """Return the capabilities of the rig."""
         del actuator
         return self._can
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """The rig."""
+        """Return the rig."""
         del actuator, seed, repeats
         return HostedRig(self._link, self._device, self._can, self._said)
 
     def close(self) -> None:
-        """Let go of the process."""
+        """Close the connection to the process."""
         self._link.close()
 
 
 def open_laboratory(
     file: ExperimentFile, folder: Path, rigs: Path | None = None, who: str = ""
 ) -> Laboratory:
-    """The laboratory that a file names.
+    """Open the laboratory of an experiment file.
 
-    What puts out voltages in real time belongs to a process of its own; a virtual rig that is computed as
-    fast as it can has no output, and stays in this one.
+    A rig that puts out voltages in real time belongs to a process of its own. A virtual rig that is computed
+    as fast as possible has no output and stays in this process.
 
     Args:
-        file: as read.
-        folder: that of the file, for the paths in it.
-        rigs: the folder of the process that owns the virtual rig, which then is never in this process; by
-            default a new one.
-        who: what others are told that find the rig held.
+        file: the experiment file's content.
+        folder: folder of the file, for the paths in it.
+        rigs: folder of the process that owns the virtual rig, which then never runs in this process; by
+            default a new folder.
+        who: name of this program, shown to others who find the rig in use.
 
     Raises:
-        ParameterSetError: a wrong bench.
+        ParameterSetError: the bench is wrong.
         RigError: no answer.
     """
     who = who or f"a program of {os.environ.get('USER', 'somebody')}"
@@ -158,19 +157,18 @@ def open_laboratory(
 
 
 def _device(rig: OwnRigSpec, folder: Path) -> tuple[dict[str, Any], Path]:
-    """A real rig, and the folder of the process that owns it."""
+    """Return the description of a real rig, and the folder of the process that owns it."""
     made = own_device(registry.rigs.find(rig.kind, folder), rig.options)
     return made, folder_of(" ".join([made["rig"], *(f"{k}={v}" for k, v in sorted(rig.options.items()))]))
 
 
 def rigs_of(file: ExperimentFile, virtual: Path, folder: Path) -> Path:
-    """The folder of the process that owns the rig of a file in a folder, where that of a virtual one is
-    given."""
+    """Return the folder of the process that owns a file's rig; `virtual` is that folder for a virtual rig."""
     return virtual if isinstance(file.rig, VirtualRigSpec) else _device(file.rig, folder)[1]
 
 
 class PlanningLaboratory:
-    """One that only plans: the rig is asked once what it can do, and then left alone."""
+    """A laboratory for planning only: it asks the rig once for its capabilities."""
 
     _known: ClassVar[dict[str, Capabilities]] = {}
 
@@ -189,23 +187,23 @@ class PlanningLaboratory:
             self._bench = load_bench(own_file(file.rig.bench, folder, ".toml"))
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
-        """Of the rig for a cell."""
+        """Return the capabilities of the rig for a cell."""
         return self._can if self._bench is None else VirtualRig(actuator, self._bench).capabilities
 
     def output(self) -> OutputStage:
-        """Return the output stage: that of the bench; of a real rig, what its updates and steps tell."""
+        """Return the output stage of the bench. For a real rig it contains only update rate and step."""
         if self._bench is not None:
             return self._bench.output()
         return OutputStage(self._can.update_rate, step=self._can.step)
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """None."""
+        """Raise RigError: this laboratory only plans."""
         raise RigError("this laboratory only plans")
 
     def close(self) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
 
 def own_file(name: str, folder: Path, suffix: str) -> str | Path:
-    """A file beside the experiment file, where a name ends like one."""
+    """Return the path beside the experiment file if a name has that ending, else the name."""
     return folder / name if name.endswith(suffix) else name

@@ -1,4 +1,4 @@
-"""Run an experiment file: record every cell that is not there yet, and save each as soon as it is done."""
+"""Run an experiment file: record every missing cell, and save each as soon as it is done."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ EXPORTS = {"mat": ".mat", "controldesk": "_controldesk.mat", "csv": ".csv"}
 
 
 class Recorded(NamedTuple):
-    """A recording of an experiment: the file, and whether it was there already."""
+    """A recording of an experiment: its cell, its file, and whether it existed before."""
 
     cell: Cell
     path: Path
@@ -46,25 +46,25 @@ def run_experiment(
     each: Callable[[Cell, xr.Dataset], None] | None = None,
     changes: Sequence[str] = (),
 ) -> list[Recorded]:
-    """Record what an experiment file asks for into a folder: ``NAME.nc`` for each cell, and experiment.log.
+    """Record the cells of an experiment file into a folder: ``NAME.nc`` for each cell, and experiment.log.
 
-    The whole file is checked before the first output. Recordings of the same cells that are there already
-    are kept, so that an interrupted experiment goes on where it stopped. Anything else that has the name of a
-    recording goes to `.bin` in the folder, with a RecordingWarning.
+    The whole file is checked before the first output. Existing recordings of the same cells are kept, so that
+    an interrupted experiment continues. Other files with the name of a recording are moved to `.bin` in the
+    folder, with a RecordingWarning.
 
     Args:
         path: the YAML file.
-        out: the folder; made if it is missing.
-        progress: called with what is being done and how much of all is done, from 0 to 1.
-        each: called with every cell and its recording, also those that are kept: spares who needs them from
-            reading the files again.
-        changes: of the file, as `load_yaml` takes them.
+        out: the folder; created if it is missing.
+        progress: called with the current action and the fraction that is done, from 0 to 1.
+        each: called with every cell and its recording, including those that are kept, so that the files need
+            not be read again.
+        changes: changes to the file, as for `load_yaml`.
 
     Raises:
-        InputFileError: the file is not as it must be, asks for what the limits refuse, or for a trigger that
-            cannot come; names the file and the field, or the run and its values. Nothing was put out.
-        RigError: the rig does not answer, an output passed a limit, a trigger did not come. What was recorded
-            until then is kept.
+        InputFileError: the file is wrong, a drive exceeds the limits, or a trigger cannot come. Names the
+            file and the field, or the run and its values. Nothing was put out.
+        RigError: the rig does not answer, an output passed a limit, or a trigger did not come. Earlier
+            recordings are kept.
         OSError: a file cannot be written.
     """
     path = Path(path)
@@ -85,21 +85,22 @@ def record_experiment(
     who: str = "",
     read: Callable[[Path], Any] = read_recording,
 ) -> list[Recorded]:
-    """As `run_experiment`, of a file that has been read.
+    """Record the cells of an experiment file that was already read; see `run_experiment`.
 
     Args:
-        file: what to record.
-        folder: the paths in the file begin here.
-        out, progress, each: as `run_experiment`.
-        label: what errors call the file.
-        watch: called with each cell and its rig; gives the rig to record from, a `WatchedRig` around it say.
-        rigs, who: as `open_laboratory`.
-        read: reads the recordings that the file takes drives from.
+        file: content of the experiment file.
+        folder: folder for the paths in the file.
+        out, progress, each: as for `run_experiment`.
+        label: name of the file in errors.
+        watch: called with each cell and its rig; returns the rig to record from, such as a `WatchedRig`
+            around it.
+        rigs, who: as for `open_laboratory`.
+        read: reads the recordings from which the file takes drives.
     """
     with driving():
         done = _all_recorded(file, folder, Path(out), progress, each, Path(label), watch, rigs, who, read)
     if done:
-        progress(done[-1].cell.name, 1.0)  # who has asked to end since the last one is heard
+        progress(done[-1].cell.name, 1.0)  # a stop requested since the last recording takes effect
     return done
 
 
@@ -148,12 +149,13 @@ def _tell(progress: Progress, cell: str, index: int, count: int, _doing: str, pa
 
 
 def read_experiment(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> ExperimentFile:
-    """The content of an experiment file, with changes as `load_yaml` takes them; raises InputFileError."""
+    """Return the content of an experiment file, with changes as for `load_yaml`. Raises InputFileError."""
     return check_experiment(load_yaml(path, changes), path)
 
 
 def check_experiment(content: dict[str, Any], path: str | os.PathLike[str] = "experiment") -> ExperimentFile:
-    """The content of an experiment file, checked; raises InputFileError, which calls the file `path`."""
+    """Return the checked content of an experiment file. Raises InputFileError, with `path` as the file's
+    name."""
     try:
         return ExperimentFile.model_validate(content)
     except ValidationError as error:
@@ -216,7 +218,7 @@ def _recorded(
 
 
 def _make_room(out: Path, files: list[Path], log: _Log) -> None:
-    """What has the name of a recording to be made goes to the bin: it may be somebody else's."""
+    """Move files with the names of new recordings to the bin: they may belong to somebody else."""
     moved = [str(to_bin(out, file.name)) for file in files if os.path.lexists(file)]
     if moved:
         said = (
@@ -251,7 +253,7 @@ def _measured(
 
 
 def _finished(path: Path, key: str) -> xr.Dataset | None:
-    """The recording of a cell, if it is there, whole, and of this very cell."""
+    """Return the recording of a cell if it exists, is whole, and has the cell's key."""
     if not path.is_file():
         return None
     try:
@@ -262,7 +264,7 @@ def _finished(path: Path, key: str) -> xr.Dataset | None:
 
 
 class _Log:
-    """Lines with the time in a file. That it cannot be written must not cost a recording."""
+    """Log file of lines with the time. A log that cannot be written must not cost a recording."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -1,7 +1,7 @@
-"""Twins of controllers: servers that speak a maker's protocol, with our plant behind them.
+"""Twins of controllers: servers that use a maker's protocol, with our simulated stage behind them.
 
-Unmodified drivers of the controllers move them (`tests/twins`). What a twin assumes beyond what those drivers
-show stands at the top of its file.
+Unmodified drivers of the controllers move the stages (`tests/twins`). The top of each twin's file lists what
+it assumes beyond what these drivers show.
 """
 
 from .anc300 import Anc300 as Anc300

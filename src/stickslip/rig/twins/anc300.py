@@ -1,9 +1,8 @@
-"""A twin of attocube's ANC300: its console on TCP, with stepping modules (ANM300) and no position sensor.
+"""Twin of attocube's ANC300: its console on TCP, with stepping modules (ANM300) and no position sensor.
 
-Made from the commands that the drivers of pymeasure, pylablib, QCoDeS and EPICS send and the answers they
-take. Assumed: the words of errors, the time that grounding takes (1 ms), the prompt "> " (while lines are
-echoed). Patterns other than the maker's ramp are refused; triggers, external inputs and filters are kept
-without effect.
+Made from the commands and answers of the drivers in pymeasure, pylablib, QCoDeS and EPICS. Assumed: the words
+of errors, the time for grounding (1 ms), the prompt "> " (while lines are echoed). Patterns other than the
+maker's ramp are refused. Triggers, external inputs and filters are stored without effect.
 """
 
 from __future__ import annotations
@@ -23,14 +22,14 @@ PORT = 7230
 _MODES = ("gnd", "inp", "cap", "stp", "off", "stp+", "stp-")
 _PROMPT = "> "
 _GREETING = b"\xff\xfb\x01\xff\xfb\x03attocube ANC300 console\r\nAuthorization code: "
-_SLOW = 1e-3  # s in which the output goes to a new offset, or to ground
-_CAPACITY_TIME = 0.5  # s that a measurement of the capacitance takes
+_SLOW = 1e-3  # s in which the output reaches a new offset, or ground
+_CAPACITY_TIME = 0.5  # s, duration of a measurement of the capacitance
 _UP, _DOWN = tuple(range(256)), tuple(range(255, -1, -1))
 
 
 @record
 class Settings(NamedTuple):
-    """What an axis is set to."""
+    """Settings of an axis."""
 
     frequency: Annotated[float, Quantity("Hz", "f", "steps per second", minimum=1, maximum=10_000)] = 200.0
     amplitude: Annotated[float, Quantity("V", "V", "of the steps", minimum=0, maximum=150)] = 30.0
@@ -49,15 +48,15 @@ _SWITCHES = {
     "td": ("trigger", "off"),
     "fil": ("filter", "off"),
 }
-_FILTERS = {"off": "off", "16": "16 Hz", "160": "160 Hz"}  # of an ANM300
+_FILTERS = {"off": "off", "16": "16 Hz", "160": "160 Hz"}  # filters of an ANM300
 
 
 class ConsoleError(Exception):
-    """What is said before ERROR."""
+    """Text that the console sends before ERROR."""
 
 
 class Module:
-    """One axis module: an ANM300 with a stage on it."""
+    """One axis module: an ANM300 with a stage."""
 
     def __init__(self, stage: Stage, clock: Clock) -> None:
         self.axis = Axis(stage, clock)
@@ -66,7 +65,7 @@ class Module:
         self.busy_until = -np.inf
 
     def set(self, key: str, text: str) -> None:
-        """A setting, within its range."""
+        """Change a setting, within its range."""
         field, value = _FIELDS[key][0], _number(text)
         quantities(Settings)[field].check(value, field)
         self.settings = self.settings._replace(**{field: value})
@@ -74,7 +73,7 @@ class Module:
             self._go(value)
 
     def set_mode(self, mode: str, now: float) -> None:
-        """Change what the output does; a motion ends."""
+        """Change the mode of the output; a motion ends."""
         if mode not in _MODES:
             raise ConsoleError("Parameter out of range")
         self.axis.stop()
@@ -91,7 +90,7 @@ class Module:
         self.axis.begin(pieces())
 
     def step(self, sign: int, count: int | None) -> None:
-        """Steps up or down; None: until stop."""
+        """Step up or down; with a count of None until a stop."""
         if self.mode not in ("stp", "stp+", "stp-"):
             raise ConsoleError("Axis not in stepping mode")
         of = self.settings
@@ -107,8 +106,14 @@ class Module:
 
 
 class Anc300:
-    """The controller. Args: a stage for each axis, from 1 on; the password of the console; a clock; s that
-    `stepw` and `capw` wait at most."""
+    """The controller.
+
+    Args:
+        stages: stage of each axis, from 1.
+        password: password of the console.
+        clock: the clock.
+        longest_wait: longest wait of `stepw` and `capw`, s.
+    """
 
     port = PORT
 
@@ -125,20 +130,20 @@ class Anc300:
         self.modules = {i + 1: Module(stage, self.clock) for i, stage in enumerate(stages)}
 
     def session(self) -> ConsoleSession:
-        """A console."""
+        """Return a session of the console."""
         return ConsoleSession(self)
 
     def serial_session(self) -> ConsoleSession:
-        """The console on its serial port, which asks for no password."""
+        """Return a session of the console on its serial port, which needs no password."""
         return ConsoleSession(self, known=True)
 
     def leave(self) -> None:
-        """Steps without an end stop."""
+        """Stop steps without an end."""
         for module in self.modules.values():
             module.axis.stop()
 
     def execute(self, line: str) -> str:
-        """One command; what is said before OK."""
+        """Execute one command; return the answer before OK."""
         name, *rest = line.split()
         if name in ("ver", "getcser", "help"):
             return {
@@ -198,7 +203,7 @@ class Anc300:
         return said[key]()
 
     def _wait(self, module: Module) -> None:
-        """Until the steps are done, or the capacitance is measured."""
+        """Wait until the steps are done, or the capacitance is measured."""
         until = self.clock.now() + self.longest_wait
         while module.axis.moving or self.clock.now() < module.busy_until:
             if self.clock.now() > until or module.axis.forever:
@@ -207,8 +212,10 @@ class Anc300:
 
 
 class ConsoleSession:
-    """A connection: the password first, unless it is `known`, then commands; until `echo off` each line is
-    echoed, and a prompt follows each answer."""
+    """A connection: first the password, unless it is `known`, then commands.
+
+    Until `echo off` each line is echoed, and a prompt follows each answer.
+    """
 
     greeting = _GREETING
 
@@ -216,7 +223,7 @@ class ConsoleSession:
         self._twin, self._lines, self._echo, self._known = twin, Lines(), True, known
 
     def feed(self, data: bytes) -> bytes:
-        """The answers to the lines that are complete."""
+        """Return the answers to the complete lines."""
         return "".join(self._answer(line) for line in self._lines.feed(data)).encode("latin-1")
 
     def _answer(self, line: str) -> str:
@@ -229,7 +236,7 @@ class ConsoleSession:
         return answered + _PROMPT if self._echo else answered
 
     def _answered(self, line: str) -> str:
-        """The echo of a line, and what is said to it."""
+        """Return the echo of a line, and the answer to it."""
         echoed, said = f"{line}\r\n" if self._echo else "", ""
         if not line:
             return echoed
@@ -258,4 +265,4 @@ def _count(rest: list[str]) -> int | None:
         return None
     if not rest[0].isascii() or not rest[0].isdecimal() or len(rest[0]) > 9:
         raise ConsoleError("Parameter out of range")
-    return int(rest[0]) or None  # the maker's 0 is for ever as well
+    return int(rest[0]) or None  # the maker's 0 is endless as well

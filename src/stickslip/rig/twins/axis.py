@@ -1,4 +1,4 @@
-"""A stage in time: motions are played piece by piece, as the clock goes on between commands."""
+"""A stage in time: motions are simulated piece by piece as the clock proceeds between commands."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ import numpy as np
 from ..protocols import Array
 from .stage import Path, Piece, Stage
 
-FLANK = 50e-6  # s of the fast edge of a step, a tenth of its period at most
-CHUNK = 0.02  # s of steps that are played as one piece
-_RAMP = 0.1  # s
-_POINTS = 8  # at which the slow edge of a step is known
-_SLOWEST = 0.1  # s of computing after which a motion is late rather than the answer
+FLANK = 50e-6  # s, fast edge of a step; at most a tenth of its period
+CHUNK = 0.02  # s of steps simulated as one piece
+_RAMP = 0.1  # s, longest piece of a ramp
+_POINTS = 8  # samples on the slow edge of a step
+_SLOWEST = 0.1  # s of computing after which the motion is delayed instead of the answer
 
 
 class Clock(Protocol):
-    """Time, s; a test may have one of its own."""
+    """Clock, in s; a test may use its own."""
 
     def now(self) -> float:
-        """Since any moment."""
+        """Return the time since any fixed moment."""
         ...
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass."""
+        """Wait."""
         ...
 
 
 class WallClock:
-    """The time of day goes on by itself."""
+    """The computer's monotonic clock."""
 
     def now(self) -> float:
-        """Since any moment."""
+        """Return the time since any fixed moment."""
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass."""
+        """Wait."""
         time.sleep(seconds)
 
 
@@ -47,12 +47,12 @@ class Axis:
     """An axis of a controller.
 
     Args:
-        stage: what moves.
-        clock: what time it is.
-        heard: told of every piece that was played.
+        stage: the stage of the axis.
+        clock: the clock.
+        heard: called with the path of every simulated piece.
 
-    What a motion does depends on its pieces alone, not on when it is looked at; if the computer cannot keep
-    up it is late. A stop lets the piece end that is going on.
+    A motion depends on its pieces alone, not on the times of queries. If the computer is too slow, the motion
+    is delayed. A stop takes effect at the end of the present piece.
     """
 
     def __init__(self, stage: Stage, clock: Clock, heard: Callable[[Path], None] | None = None) -> None:
@@ -63,28 +63,28 @@ class Axis:
         self._begin = self._end = clock.now()
 
     def begin(self, pieces: Iterator[Piece], forever: bool = False) -> None:
-        """Move: after the piece that is going on, and instead of what was to come."""
+        """Start a motion after the present piece. It replaces the rest of an earlier motion."""
         self.advance()
         self._pieces, self._forever = pieces, forever
 
     def stop(self) -> None:
-        """End the motion with the piece that is going on."""
+        """End the motion with the present piece."""
         self.advance()
         self._pieces = None
 
     @property
     def moving(self) -> bool:
-        """Whether a motion is going on."""
+        """True during a motion."""
         self.advance()
         return self._pieces is not None or self._path is not None
 
     @property
     def forever(self) -> bool:
-        """Whether the motion has no end of its own."""
+        """True during a motion without an end."""
         return self.moving and self._pieces is not None and self._forever
 
     def advance(self) -> float:
-        """Up to now: play what was due, or rest. Returns the time."""
+        """Simulate all pieces that are due, or the rest, up to now. Return the time."""
         now, began = self._clock.now(), time.monotonic()
         while self._end <= now:
             piece = next(self._pieces, None) if self._pieces is not None else None
@@ -99,12 +99,12 @@ class Axis:
             if self._heard is not None:
                 self._heard(self._path)
             if self._end <= now and time.monotonic() - began > _SLOWEST:
-                self._end = now  # late
+                self._end = now  # delayed
                 break
         return now
 
     def state(self) -> tuple[float, float, float]:
-        """Voltage, V, stage and end-effector, m, now."""
+        """Return voltage, V, and the positions of stage and end-effector, m, now."""
         now = self.advance()
         if self._path is None:
             return self.stage.voltage, self.stage.elongation, self.stage.position
@@ -112,7 +112,7 @@ class Axis:
 
 
 def ramp(begin: float, end: float, seconds: float) -> Iterator[Piece]:
-    """A line from the present voltage to another, in pieces of a tenth of a second."""
+    """Return a linear ramp from one voltage to another, in pieces of a tenth of a second."""
     count = max(1, math.ceil(seconds / _RAMP))
     samples: Array = np.linspace(0.0, seconds / count, 21)[1:]
     for k in range(1, count + 1):
@@ -122,8 +122,11 @@ def ramp(begin: float, end: float, seconds: float) -> Iterator[Piece]:
 def steps(
     stage: Stage, count: int | None, amplitude: float, frequency: float, base: float = 0.0
 ) -> Iterator[Piece]:
-    """Steps between `base` and `base + amplitude`, V; up where `count` is positive, None: for ever (down
-    where the frequency is negative)."""
+    """Return steps between `base` and `base + amplitude`, V.
+
+    They go up if `count` is positive. With a count of None they are endless, and go down if the frequency is
+    negative.
+    """
     up = frequency > 0.0 if count is None else count > 0
     period = 1.0 / abs(frequency)
     flank = min(FLANK, 0.1 * period)

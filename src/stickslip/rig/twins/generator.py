@@ -1,7 +1,8 @@
-"""A twin of a function generator, by the commands of Keysight's 33500 or Rigol's DG1000Z.
+"""Twin of a function generator, with the commands of Keysight's 33500 or Rigol's DG1000Z.
 
-From their programming guides, without hardware. Assumed: values of a table are held; a burst waits, and ends,
-at the first value; a disconnected output is at 0 V at once; the sync output rises when a burst begins.
+Made from their programming guides, without hardware. Assumed: each value of a table is constant for an
+update; a burst waits, and ends, at the first value; a disconnected output is at 0 V at once; the sync output
+rises when a burst starts.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ GENERATORS = {
     "33500": "Agilent Technologies,33522B,MY52800001,3.03-1.19-2.00-52-00",
     "dg1000z": "Rigol Technologies,DG1032Z,DG1ZA000000001,03.01.12",
 }
-_CHUNK = 0.02  # s of a table that are played as one piece
-_EDGE = 0.02  # share of an update in which the output jumps
+_CHUNK = 0.02  # s of a table simulated as one piece
+_EDGE = 0.02  # time of the output's jump, as a fraction of an update
 
 
 class GeneratorTwin(ScpiDevice):
@@ -59,7 +60,8 @@ class GeneratorTwin(ScpiDevice):
         }
 
     def leave(self) -> None:
-        """A burst goes on to its end: the instrument does not know that its program has gone."""
+        """Do nothing: a burst continues to its end, because the instrument does not know that its program has
+        gone."""
 
     def _keep(self, name: str) -> Any:
         def keep(given: list[str], block: bytes) -> None:
@@ -70,7 +72,7 @@ class GeneratorTwin(ScpiDevice):
         return keep
 
     def _upload_dac(self, given: list[str], block: bytes) -> None:
-        """A block, or numbers in text."""
+        """Load the table from a block, or from numbers in text."""
         low_first = self._settings.get("FORM:BORD", "NORM").upper().startswith("SWAP")
         if block:
             values = np.frombuffer(block[: len(block) // 2 * 2], "<i2" if low_first else ">i2").astype(float)
@@ -112,7 +114,7 @@ class GeneratorTwin(ScpiDevice):
                 heard(self._wiring.clock.now())
 
     def _pieces(self) -> Iterator[Piece]:
-        """The table, some of it at a time, with the amplitude that there is then."""
+        """Return the table in pieces, each with the amplitude at its time."""
         tick, size = 1.0 / self._rate, max(round(_CHUNK * self._rate), 1)
         for first in range(0, self._table.size, size):
             values = self._table[first : first + size] * (0.5 * self.amplitude * self._wiring.gain)

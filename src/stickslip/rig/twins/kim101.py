@@ -1,12 +1,13 @@
-"""A twin of Thorlabs' KIM101: APT frames on TCP, four channels of inertia motors that count their steps.
+"""Twin of Thorlabs' KIM101: APT frames on TCP, four channels of inertia motors that count their steps.
 
-Made from the APT messages of the inertia motors (PZMOT) as the drivers of pylablib, InstrumentKit,
-thorlabs-apt-protocol, EPICS and ARTIQ send and take them. Accelerations are kept, but steps start at full
-speed. Limit switches, home, panel, triggers and feedback are kept without effect. MOVE_COMPLETED comes when a
-motion ends. Status messages come ten times a second after HW_START_UPDATEMSGS.
-Assumed: HW_RICHRESPONSE and its code answer an unknown message; status messages end after fifty that nobody
-acknowledges; MOD_SET_CHANENABLESTATE adds a channel to the enabled ones, or removes it; the channel of a jog
-is its number, whereas other messages have a bit for each channel.
+Made from the APT messages of the inertia motors (PZMOT) in the drivers of pylablib, InstrumentKit,
+thorlabs-apt-protocol, EPICS and ARTIQ. Accelerations are stored, but steps start at full speed. Limit
+switches, home, panel, triggers and feedback are stored without effect. MOVE_COMPLETED is sent when a motion
+ends. Status messages are sent ten times a second after HW_START_UPDATEMSGS.
+
+Assumed: HW_RICHRESPONSE and its code answer an unknown message; status messages end after fifty without an
+acknowledgement; MOD_SET_CHANENABLESTATE adds a channel to the enabled ones, or removes it; a jog contains the
+channel's number, whereas other messages have a bit for each channel.
 """
 
 from __future__ import annotations
@@ -18,25 +19,25 @@ from .axis import Axis, Clock, WallClock, steps
 from .server import HangUp
 from .stage import Piece, Stage
 
-PORT = 0  # the controller is behind USB: any
+PORT = 0  # the controller is on USB: any port
 _HOST, _DEVICE = 0x01, 0x50
-_MASKS = {1: 0, 2: 1, 4: 2, 8: 3}  # of a channel
-_JOGGED = {1: 0, 2: 1, 3: 2, 4: 3, 8: 3}  # of a jog
+_MASKS = {1: 0, 2: 1, 4: 2, 8: 3}  # bit of a channel -> index
+_JOGGED = {1: 0, 2: 1, 3: 2, 4: 3, 8: 3}  # channel of a jog -> index
 _MODES: dict[int, set[int]] = {0: set(), 1: {0}, 2: {1}, 3: {2}, 4: {3}, 5: {0, 1}, 6: {2, 3}}
 _FORWARD, _BACKWARD, _STOPPED_FORWARD, _STOPPED_BACKWARD, _ENABLED = 1 << 5, 1 << 4, 1 << 1, 1 << 0, 1 << 31
 _JOGGING_FORWARD, _JOGGING_BACKWARD, _CONNECTED, _POWERED = 1 << 7, 1 << 6, 1 << 8, 1 << 28
 _UPDATE_INTERVAL = 0.1  # s between status messages
-_UNACKNOWLEDGED = 50  # status messages that are sent without an acknowledgement
+_UNACKNOWLEDGED = 50  # most status messages without an acknowledgement
 _UPDATING = (0x0011, 0x0012, 0x08E2)
 _LONGEST = 256  # bytes of data in a frame
 _DRIVE, _JOG = "<HII", "<HIIII"
-# Bytes of parameters that are kept without effect, after the channel; the triggers' have no channel.
+# Bytes of parameters stored without effect, after the channel; the triggers have no channel.
 _KEPT = {0x0B: 6, 0x0F: 12, 0x15: 20, 0x19: 32, 0x30: 6, 0x32: 4, 0x34: 4}
 _TRIGGERS, _TRIGGERS_LENGTHS = 0x17, (12, 24)
 
 
 class Channel:
-    """A channel: where it is in steps, and what it is set to."""
+    """A channel: its step count and its settings."""
 
     def __init__(self, stage: Stage, clock: Clock) -> None:
         self.axis = Axis(stage, clock)
@@ -46,7 +47,7 @@ class Channel:
         self.jog = [2, 100, 100, 500, 1000]  # mode, steps forward, backward, steps/s, steps/s2
 
     def move(self, target: int | None, direction: int, rate: int, jogging: bool = False) -> None:
-        """To a count of steps, or without an end."""
+        """Move to a step count, or without an end."""
         self._jogging = jogging
 
         def pieces() -> Iterator[Piece]:
@@ -58,14 +59,14 @@ class Channel:
             amplitude, frequency = float(self.drive[0]), float(rate)
             made = steps(self.axis.stage, count, amplitude, way * frequency if count is None else frequency)
             for piece in made:
-                self.steps += way * _counted(piece, amplitude)  # as soon as they are put out
+                self.steps += way * _counted(piece, amplitude)  # counted when they are put out
                 yield piece
 
         self.axis.begin(pieces(), forever=target is None)
 
     @property
     def status(self) -> int:
-        """The bits of the status."""
+        """Status bits."""
         moving, met = self.axis.moving, self.axis.stage.stop_met
         bits = (_FORWARD if self._direction > 0 else _BACKWARD) if moving else 0
         if moving and self._jogging:
@@ -75,12 +76,18 @@ class Channel:
 
 
 def _counted(piece: Piece, amplitude: float) -> int:
-    """Steps of a piece: it comes to the top of each once."""
+    """Return the steps in a piece: each reaches the amplitude once."""
     return int((piece.volts == amplitude).sum())
 
 
 class Kim101:
-    """The controller. Args: up to four stages; a serial number; a clock."""
+    """The controller.
+
+    Args:
+        stages: up to four stages.
+        serial: serial number.
+        clock: the clock.
+    """
 
     port = PORT
 
@@ -93,18 +100,18 @@ class Kim101:
         self._awaited: set[int] = set()
 
     def session(self) -> FrameSession:
-        """A connection."""
+        """Return a session."""
         return FrameSession(self)
 
     serial_session = session
 
     def leave(self) -> None:
-        """Jogs without an end stop."""
+        """Stop jogs without an end."""
         for channel in self.channels:
             channel.axis.stop()
 
     def execute(self, message: int, first: int, second: int, data: bytes) -> bytes:
-        """The answers to one message."""
+        """Return the answers to one message."""
         try:
             answer = self._answer(message, first, second, data)
         except (struct.error, LookupError):
@@ -145,7 +152,7 @@ class Kim101:
         raise LookupError(message)
 
     def _enable(self, channels: set[int]) -> None:
-        """Enable these channels and no other; those stop."""
+        """Enable exactly these channels; the others stop."""
         self.enabled = channels
         for index, channel in enumerate(self.channels):
             if index not in channels:
@@ -228,7 +235,7 @@ class Kim101:
         return struct.pack("<HH", sub, mask) + (channel.kept[sub] if sub in _KEPT else said[sub]())
 
     def status(self) -> bytes:
-        """A status message: steps and bits of all channels."""
+        """Return a status message: steps and bits of all channels."""
         made = b""
         for index in range(4):
             status, count = 0, 0
@@ -240,7 +247,7 @@ class Kim101:
         return _frame(0x08E1, made)
 
     def completed(self) -> bytes:
-        """MOVE_COMPLETED of the motions that have ended since the last answer."""
+        """Return MOVE_COMPLETED for the motions that have ended since the last answer."""
         made = b""
         for index in sorted(self._awaited):
             channel = self.channels[index]
@@ -255,7 +262,7 @@ class Kim101:
 
 
 class FrameSession:
-    """A connection: cuts what comes into frames."""
+    """A connection that splits the received bytes into frames."""
 
     greeting = b""
 
@@ -264,10 +271,10 @@ class FrameSession:
         self._updates_left, self._next_update = 0, 0.0
 
     def feed(self, data: bytes) -> bytes:
-        """The answers to the frames that are complete.
+        """Return the answers to the complete frames.
 
         Raises:
-            HangUp: a frame is too long: where the next one begins is not known.
+            HangUp: a frame is too long, so that the start of the next one is unknown.
         """
         self._rest, made = self._rest + data, b""
         while len(self._rest) >= 6:
@@ -284,7 +291,7 @@ class FrameSession:
         return made
 
     def unasked(self) -> bytes:
-        """What the controller says by itself: ends of motions, and status messages that are due."""
+        """Return unsolicited messages: ends of motions, and status messages that are due."""
         made, now = self._twin.completed(), self._twin.clock.now()
         if self._updates_left and now >= self._next_update:
             self._updates_left, self._next_update = self._updates_left - 1, now + _UPDATE_INTERVAL
@@ -292,7 +299,7 @@ class FrameSession:
         return made
 
     def _update(self, message: int) -> None:
-        """Status messages on (0x0011), off (0x0012) and acknowledged (0x08E2)."""
+        """Switch status messages on (0x0011) or off (0x0012), or acknowledge them (0x08E2)."""
         if message == 0x0011 or (message == 0x08E2 and self._updates_left):
             self._updates_left = _UNACKNOWLEDGED
         elif message == 0x0012:
@@ -308,5 +315,5 @@ def _short(message: int, first: int, second: int) -> bytes:
 
 
 def _within(value: int, low: int, high: int) -> int:
-    """The device takes what is nearest within its range."""
+    """Return the nearest value in the range, as the device does."""
     return min(max(value, low), high)

@@ -30,20 +30,20 @@ def make_twin(
     seed: int = 0,
     clock: Clock | None = None,
 ) -> Nv200 | Mcs2 | Anc300 | Kim101:
-    """A twin, to be served by a `TwinServer`.
+    """Return a twin, for a `TwinServer`.
 
     Args:
-        name: of `TWINS`.
-        actuator: on each axis; its contact varies by a seed of the axis's own.
-        axes: up to 4; the NV200 has one.
+        name: one of `TWINS`.
+        actuator: actuator of each axis; its contact varies with a seed of the axis's own.
+        axes: number of axes, up to 4; the NV200 has one.
         travel: m, from end stop to end stop.
-        variation: of the contact, from piece to piece of the motion.
-        irregularity: of steps and end stops, and the temperature; by default there is none.
-        seed: of variation, irregularity, noise, and where the end-effectors are at power-on.
-        clock: what time it is; by default the time of day.
+        variation: variation of the contact from piece to piece of the motion.
+        irregularity: irregularity of steps and end stops, and the temperature; none by default.
+        seed: seed of variation, irregularity, noise and initial positions.
+        clock: the clock; by default the computer's.
 
     Raises:
-        QuantityError: another name, number of axes, or travel.
+        QuantityError: the name, the number of axes or the travel is not possible.
     """
     travel = to_si(travel, "m", "travel")
     if name not in TWINS:

@@ -1,11 +1,11 @@
-"""A twin of SmarAct's MCS2: its ASCII interface on TCP, channels with an incremental position sensor.
+"""Twin of SmarAct's MCS2: its ASCII interface on TCP, channels with an incremental position sensor.
 
-Positions are in pm, steps of 65535 and scans from 0 to 65535 are 0 to 100 V. At power-on a position is 0
-wherever the stage is; `:REF` finds the mark in the middle of the travel. Made from what the drivers of BLISS
-(ESRF), EPICS and Kamzik3 send and take; codes of errors are those of the maker's public header. Assumed: the
-words of errors other than SCPI's own, the closed loop (steps while the error is larger than a step, then the
-piezo within its stroke, every 2 ms), ideal calibration. Range limits, safe direction, sensor delay and
-thresholds of the loop are kept without effect.
+Positions are in pm. The numbers 0 to 65535 of steps and scans correspond to 0 to 100 V. At power-on the
+position is 0 wherever the stage is; `:REF` finds the mark in the middle of the travel. Made from the drivers
+of BLISS (ESRF), EPICS and Kamzik3; error codes are those of the maker's public header. Assumed: the words of
+errors other than SCPI's own; the closed loop (steps while the error is larger than a step, then the piezo
+within its stroke, every 2 ms); ideal calibration. Range limits, safe direction, sensor delay and thresholds
+of the loop are stored without effect.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from .server import Lines
 from .stage import Piece, Stage
 
 PORT = 55551
-FULL, FULL_SCALE = 100.0, 65535  # V, and the number for it
-_TICK = 2e-3  # s of the closed loop
-_WITHIN = 20e-9  # m: the target is reached
-_PATIENCE = 2000  # ticks or bursts of steps in which it must be
-_QUEUE = 20  # errors that are remembered
+FULL, FULL_SCALE = 100.0, 65535  # V, and the corresponding number
+_TICK = 2e-3  # s, sampling interval of the closed loop
+_WITHIN = 20e-9  # m, greatest error at the target
+_PATIENCE = 2000  # ticks or bursts of steps within which the target must be reached
+_QUEUE = 20  # longest error queue
 _MODULE_CHANNELS = 3  # channels of one driver module
 _MOVING, _CLOSED, _REFERENCING = 1 << 0, 1 << 1, 1 << 3
 _SENSOR, _CALIBRATED, _REFERENCED, _END_STOP, _FAILED = 1 << 5, 1 << 6, 1 << 7, 1 << 8, 1 << 11
@@ -59,13 +59,13 @@ _SETTINGS = {
 _ALIASES = {"MCLF": "MCLF:CURR", "PTYPE": "PTYP", "PTYP:CODE": "PTYP", "POS:CURR": "POS"}
 _INVALID_PARAMETER, _INVALID_MODULE, _INVALID_CHANNEL = 19, 33, 34
 _SENSOR_DISABLED, _AMPLIFIER_DISABLED, _END_STOP_REACHED = 260, 262, 512
-_TEMPERATURE = "25"  # deg C of channels and modules
+_TEMPERATURE = "25"  # deg C, of channels and modules
 _NUMBER = re.compile(r"([+-]?[0-9]{1,18})(\.[0-9]{0,18})?", re.ASCII)
 _COMMAND = re.compile(r":?([A-Z*][A-Z*:]*?)(\d*)(:[A-Z:]+)?(\?)?(?:\s+(\S.*))?$")
 
 
 class CommandError(Exception):
-    """Its number and words."""
+    """Error of a command: number and words."""
 
     def __init__(self, number: int, words: str) -> None:
         super().__init__(words)
@@ -73,26 +73,26 @@ class CommandError(Exception):
 
 
 class Channel:
-    """A channel with a stage on it."""
+    """A channel with a stage."""
 
     def __init__(self, stage: Stage, clock: Clock, noise: float, seed: int) -> None:
         self.axis, self._noise = Axis(stage, clock), noise
         self._random = np.random.default_rng([seed, 2])
-        self._zero = stage.position  # where the position reads 0
+        self._zero = stage.position  # zero of the sensor
         self.settings = {name: default for name, (default, _, _) in _SETTINGS.items()}
         self.flags, self.target = 0, 0.0
 
     def read(self, at: float | None = None) -> float:
-        """The position by the sensor, m."""
+        """Return the position measured by the sensor, m."""
         at = self.axis.state()[2] if at is None else at
         return at - self._zero + self._noise * float(self._random.standard_normal())
 
     def set_position(self, metres: float) -> None:
-        """Call where it is so."""
+        """Set the sensor's reading at the present position."""
         self._zero = self.axis.state()[2] - metres
 
     def move(self, value: int) -> None:
-        """What the move mode says."""
+        """Start a motion in the present move mode."""
         mode, stage = self.settings["MMOD"], self.axis.stage
         if not self.settings["AMPL"]:
             raise CommandError(_AMPLIFIER_DISABLED, "Amplifier disabled")
@@ -115,12 +115,12 @@ class Channel:
             self.axis.begin(steps(stage, value, amplitude, float(self.settings["STEP:FREQ"])))
 
     def reference(self) -> None:
-        """Look for the mark in the middle of the travel."""
+        """Find the mark in the middle of the travel."""
         self.flags = _REFERENCING
         self.axis.begin(self._to_mark(), forever=self.settings["HOLD"] < 0)
 
     def set(self, name: str, value: int) -> None:
-        """Change a setting; without its amplifier a channel stops."""
+        """Change a setting. A channel whose amplifier is switched off stops."""
         _, low, high = _SETTINGS[name]
         if not low <= value <= high:
             raise CommandError(_INVALID_PARAMETER, "Invalid parameter")
@@ -131,19 +131,19 @@ class Channel:
 
     @property
     def following_error(self) -> float:
-        """Target less position while the loop is closed, m."""
+        """Target minus position while the loop is closed, m."""
         return self.target - self.read() if self.status & _CLOSED else 0.0
 
     @property
     def status(self) -> int:
-        """The bits of the state. A channel that holds its position is not moving."""
+        """Status bits. A channel that holds its position is not moving."""
         moving = self.axis.moving and not self.flags & _IN_POSITION
         bits = self.flags | _SENSOR | _CALIBRATED | (_MOVING if moving else 0)
         bits |= _AMPLIFIER if self.settings["AMPL"] else 0
         return bits | (_END_STOP if self.axis.stage.stop_met else 0)
 
     def _to(self, target: float) -> Iterator[Piece]:
-        """Closed loop: steps from far, the piezo from near, then the hold."""
+        """Close the loop: steps while the target is far, then the piezo, then the hold."""
         stage, gain = self.axis.stage, self.axis.stage.actuator.gain
         self.flags |= _CLOSED
         for _ in range(_PATIENCE):
@@ -171,9 +171,9 @@ class Channel:
         self.flags &= ~_CLOSED
 
     def _nearer(self, error: float, gain: float) -> Iterator[Piece]:
-        """Some steps towards the target, within the velocity, ending at half the voltage."""
+        """Return some steps towards the target, within the velocity, ending at half the voltage."""
         stage, frequency = self.axis.stage, float(min(self.settings["MCLF:CURR"], 100))
-        step = 0.5 * gain * FULL  # about that of a step of 100 V
+        step = 0.5 * gain * FULL  # about the length of a step of 100 V
         velocity = 1e-12 * self.settings["VEL"]
         if velocity > 0.0:
             frequency = min(frequency, max(velocity / step, 1.0))
@@ -193,14 +193,21 @@ class Channel:
                     self.flags = _FAILED
                     return
                 way, turned = -way, True
-        # It counts from the mark, or from where it was before, which the mark then is at.
+        # The sensor counts from the mark from now on.
         self._zero = 0.0
         self.flags = _REFERENCED
         yield from self._to(0.0)
 
 
 class Mcs2:
-    """The controller. Args: a stage for each channel, from 0 on; noise of the sensor, m; a seed; a clock."""
+    """The controller.
+
+    Args:
+        stages: stage of each channel, from 0.
+        noise: noise of the sensor, m.
+        seed: seed of the noise.
+        clock: the clock.
+    """
 
     port = PORT
 
@@ -214,17 +221,17 @@ class Mcs2:
         self._emergency_stop = 0
 
     def session(self) -> LineSession:
-        """A connection."""
+        """Return a session."""
         return LineSession(self)
 
     def leave(self) -> None:
-        """What has no end of its own: a hold."""
+        """Stop a hold, which has no end."""
         for channel in self.channels:
             if channel.axis.forever:
                 channel.axis.stop()
 
     def execute(self, line: str) -> str:
-        """One command; the answer, empty if there is none."""
+        """Execute one command; return the answer, "" if there is none."""
         try:
             found = _COMMAND.match(line.strip().upper())
             if found is None:
@@ -329,7 +336,7 @@ class Mcs2:
 
 
 class LineSession:
-    """A connection of lines."""
+    """A connection of text lines."""
 
     greeting = b""
 
@@ -337,13 +344,13 @@ class LineSession:
         self._twin, self._lines = twin, Lines()
 
     def feed(self, data: bytes) -> bytes:
-        """The answers to the lines that are complete."""
+        """Return the answers to the complete lines."""
         made = (self._twin.execute(line) for line in self._lines.feed(data) if line.strip())
         return "".join(f"{answer}\r\n" for answer in made if answer).encode()
 
 
 def _whole(argument: str | None) -> int:
-    """The whole number nearest to an argument: EPICS writes all of them with a fraction."""
+    """Return the integer nearest to an argument: EPICS writes integers with a fraction."""
     if argument is None:
         raise CommandError(-109, "Missing parameter")
     found = _NUMBER.fullmatch(argument.strip())

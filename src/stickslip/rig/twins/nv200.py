@@ -1,11 +1,11 @@
-"""A twin of piezosystem jena's NV200/D NET: amplifier, position controller, generator and recorder on TCP.
+"""Twin of piezosystem jena's NV200/D NET: amplifier, position controller, generator and recorder on TCP.
 
-The stage behind it walks if the generator draws a sawtooth; its position sensor shows the end-effector (or
-the stage itself). Made from the maker's library `nv200` 1.6.0, without hardware. Assumed: writes are answered
-by XOFF XON alone; numbers have three decimals; generator values are held; the output keeps its last value
-when the generator ends; the closed loop is an integral controller of the twin's own, every 5 ms; current and
-error codes of locked commands. Filters other than the slew rate and the low pass of the set point, SPI, ILC,
-trigger outputs are kept without effect.
+A sawtooth from the generator makes the stage walk. The position sensor measures the end-effector (or the
+stage itself). Made from the maker's library `nv200` 1.6.0, without hardware. Assumed: writes are answered by
+XOFF XON alone; numbers have three decimals; generator values are constant for an update; the output keeps its
+last value when the generator ends; the closed loop is an integral controller of the twin's own, every 5 ms;
+current and error codes of locked commands. Filters other than the slew rate and the low pass of the set
+point, SPI, ILC and trigger outputs are stored without effect.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _XOFF, _XON = "\x13", "\x11"
 _PROMPT = "NV200/D_NET>"
 UNKNOWN, MISSING, OUT_OF_RANGE, TOO_MANY, LOCKED = 2, 3, 4, 5, 6
 
-# name -> default, least, greatest; those with whole numbers have whole defaults
+# name -> default, least, greatest; integer settings have integer defaults
 _KEPT: dict[str, tuple[float, float, float]] = {
     **{name: (0, 0, 1) for name in ("fenable", "setlpon", "notchon", "poslpon", "cl")},
     **{name: (0, 0, 7) for name in ("monsrc", "spisrc", "trgfkt", "trgedg", "spitrg")},
@@ -51,7 +51,7 @@ _KEPT: dict[str, tuple[float, float, float]] = {
 
 
 class DeviceError(Exception):
-    """Its number."""
+    """Error of a command, with its number."""
 
     def __init__(self, number: int) -> None:
         super().__init__(str(number))
@@ -62,11 +62,11 @@ class Nv200:
     """The amplifier.
 
     Args:
-        stage: what is on it.
-        noise: m, of the position sensor.
-        on: what that shows, "end_effector" or "stage".
-        seed: of the noise.
-        clock: what time it is.
+        stage: the stage on the amplifier.
+        noise: noise of the position sensor, m.
+        on: what the sensor measures, "end_effector" or "stage".
+        seed: seed of the noise.
+        clock: the clock.
     """
 
     port = PORT
@@ -107,19 +107,19 @@ class Nv200:
         }
 
     def session(self) -> FramedSession:
-        """A connection."""
+        """Return a session."""
         return FramedSession(self)
 
     def leave(self) -> None:
-        """A generator without an end stops; the voltage stays, as the amplifier's does."""
+        """Stop a generator without an end; the voltage stays, as the amplifier's does."""
         if self.kept["gcarb"] == 0:
             self.output.generate(False)
 
     def execute(self, line: str) -> str:
-        """One command; the answer of a read, empty for a write.
+        """Execute one command; return the answer of a query, "" for other commands.
 
         Raises:
-            DeviceError: its number is answered.
+            DeviceError: the command is refused, with the number to answer.
         """
         name, *rest = (part.strip() for part in line.split(","))
         values = {"gbarb": 1, "gparb": 1, "recsrc": 1, "imeas": 1, "recoutf": 1, "recout": 3}.get(name, 0)
@@ -203,7 +203,7 @@ class Nv200:
 
 
 class FramedSession:
-    """A connection: each answer stands between XOFF and XON."""
+    """A connection on which each answer comes between XOFF and XON."""
 
     greeting = b""
 
@@ -211,7 +211,7 @@ class FramedSession:
         self._twin, self._lines = twin, Lines()
 
     def feed(self, data: bytes) -> bytes:
-        """The answers to the lines that are complete."""
+        """Return the answers to the complete lines."""
         made = ""
         for line in self._lines.feed(data):
             try:

@@ -1,4 +1,4 @@
-"""The output of the NV200's twin, tick by tick: set point, generator, closed loop, and what records them."""
+"""Output of the NV200's twin, tick by tick: set point, generator, closed loop and recorder."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ from .stage import Path, Piece, Stage
 TICK = 50e-6  # s
 RECORD = 6144  # samples of the recorder
 RANGE = {"avmin": -20.0, "avmax": 180.0, "posmin": -80.0, "posmax": 80.0}  # V and um
-_PIECE = 400  # ticks that are played at once, at most
-_LOOP = 100  # ticks from one step of the closed loop to the next
+_PIECE = 400  # greatest number of ticks simulated at once
+_LOOP = 100  # ticks between two updates of the closed loop
 
 
 class Recorder:
-    """Two channels of samples, `interval` apart; the first when the output next moves, or rests on."""
+    """Recorder of two channels, with samples `interval` apart.
+
+    The first sample is taken when the output next moves, or stays constant.
+    """
 
     def __init__(self) -> None:
         self.sources = [0, 2]
@@ -28,13 +31,14 @@ class Recorder:
         self.armed = self.running = False
 
     def start(self, stride: int, length: int) -> None:
-        """Begin; a length of 0 goes on until it is stopped, and keeps the last RECORD samples."""
+        """Start recording. With a length of 0 it continues until it is stopped, and keeps the last RECORD
+        samples."""
         self.rows, self.count = [], 0
         self._elapsed, self.interval, self.length = 0.0, stride * TICK, length
         self.armed, self.running = False, True
 
     def take(self, path: Path, columns: Array) -> None:
-        """The samples that fall into a piece; `columns` [sources, n] at the times of the path."""
+        """Record the samples in a piece; `columns` [sources, n] are the sources at the times of the path."""
         began = self._elapsed
         self._elapsed += float(path.times[-1])
         last = int(np.floor(self._elapsed / self.interval - 1e-6)) + 1
@@ -50,14 +54,14 @@ class Recorder:
             self.rows.pop(0)
 
     def values(self, row: int) -> Array:
-        """Of one source, in order."""
+        """Return the samples of one source, in order."""
         if not self.rows:
             return np.zeros(0)
         return np.concatenate([block[row] for block in self.rows])[-RECORD:]
 
 
 class Output:
-    """What comes out, and where the stage is; `kept` are the settings of the device."""
+    """Output of the amplifier, and the stage on it; `kept` are the settings of the device."""
 
     def __init__(
         self, stage: Stage, clock: Clock, kept: Mapping[str, float], noise: float, on: str, seed: int
@@ -73,33 +77,33 @@ class Output:
 
     @property
     def set_range(self) -> tuple[float, float]:
-        """Of the set point: V, or um in closed loop."""
+        """Range of the set point: V, or um in closed loop."""
         names = ("posmin", "posmax") if self._kept["cl"] else ("avmin", "avmax")
         return RANGE[names[0]], RANGE[names[1]]
 
     @property
     def generating(self) -> bool:
-        """Whether the generator runs."""
+        """True while the generator runs."""
         self.axis.advance()
         return self._generating
 
     @property
     def recording(self) -> bool:
-        """Whether the recorder runs, or waits for its start."""
+        """True while the recorder runs, or waits for its start."""
         self.axis.advance()
         return self.recorder.running or self.recorder.armed
 
     def percent(self, position: float) -> float:
-        """Of a position, um, as the table has it."""
+        """Return a position, um, in the unit of the table, %."""
         return 100.0 * (position - RANGE["posmin"]) / (RANGE["posmax"] - RANGE["posmin"])
 
     def measured(self) -> float:
-        """The position, um."""
+        """Return the measured position, um."""
         _, y, x = self.axis.state()
         return float(self._sensed(np.array([y if self._on_stage else x]))[0])
 
     def go(self, value: float, seconds: float = 0.0) -> None:
-        """To a set point, at once or in a time."""
+        """Go to a set point, at once or within a time."""
         self.axis.advance()
         if self._kept["recast"] == 1 and self.recorder.armed:
             self._record_now()
@@ -110,7 +114,7 @@ class Output:
             self._play(iter((points,)))
 
     def follow_source(self) -> None:
-        """Closed loop, or the source of the set point, was switched; the loop goes on from where it is."""
+        """Adapt to a switched loop or set-point source. A closed loop starts at the present position."""
         self._generating = False
         if self._kept["cl"] and self._kept["modsrc"] == 0:
             low, high = self.set_range
@@ -147,7 +151,7 @@ class Output:
                 self._play(iter(()))
 
     def recorded(self, channel: int) -> Array:
-        """What the recorder has of a channel, in V or um."""
+        """Return the recorded samples of a channel, in V or um."""
         self.axis.advance()
         return self.recorder.values(channel)
 
@@ -163,8 +167,10 @@ class Output:
         self.axis.begin(self._pieces(points), forever)
 
     def _pieces(self, points: Iterator[Array]) -> Iterator[Piece]:
-        """Set points, one a tick, through slew rate and loop to the amplifier; then as long as the recorder
-        runs."""
+        """Return the pieces for set points, one per tick, through slew rate and loop.
+
+        After the last set point, pieces continue while the recorder runs or the output has not settled.
+        """
         for chunk in points:
             for first in range(0, chunk.size, _PIECE):
                 yield from self._driven(chunk[first : first + _PIECE])
@@ -178,7 +184,7 @@ class Output:
         return abs(self._last_point - self.axis.stage.voltage) > 1e-9
 
     def _driven(self, points: Array) -> Iterator[Piece]:
-        """Pieces that lead the output along set points."""
+        """Return the pieces that lead the output along set points."""
         self._last_point = float(points[-1])
         if not self._kept["cl"]:
             yield _piece(self.axis.stage.voltage, self._slewed(points))
@@ -194,7 +200,7 @@ class Output:
             yield _piece(stage.voltage, np.linspace(stage.voltage, wanted, part.size + 1)[1:])
 
     def _slewed(self, points: Array) -> Array:
-        """V, after low pass and slew rate."""
+        """Return the voltages, V, after low pass and slew rate."""
         points = np.clip(points, RANGE["avmin"], RANGE["avmax"])
         rate = float(self._kept["sr"])
         begin = self.axis.stage.voltage
@@ -215,7 +221,7 @@ class Output:
         return points
 
     def _generated(self) -> Iterator[Array]:
-        """The table, cycle by cycle."""
+        """Return the table, cycle by cycle."""
         kept = self._kept
         cycle, first = 0, int(kept["goarb"])
         while kept["modsrc"] == 3 and (kept["gcarb"] == 0 or cycle < kept["gcarb"]):
@@ -248,12 +254,12 @@ class Output:
         }.get(source, np.zeros_like(positions))
 
     def _sensed(self, at: Array) -> Array:
-        """um, by the sensor."""
+        """Return the measured position, um."""
         return 1e6 * (at - self._zero + self._noise * self._random.standard_normal(at.size))
 
 
 def _piece(begin: float, volts: Array) -> Piece:
-    """A value a tick, reached within it; ticks without a change need no knot."""
+    """Return a piece with one value per tick, reached within it. Ticks on a straight line need no knot."""
     times: Array = np.arange(1, volts.size + 1, dtype=np.float64) * TICK
     slopes = np.diff(np.append(begin, volts))
     keep = np.append(np.abs(np.diff(slopes)) > 1e-12, True)

@@ -1,7 +1,7 @@
-"""A twin of an oscilloscope, by the commands of InfiniiVision, Rigol's MSO5000 or Tektronix's DPO3000.
+"""Twin of an oscilloscope, with the commands of InfiniiVision, Rigol's MSO5000 or Tektronix's DPO3000.
 
-From their programming guides, without hardware. It has 12 bits over its screen (8 in bytes), whatever the
-family, and samples 5,000 times in it.
+Made from their programming guides, without hardware. All families have 12 bits over the screen (8 in bytes)
+and 5,000 samples on it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class OscilloscopeTwin(ScpiDevice):
         super().__init__(OSCILLOSCOPES[family], "EVM?" if family == "dpo3000" else "SYST:ERR?")
         self._wiring, self._source, self.lock = wiring, 1, wiring.lock
         self._spans = dict.fromkeys(range(1, 5), 8.0)
-        self._length, self._middle = 1e-3, 0.0  # of the screen, s; its middle after the trigger
+        self._length, self._middle = 1e-3, 0.0  # time on the screen, s, and its middle after the trigger, s
         self._armed, self._began, self._ended = False, None, False
         self._settings: dict[str, str] = {"WAV:FORM": "BYTE"}
         wiring.triggers.append(self._triggered)
@@ -40,7 +40,7 @@ class OscilloscopeTwin(ScpiDevice):
         ]()
 
     def leave(self) -> None:
-        """Its program has gone; it does not know."""
+        """Do nothing: the instrument does not know that its program has gone."""
 
     def _as_keysight(self) -> None:
         self._keep("TIM:MODE TIM:REF ACQ:TYPE TRIG:MODE TRIG:SWE TRIG:EDGE:SOUR TRIG:EDGE:SLOP TRIG:EDGE:LEV")
@@ -138,11 +138,11 @@ class OscilloscopeTwin(ScpiDevice):
         return "STOP" if over else "RUN"
 
     def _unit(self) -> tuple[float, float, float]:
-        """s of a sample, V of a number, s of the first sample."""
+        """Return the sampling interval, s, the V per number, and the time of the first sample, s."""
         return self._length / _POINTS, self._spans[self._source] / _LEVELS, self._middle - 0.5 * self._length
 
     def _ten(self) -> str:
-        """The preamble. At no offset the origin is 0: Keysight has it in V, Rigol in numbers."""
+        """Return the preamble. For an offset of 0 the origin is 0; Keysight uses V, Rigol numbers."""
         tick, unit, begin = self._unit()
         word = self._settings["WAV:FORM"].upper().startswith("WORD")
         text = self._settings["WAV:FORM"].upper().startswith("ASC")
@@ -155,7 +155,7 @@ class OscilloscopeTwin(ScpiDevice):
         return tick, begin, unit / 16.0, 0.0, 0.0
 
     def _data(self) -> bytes:
-        """The record as a block."""
+        """Return the record as a block."""
         if self._began is None:
             raise ScpiError(-230, "Data corrupt or stale")
         tick, unit, begin = self._unit()

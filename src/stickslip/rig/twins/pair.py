@@ -1,4 +1,4 @@
-"""Twins of a function generator and an oscilloscope on one plant."""
+"""Twins of a function generator and an oscilloscope with one stage."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def make_pair(
     variation: Variation = MEASURED,
     seed: int = 0,
 ) -> tuple[GeneratorTwin, OscilloscopeTwin]:
-    """Both instruments, an amplifier of 15 V/V and a sensor of 10 um/V between them; each for a `TwinServer`.
+    """Return both instruments, connected by an amplifier of 15 V/V and a sensor of 10 um/V, for two servers.
 
     Args:
-        actuator: what the amplifier drives.
+        actuator: the actuator that the amplifier drives.
         generator, oscilloscope: families, see `generator.GENERATORS` and `oscilloscope.OSCILLOSCOPES`.
         travel: m, from end stop to end stop.
-        variation: of the contact, from piece to piece of the motion.
-        seed: of the variation, and of where the end-effector is at power-on.
+        variation: variation of the contact from piece to piece of the motion.
+        seed: seed of the variation and of the initial position.
     """
     travel = to_si(travel, "m", "travel")
     wiring = Wiring(Stage(actuator, travel=travel, variation=variation, seed=seed))

@@ -1,4 +1,4 @@
-"""SCPI from an instrument's side: messages with blocks, headers in long or short form, a queue of errors."""
+"""SCPI on the side of an instrument: messages with blocks, headers in long or short form, an error queue."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Command = Callable[[list[str], bytes], str | bytes | None]
 
 
 class ScpiError(Exception):
-    """What a command cannot do: SCPI's number and words."""
+    """Error of a command, with SCPI's number and words."""
 
     def __init__(self, number: int, words: str) -> None:
         super().__init__(words)
@@ -24,11 +24,11 @@ class ScpiError(Exception):
 
 
 class ScpiDevice:
-    """Executes messages by a table of commands.
+    """An instrument that executes messages by a table of commands.
 
     Args:
         identity: the answer to ``*IDN?``.
-        errors: the query that takes the oldest error from the queue, or ESR and event, as Tektronix has it.
+        errors: the query that removes the oldest error from the queue; for Tektronix the query of events.
     """
 
     end = b"\n"  # of an answer
@@ -46,11 +46,11 @@ class ScpiDevice:
         }
 
     def session(self) -> ScpiSession:
-        """A connection."""
+        """Return a session."""
         return ScpiSession(self)
 
     def execute(self, text: str, block: bytes = b"") -> bytes:
-        """The answers to the commands of a message, joined; what goes wrong is in the queue."""
+        """Return the answers to the commands of a message, joined. Errors are put into the queue."""
         with self.lock:
             return self._execute(text, block)
 
@@ -80,7 +80,7 @@ class ScpiDevice:
 
 
 class ScpiSession:
-    """A connection: cuts what comes into messages."""
+    """A connection that splits the received bytes into messages."""
 
     greeting = b""
 
@@ -88,7 +88,7 @@ class ScpiSession:
         self._device, self._rest = device, b""
 
     def feed(self, data: bytes) -> bytes:
-        """The answers to the messages that are complete."""
+        """Return the answers to the complete messages."""
         self._rest += data
         made = b""
         while (cut := self._message()) is not None:
@@ -99,7 +99,7 @@ class ScpiSession:
         return made
 
     def _message(self) -> tuple[bytes, bytes] | None:
-        """The next message and its block, taken from what came."""
+        """Return the next message and its block, removed from the received bytes."""
         end = self._rest.find(b"\n")
         mark = self._rest.find(b"#", 0, end if end >= 0 else None)
         if mark >= 0 and self._rest[mark + 1 : mark + 2].isdigit():
@@ -124,13 +124,15 @@ class ScpiSession:
 
 
 def shortened(header: str) -> tuple[str, int]:
-    """A header in short form, a suffix of any word but the first channel's left out: ":CHANnel2:RANGe?" is
-    "CHAN:RANG?", 2; a suffix that is not there is 1."""
+    """Return a header in short form, and its suffix: ":CHANnel2:RANGe?" gives "CHAN:RANG?", 2.
+
+    A missing suffix is 1.
+    """
     query = "?" if header.endswith("?") else ""
     words, suffix = [], 1
     for word in header.upper().strip(":?").split(":"):
         letters = word.rstrip("0123456789")
-        if letters == "DAC":  # whose number is no suffix
+        if letters == "DAC":  # its number is part of the word
             letters = word
         elif word != letters:
             suffix = int(word[len(letters) :][:6])
@@ -141,7 +143,7 @@ def shortened(header: str) -> tuple[str, int]:
 
 
 def number(text: str, low: float = -math.inf, high: float = math.inf) -> float:
-    """A number within a range."""
+    """Return a number within a range. Raises ScpiError."""
     try:
         value = float(text)
     except ValueError:
@@ -152,7 +154,7 @@ def number(text: str, low: float = -math.inf, high: float = math.inf) -> float:
 
 
 def switch(text: str) -> bool:
-    """ON, OFF, 1, 0."""
+    """Return the value of ON, OFF, 1, 0, RUN or STOP. Raises ScpiError for others."""
     if text.upper() not in ("ON", "OFF", "1", "0", "RUN", "STOP"):
         raise ScpiError(-104, "Data type error")
     return text.upper() in ("ON", "1", "RUN")

@@ -1,5 +1,7 @@
-"""Servers of a twin, on TCP (one program at a time, as the controllers have it) or on a pseudo terminal; and
-lines of bounded length."""
+"""Servers of a twin, on TCP or on a pseudo terminal, and lines of bounded length.
+
+On TCP a twin serves one program at a time, as the controllers do.
+"""
 
 from __future__ import annotations
 
@@ -13,24 +15,25 @@ from typing import Any, Protocol, Self
 from ...quantities.units import QuantityError
 from ..protocols import RigError
 
-IDLE = 600.0  # s until a silent program is let go
-_POLL = 0.05  # s after which a session is asked whether it says something by itself
+IDLE = 600.0  # s after which a silent program is disconnected
+_POLL = 0.05  # s between two queries for unsolicited messages
 
 
 class HangUp(Exception):
-    """The twin ends the connection: what came cannot be understood, or no more is wanted."""
+    """The twin ends the connection: received data are not valid, or the session is over."""
 
 
 class Session(Protocol):
-    """One connection; `greeting` is what the device says first.
+    """One connection; `greeting` is the device's first message.
 
-    A session whose device also speaks by itself has a method `unasked`, which returns what is due.
+    A session whose device sends unsolicited messages has a method `unasked`, which returns those that are
+    due.
     """
 
     greeting: bytes
 
     def feed(self, data: bytes) -> bytes:
-        """Take what came, in pieces of any length; the answers to what is complete.
+        """Take received bytes, in pieces of any length, and return the answers to complete messages.
 
         Raises:
             HangUp: the connection is to end.
@@ -39,26 +42,26 @@ class Session(Protocol):
 
 
 class Twin(Protocol):
-    """A controller: `port` is where its maker has it."""
+    """A controller; `port` is the maker's default port."""
 
     port: int
 
     def session(self) -> Session:
-        """A new connection."""
+        """Return a new session."""
         ...
 
     def leave(self) -> None:
-        """The program has gone: motions without an end of their own stop."""
+        """Stop motions without an end, because the program has gone."""
         ...
 
 
 class TwinServer(socketserver.ThreadingTCPServer):
-    """Serves a twin.
+    """TCP server of a twin.
 
     Args:
-        twin: what is served.
-        host: the address to bind to; only this machine can reach the loopback address.
-        port: 0 takes a free one; `where` says which.
+        twin: the twin.
+        host: address to bind to; only this machine can reach the loopback address.
+        port: TCP port; 0 takes a free one. `where` is the resulting address.
     """
 
     allow_reuse_address = True
@@ -75,8 +78,8 @@ class _Connection(socketserver.BaseRequestHandler):
     request: Any
 
     def handle(self) -> None:
-        """Answer until the program leaves; a second one finds the connection closed."""
-        if not self.server.held.acquire(timeout=1.0):  # the one before may be about to leave
+        """Answer until the program leaves. The connection of a second program is closed."""
+        if not self.server.held.acquire(timeout=1.0):  # the previous one may be about to leave
             return
         try:
             with suppress(OSError, HangUp, RigError):
@@ -90,7 +93,7 @@ class _Connection(socketserver.BaseRequestHandler):
             self.server.held.release()
 
     def _answer(self, session: Session) -> bytes | None:
-        """What is to be sent next; None when the program has left, or has long been silent."""
+        """Return the next bytes to send; None when the program has left, or has been silent for long."""
         unasked = getattr(session, "unasked", None)
         pause = IDLE if unasked is None else _POLL
         for _ in range(round(IDLE / pause)):
@@ -103,10 +106,10 @@ class _Connection(socketserver.BaseRequestHandler):
 
 
 class TwinTerminal:
-    """Serves a twin on a pseudo terminal, which a program opens as a serial port; `where` says which.
+    """Server of a twin on a pseudo terminal, which a program opens as a serial port; `where` is its name.
 
-    As on a serial line, the device does not see who opens and closes it: what goes on goes on, until
-    `shutdown`. What cannot be understood is thrown away. POSIX only.
+    As on a serial line, the device does not notice who opens and closes the port: motions continue until
+    `shutdown`. Invalid data are discarded. POSIX only.
     """
 
     def __init__(self, twin: Twin) -> None:
@@ -147,13 +150,13 @@ class TwinTerminal:
 
 
 class Lines:
-    """Cuts what comes into lines, at CR, LF or both (and the NUL that telnet puts after CR)."""
+    """Splits received bytes into lines, at CR, LF or both (and the NUL that telnet puts after CR)."""
 
     def __init__(self, longest: int = 65536) -> None:
         self._rest, self._longest, self._after_cr = b"", longest, False
 
     def feed(self, data: bytes) -> list[str]:
-        """The complete lines.
+        """Return the complete lines.
 
         Raises:
             HangUp: a line is too long.

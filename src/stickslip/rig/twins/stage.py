@@ -1,8 +1,8 @@
 r"""A stick-slip stage that is moved piece by piece: the physics behind the protocol of a twin.
 
-Its state (stage, end-effector, bristle, hysteresis and creep of the piezo) goes on from piece to piece, so
-steps differ as the contact varies and as `irregularity` says, a load makes them differ by direction, and a
-held voltage creeps. While the voltage is held for long, the stage follows the creep so slowly that the
+Its state (stage, end-effector, bristle, hysteresis and creep of the piezo) continues from piece to piece.
+Steps therefore vary with the contact and with `irregularity`, a load makes them depend on the direction, and
+a constant voltage causes creep. During a long constant voltage, the stage creeps so slowly that the
 end-effector sticks to it: :math:`\Delta x = \Delta y = C\,\Delta u_{piezo}`.
 """
 
@@ -28,14 +28,15 @@ from ..remanence import annealed, from_state, remembers, simplified
 from ..variation import Repeats, Variation
 
 MEASURED = Variation(friction=0.004, drift=0.012, drift_runs=15, stiffness=0.02)  # see docs/decisions/rig.md
-_SETTLED = 0.05  # s after which what is left of a motion is creep
-_PIECES = 10_000  # after so many the variation of the contact begins anew
+_SETTLED = 0.05  # s after which only creep is left of a motion
+_PIECES = 10_000  # pieces after which the variation of the contact repeats
 _TOLERANCE = 1e-9  # m, of the simulation
 _MOST_STEPS = 2_000_000  # of the solver, for one piece
 
 
 class Piece(NamedTuple):
-    """A piece of drive: lines to `volts` at `times` [n], s from now; the path is asked for at `samples`."""
+    """A piece of drive: straight lines to `volts` at `times` [n], s from now. `samples` are the times of its
+    path."""
 
     times: Array
     volts: Array
@@ -43,7 +44,7 @@ class Piece(NamedTuple):
 
 
 class Path(NamedTuple):
-    """How a piece went: times [n] from its begin, s, the voltage, and both positions, m."""
+    """Result of a piece: times [n] from its start, s, the voltage, V, and both positions, m."""
 
     times: Array
     volts: Array
@@ -51,7 +52,7 @@ class Path(NamedTuple):
     end_effector: Array
 
     def at(self, time: float) -> tuple[float, float, float]:
-        """Voltage, stage and end-effector at a time within it."""
+        """Return voltage, stage and end-effector at a time within the piece."""
         return tuple(float(np.interp(time, self.times, y)) for y in self[1:])  # type: ignore[return-value]
 
 
@@ -59,13 +60,13 @@ class Stage:
     """One axis: an actuator between two end stops.
 
     Args:
-        actuator: what moves; its voltage range is the controller's to keep.
+        actuator: the actuator; the controller must check its voltage range.
         travel: m, from end stop to end stop; positions count from the middle.
-        variation: of the contact from piece to piece.
-        irregularity: of steps and end stops, and the temperature; by default there is none.
-        seed: of variation and irregularity, and of where the end-effector is at power-on.
+        variation: variation of the contact from piece to piece.
+        irregularity: irregularity of steps and end stops, and the temperature; none by default.
+        seed: seed of variation, irregularity and initial position.
 
-    An end stop holds the end-effector where it is met, but for what it gives; the stage slips on below it.
+    At an end stop the end-effector stays, apart from the yield of the stop; the stage slips below it.
     """
 
     def __init__(
@@ -97,13 +98,13 @@ class Stage:
         start = float(np.random.default_rng(seed).uniform(-0.5, 0.5)) * self.end
         self._state, self._away = State(end_effector_position=start), start
         self.voltage, self.elongation, self.position = 0.0, 0.0, start
-        self.stop_met = 0  # -1, 1: the end stop that holds it
+        self.stop_met = 0  # -1 or 1: the end stop that is touched
 
     def play(self, piece: Piece) -> Path:
-        """Move; the state is that at the end of the piece afterwards.
+        """Simulate a piece. Afterwards the state is that at its end.
 
         Raises:
-            RigError: the simulation gave up.
+            RigError: the simulation failed.
         """
         end = float(piece.times[-1])
         given = Sampled(np.append(0.0, piece.times), np.append(self.voltage, piece.volts))
@@ -128,7 +129,7 @@ class Stage:
             slid = path - moved.samples[:, STAGE] - self._away
             path = path + (self._slips.follow(slid, seconds) - offset)
         path = beyond_end(self.position, path, self.end, self._give)
-        self._away += float(path[-1]) - x  # from where the equations alone have the end-effector
+        self._away += float(path[-1]) - x  # difference from the equations' end-effector
         self.stop_met = int(np.sign(path[-1])) if abs(path[-1]) >= self.end else 0
         x, s = float(path[-1]), 0.0 if self.stop_met else s
         self._state = State(0.0, y, w, x, s, tuple(moved.samples[-1, 5:].tolist()))
@@ -141,7 +142,7 @@ class Stage:
         )
 
     def rest(self, seconds: float) -> None:
-        """Hold the voltage."""
+        """Keep the voltage constant for a time, s."""
         settling = min(seconds, _SETTLED)
         if settling > 0.0:
             self.play(Piece(np.array([settling]), np.array([self.voltage]), np.array([settling])))
@@ -158,10 +159,10 @@ class Stage:
             self.elongation += moved
             self._state = self._state._replace(stage_position=self.elongation)
             self._shift(moved)
-            self._away -= moved  # it went with the stage
+            self._away -= moved  # it moved with the stage
 
     def _shift(self, way: float) -> None:
-        """The end-effector goes on by a way [m] at rest, up to the end stops."""
+        """Move the end-effector by a way [m] at rest, limited by the end stops."""
         x = float(beyond_end(self.position, np.array([self.position + way]), self.end, self._give)[0])
         self._away += x - self.position
         self._state = self._state._replace(end_effector_position=x)

@@ -16,16 +16,16 @@ from .stage import Path, Piece, Stage
 
 
 class Wiring:
-    """What is between the instruments.
+    """Connections between the instruments.
 
     Args:
-        stage: what the amplifier drives.
-        gain: of the amplifier, V/V.
-        per_volt: m/V, of the sensor on channel 2; on channel 1 is the generator's output.
-        noise: V, of the sensor.
-        clock: what time it is.
+        stage: the stage that the amplifier drives.
+        gain: gain of the amplifier, V/V.
+        per_volt: scale of the sensor on channel 2, m/V; channel 1 is connected to the generator's output.
+        noise: noise of the sensor, V.
+        clock: the clock.
 
-    `cables` are those that are plugged in.
+    `cables` are the cables that are plugged in.
     """
 
     def __init__(
@@ -36,34 +36,34 @@ class Wiring:
         noise: float | str = 0.0,
         clock: Clock | None = None,
     ) -> None:
-        self.clock, self.lock = clock or WallClock(), threading.RLock()  # programs of both have one plant
+        self.clock, self.lock = clock or WallClock(), threading.RLock()  # both programs share one stage
         self.stage, self.gain, self.per_volt, self.noise = stage, gain, per_volt, to_si(noise, "V", "noise")
         self.axis = Axis(stage, self.clock, self._heard)
         self.cables = {"output", "sync", "sensor"}
-        self.triggers: list[Any] = []  # called with the time at which a burst begins
+        self.triggers: list[Any] = []  # called with the start time of a burst
         self._zero, self._random = stage.position, np.random.default_rng(5)
         self._paths: list[Path] = []
 
     @property
     def voltage(self) -> float:
-        """V at the piezo, now."""
+        """Voltage at the piezo now, V."""
         with self.lock:
             return self.axis.state()[0]
 
     def put_out(self, pieces: Iterator[Piece]) -> None:
-        """Begin; what oscilloscopes see begins with it."""
-        self.axis.advance()  # what is over by now is not seen
+        """Start pieces. The oscilloscope's records start with them."""
+        self.axis.advance()  # earlier pieces are not recorded
         self._paths = []
         self.axis.begin(pieces)
 
     @property
     def played(self) -> float:
-        """s of the pieces that have been computed; endless where no more are to come."""
+        """Time of the pieces that have been computed, s; infinite if no more will come."""
         moving = self.axis.moving
         return sum(float(path.times[-1]) for path in self._paths) if moving else math.inf
 
     def seen(self, channel: int, times: Array) -> Array:
-        """Volts at a channel, s after the begin."""
+        """Return the voltages at a channel, at times after the start, s."""
         self.axis.advance()
         plug = {1: "output", 2: "sensor"}.get(channel, "")
         made: Array = np.zeros(times.size)
