@@ -1,7 +1,7 @@
 r"""Estimator of the position from counted steps: a Kalman filter, with or without a sensor.
 
-The states are the position, the steps forward and backward, and the load, which acts on steps of both
-directions with opposite sign:
+The states are the position, the steps forward and backward, and the load. A load that lengthens forward steps
+shortens backward ones:
 
 .. math:: x_{k+1} = x_k + s_+ + c\,\ell + w \ \text{(forward)}, \qquad
           x_{k+1} = x_k - s_- + c\,\ell + w \ \text{(backward)}
@@ -180,8 +180,10 @@ class Estimator:
         return math.sqrt(self._p[_POSITION, _POSITION])
 
     def band(self, level: float | str = 0.95) -> tuple[float, float]:
-        """Return the interval that contains the position with a probability, m; raises QuantityError unless 0
-        < level < 1.
+        """Return the interval [m] that contains the position with probability `level`.
+
+        Raises:
+            QuantityError: the level is not between 0 and 1.
         """
         half = float(scipy.stats.norm.ppf(0.5 + 0.5 * _LEVEL.check(level, "level"))) * self.error
         return self.position - half, self.position + half

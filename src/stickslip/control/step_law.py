@@ -94,8 +94,9 @@ class StepLaw(NamedTuple):
         return math.hypot(self.scatter * self.size(voltage, direction), self.threshold_scatter)
 
     def threshold(self, direction: int) -> tuple[float, float]:
-        """Return the voltage [V] at which steps start and their slope [m/V], from a line through the lower
-        half of the steps.
+        """Return the voltage [V] at which steps start, and their slope [m/V].
+
+        Both come from a line through the lower half of the steps.
 
         Raises:
             QuantityError: fewer than two voltages make steps.
@@ -139,9 +140,7 @@ class StepLaw(NamedTuple):
         return StepSizes(self.voltages, up, down)
 
     def equal_steps(self, rows: int = 16) -> Array:
-        """Return a table for a controller [rows, 3]: a distance [m], and the amplitudes [V] for it forward
-        and backward.
-        """
+        """Return a table for a controller [rows, 3]: distance [m], amplitudes [V] forward and backward."""
         of = self.table()
         volts = [np.array(self.voltages)] * 2
         low = max(of.forward[0], of.backward[0])

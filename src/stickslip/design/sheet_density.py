@@ -54,9 +54,7 @@ class Simulated(NamedTuple):
 
     @classmethod
     def of(cls, sheet: DataSheet, expected: Expectations) -> Simulated:
-        """Return the inputs for a sheet; step rates that it does not print follow from resonance, speed and
-        step.
-        """
+        """Return the inputs; missing step rates follow from resonance, speed and step."""
         middle = {name: float(one[0]) for name, one in expected.values(np.zeros((1, len(NAMES)))).items()}
         data = [Datum("step", sheet.step, "m")] if sheet.step is not None else []
         speed_rate = 0.0
@@ -108,8 +106,9 @@ class Simulated(NamedTuple):
         return np.where(found >= least, found, -np.inf)
 
     def _steps(self, values: Mapping[str, Array], rate: float, load: float) -> Array:
-        """Return net steps [members] at a step rate against a load; NaN if not periodic, or without load not
-        forward.
+        """Return net steps [members] at a step rate [Hz] against a load [N].
+
+        NaN if the motion is not periodic, or not forward without a load.
         """
         drawn = {name: values[name] for name in NAMES} | {"stiction_force": values["coulomb_force"]}
         count = drawn["gain"].size
@@ -128,8 +127,7 @@ class Simulated(NamedTuple):
         return steps
 
     def _stall(self, values: Mapping[str, Array], free: Array) -> Array:
-        """Return the load at which the step is zero, from the steps just below and above the sheet's stall
-        force.
+        """Return the load at zero step, from the steps just below and above the sheet's stall force.
 
         Between the two loads the step is interpolated linearly; beyond them it is extrapolated.
         """

@@ -237,9 +237,7 @@ def from_data_sheet(
 
 
 def _columns_of(expected: Expectations) -> Callable[[Array], dict[str, Array]]:
-    """Return a function from points to values by name; without a Stribeck effect, stiction is the Coulomb
-    friction.
-    """
+    """Return a function from points to values by name; stiction equals the Coulomb friction."""
 
     def columns(points: Array) -> dict[str, Array]:
         values = expected.values(points)

@@ -1,4 +1,6 @@
-"""Files that say what to record, identify, verify, compare, design and export, and what runs them."""
+"""Files that describe recording, identification, verification, comparison, design and export; their
+runners.
+"""
 
 from .._lazy import attach
 

@@ -170,9 +170,7 @@ class _Running:
 
 
 def _found(content: Content, folder: Path, out: Path) -> Content:
-    """Return the content with the paths of files that the job made, where the named file does not exist
-    beside it.
-    """
+    """Return the content; files that do not exist beside it, but in `out`, get their paths there."""
 
     def resolved(value: Any, key: str = "") -> Any:
         if isinstance(value, dict):

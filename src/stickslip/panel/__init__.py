@@ -1,7 +1,7 @@
 """The control panel in the browser: routes, one stream and the page's files; no physics.
 
-Every number that it shows comes from the public functions that the command line calls. A notebook that only
-wants the plots needs no server, and none of what it is made of.
+All its numbers come from the public functions that the command line calls. A notebook that only shows plots
+needs no server.
 """
 
 from .._lazy import attach

@@ -10,9 +10,7 @@ from typing import NamedTuple
 
 
 class Asker(NamedTuple):
-    """Sender of a request: the public name of its page, its address, and the role of its token (see
-    `roles`).
-    """
+    """Sender of a request: public name of its page, address, role of its token (see `roles`)."""
 
     page: str = ""
     address: str = ""

@@ -1,4 +1,4 @@
-"""The Bench page's routes: the experiment on the bench, start, stop and home, the live view, its files."""
+"""Routes of the Bench page: experiment, start, stop and home, live view, files."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ MOST_POINTS = 20_000
 
 
 class Change(Strict):
-    """A place in the experiment and its new value; null takes it away."""
+    """A place in the experiment and its new value; null deletes it."""
 
     path: list[str | int]
     value: Any = None
 
 
 class Undo(Strict):
-    """Take the last change of the experiment back, or make it `again`."""
+    """Undo the last change of the experiment, or redo it with `again`."""
 
     again: bool = False
 
@@ -53,7 +53,7 @@ class Named(Strict):
 
 
 class Chosen(Strict):
-    """A rig: a bench of the virtual one, or a back end and its options as they are typed."""
+    """A rig: a virtual bench, or a back end and its options as typed."""
 
     kind: str
     bench: str = ""
@@ -61,7 +61,7 @@ class Chosen(Strict):
 
 
 class Note(Strict):
-    """A line of somebody's on the run."""
+    """A user's note on the run."""
 
     text: str
 
@@ -86,7 +86,7 @@ def bench_routes(
     starter: Starter,
     interlocks: Interlocks,
 ) -> APIRouter:
-    """The routes of the Bench page."""
+    """Return the routes of the Bench page."""
     routes = APIRouter(prefix="/bench")
 
     def greet(client: Client, said: dict[str, Any]) -> list[str]:
@@ -128,7 +128,7 @@ def _add_runs(
     document: BenchDocument,
     starter: Starter,
 ) -> None:
-    """Start, stop, home and notes."""
+    """Add the routes for start, stop, home and notes."""
 
     @routes.post("/stop")
     async def stop() -> dict[str, bool]:
@@ -176,10 +176,10 @@ def _add_experiment(
     runner: Runner,
     document: BenchDocument,
 ) -> None:
-    """The experiment on the bench: changed, undone, loaded, saved."""
+    """Add the routes that change, undo, load and save the experiment."""
 
     def limits_change(before: Limits, after: Limits) -> None:
-        """Refuse it to who may not, and log it."""
+        """Refuse changes of limits without the required role; log all others."""
         need_role("maintain")
         old, new, units = before._asdict(), after._asdict(), quantities(Limits)
         said = [

@@ -9,8 +9,7 @@ Float32 = NDArray[np.float32]
 
 
 def extremes(values: Float32, bucket: int) -> Float32:
-    """Return minimum and maximum of each whole bucket of `bucket` samples, [rows, n] -> [rows, 2 n //
-    bucket].
+    """Return minimum and maximum of each bucket of `bucket` samples, [rows, n] -> [rows, 2 n // bucket].
 
     The maximum comes first where the values fall within the bucket, so that a slope looks like a slope. A
     bucket of 1 returns the samples unchanged.

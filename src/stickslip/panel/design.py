@@ -1,6 +1,4 @@
-"""Routes of the Design page: step maps, waveform searches, trade-off fronts, motions, a drive sent to the
-bench.
-"""
+"""Routes of the Design page: step maps, waveform searches, fronts, motions, a drive sent to the bench."""
 
 from __future__ import annotations
 
@@ -35,17 +33,16 @@ Made = TypeVar("Made")
 
 
 class Searches:
-    """One search at a time. Pages follow its progress ("design") and can stop it; a stop keeps the best drive
-    so far.
+    """One search at a time; pages follow its progress ("design") and can stop it.
+
+    A stop keeps the best drive so far.
     """
 
     def __init__(self, hub: Hub) -> None:
         self._hub, self._busy, self._stop = hub, threading.Lock(), threading.Event()
 
     def run(self, search: Callable[[Progress], Made]) -> Made:
-        """Run a search; raises QuantityError if another one is running, or if a stop came before any
-        result.
-        """
+        """Run a search; raises QuantityError during another one, or after a stop without a result."""
         if not self._busy.acquire(blocking=False):
             raise QuantityError("a search is going on: stop it, or let it end")
         told = -math.inf

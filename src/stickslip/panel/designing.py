@@ -1,6 +1,4 @@
-"""Answers to the Design page: step map, waveform search, trade-off front, motion, information in a
-recording.
-"""
+"""Answers to the Design page: step map, searches, front, motion, information in a recording."""
 
 from __future__ import annotations
 
@@ -168,9 +166,7 @@ class Search(Map):
 
 
 class Front(Search):
-    """Request for a front of speed against another goal, within the same limits. Its drives ignore the
-    generator.
-    """
+    """Request for a front of speed against another goal; its drives ignore the generator."""
 
     against: Literal["current", "ripple"] = "current"
 
@@ -196,9 +192,7 @@ class Driven(Loaded):
 
 
 class Telling(Driven):
-    """Request for the information in a recording. `noise` [m, rad] is the standard deviation of one
-    sample.
-    """
+    """Request for the information in a recording; `noise` [m, rad] is the error of one sample."""
 
     noise: Value = 1e-7
 
@@ -232,9 +226,7 @@ def step_map(asked: Map, sets: Sets) -> dict[str, Array]:
 
 
 def searched(asked: Search, sets: Sets, progress: Progress) -> dict[str, Any]:
-    """Return the fastest drive and the best sawtooth as the page reads them, with their speeds in each
-    condition.
-    """
+    """Return the fastest drive and the best sawtooth, with their speeds in each condition."""
     model, common = asked.asked(sets)
     common["output"] = asked.played(common["output"])
     found = design.optimise_waveform(model, goal="speed", progress=progress, **common)
@@ -321,9 +313,7 @@ def told(asked: Telling, sets: Sets) -> dict[str, Any]:
 
 
 def from_lowest(waveform: Any) -> Any:
-    """Return the same periodic knots, shifted to start at the lowest voltage: the nearest to a rig at
-    rest.
-    """
+    """Return the same knots, starting at the lowest voltage: the nearest to a rig at rest."""
     if not isinstance(waveform, PeriodicKnots):
         return waveform
     first = int(np.argmin(waveform.values))

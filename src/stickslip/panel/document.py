@@ -38,9 +38,7 @@ _KEY_LIMIT = 8  # longest path to a place in the content
 
 
 class Checked(NamedTuple):
-    """Valid content: as typed, as a file, its cells, the unit of each channel, the rig's capabilities, the
-    limits.
-    """
+    """Valid content, and its parsed file, cells, units of channels, capabilities and limits."""
 
     content: dict[str, Any]
     file: ExperimentFile

@@ -199,8 +199,7 @@ def mean_speed(state: State, found: Motion, sets: Sets = PACKAGE) -> float | Non
 
 
 def step_curves(state: State, sets: Sets = PACKAGE) -> dict[str, Array]:
-    """Return the steady step per period [m, or rad] over the amplitude [V] and over the frequency [Hz] of the
-    drive.
+    """Return the steady step per period [m, or rad] over amplitude [V] and over frequency [Hz].
 
     Keys: amplitude, step_over_amplitude, frequency, step_over_frequency, step (one value: at the present
     drive) and in_time (1; 0 if points were left out because they take too long). NaN if there is no steady

@@ -1,4 +1,4 @@
-"""Routes of the Explore page: what can be adjusted, the motion and the step curves of a state, its Python."""
+"""Routes of the Explore page: choices, motion, step curves and Python code of a state."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ SHOWN = (
 
 
 def explore_routes(sets: Sets) -> APIRouter:
-    """The routes, to be included by the application. They keep nothing: all state is in the requests.
+    """Return the routes. They keep nothing: all state is in the requests.
 
-    A wrong value is answered by status 422 with the `field` of the state and the reason as `error`.
+    A wrong value is answered with status 422, the `field` of the state and the reason as `error`.
     """
     routes = APIRouter(prefix="/api/explore")
 
@@ -73,7 +73,7 @@ def explore_routes(sets: Sets) -> APIRouter:
 
 
 def binary(header: dict[str, Any], arrays: Mapping[str, ArrayLike]) -> Response:
-    """A header with the names of the arrays, and the arrays, as the stream packs them."""
+    """Return a binary response: a header with the names of the arrays, and the arrays."""
     body = packed({**header, "names": list(arrays)}, *arrays.values())
     return Response(body, media_type="application/octet-stream")
 
@@ -83,7 +83,7 @@ def refused(error: Exception) -> JSONResponse:
 
 
 def field_of(message: str) -> str:
-    """The field of the state that an error is about, such as "friction.sigma_0"; empty if it names none."""
+    """Return the field that an error is about, such as "friction.sigma_0"; "" if it names none."""
     found = re.match(r"(?:(\w+)\.)?(\w+)(?:\[(\d+)\])?", message)
     if found is None:
         return ""

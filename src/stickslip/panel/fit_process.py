@@ -1,7 +1,7 @@
-"""The process in which fits run: it can be ended at any time, and the page's stream never waits for it.
+"""Process for fits: it can be ended at any time, and the page's stream never waits for it.
 
-The process starts when the Identify page is first opened: a fit does not wait for imports, and a bench where
-nobody fits does not pay for them.
+It starts when the Identify page is first opened. A fit then does not wait for imports, and a bench without
+fits does not pay for them.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ class Begin(NamedTuple):
 
 
 def work(connection: Connection, root: str, used: Sequence[str] = ()) -> None:
-    """Run fits until the panel is gone: requests come and messages go through the connection.
+    """Run fits until the panel closes the connection, which carries requests and messages.
 
     The messages are those of `fit_recordings`; the last one of a fit is "done" or "failed".
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which closes the connection
     if hasattr(os, "nice"):
         os.nice(_NICE)
-    from .fitting import fit_recordings  # not above: the server imports this module, and fits nothing
+    from .fitting import fit_recordings  # not above: the server imports this module, but fits nothing
 
-    for file in used:  # the user's own, which the server has run already
+    for file in used:  # the user's own files, which the server has run already
         use_file(file)
     while True:
         try:

@@ -1,4 +1,4 @@
-"""Request for a fit on the Identify page: what the server checks before the process of fits has it."""
+"""Request for a fit on the Identify page, checked by the server."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from .exploration import Model, Value
 
 
 class FitRequest(Model):
-    """Request for a fit: the recordings (names in the panel's folder), from `begin` to `end` [s] of each, the
-    model at which the fit starts, its free parameters, and their bounds; `others` are only predicted.
+    """Request for a fit.
 
-    Recordings of the clamped end-effector: `loops`, driven slowly to and fro, give hysteresis and creep;
-    `steps` give the mode of the stage. `slew_rate` [V/s] is that of the amplifier, if it is known.
+    It names the recordings (in the panel's folder), their part from `begin` to `end` [s], the model at which
+    the fit starts, its free parameters, and their bounds. `others` are only predicted.
+
+    `loops` and `steps` are recordings of the clamped end-effector: loops, driven slowly to and fro, give
+    hysteresis and creep; steps give the mode of the stage. `slew_rate` [V/s] is the amplifier's, if known.
     """
 
     recordings: list[str] = Field(min_length=1, max_length=20)

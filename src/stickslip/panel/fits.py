@@ -80,8 +80,9 @@ class Fitting:
             self._end()
 
     def frame(self, kind: str) -> bytes:
-        """Return the curves of a kind ("stage", "recordings", "step", "verified"); raises LookupError if it
-        has none.
+        """Return the packed curves of a kind ("stage", "recordings", "step", "verified").
+
+        Raises LookupError without such curves.
         """
         with self._lock:
             return self.frames[kind]

@@ -44,7 +44,7 @@ from .sets import Sets
 PAUSE = 0.12  # s between two pictures of a fit in motion
 SHOWN = 2000  # samples of a recording in a picture
 STEP_SHOWN = 0.02  # s of a step response in a picture
-_DRAFT = 1e-10  # m, rad of what turns: tolerance of what is only looked at
+_DRAFT = 1e-10  # m, rad for rotary actuators: tolerance of simulations that are only drawn
 
 Array = NDArray[np.float64]
 # Receiver of messages: kind, fields, and arrays that belong to them.
@@ -52,13 +52,14 @@ Say = Callable[[str, dict[str, Any], Sequence[Array]], None]
 
 
 def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> None:
-    """Fit as requested, and say what happens: "hysteresis", "stage", "recordings", "step" (often), "fitted",
-    "verified", "report".
+    """Fit as requested, and send messages on the progress.
+
+    Their kinds: "hysteresis", "stage", "recordings", "step" (often), "fitted", "verified", "report".
 
     Args:
-        request: what is wanted.
-        folder: where the recordings are.
-        out: name of the folder in it for the report.
+        request: what to fit.
+        folder: folder of the recordings.
+        out: name of the subfolder for the report.
         say: called with each message.
 
     Raises:
@@ -110,7 +111,7 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
         walks |= {str(r.title): UsedWalk("verify", r) for r in unseen}
         notes = "" if stage is None else _said_of(stage, request.steps)
         document = walk_document("Identification", fit, actuator, walks, notes)
-        # `stickslip verify` needs the amplifier's slew rate too, which is no part of a fit.
+        # `stickslip verify` also needs the amplifier's slew rate, which is not part of a fit.
         known = math.inf if rate is None else rate
         chain = Chain(fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=known)
         numbers = {**document.numbers, "signal_chain": chain_numbers(chain)}
@@ -129,7 +130,7 @@ def _named(folder: Folder, names: Sequence[str]) -> list[xr.Dataset]:
 
 
 def _bent(loops: Sequence[xr.Dataset], start: Actuator, say: Say) -> Hysteresis | None:
-    """Fit hysteresis and creep to the loops, and say them; None without loops."""
+    """Fit hysteresis and creep to the loops, and send the result; None without loops."""
     if not loops:
         return None
     found = hysteresis_in(loops, start, OBSERVED)
@@ -138,7 +139,7 @@ def _bent(loops: Sequence[xr.Dataset], start: Actuator, say: Say) -> Hysteresis 
 
 
 def _stage(steps: Sequence[xr.Dataset], start: Actuator, rate: float | None, say: Say) -> Fit | None:
-    """Fit the stage to the clamped steps, and say it with its curves; None without steps."""
+    """Fit the stage to the clamped steps, and send it with its curves; None without steps."""
     if not steps:
         return None
     fit = identify_step(steps, start, slew_rate=rate)
@@ -181,7 +182,7 @@ class _Drafts:
         self._count = sum(r.sizes["time"] for r in recordings)
 
     def begin(self, actuator: Actuator) -> None:
-        """Read the drives, and show the recordings."""
+        """Read the drives, and send the recordings."""
         names = [str(r.title) for r in self._recordings]
         self._varied = Varied(actuator)
         self._motions = [
@@ -191,7 +192,7 @@ class _Drafts:
         traces = [r[k].values for r in self._recordings for k in ("time", OBSERVED)]
         unit = str(self._recordings[0][OBSERVED].attrs["units"])
         self._say("recordings", {"names": names, "unit": unit}, [_thin(one) for one in traces])
-        self.draw({})  # where it starts
+        self.draw({})  # initial values
 
     def __call__(self, state: SearchState) -> None:
         now = time.monotonic()
@@ -212,10 +213,10 @@ class _Drafts:
             self.draw(state.values, fields)
 
     def draw(self, values: Mapping[str, float], fields: dict[str, Any] | None = None) -> None:
-        """Say the curves of the model for these values."""
+        """Send the curves of the model for these values."""
         try:
             curves = [observed(motion, self._varied, dict(values)) for motion in self._motions]
-        except ArithmeticError:  # a trial that cannot be followed
+        except ArithmeticError:  # a trial that cannot be simulated
             curves = []
         self._say("step", fields or {"values": dict(values)}, [_thin(curve) for curve in curves])
 
@@ -234,7 +235,7 @@ def _read(folder: Folder, name: str, request: FitRequest) -> xr.Dataset:
 
 
 def _thin(values: Array) -> Array:
-    """Return about SHOWN samples of a curve at most, its last one among them."""
+    """Return at most about SHOWN samples of a curve, including the last one."""
     if not values.size:
         return values
     end = values.size - 1
@@ -254,7 +255,7 @@ def _told(fit: Fit, stage: Fit | None) -> dict[str, Any]:
 
 
 def _advised(request: FitRequest, fit: Fit) -> dict[str, Any] | None:
-    """Return the request with what the fit's advice adds.
+    """Return the request with the additions that the fit's advice proposes.
 
     None without advice, or if several terms explain the walks equally well: then the user chooses.
     """

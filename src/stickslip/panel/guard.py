@@ -173,8 +173,9 @@ class Guard:
 
 
 def _offered(scope: Scope, headers: dict[str, str]) -> list[str]:
-    """Return the tokens in a request. A token in the address of the page replaces the others: the cookie may
-    have another role.
+    """Return the tokens in a request.
+
+    A token in the address of the page replaces the others: the cookie may have another role.
     """
     if scope["path"] == "/" and b"token=" in scope["query_string"]:
         return parse_qs(scope["query_string"].decode("latin-1")).get("token", [])

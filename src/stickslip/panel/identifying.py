@@ -27,13 +27,12 @@ from .path import PREDICTIONS
 from .sets import Sets
 
 SUFFIXES = (".nc", ".csv", ".mat", ".npz", ".mf4")
-# A report is a page of its own: it may style itself, and do nothing else.
+# A report is a page of its own: it may have styles, and nothing else.
 _REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
 
 
 def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) -> APIRouter:
-    """Return the routes, to be included by the application; the stream tells pages of the fit ("fit",
-    "fit_traces")."""
+    """Return the routes; the stream carries the progress of the fit ("fit", "fit_traces")."""
     routes = APIRouter(prefix="/api/identify")
 
     @lru_cache(maxsize=2000)
@@ -41,7 +40,7 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
         del changed  # part of the key
         try:
             return read(path, partial(_described, folder.root))
-        except ReaderBusy:  # not to be kept
+        except ReaderBusy:  # must not be cached
             raise
         except (RecordingError, OSError) as error:
             return {"problem": str(error).removeprefix(f"{path}: ")}
@@ -50,7 +49,7 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
     def recordings() -> list[dict[str, Any]]:
         found = []
         for name, changed, _ in folder.files(*SUFFIXES):
-            if name.startswith(f"{PREDICTIONS}/"):  # made by a fit: none is made of it
+            if name.startswith(f"{PREDICTIONS}/"):  # a result of a fit: no fit is made from it
                 continue
             try:
                 one = described(folder.path(name), changed)
@@ -61,7 +60,7 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
 
     @routes.get("/state")
     def state() -> dict[str, Any]:
-        fitting.start_process()  # the page is opened: a fit shall not wait for the process
+        fitting.start_process()  # the page was opened: a later fit need not wait for the process
         return {**fitting.state, "frames": list(fitting.frames)}
 
     @routes.get("/traces/{kind}")
@@ -100,7 +99,7 @@ def _described(root: Path, recording: xr.Dataset) -> dict[str, Any]:
     missing = [name for name in (OBSERVED, "drive_voltage") if name not in recording]
     found = {
         "jumps": "drive_voltage" in recording and bool(edges(recording["drive_voltage"].values).any()),
-        "bench": bool(recording.attrs.get("capture")),  # recorded by a rig, not somebody's own file
+        "bench": bool(recording.attrs.get("capture")),  # recorded by a rig, not a user's own file
         "seconds": float(time_[-1] - time_[0]),
         "samples": int(time_.size),
         "unit": "" if OBSERVED in missing else str(recording[OBSERVED].attrs["units"]),
@@ -112,11 +111,10 @@ def _described(root: Path, recording: xr.Dataset) -> dict[str, Any]:
 
 
 def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a recording of the bench says of the set-up.
+    """Return the set-up that a recording of the bench names.
 
     "set", "clamped" and "stage_reaction" of the actuator; "slew_rate" [V/s] of the bench's amplifier into its
-    piezo. Nothing of somebody's own file, nor of sets and benches that neither the package nor the panel's
-    folder has.
+    piezo. Empty for a user's own file, and without sets and benches that the panel cannot find.
     """
     actuator = str(attrs.get("actuator", ""))
     found: dict[str, Any] = {
@@ -130,7 +128,7 @@ def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:
     if named and (own := _own_name(root, named[1], available_benches())):
         try:
             bench = load_bench(named[1])
-        except (ParameterSetError, OSError):  # of another version, or gone
+        except (ParameterSetError, OSError):  # from another version, or deleted
             return found
         amplifier = bench.amplifier
         slew_rate = min(amplifier.slew_rate, amplifier.max_current / bench.piezo_capacitance)
@@ -139,7 +137,7 @@ def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _own_name(root: Path, name: str, known: Container[str]) -> str | None:
-    """Return a name that the package knows, or that of a file in the panel's folder; None for others."""
+    """Return a name in the package, or of a file in the panel's folder; None for others."""
     if name in known:
         return name
     path = Path(os.path.realpath(name))

@@ -76,8 +76,9 @@ class Interlocks:
         Interlock.of_state(self.state).need()
 
     def look(self) -> None:
-        """Ask the rig's process for the state and send changes to the pages. Without an answer the state
-        stays as it was.
+        """Ask the rig's process for the state and send changes to the pages.
+
+        Without an answer the state stays as it was.
         """
         with self._asking:
             place = self.place
@@ -154,9 +155,7 @@ class Interlocks:
         return rigs_of(self._document.checked.file, self._rigs, self._folder.root)
 
     def _seen(self, place: Path) -> dict[str, Any] | None:
-        """Return the state from the rig's process, or from its file if no process runs; None without an
-        answer.
-        """
+        """Return the state from the rig's process, or from its file without one; None without an answer."""
         if not (place / "rig.json").exists():
             return Interlock(place / FILE).state()
         link = greeted(place, "the panel", _ANSWERS)
@@ -176,8 +175,9 @@ _DONE = {"arm": "armed", "disarm": "disarmed", "acknowledge": "fault acknowledge
 
 
 def interlock_routes(control: Control, interlocks: Interlocks) -> APIRouter:
-    """Return the routes. The page in control may arm, acknowledge and give permits; every page may disarm and
-    withdraw permits.
+    """Return the routes.
+
+    The page in control may arm, acknowledge and give permits; every page may disarm and withdraw permits.
     """
     routes = APIRouter(prefix="/interlock")
 

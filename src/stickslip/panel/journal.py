@@ -1,6 +1,4 @@
-"""The log of the panel: lines are written to the disk and sent to every page. Pages ask for lines they
-missed.
-"""
+"""The log of the panel: lines are kept on the disk and sent to every page, missed ones on request."""
 
 from __future__ import annotations
 

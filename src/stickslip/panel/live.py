@@ -139,9 +139,7 @@ class Live:
             self._hub.send(message)
 
     def window(self, trace: int, begin: float, end: float, points: int) -> bytes:
-        """Return the values of each channel between two times, for a page that zooms in; times count from
-        `begin`.
-        """
+        """Return the values between two times, for a page that zooms in; times count from `begin`."""
         with self._lock:
             if self._header is None or trace != self._number:
                 raise ValueError("that run is no longer in memory: open its recording")

@@ -42,9 +42,7 @@ def preview(path: Path) -> dict[str, Any]:
 
 
 def _cut(source: FileContent, columns: list[int]) -> dict[str, Any]:
-    """Return "cut" and "complete", or nothing for a whole file. Other errors are reported when the file is
-    read.
-    """
+    """Return "cut" and "complete", or nothing for a whole file; other errors appear on import."""
     try:
         source.read(columns, Rows())
     except RecordingError as error:

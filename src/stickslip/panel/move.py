@@ -12,7 +12,7 @@ from .moving import Act, Moves, Settings
 
 
 def move_routes(control: Control, moves: Moves) -> APIRouter:
-    """The routes, to be included by the application."""
+    """Return the routes of the Move page."""
     routes = APIRouter(prefix="/api/move")
 
     @routes.get("/choices")

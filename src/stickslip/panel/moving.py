@@ -1,6 +1,4 @@
-"""Moves of the bench's rig: a closed loop in the rig's process, which follows commands until it is
-released.
-"""
+"""Moves of the bench's rig: a loop in the rig's process follows commands until it is released."""
 
 from __future__ import annotations
 
@@ -76,9 +74,7 @@ class Settings(fields_of(Stepping, "amplitude", "frequency", "tolerance")):
 
 
 class Act(Strict):
-    """A command, see `control.Commanded`, and the settings of the session that it starts if none is
-    active.
-    """
+    """A command, see `control.Commanded`, and the settings of the session that it may start."""
 
     what: dict[str, Any]
     settings: Settings = Field(default_factory=Settings)
@@ -228,9 +224,7 @@ class Moves:
         return plausibility(made.cell.actuator, made.output, frequency, span, table=table)
 
     def response(self, asked: Settings) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
-        """Return the margins, and the step response of the model and of models with a changed natural
-        frequency.
-        """
+        """Return the margins, and step responses of the model and with a changed natural frequency."""
         made = self.prepared()
         regulator, rate = made.regulator(asked), made.can.update_rate
         ticks = round(_SHOWN * rate)
@@ -312,9 +306,7 @@ class Moves:
         return self._tables[key]
 
     def _position(self, made: Prepared, name: str) -> Channel:
-        """Return the sensor: an input that measures position, or the experiment's channel with its
-        calibration.
-        """
+        """Return the sensor: an input for the position, or the experiment's calibrated channel."""
         own, sensors = made.cell.channels.get(POSITION), made.sensors
         name = name or (sensors or [own.input if own else ""])[0]
         if own is not None and own.input == name:
@@ -382,9 +374,7 @@ class Moves:
         yield json.dumps({"kind": "move", **self.state})
 
     def _left(self) -> None:
-        """Release, since the page in control does not come back; in a thread, because the event loop calls
-        this.
-        """
+        """Release in a thread, because the event loop calls this: the page in control is lost."""
         if self._rig is not None:
             threading.Thread(target=self._let_go, daemon=True).start()
 

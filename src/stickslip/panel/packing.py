@@ -1,4 +1,4 @@
-"""Arrays on their way to the page: float32 behind a header in JSON."""
+"""Arrays for the page: float32 behind a header in JSON."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 
 def packed(header: dict[str, Any], *arrays: ArrayLike) -> bytes:
-    """A binary message: the header gets the lengths of the arrays as "lengths"."""
+    """Return a binary message; its header gets the lengths of the arrays as "lengths"."""
     numbers = [np.asarray(array, dtype="<f4").ravel() for array in arrays]
     text = json.dumps({**header, "lengths": [one.size for one in numbers]}).encode()
     text += b" " * (-len(text) % 4)

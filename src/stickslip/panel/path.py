@@ -160,9 +160,7 @@ def path_routes(
 
 
 def _linked(folder: Folder, read: Reader, name: str) -> dict[str, Any]:
-    """Return the results that were made from a fit: parameter sets, predictions, recordings,
-    verifications.
-    """
+    """Return the results made from a fit: parameter sets, predictions, recordings, verifications."""
     with Index(folder.root, read) as index:
         index.patience = READING
         rows = index.rows()

@@ -34,7 +34,7 @@ _SUFFIX = {"nc": ".nc", "mat": ".mat", "controldesk": "_controldesk.mat", "csv":
 
 
 class Shown(Strict):
-    """Part of a recording, for the screen; all of it where `begin` and `end` are left out."""
+    """Part of a recording for the screen; all of it without `begin` and `end`."""
 
     name: str
     begin: float | None = None
@@ -43,14 +43,14 @@ class Shown(Strict):
 
 
 class Renaming(Strict):
-    """A file and the name that it shall have."""
+    """A file and its new name."""
 
     name: str
     to: str
 
 
 class Shelf:
-    """Recordings that were opened last, by name and time of change."""
+    """Recently opened recordings, by name and time of change."""
 
     def __init__(self, folder: Folder, read: Reader) -> None:
         self._folder, self._read = folder, read
@@ -58,7 +58,7 @@ class Shelf:
         self._lock = Lock()
 
     def recording(self, name: str) -> xr.Dataset:
-        """A recording of the folder; raises FolderError or RecordingError."""
+        """Return a recording of the folder; raises FolderError or RecordingError."""
         path = self._folder.path(name)
         if not path.is_file():
             raise FolderError(f"{name[:60]}: there is no such recording")
@@ -76,7 +76,7 @@ class Shelf:
 
 
 def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> APIRouter:
-    """The routes of the recordings."""
+    """Return the routes of the recordings."""
     routes = APIRouter(prefix="/recordings")
     shelf = Shelf(folder, read)
 
@@ -119,7 +119,7 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
             raise FolderError("a recording is called NAME.nc")
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
-            os.link(source, target)  # unlike a plain renaming, this never takes the place of another file
+            os.link(source, target)  # unlike renaming, a link never replaces another file
         except FileExistsError:
             raise FolderError(f"{asked.to} is there already") from None
         source.unlink()
@@ -131,7 +131,7 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
     def export(name: str, kind: Kind = "nc") -> FileResponse:
         recording = shelf.recording(name)
         stem = Path(name).stem
-        with suppress(OSError):  # a folder that cannot be written can be exported from
+        with suppress(OSError):  # exports also work from a read-only folder
             note_act(folder.root, "exported", name, kind=kind)
         if kind == "nc" and name.endswith(".nc"):
             return FileResponse(folder.path(name), filename=f"{stem}.nc")
@@ -148,7 +148,7 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
 
 
 def last_of(values: NDArray[np.float64]) -> float | None:
-    """The last sample, whatever part is drawn; None where it is no number, which JSON lacks."""
+    """Return the last sample, whatever part is drawn; None for NaN, which JSON lacks."""
     return float(values[-1]) if np.isfinite(values[-1]) else None
 
 

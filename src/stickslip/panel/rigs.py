@@ -1,6 +1,4 @@
-"""Rigs that the Bench page offers: virtual benches, back ends, connected devices; an experiment adapted to a
-rig.
-"""
+"""Rigs that the Bench page offers: virtual benches, back ends, connected devices."""
 
 from __future__ import annotations
 
@@ -26,9 +24,7 @@ _LONGEST = 2000  # characters of options
 
 
 def offered(folder: Folder) -> dict[str, Any]:
-    """Return the rigs to choose from and the devices connected to this machine. Nothing is sent to any
-    device.
-    """
+    """Return the rigs to choose from and the connected devices; nothing is sent to any device."""
     benches = [*available_benches(), *_own_benches(folder)]
     return {
         "rigs": [
@@ -114,9 +110,7 @@ def fitted(
 
 
 def facts(can: Capabilities, limits: Limits, about: About | None, unit: str) -> dict[str, Any]:
-    """Return the rig's capabilities, the unit of positions from home, and the finite limits of the
-    experiment, in SI.
-    """
+    """Return capabilities, unit of positions from home, and finite limits of the experiment, in SI."""
     return {
         **can._asdict(),
         "unit": unit,

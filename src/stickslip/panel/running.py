@@ -190,8 +190,9 @@ class Runner:
         follow_stop(control.folder, why, tell, lambda: self.busy and self.state["number"] == number, asked)
 
     def reach(self, folder: Path | None = None) -> Link:
-        """Return a connection to the rig's process, by default the virtual rig's, which is started if needed.
-        Runs do not use it.
+        """Return a connection to the rig's process, by default the virtual rig's; runs do not use it.
+
+        The process is started if needed.
         """
         folder = folder or self._rigs
         with self._linking:

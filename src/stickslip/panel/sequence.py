@@ -27,9 +27,7 @@ _ENDS = 600.0  # s after which a run that does not end is abandoned
 
 
 class Item(Strict):
-    """A run of the experiment, repeated `repeats` times for each combination of the values of its
-    variables.
-    """
+    """A run, repeated `repeats` times for each combination of the values of its variables."""
 
     run: str
     matrix: dict[str, list[str]] = Field(default_factory=dict, max_length=6)
@@ -118,9 +116,7 @@ class Sequencer:
         return Step(content, title, seconds, rest)
 
     def start(self, asked: Sequence) -> int:
-        """Start the sequence; return the number of runs. Raises as `steps`, and RigError if a run is
-        active.
-        """
+        """Start the sequence; return its number of runs. Raises as `steps`; RigError during a run."""
         steps = self.steps(asked)
         with self._lock:
             if self.state["phase"] == "running" or self._runner.busy:

@@ -194,9 +194,7 @@ def create_app(
 
 
 def _greeting() -> Hub:
-    """Return a stream whose first message gives each page its name, its role and the id of this server
-    start.
-    """
+    """Return a stream; its first message gives a page its name, its role and this start's id."""
     hub, boot = Hub(), secrets.token_hex(8)
 
     def hello(client: Client, said: dict[str, Any]) -> list[str]:

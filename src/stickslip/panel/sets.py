@@ -17,8 +17,9 @@ MOST = 50  # newest saved sets that are offered
 
 
 class Sets:
-    """Parameter sets by name. A saved set has the name of its file, "parameters/NAME.toml"; only a panel with
-    a folder has saved sets.
+    """Parameter sets by name: the package's, and those saved in a folder.
+
+    A saved set has the name of its file, "parameters/NAME.toml".
     """
 
     def __init__(self, folder: Folder | None = None) -> None:

@@ -243,9 +243,7 @@ def _model(rotary: bool) -> dict[str, Slider]:
 
 
 def _kind(known: dict[str, Any], rotary: bool) -> dict[str, Any]:
-    """Return the fields of linear or rotary actuators: "units" (see `_UNITS`), "model" (fields) and "laws"
-    (fields).
-    """
+    """Return units (see `_UNITS`) and fields of model and laws, for linear or rotary actuators."""
     return {
         "units": {name: turned(unit) if rotary else unit for name, unit in _UNITS.items()},
         "model": [
@@ -279,9 +277,7 @@ def laws_like(law: Any, known: dict[str, Any], rotary: bool = False) -> dict[str
 
 
 def _values_like(kind: Any, contact: LuGre, rotary: bool) -> dict[str, Any]:
-    """Return values for a user's own law: the contact's where names agree, else defaults, else the middle of
-    a slider.
-    """
+    """Return values for a user's own law: the contact's, else defaults, else the middle of a slider."""
     shared = {f: value for f, value in contact._asdict().items() if f in kind._fields}
     return {
         f: kind._field_defaults.get(f, sized(_middle(_slider(q, _FRICTION.get(f))), q.unit, rotary))
@@ -290,9 +286,7 @@ def _values_like(kind: Any, contact: LuGre, rotary: bool) -> dict[str, Any]:
 
 
 def values_of(law: Any) -> dict[str, Any]:
-    """Return the values of a law by the name of their slider: elements are "stiffness_1", "stiffness_2",
-    ...
-    """
+    """Return the values of a law by slider; elements are "stiffness_1", "stiffness_2", ..."""
     found = {}
     for field, value in law._asdict().items():
         if isinstance(value, tuple):

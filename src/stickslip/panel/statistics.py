@@ -1,6 +1,4 @@
-"""Live statistics of a run: rms and range of each channel, net step, drift of the step; and alarms on
-them.
-"""
+"""Live statistics of a run: rms and range of each channel, step and its drift; and their alarms."""
 
 from __future__ import annotations
 
@@ -189,9 +187,7 @@ class Statistics:
         return stop
 
     def set_alarms(self, alarms: list[Alarm]) -> None:
-        """Replace the alarms and save them in the folder; raises QuantityError for a limit in a wrong
-        unit.
-        """
+        """Replace and save the alarms; raises QuantityError for a limit in a wrong unit."""
         for one in alarms:
             unit = self.values.get(one.statistic, {}).get("unit")
             for limit in (one.low, one.high):

@@ -1,5 +1,4 @@
-"""Identification files: a YAML file says what to read, fit and verify; running it gives a report's
-document."""
+"""Identification files: YAML files that describe what to read, fit and verify, and their reports."""
 
 from ..._lazy import attach
 

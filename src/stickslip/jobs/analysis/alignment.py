@@ -149,9 +149,7 @@ def _before(time: np.ndarray, begin: float) -> np.ndarray:
 
 
 def on_level(one: Aligned, model: Actuator) -> Aligned:
-    """Shift the position so that it starts at the model's equilibrium for the initial voltage, not at
-    zero.
-    """
+    """Shift the position to start at the model's equilibrium for the initial voltage, not at zero."""
     if one.drive is None:
         level = model.gain * float(one.recording["drive_voltage"].values[0])
     else:
@@ -204,9 +202,7 @@ def _after_rest(drive: Waveform) -> tuple[float, Waveform]:
 
 
 def _refuse_other_range(whole: xr.Dataset, drive: Waveform, name: str) -> None:
-    """Raise RecordingError if the voltage ranges of channel and waveform differ, so that no start was
-    found.
-    """
+    """Raise RecordingError if channel and waveform differ in range, which hides the start."""
     span = float(np.ptp(channel(whole, "drive_voltage", name, varies=True)))
     low, high = drive.range()
     if not ALIKE * (high - low) <= span <= (high - low) / ALIKE:

@@ -1,4 +1,4 @@
-"""An axis of a map or a grid in a file: values from a first to a last one."""
+"""Axis of a map or a grid in a file: values between two ends."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ...quantities.units import QuantityError
 
 
 class AxisSpec(Strict):
-    """Values from `start` to `stop`, evenly spaced, or by their ratios (`spacing: log`)."""
+    """Values from `start` to `stop`, with equal differences, or equal ratios (`spacing: log`)."""
 
     start: float | str
     stop: float | str
@@ -20,7 +20,7 @@ class AxisSpec(Strict):
     spacing: Literal["linear", "log"] = "linear"
 
     def between(self, first: float, last: float, name: str, unit: str = "") -> list[float]:
-        """The values where the ends are these, in SI; raises QuantityError, by name and unit."""
+        """Return the values between these ends, in SI; raises QuantityError with name and unit."""
         if self.spacing == "linear":
             return np.linspace(first, last, self.points).tolist()
         if not (first > 0.0 and last > 0.0):

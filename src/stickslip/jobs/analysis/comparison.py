@@ -97,8 +97,7 @@ def named(
     field: str = "model_choice",
     folder: Path = Path(),
 ) -> list[Candidate]:
-    """Return the candidates with these names (all for True or False), and a user's own laws from files in the
-    folder.
+    """Return the candidates with these names (all for True or False), and a user's own laws.
 
     Raises:
         QuantityError: a name is unknown.

@@ -1,5 +1,6 @@
-"""Analysis of a design file: step map, fastest drive, front of two goals, actuator search, experiment plan.
-::
+"""Analysis of a design file: step map, fastest drive, front of two goals, actuator search, plan.
+
+An example::
 
     kind: design
     title: What the stage can do

@@ -1,6 +1,4 @@
-"""Common fields of the parts of a design file: model and uncertainty, goals, limits, generator,
-conditions.
-"""
+"""Common fields of the parts of a design file: model, uncertainty, goals, limits, generator, conditions."""
 
 from __future__ import annotations
 
@@ -32,9 +30,7 @@ DRAWS = 1000
 
 
 class Given(NamedTuple):
-    """Inputs of a part: the model, draws of its parameters by name (None without uncertainty), the file's
-    folder.
-    """
+    """Inputs of a part: model, draws of its parameters (None without uncertainty), the file's folder."""
 
     model: Actuator
     uncertainty: dict[str, Array] | None

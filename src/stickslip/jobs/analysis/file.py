@@ -106,9 +106,7 @@ class RecordingFile(SourceFile):
         return apply_calibration(recording, calibrations, self.rename)
 
     def cut(self, whole: xr.Dataset) -> xr.Dataset:
-        """Return the selected part, titled with the label; raises AnalysisError for fewer than two
-        samples.
-        """
+        """Return the selected part; raises AnalysisError for fewer than two samples."""
         part = whole.sel(time=slice(self.start, self.end))
         if part.sizes["time"] < 2:
             first, last = (float(whole["time"][i]) for i in (0, -1))

@@ -1,4 +1,4 @@
-"""A parameter set, and the summary, of a results.json."""
+"""Parameter set and summary from a results.json."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def fit_parameters(path: Path, title: str, source: str, used: Sequence[str] = ()
     Args:
         path: of the results.json.
         title: of the set.
-        source: where its values come from, said of each.
+        source: origin of the values, stated for each.
         used: the user's own files, whose laws the results may name.
 
     Raises:
-        AnalysisError, QuantityError: the file is no results of a fit with a model.
+        AnalysisError, QuantityError: the file does not contain a fit with a model.
     """
     for file in used:
         use_file(file)
@@ -37,5 +37,5 @@ def fit_parameters(path: Path, title: str, source: str, used: Sequence[str] = ()
 
 
 def results_summary(path: Path) -> str:
-    """Return the summary of a results.json, a sentence or a few."""
+    """Return the summary of a results.json, a few sentences."""
     return str(read_json(path).get("summary", ""))

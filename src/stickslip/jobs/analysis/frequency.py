@@ -202,9 +202,7 @@ def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tupl
 
 
 def _static_gain(fit: Fit) -> Number:
-    """Return the response per drive at low frequency, first output and input: sum of all gains and the
-    remainder.
-    """
+    """Return the static gain, first output and input: sum of all gains and the remainder."""
     rest = next(p.name for p in fit.parameters if p.name.startswith("remainder"))
     names = [f"gain_{m}{rest.removeprefix('remainder')}" for m in range(1, len(fit.model.gain) + 1)] + [rest]
     value, error = fit.derived(lambda values: sum(values[name] for name in names))

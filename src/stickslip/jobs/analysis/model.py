@@ -1,4 +1,4 @@
-"""The model that a file names: a parameter set or a fit, with fields changed."""
+"""Model named by a file: a parameter set or a fit, with changed fields."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ Fields = Mapping[str, float | str | bool]
 
 
 def named_model(folder: Path, name: str) -> Actuator:
-    """The actuator of a parameter set, by name or by a TOML file in the folder."""
+    """Return the actuator of a parameter set, by name or by a TOML file in the folder."""
     own = folder / name
     return load_actuator(own if own.suffix == ".toml" and own.is_file() else name)
 
 
 def with_changes(base: Actuator, change: Fields, friction: Mapping[str, float | str]) -> Actuator:
-    """The actuator with fields of it and of its friction law changed, in the units of what it then is.
+    """Return the actuator with changed fields of its own and of its friction law.
+
+    Values have the units of the changed actuator.
 
     Raises:
-        QuantityError: there is no such field, or its value is not as it must be.
+        QuantityError: a field does not exist, or its value is wrong.
     """
     if "law" in friction:
         raise QuantityError(
@@ -50,28 +52,30 @@ class Changes(Strict):
 
 
 class NamedModel(Changes):
-    """`model` is a parameter set, by name or as a file; `change` and `friction` change fields of it."""
+    """Parameter set `model`, by name or as a file; `change` and `friction` change fields of it."""
 
     model: str
 
     def load_model(self, folder: Path) -> Actuator:
-        """The model; raises ParameterSetError, QuantityError."""
+        """Return the model; raises ParameterSetError, QuantityError."""
         return with_changes(named_model(folder, self.model), self.change, self.friction)
 
 
 class ModelOrFit(Changes):
-    """The model is that of `fit`, a results.json of an identification or a fit of `save_fit`, or of the
-    parameter set `model`; `change` and `friction` change fields of it."""
+    """Model from `fit` or from the parameter set `model`; `change` and `friction` change fields of it.
+
+    `fit` is a results.json of an identification or a fit of `save_fit`.
+    """
 
     fit: str | None = None
     model: str | None = None
 
     def load_model(self, folder: Path) -> Actuator:
-        """The model, which may turn; raises AnalysisError, ParameterSetError, QuantityError."""
+        """Return the model, linear or rotary; raises AnalysisError, ParameterSetError, QuantityError."""
         return self.load_model_and_chain(folder)[0]
 
     def load_model_and_chain(self, folder: Path) -> tuple[Actuator, Chain]:
-        """The model, and what a position channel shows of it, as far as a results.json says."""
+        """Return the model and the signal chain of the position channel, as far as a results.json has it."""
         if (self.fit is None) == (self.model is None):
             raise AnalysisError(
                 "there must be either 'model', a parameter set, or 'fit', a results.json or a saved fit"

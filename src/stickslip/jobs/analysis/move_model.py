@@ -34,9 +34,7 @@ class Aim(NamedTuple):
 
 
 def feedforward_of(model: Actuator, rate: float) -> PiezoInverse | None:
-    """Return the inverse of the model's piezo at a rate [Hz]; None without hysteresis, or if it has no
-    inverse.
-    """
+    """Return the inverse of the piezo at a rate [Hz]; None without hysteresis or without an inverse."""
     piezo = model.piezo
     if piezo is None or not isinstance(piezo.hysteresis, PrandtlIshlinskii):
         return None

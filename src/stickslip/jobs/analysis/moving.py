@@ -81,9 +81,7 @@ class SlipSpec(fields_of(Slip)):
     current: Quantity | None = None
 
     def slip(self, bench: Bench, walk: Stepping) -> Slip:
-        """Return the edge; raises AnalysisError for both a duration and a current, QuantityError for a wrong
-        value.
-        """
+        """Return the edge; raises AnalysisError if both a duration and a current are given."""
         if self.current is None:
             return Slip(**self.given)
         if "duration" in self.given:
@@ -142,9 +140,7 @@ class MoveFile(Analysis):
         return value
 
     def aim(self, unit: str) -> Aim:
-        """Return the target in m or rad; raises AnalysisError for a value that is not finite or a window <=
-        0.
-        """
+        """Return the target in m or rad; raises AnalysisError for an infinite target or a wrong window."""
         within, rms = to_si(self.within, unit, "within"), optional_si(self.hold_within, unit, "hold_within")
         for name, value in (("within", within), ("hold_within", rms)):
             if value is not None and not 0.0 < value < math.inf:

@@ -39,10 +39,13 @@ class PiezoAnalysis(
         rest_voltage=Annotated[float, quantity("V")],
     ),
 ):
-    """See the module. Recordings have drive_voltage and the channel `observed`; `operators`, `asymmetric`,
-    `creep`, `time_constants`, `delay`, `lag` and `rest_voltage` as for `identify_piezo`: what is left out,
-    the recordings decide. `model` is a parameter set or a file into which gain and piezo are put; `require`
-    holds for the recordings with 'use: verify'."""
+    """See the module.
+
+    Recordings have drive_voltage and the channel `observed`. `operators`, `asymmetric`, `creep`,
+    `time_constants`, `delay`, `lag` and `rest_voltage` are as for `identify_piezo`; missing ones are
+    determined from the recordings. `model` is a parameter set or a file whose gain and piezo are replaced by
+    the fit. `require` applies to the recordings with 'use: verify'.
+    """
 
     kind: Literal["piezo"]
     model: str = ""
@@ -50,7 +53,7 @@ class PiezoAnalysis(
     recordings: Annotated[list[RecordingFile], Field(min_length=1)]
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit, compare with a straight line, and predict what the fit has not seen."""
+        """Fit, compare with a straight line, and predict the recordings that the fit has not seen."""
         requirements = [Requirement.parse(text) for text in self.require]
         model = named_model(folder, self.model) if self.model else None
         parts = read_parts(self.recordings, folder)

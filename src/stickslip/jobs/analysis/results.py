@@ -15,10 +15,10 @@ from .file import AnalysisError
 
 
 def model_and_chain(path: Path) -> tuple[Actuator, Chain]:
-    """Return the actuator of a results.json or of a saved fit, and what a position channel shows of it.
+    """Return the actuator of a results.json or of a saved fit, and the chain of its position channel.
 
     Raises:
-        AnalysisError: the file is no results of a fit with a model.
+        AnalysisError: the file does not contain a fit with a model.
     """
     said = f"{path}: no results of an identification with a model"
     with damaged(AnalysisError, said):

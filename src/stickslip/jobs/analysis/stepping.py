@@ -1,6 +1,6 @@
-"""Steps of a motor from a file: bursts are made on a positioner, or were measured, and the law is fitted.
+"""Step law of a motor from a file: bursts are made on a positioner, or read, and the law is fitted.
 
-A file names the controller, the bursts, and what shows the position::
+A file names the controller, the bursts, and the sensor of the position::
 
     title: Steps of the objective's stage
     positioner: {kind: mcs2, options: {host: 192.168.0.20}}
@@ -8,9 +8,9 @@ A file names the controller, the bursts, and what shows the position::
     bursts: {voltages: [60 V, 80 V, 100 V], frequency: 100 Hz, steps: 50, repeats: 4}
     noise: 5 nm                 # of a reading
 
-The position is that of the controller's sensor, or `sensor`: a positioner of one's own in a file beside it,
-``{kind: "my_camera.py:Camera"}``, of which only `position(axis)` is used. With ``measured: bursts.csv`` and a
-`frequency` instead, bursts that were measured before are fitted.
+The position comes from the controller's sensor, or from `sensor`: a user's own positioner in a file in the
+same folder, ``{kind: "my_camera.py:Camera"}``, of which only `position(axis)` is used. With ``measured:
+bursts.csv`` and a `frequency` instead, existing measurements are fitted.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from .file import AnalysisError
 
 
 class PositionerSpec(Strict):
-    """A positioner by its kind (`stickslip rigs`), and what it is made with."""
+    """A positioner: its kind (`stickslip rigs`) and its arguments."""
 
     kind: str
     options: dict[str, Any] = Field(default_factory=dict)
 
     def made(self, folder: Path) -> Positioner:
-        """Connect."""
+        """Connect to the positioner."""
         return registry.positioners.find(self.kind, folder)(**self.options)
 
 
@@ -57,7 +57,7 @@ class StepsFile(Strict):
 
 
 def read_steps(path: str | os.PathLike[str]) -> tuple[StepsFile, Path]:
-    """A file of steps, and the folder that its files are relative to; raises AnalysisError."""
+    """Return a file of steps, and the folder of its relative paths; raises AnalysisError."""
     content = load_yaml(path)
     try:
         return StepsFile.model_validate(content), Path(path).parent
@@ -70,7 +70,7 @@ def run_steps(file: StepsFile, folder: Path, progress: Progress) -> tuple[xr.Dat
 
     Raises:
         AnalysisError: the file names neither a positioner with bursts nor measured ones, or both.
-        RigError, QuantityError: of the positioner, the sensor, the fit.
+        RigError, QuantityError: from the positioner, the sensor, or the fit.
     """
     if (file.measured is None) == (file.positioner is None):
         raise AnalysisError("steps: name a 'positioner' with 'bursts', or 'measured' bursts, one of both")

@@ -29,8 +29,11 @@ class PointsFile(SourceFile):
 
 
 class StribeckAnalysis(Analysis):
-    """See the module. `deviation` is that of each force, `exponent` that of the Stribeck curve or null to fit
-    it, `offset` that of the force sensor, `tied` as for `identify_stribeck`."""
+    """See the module.
+
+    `deviation` is the standard deviation of each force. `exponent` is the Stribeck curve's, null to fit it.
+    `offset` is the force sensor's. `tied` is as for `identify_stribeck`.
+    """
 
     kind: Literal["stribeck"]
     points: PointsFile

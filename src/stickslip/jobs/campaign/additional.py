@@ -67,8 +67,7 @@ def additional(
     progress: Progress,
     kept: Kept,
 ) -> Additional:
-    """Run the analyses that the file requests for a friction fit; compare models also if the law is
-    `lacking`.
+    """Run the requested analyses of a friction fit; compare models also if the law is `lacking`.
 
     A failure is reported in the result; the fit is valid without these analyses.
     """
@@ -115,9 +114,7 @@ def additional(
 
 
 def attempted(what: str, analysis: Callable[[], T], failures: list[str]) -> T | None:
-    """Return the result of an optional analysis; if it fails, add the failure to `failures` and return
-    None.
-    """
+    """Return the result of an analysis; None if it fails, with the reason in `failures`."""
     try:
         return analysis()
     except Exception as error:  # of any kind: the fits took long and are valid without it

@@ -36,9 +36,7 @@ Array = NDArray[np.float64]
 
 
 class ErrorBudget(NamedTuple):
-    """Standard errors of each parameter by source, their total, and 95 % intervals; in the parameter's
-    unit.
-    """
+    """Standard errors of each parameter by source, their total, and 95 % intervals."""
 
     sources: dict[str, dict[str, float]]
     total: dict[str, float]

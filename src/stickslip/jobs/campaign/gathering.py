@@ -29,9 +29,7 @@ LEVEL = 0.05
 
 
 class SensorScale(NamedTuple):
-    """Ratio of the position channel to the reference on clamped steps: mean, standard error, single
-    ratios.
-    """
+    """Ratio of position channel to reference on clamped steps: mean, standard error, single ratios."""
 
     value: float
     standard_error: float

@@ -1,4 +1,4 @@
-"""The section of the report on hysteresis and creep of the stage."""
+"""Report section on hysteresis and creep of the stage."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .hysteresis import Hysteresis
 
 
 def hysteresis_section(of: Hysteresis, used: Sequence[xr.Dataset], figures: bool) -> Section:
-    """The fit to the recordings that it used, and what a stage without either leaves."""
+    """Return the fit with its recordings, and the residual of a stage without hysteresis and creep."""
     said = f"{of.sentence[0].upper()}{of.sentence[1:]}."
     return Section(
         "Hysteresis and creep",

@@ -1,6 +1,4 @@
-"""Simulated recordings to try a skeleton with, for users without recordings; they are labelled as
-simulated.
-"""
+"""Simulated recordings to try a skeleton with, labelled as simulated, for users without recordings."""
 
 from __future__ import annotations
 
@@ -20,9 +18,7 @@ _WALKS, _STEP = {65.0: 4e3, 75.0: 4e3}, 60.0  # V, and samples per second
 
 
 def example_files(beside: Path, step: bool) -> list[Path]:
-    """Return the paths of the examples: two walks and, if `step`, first a step with the end-effector
-    clamped.
-    """
+    """Return the paths of the examples: two walks, and first a clamped step if `step`."""
     names = [f"walk-{volts:g}V" for volts in _WALKS]
     names = [f"step-{_STEP:g}V", *names] if step else names
     return [beside.with_name(f"{beside.stem}-example-{name}.csv") for name in names]

@@ -20,9 +20,7 @@ Array = NDArray[np.float64]
 
 
 def measured_kind(seen: list[Inspected]) -> str:
-    """Return the kind of fit that recordings allow; a walk also if channels are missing, which is then
-    reported.
-    """
+    """Return the kind of fit that recordings allow; a walk if channels are missing."""
     channels = [set(map(str, one.found.recording)) for one in seen]  # type: ignore[arg-type]
     if all(DRIVE not in one and one.issuperset(_CONTACT) for one in channels):
         return LOOPS

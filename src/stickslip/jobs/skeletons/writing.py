@@ -209,9 +209,7 @@ def _gain(seen: list[Inspected]) -> tuple[float | None, str]:
 
 
 def _voltages(seen: list[Inspected]) -> tuple[float, float, str]:
-    """Return the range of the drives, rounded outwards to 10 V, and its source; 0 V to 100 V without
-    drives.
-    """
+    """Return the range of the drives, rounded outwards to 10 V, and its source."""
     recordings: list[Any] = [one.found.recording for one in seen]
     drives = [one["drive_voltage"].values for one in recordings if "drive_voltage" in one]
     if not drives:

@@ -15,15 +15,15 @@ from ..figures.style import svg
 from ..fits import fit_numbers
 from ..viewing import document_of
 
-# The usual choice for such actuators [kang2007, ch. 3], its steady friction constant.
+# The usual model of such actuators [kang2007, ch. 3], with constant steady friction.
 USUAL = "LuGre"
-# Errors on what was not fitted that differ by less are the same.
+# Errors on unseen recordings that differ by less count as equal.
 SAME = 0.01
 
 
 @document_of.register
 def comparison_document(found: Comparison) -> Document:
-    """The ranking of the models by their errors on what no fit has seen."""
+    """Return the ranking of the models by their errors on unseen recordings."""
     best = found.verifications[found.best]
     return Document(
         title="Comparison of models",
@@ -36,7 +36,7 @@ def comparison_document(found: Comparison) -> Document:
 
 
 def choice_numbers(found: Comparison) -> dict[str, Any]:
-    """Each model's fit, and how well it predicts what it was not fitted to, for results.json."""
+    """Return each model's fit and its prediction errors for results.json."""
     return {
         label: {
             **fit_numbers(fit, seen.unit),
@@ -77,11 +77,11 @@ def conclusion(choice: Comparison) -> str:
 
 
 def choice_section(found: Comparison, marks: Mapping[str, float] | None = None) -> Section:
-    """The ranking, and whether the usual choice holds.
+    """Return the ranking, and whether it confirms the usual choice.
 
     Args:
         found: the models.
-        marks: r² that others have reached with such data, by what they are of.
+        marks: r² of other authors for such data, by the text that the table shows.
     """
     table, marks = found.table, marks or {}
     n_data = next(iter(found.fits.values())).n_data
@@ -113,7 +113,7 @@ def choice_section(found: Comparison, marks: Mapping[str, float] | None = None) 
 
 
 def _ranking_table(found: Comparison, marks: Mapping[str, float]) -> Table:
-    """The models by their error on what was not fitted."""
+    """Return the models by their error on unseen recordings."""
     table = found.table
     lowest = {key: float(table[key].min()) for key in ("aic", "bic")}
     labels, keys = list(found.fits), ("r_squared", "verification_r_squared", "verification_rmse")

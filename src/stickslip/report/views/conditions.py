@@ -1,4 +1,4 @@
-"""View of fits under several conditions: how each parameter moves with them."""
+"""View of fits under several conditions: change of each parameter with the condition."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..viewing import document_of
 
 @document_of.register
 def conditions_document(found: Conditions) -> Document:
-    """The fits of each condition beside each other."""
+    """Return a comparison of the fits of all conditions."""
     table, names = found.table, [p.name for p in found.together.shown]
     own = [estimates(fit) for fit in found.fits]
     rows = [

@@ -14,7 +14,7 @@ from ..viewing import document_of
 
 @document_of.register
 def sheet_document(found: SheetModel) -> Document:
-    """The sheet with its sources, what reproduces it, and what it leaves open."""
+    """Return the sheet with its sources, its model, and the parameters that it leaves open."""
     of, known = found.dataset, quantities(type(found.sheet))
     numbers = found.sheet.numbers
     stated = Table(

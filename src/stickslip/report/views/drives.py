@@ -19,14 +19,14 @@ from ..figures.plotting import plot
 from ..figures.style import svg
 from ..viewing import document_of
 
-# Conditions that a table shows, the worst ones, and points of a front: all of them are in results.json.
+# Rows of a table (the worst conditions) and points of a front; results.json has all of them.
 MOST_ROWS, MOST_POINTS = 30, 12
 STOPPED = "stopped before the end of the search: the best until then"
 
 
 @document_of.register
 def optimised_document(found: OptimisedWaveform) -> Document:
-    """The drive, and the goal in every condition beside the best sawtooth."""
+    """Return the drive, and the goal in every condition compared with the best sawtooth."""
     value, saw = (Number(one, found.unit) for one in (found.value, found.sawtooth_value))
     lines = found.report().splitlines()
     section = Section(
@@ -48,7 +48,7 @@ def optimised_document(found: OptimisedWaveform) -> Document:
 
 @document_of.register
 def front_document(found: Front) -> Document:
-    """The drives of which none is better than another in both goals."""
+    """Return the Pareto-optimal drives of both goals."""
     names = [str(name) for name in found.table if name != "frequency"]
     labels = [str(found.table[name].attrs["long_name"]) for name in names]
     picture = Picture(
@@ -229,7 +229,7 @@ def _front_numbers(found: Front) -> dict[str, Any]:
 
 
 def arrays(values: Mapping[str, tuple[Any, str]]) -> dict[str, Any]:
-    """Arrays with their units, for results.json."""
+    """Return arrays with their units, for results.json."""
     return {name: {"value": np.asarray(one), "unit": unit} for name, (one, unit) in values.items()}
 
 

@@ -18,7 +18,7 @@ MOST_DRAWN = 8  # recordings in one figure
 
 @document_of.register
 def fit_document(fit: Fit) -> Document:
-    """Parameters with their intervals, and each recording beside the model."""
+    """Return parameters with their intervals, and each recording compared with the model."""
     count, unit = len(fit.recordings), fit.recordings[0].unit
     sentences = [*fit.failures, *(one.sentence for one in fit.systematics), *fit.remarks]
     numbers = fit_numbers(fit, unit)
@@ -40,14 +40,14 @@ def fit_document(fit: Fit) -> Document:
 
 
 def goodness_table(fit: Fit) -> Table:
-    """r² and rms error, one row for each recording."""
+    """Return r² and rms error, one row for each recording."""
     columns = (Column("recording"), Column("r²", "", 5), Column("rms error", fit.recordings[0].unit, 3))
     rows = [(one.name, one.r_squared, one.rmse) for one in fit.recordings]
     return Table("Coefficient of determination, rms error.", columns, rows)
 
 
 def _pictures(fit: Fit) -> list[Picture]:
-    """The recordings beside the model, where they are over time and few."""
+    """Return pictures of recordings and model, for a few recordings over time."""
     over_time = all(t.size and t.size == r.size for t, r in zip(fit.times, fit.residuals, strict=True))
     if not over_time or len(fit.recordings) > MOST_DRAWN:
         return []

@@ -1,4 +1,4 @@
-"""View of a posterior: the mean and interval of each parameter, and whether the sampling can be relied on."""
+"""View of a posterior: mean and interval of each parameter, and the convergence of the sampling."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST_DRAWN = 8  # parameters of one figure
 
 @document_of.register
 def posterior_document(found: Posterior) -> Document:
-    """Report of a posterior: its samples, and how well they have converged."""
+    """Return samples of a posterior and their convergence."""
     numbers = posterior_numbers(found)
     message = f"{found.message[0].upper()}{found.message[1:]}."
     return Document(
@@ -27,7 +27,7 @@ def posterior_document(found: Posterior) -> Document:
 
 
 def posterior_numbers(found: Posterior) -> dict[str, Number]:
-    """Mean, interval of highest density and standard deviation of each parameter."""
+    """Return mean, interval of highest density and standard deviation of each parameter."""
     numbers = {}
     for name in map(str, found.summary["parameter"].values):
         row = found.summary.sel(parameter=name)
@@ -38,7 +38,7 @@ def posterior_numbers(found: Posterior) -> dict[str, Number]:
 
 
 def posterior_table(found: Posterior) -> Table:
-    """The same with how well each was sampled."""
+    """Return the same with the sampling quality of each parameter."""
     columns = (
         Column("parameter"),
         Column("mean [95 %, highest density]"),

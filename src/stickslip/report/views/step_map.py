@@ -1,4 +1,4 @@
-"""View of a map of the step."""
+"""View of a step map."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..figures.style import svg
 
 
 def map_document(found: xr.Dataset) -> Document:
-    """The step and the speed over what was varied, and where they are greatest."""
+    """Return step and speed over the varied quantities, with their maxima."""
     flags = str(found["status"].attrs["flag_meanings"]).split()
     counts = {name: int((found["status"] == i).sum()) for i, name in enumerate(flags)}
     size, left = int(found["status"].size), counts["not_computed"]
@@ -41,7 +41,7 @@ def map_document(found: xr.Dataset) -> Document:
 
 
 def map_numbers(found: xr.Dataset) -> dict[str, Any]:
-    """Every number of a map, for results.json: arrays over its dimensions."""
+    """Return every number of a map, for results.json: arrays over its dimensions."""
     made: dict[str, Any] = {"dimensions": list(map(str, found["net_step"].dims))}
     for name, one in (found.coords | found.data_vars).items():
         if name == "reason":
@@ -51,7 +51,7 @@ def map_numbers(found: xr.Dataset) -> dict[str, Any]:
 
 
 def map_pictures(found: xr.Dataset) -> list[Picture]:
-    """Pictures of step and speed, then of further results, as many panels as fit on a page."""
+    """Return pictures of step and speed, then of further results, as many panels as fit on a page."""
     made = []
     dims = found["net_step"].dims
     panels = int(np.prod(sorted(found.sizes[d] for d in dims)[:-2])) if len(dims) > 2 else 1
@@ -90,7 +90,7 @@ def _place(best: dict[str, Any]) -> str:
 
 
 def _points_table(found: xr.Dataset, counts: dict[str, int]) -> Table:
-    """Number of points by status, with the reason of the first of each."""
+    """Return the number of points by status, with the reason of the first of each."""
     rows = []
     for i, (name, count) in enumerate(counts.items()):
         if count:

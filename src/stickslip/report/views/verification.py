@@ -41,7 +41,7 @@ def verification_document(found: Verification) -> Document:
 
 
 def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
-    """r², rms error and the error of the net step, one row for each recording."""
+    """Return r², rms error and the error of the net step, one row for each recording."""
     table = found.table
     rows = []
     for i, name in enumerate(table["recording"].values):
@@ -75,7 +75,7 @@ def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
 
 
 def verification_numbers(found: Verification) -> dict[str, Any]:
-    """The same for results.json, by recording."""
+    """Return the same for results.json, by recording."""
     table = found.table
     return {
         str(name): {
@@ -86,7 +86,7 @@ def verification_numbers(found: Verification) -> dict[str, Any]:
 
 
 def prediction_pictures(found: Verification) -> list[Picture]:
-    """Measured, predicted and the residual of the first recordings."""
+    """Return measured and predicted curves with residuals of the first recordings."""
     return [
         Picture(
             f"prediction_{i + 1}",
