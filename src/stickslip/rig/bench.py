@@ -5,7 +5,7 @@ source, or ``assumed = true`` and a reason. ``[sensor.NAME]`` gives the sensor's
 "my_sensor.py:MySensor", beside the file), the part it is mounted `on` (stage or end_effector), and the `adc`
 that samples it.
 
-With ``base = "kang2007-bench"`` a file contains only the differences: its tables replace those of that bench.
+With ``base = "kang2007-bench"`` a file contains only the differences: its tables replace those of the base.
 ``amplifier = "pd200x4"`` and ``stack = "ae0505d16"`` (for its capacitance) use parts of `electronics.parts`,
 by name or by a file beside the bench's.
 """

@@ -21,7 +21,7 @@ from ..quantities.units import QuantityError, to_si
 from .limits import LONGEST_STOP
 from .protocols import About, Array, Capabilities, RigError
 
-_POLL = 0.01  # s
+_POLL = 0.01  # s between two queries
 _EDGE = 0.02  # time of the output's jump, as a fraction of an update
 _MOST = 5_000_000  # samples
 

@@ -1,4 +1,4 @@
-"""Descriptions of rigs as JSON, by which a client tells the rig's process what to open."""
+"""Descriptions of rigs as JSON, from which the rig's process opens a device."""
 
 from __future__ import annotations
 

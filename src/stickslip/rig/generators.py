@@ -126,7 +126,7 @@ class Generator:
         timeout: s, for each answer.
 
     Raises:
-        RigError: nobody answers there, or the instrument is none of `GENERATORS`.
+        RigError: nobody answers there, or the instrument is in no family of `GENERATORS`.
     """
 
     def __init__(self, where: str, output: int, timeout: float) -> None:

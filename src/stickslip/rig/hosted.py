@@ -205,8 +205,8 @@ class HostedRig:
         }
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return attributes for a recording of the next runs: the truth of a virtual rig, or the device's
-        description."""
+        """Return attributes for a recording of the next runs: the true contact of a virtual rig, or the
+        description of the device."""
         return told_of(self._device, runs, self._runs) or self._told
 
     def controlled(
@@ -379,7 +379,7 @@ def _left(process: int) -> int | None:
 
 
 def greeted(folder: Path, name: str, within: float = 5.0) -> socket.socket | None:
-    """Return a connection to the running process; None if there is none, or no answer `within` s."""
+    """Return a connection to the running process; None without a process or an answer `within` s."""
     try:
         known = read_small(folder / "rig.json") or {}
         token, port = str(known["token"]), int(known["port"])

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-POLL = 0.02  # s
+POLL = 0.02  # s between two attempts
 
 
 @contextmanager

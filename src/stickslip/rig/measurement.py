@@ -93,7 +93,7 @@ def measure(
     plan = plan_run(can, drive, channels, capture, limits)
     site.check(plan.volts, limits, can)
     limits = narrower
-    told = getattr(rig, "told", None)  # a virtual rig reports the truth of these runs
+    told = getattr(rig, "told", None)  # a virtual rig reports its true contact
     told = {} if told is None else told(int(capture.average))
     texts = {"title": title, "notes": notes, **(attributes or {}), **told}
     making = Making(can, channels, units, capture, limits, plan.begin, plan.wait, drive_text(drive), texts)

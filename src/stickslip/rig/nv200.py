@@ -35,7 +35,7 @@ _ERRORS = {
     10: "too high",
 }
 _SOURCES = {"position": 0, "drive": 2}
-_POLL = 0.02  # s
+_POLL = 0.02  # s between two queries
 
 
 class Nv200Rig:

@@ -17,7 +17,7 @@ from .generators import known
 from .protocols import Array, RigError
 from .scpi import ScpiInstrument
 
-_POLL = 0.01  # s
+_POLL = 0.01  # s between two queries
 _BEYOND = 1.5  # greatest credible voltage, in spans of a channel about 0 V
 _ARMED = 5.0  # s, longest time for arming
 
@@ -217,7 +217,7 @@ class Oscilloscope:
         timeout: s, for each answer.
 
     Raises:
-        RigError: nobody answers there, or the instrument is none of `OSCILLOSCOPES`.
+        RigError: nobody answers there, or the instrument is in no family of `OSCILLOSCOPES`.
     """
 
     def __init__(self, where: str, source: str, level: float, timeout: float) -> None:

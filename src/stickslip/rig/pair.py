@@ -31,7 +31,7 @@ from .table import (
 
 _SAMPLES = 50_000  # of a recording; oscilloscopes return some 60,000 points of a screen
 _SPAN = 8.0  # V, range of an input by default
-_POLL = 0.02  # s
+_POLL = 0.02  # s between two queries
 _JITTER = 1e-6  # s, assumed for a trigger by cable
 _LATE = 5.0  # s after the end of the screen within which an acquisition must end
 

@@ -21,7 +21,7 @@ from .table import check_followed, check_inputs, check_positive, check_ready, he
 _CYCLE = "SPA? 1 0x0E000200"  # query of the servo's cycle time, s
 _OPTIONS = {"position": 2, "drive": 16}  # record options: position of the axis, voltage of the channel
 _AT_A_TIME = 10  # values per command, whose length is limited
-_POLL = 0.02  # s
+_POLL = 0.02  # s between two queries
 _STEPS = 50  # most steps of a ramp
 _LATE = 5.0  # s after the end of the table within which the recording must end
 _BEYOND = 0.1  # fraction of a range by which a reading may exceed it

@@ -110,12 +110,12 @@ class Plausible:
         self._at = self._limited = self._ticks = 0
         # Least and greatest drive in two consecutive windows, each as long as the settling time.
         self._now = self._before = (u, u)
-        self._span = (u, u)  # since the anchor
+        self._span = (u, u)  # least and greatest drive since the last `_collapse`
         s = x - self._policy.gain * u
         self._low_s = self._high_s = self._mark = s
         self._falls = self._rises = 0.0
         self._edge: float | None = None  # the drive before the current fast change
-        self._steep = 0.0  # steepest part of that change within `EDGE_TIME`
+        self._steep = 0.0  # greatest part of it within `EDGE_TIME`
         self._quiet, self._slid = self._calm + 1, False
         self._expected = self._measured = self._pending = self._judged = 0.0
         self._base, self._base_u, self._base_goal, self._ahead, self._net = x, u, goal, 0.0, 0
@@ -124,10 +124,8 @@ class Plausible:
         self._second: float | None = None  # initial difference of the second sensor from the first
 
     def sees(self, x: float, u: float, goal: float, second: float | None = None) -> None:
-        """Check a position [m] after the voltage [V] was put out, for a target [m], and a second sensor's
-        position.
-
-        Raises LimitError if they are not plausible.
+        """Check a position [m] after a voltage [V] was put out, for a target [m]. `second` [m] is the
+        position measured by a second sensor. Raises LimitError if they are not plausible.
         """
         if not self._begun:
             self._begin(x, u, goal)

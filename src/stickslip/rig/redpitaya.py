@@ -34,7 +34,7 @@ _SPAN = {"LV": 1.0, "HV": 20.0}  # V, to either side, set by the jumpers of the 
 _OUT = 1.0  # V, to either side
 _BITS = 14
 _LEAST = 1e-3  # V, least amplitude
-_POLL = 0.02  # s
+_POLL = 0.02  # s between two queries
 _LATE = 5.0  # s after the expected end within which the buffer must be full
 
 

@@ -39,7 +39,7 @@ class AtPiezo:
 
     @property
     def period(self) -> None:
-        """None: it does not repeat."""
+        """Always None: the drive does not repeat."""
 
     def range(self) -> tuple[float, float]:
         """Return the least and greatest value at the breaks. The limits of a drive are checked before the

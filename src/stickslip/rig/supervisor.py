@@ -66,7 +66,7 @@ class Order(NamedTuple):
 
 
 class Supervisor:
-    """Only user of the rig: it starts, watches and stops runs.
+    """The only object that talks to the rig: it starts, watches and stops runs.
 
     Args:
         home: origin of positions.

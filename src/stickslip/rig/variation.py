@@ -65,7 +65,7 @@ class Repeats(NamedTuple):
         return _factors(self.variation, self.series, self.number + run)
 
     def actuator(self, actuator: Actuator, run: int = 0) -> Actuator:
-        """Return the actuator with the contact of that run; unchanged without variation."""
+        """Return the actuator with the contact of a run; unchanged without variation."""
         if self.variation.none or actuator.clamped:
             return actuator
         friction, stiffness = self.factors(run)
@@ -76,7 +76,7 @@ class Repeats(NamedTuple):
         return actuator.replace(friction=law._replace(**changed))
 
     def slips(self, actuator: Actuator, run: int = 0) -> Slips | None:
-        """Return the irregular slips of that run; None without irregularity."""
+        """Return the irregular slips of a run; None without irregularity."""
         if self.irregularity.none or actuator.clamped:
             return None
         return Slips(self.irregularity, actuator, (self.series, self.number + run))

@@ -123,7 +123,7 @@ class VirtualRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return the truth of the next runs, for their recording; see `Repeats.told`."""
+        """Return the true contact of the next runs, for their recording; see `Repeats.told`."""
         return self._repeats.told(self.actuator, runs, self._runs)
 
     def load(self, volts: Array) -> None:

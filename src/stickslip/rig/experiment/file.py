@@ -150,7 +150,7 @@ class PartSpec(Strict):
 class RunSpec(Strict):
     """Recordings that differ by the values of the matrix.
 
-    $NAME is replaced by the value of that axis, or of that variable of the file. There is one recording for
+    $NAME is replaced by the value of this axis, or of this variable of the file. There is one recording for
     each combination of values, made `repeats` times.
     """
 

@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple, Protocol
 from ...quantities.units import QuantityError, to_si
 from ..protocols import About, RigError
 
-_POLL = 0.02  # s
+_POLL = 0.02  # s between two queries
 
 
 class Ranges(NamedTuple):

@@ -231,7 +231,7 @@ class Mcs2:
                 channel.axis.stop()
 
     def execute(self, line: str) -> str:
-        """Execute one command; return the answer, "" if there is none."""
+        """Execute one command; return the answer, or ""."""
         try:
             found = _COMMAND.match(line.strip().upper())
             if found is None:
