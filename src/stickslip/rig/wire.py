@@ -4,18 +4,20 @@ A message is the length of its head (4 bytes, little-endian), the head and an ar
 JSON and gives the shape of the array as "shape". Every request has one answer. An answer with "error" is an
 error message, with the name of its class as "kind".
 
-| request | with | answer |
-|---|---|---|
-| hello | token, name, pid | number of the process |
-| open | device, see `devices`; again: in the same recording | capabilities; an error names the holder |
-| close | | the rig is free |
-| run | limits, inputs, samples, rest, position, keep (see `samples`); the drive [V] | started |
-| | and controller (see `protocols.ControllerSpec`), for a closed loop; targets [m] | started |
-| command | what, to the controller of that loop | accepted, or refused |
-| fetch | wait [s] | phase, position, began [m], ramp_after [s], loop; the next samples [inputs, n] |
-| stop | why; from any client | whether a run was active |
-| home_here | input, calibration, slew | the present position is home |
-| state | | phase, position, holder |
+The requests::
+
+    | request | with | answer |
+    |---|---|---|
+    | hello | token, name, pid | number of the process |
+    | open | device, see `devices`; again: in the same recording | capabilities, or who holds the rig |
+    | close | | the rig is free |
+    | run | limits, inputs, samples, rest, position, keep (see `samples`); the drive [V] | started |
+    | | and controller (see `protocols.ControllerSpec`), for a closed loop; targets [m] | started |
+    | command | what, to the controller of that loop | accepted, or refused |
+    | fetch | wait [s] | phase, position, began [m], ramp_after [s], loop; the next samples [inputs, n] |
+    | stop | why; from any client | whether a run was active |
+    | home_here | input, calibration, slew | the present position is home |
+    | state | | phase, position, holder |
 
 The run of a client that does not fetch for `Limits.watchdog`, or disconnects, is stopped.
 """
