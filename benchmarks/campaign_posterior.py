@@ -29,11 +29,10 @@ from stickslip.quantities.units import with_prefix
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks" / "posterior.md"
 HEAD = """# The posterior of a whole campaign
 
-`python -m benchmarks.campaign_posterior`: the campaign of the thesis on the virtual rig (`stickslip campaign`
-with `posterior: true`). The fit's interval of a friction parameter takes the stage as known; with all errors,
-those of the stage are passed on, linearised; the posterior has both free at once. Of the stage, the fit is
-that of the steps alone. The posterior's are 95 % intervals of highest density; ess, its effective number of
-samples.
+`python -m benchmarks.campaign_posterior`: the thesis's campaign on the virtual rig (`stickslip campaign`
+with `posterior: true`). The fit's intervals of friction take the stage as known; "with all errors" adds
+those of the stage, linearised; the posterior has both free at once. Of the stage, the fit is that of the
+steps. Posterior: 95 % intervals of highest density; ess: effective samples.
 """
 
 

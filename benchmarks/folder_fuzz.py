@@ -25,7 +25,6 @@ from typing import Any
 from unittest import mock
 
 import httpx
-import numpy as np
 from fastapi import FastAPI
 
 from stickslip.gate.process import STUCK
@@ -227,37 +226,25 @@ def page(found: Found, command: str, seconds: float) -> str:
     lines = [
         "# Folders with random damage",
         "",
-        f"`{command}`: folders of a lab with good runs, a study's store and damaged entries between them. "
-        "The history, the panel's routes and the store are asked for all of it. Checked are:",
+        f"`{command}`: folders of a laboratory with good runs, a study's store and damaged entries. The "
+        "history, the panel's routes and the store read all of it. Required are:",
         "",
-        "- every good run is listed without a problem;",
-        "- every entry that is surely bad is listed with a reason, every other damaged one is listed;",
-        "- every answer can be sent (JSON in UTF-8), is no fault of the server, and comes within its limit: "
-        f"{LIMIT:.0f} s (new files are read for {READING:.0f} s, then the rest are listed as not read yet; "
-        f"one file may take {PATIENCE:.0f} s of computing, or {STUCK * PATIENCE:.0f} s on a busy machine), "
-        f"and {STORE_LIMIT:.0f} s for a store;",
-        "- damage of any one file of a store is said, but for a task whose status is gone, which is one that "
-        "is not done.",
+        "- every good run is listed without a problem, every damaged entry is listed, with a reason if it "
+        "is surely bad;",
+        "- every answer is valid JSON, no fault of the server, and within its limit: "
+        f"{LIMIT:.0f} s ({STORE_LIMIT:.0f} s for a store); new files are read for {READING:.0f} s, the "
+        "others are listed as not read yet;",
+        "- damage of any file of a store is reported, except a task without status, which is not done.",
         "",
         f"Measured: {date.today()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; "
-        f"{seconds:.0f} s by the clock. Peak memory: {own:.0f} MB of the process that asks, {other:.0f} MB "
-        "of the largest process that it started.",
+        f"{seconds:.0f} s. Peak memory: {own:.0f} MB of the asking process, {other:.0f} MB of its largest "
+        f"child. Longest answer: {max(max(times) for times in found.seconds.values()):.2f} s.",
         "",
         "| what | count |",
         "|---|---|",
         *(f"| {name} | {count:,} |" for name, count in rows),
         "",
-        "Damage, by kind:",
-        "",
-        "| kind | count |",
-        "|---|---|",
-        *(f"| {name} | {count:,} |" for name, count in found.kinds.most_common()),
-        "",
-        "Time of answers [s]:",
-        "",
-        "| answer | count | median | 99 % | longest |",
-        "|---|---|---|---|---|",
-        *(_times(name, times) for name, times in found.seconds.items()),
+        f"Kinds of damage: {', '.join(name for name, _ in found.kinds.most_common())}.",
         "",
         "Not covered: damage that is made while a file is read; file systems other than those of Linux; "
         "folders that the user may not read; a study whose manifest was forged with a new checksum.",
@@ -265,11 +252,6 @@ def page(found: Found, command: str, seconds: float) -> str:
     if found.wrong:
         lines += ["", "Not as it has to be:", "", *(f"- {one[:200]}" for one in found.wrong[:20])]
     return "\n".join(lines) + "\n"
-
-
-def _times(name: str, times: list[float]) -> str:
-    middle, most = np.quantile(times, [0.5, 0.99])
-    return f"| {name} | {len(times):,} | {middle:.3f} | {most:.3f} | {max(times):.2f} |"
 
 
 def main() -> None:

@@ -313,13 +313,12 @@ INTRODUCTION = """\
 `python -m benchmarks.hostile_files`: {files} of {count} hostile files, each opened from Python, by the
 command line and by a panel that serves a folder.
 
-Python and commands: each run is a child of a process that has imported what it needs. Time and peak
-memory of that start, measured once, are added. Panel: time is that of a request, memory that of the
-larger of the server and the process that reads. An upload of which a preview can be shown is taken, too.
-The answer of a list is no error: the row of the file has the reason.
+Python and commands: time and peak memory include the start of a process. Panel: time of the request,
+memory of the server or of the process that reads, whichever is larger. An upload with a possible preview
+is accepted. A list answers without an error: the row of the file has the reason.
 
 Aim: {seconds:.0f} s of computing and {most:.0f} MB in any process, one sentence, no traceback, no fault
-of the server, and no file let in but for {read} that are the largest within the limits, or unusual only.
+of the server, no file accepted except {read} that are the largest within the limits, or unusual only.
 """
 
 
@@ -334,8 +333,7 @@ def page(found: list[Cost], count: int) -> str:
         wall, cpu, most = (max(of, key=lambda one, k=k: one[k]) for k in (2, 3, 4))
         refused = sum(one.code not in (0, 200) for one in of)
         rows.append(
-            f"| {way} | {len(of)} | {refused} | {np.median([one.wall for one in of]):.1f} "
-            f"| {wall.wall:.1f} ({wall.name}) | {cpu.cpu:.1f} | {most.megabytes:.0f} ({most.name}) |"
+            f"| {way} | {len(of)} | {refused} | {wall.wall:.1f} | {cpu.cpu:.1f} | {most.megabytes:.0f} |"
         )
     lines = [
         "# Hostile files",
@@ -343,8 +341,8 @@ def page(found: list[Cost], count: int) -> str:
         INTRODUCTION.format(files=files, count=count, seconds=SECONDS, most=MEGABYTES, read=len(LET_IN)),
         f"Measured: {date.today()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}.",
         "",
-        "| opened by | files | error | wall s, median | wall s, most | CPU s, most | MB, most |",
-        "|---|---|---|---|---|---|---|",
+        "| opened by | files | error | wall s, most | CPU s, most | MB, most |",
+        "|---|---|---|---|---|---|",
         *rows,
         "",
         f"Not as it has to be: {len(bad)} of {len(found)}.",

@@ -232,31 +232,28 @@ def page(trials: list[Trial], seed: int) -> str:
 
 _PAGE = """# Position without a sensor, of random motors
 
-`python -m benchmarks.open_loop {count} --seed {seed}`: {count} random motors. Steps of each are those of an
-actuator (stroke, mass, frequency, friction and stiffness of the thesis's, each 20 % off by chance) at 100 Hz
-and 40 to 70 V, by its load and its stroke per volt. The load wanders with a standard deviation of up to 6 %
-of the Coulomb friction, which changes the steps by up to a fifth, in opposite directions; the stroke per
-volt, as temperature changes it, by up to 5 %; both forget within 100 to 30,000 steps. Single steps scatter by
-2 to 15 %, the threshold by 0.2 to 2 V, steps forward are up to 65 % longer or shorter than backward, and a
-change of direction loses up to 0.4 um.
+`python -m benchmarks.open_loop {count} --seed {seed}`: {count} random motors at 100 Hz and 40 to 70 V.
+Stroke, mass, frequency, friction and stiffness differ by 20 % from the thesis's. The load wanders by up
+to 6 % of the Coulomb friction, which changes the steps by up to a fifth; the stroke per volt by up to 5
+%; both forget within 100 to 30,000 steps. Single steps scatter by 2 to 15 %, the threshold by 0.2 to 2 V.
+Steps differ by direction by up to 65 %, and a change of direction loses up to 0.4 um.
 
-Each motor is calibrated by 48 bursts of 50 steps at 3 voltages against a sensor of 10 to 300 nm noise. Then
-it walks without the sensor, at any voltage between, 8 walks of 100 to 1500 steps there and back, with one
-reading of the sensor (a datum) halfway. `DeadReckoning` knows the bursts and its own counts, nothing else.
+Each motor is calibrated by 48 bursts of 50 steps at 3 voltages against a sensor with 10 to 300 nm of
+noise. Then it makes 8 walks of 100 to 1500 steps without the sensor, with one reading (a datum) halfway.
+`DeadReckoning` knows only the bursts and its own counts.
 
 | steps since the datum | 95 % intervals that hold | half-width over the way made, median | 90 % of motors |
 |---|---|---|---|
 {rows}
 
-**{all:.1f} % of all intervals hold** (standard error {error:.1f} %, motors being independent); of
-{all_of:.0f} % of the motors all eight do. {surprised} of {count} datums were thought not to fit.
+**{all:.1f} % of all intervals hold** (standard error {error:.1f} %, motors being independent); all eight
+do for {all_of:.0f} % of the motors. {surprised} of {count} datums were rejected.
 
 ![Errors of the position against its interval](../figures/open-loop.svg)
 
-The width is that of the drift: steps of a load that wanders by 6 % of the friction differ by a fifth, and no
-counting knows that. The model takes drift for a random walk, whose intervals grow on; a drift that returns to
-its middle makes them too wide after long walks. The drift's upper end of the likelihood (a fall by 1/4) was
-chosen here: with its maximum 90 % of the intervals of 14 other motors held, with a fall by 1/8 94 %.
+The drift sets the width. The model takes drift for a random walk, so intervals are too wide after long
+walks if the drift returns to its mean. The upper end of the drift (a fall of the likelihood by 1/4) was
+chosen here: at its maximum 90 % of the intervals of 14 other motors held, with a fall by 1/8 94 %.
 """
 
 

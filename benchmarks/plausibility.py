@@ -290,10 +290,8 @@ def study(count: int, seed: int) -> str:
             f"**{rate}**",
             *(f"- {one}" for one in false),
             "",
-            f"Of the healthy runs {gave_up} came to no end without the guard either: the actuator does not "
-            "walk behind this bench as its model says.",
-            "",
-            f"It took {(time.time() - begun) / 60.0:.0f} min.",
+            f"{gave_up} healthy runs do not end without the guard either, because the actuator does not walk "
+            f"as its model says. The study took {(time.time() - begun) / 60.0:.0f} min.",
             "",
         )
     )
@@ -301,18 +299,17 @@ def study(count: int, seed: int) -> str:
 
 _HEAD = """# A sensor that is wrong, in a closed loop
 
-`python -m benchmarks.plausibility {count} --seed {seed}`: {count} trials of each fault, and ten times as
-many healthy runs, on the virtual rig. Actuators have stages of 300 to 2000 Hz, damping ratios of 0.05 to
-0.5, 40 to 200 nm/V, loads of up to a fifth of the friction, half of them a piezo with hysteresis and creep;
-the model that the loop and the thresholds are made from is off by 3 % in each number and knows no load. The
-sensor has 0.3 to 30 nm of noise and up to 0.5 ms of delay. Targets lie within 32 um of home, end stops at
-80 um. The fault comes at a random instant of the move or the hold.
+`python -m benchmarks.plausibility {count} --seed {seed}`: {count} trials of each fault and ten times as
+many healthy runs on the virtual rig. Stages have 300 to 2000 Hz, damping ratios of 0.05 to 0.5 and 40 to
+200 nm/V; loads reach a fifth of the friction; half have hysteresis and creep. The model of loop and
+thresholds is off by 3 % in each number and knows no load. The sensor has 0.3 to 30 nm of noise and up to
+0.5 ms of delay. Targets lie within 32 um of home, end stops at 80 um. The fault comes at a random instant
+of the move or the hold.
 
-"Struck" are trials whose run had not ended before the fault; "stopped" is what the guard or a limit
-stopped, "given up" what the mover itself gave up, the rest ended as usual because the fault made no
-difference within the hold (less than a second). The time is that from the fault to the stop, the way is
-that of the true position after the fault. "Beyond" are trials whose true position was beyond an end stop by
-more than one step at any time; "unsafe" those that did not end at 0 V, or without their recording.
+"Struck": the run had not ended before the fault. "Stopped": by the guard or a limit. "Given up": by the
+mover; all others ended as usual, because the fault made no difference within the hold. Time and way (of
+the true position) are from the fault to the stop. "Beyond": more than one step beyond an end stop.
+"Unsafe": not at 0 V at the end, or no recording.
 
 | fault | struck | stopped | given up | time, median | way, median | way, most | beyond | unsafe |
 |---|---|---|---|---|---|---|---|---|"""

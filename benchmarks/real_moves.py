@@ -280,36 +280,34 @@ def proportion(hits: int, count: int) -> float:
 
 _PAGE = """# Moves on a twin with irregular steps
 
-`python -m benchmarks.real_moves {count} --seed {seed}`. An axis of 68 nm a step (50 V, 500 Hz) stands
-for the attocube axis whose 4,654 moves of 10 um a laboratory published ([NVScanning/AttocubePCscripts](
-https://github.com/NVScanning/AttocubePCscripts), `Scanning_AMC/Data/scan_timings.txt`). Readings have 15 nm
-of noise; the real ones have 13 to 23 nm.
+`python -m benchmarks.real_moves {count} --seed {seed}`. An axis of 68 nm a step (50 V, 500 Hz, readings
+with 15 nm of noise) stands for the attocube axis whose 4,654 moves of 10 um a laboratory published
+([NVScanning/AttocubePCscripts](https://github.com/NVScanning/AttocubePCscripts),
+`Scanning_AMC/Data/scan_timings.txt`; noise 13 to 23 nm).
 
-## Is the twin too kind?
+## Errors and times of the twin
 
-{moves} moves for each target range, driven as the laboratory's script did: a controller steps towards the
-target, the script looks every 10 ms, stops when the reading is in the range, and reads once more. The
-irregularities are the defaults of `rig.Irregularity`; nothing is fitted to these moves. In brackets is the
-range of the same number over the sessions of the real axis (28 to 100 moves each).
+{moves} moves for each target range, driven by the laboratory's rule: step towards the target, look every
+10 ms, stop when the reading is in the range, read once more. Irregularities are the defaults of
+`rig.Irregularity`, not fitted. In brackets: the range over the sessions of the real axis (28 to 100 moves
+each).
 
 | range, nm | median error, nm | 95 % of errors, nm | ended outside, % | median time, s |
 |---|---|---|---|---|
 {rows}
 
-Errors and the share that ends outside are those of one more session of the real axis. **Times are not**: the
-real times come in groups 0.3 s apart (0.3, 0.6, 0.9, 1.2 s), the same group for most moves of a session; that
-is of the controller or its network, which the twin does not have, and its moves are as quick as the quickest
-group less 0.1 s. One real move in 4,654 took 135 s: the twin has none of that kind.
+Errors and the share outside are those of one more session of the real axis. **Times are not**: real times
+come in groups 0.3 s apart, which the twin does not have; its moves are as quick as the quickest group
+less 0.1 s. One real move took 135 s; the twin has none of that kind.
 
 ![Errors after the stop on the twin, and of the published sessions](../figures/real-moves.svg)
 
 ## Does `move` say "arrived" truly?
 
-{count} moves by 10 um, tolerance 100 nm, on the virtual rig with the same axis. Scatter of 2 to 15 %, steps
-forward up to 65 % longer or shorter than backward, threshold noise of 0.2 to 2 V, a relaxation of up to 0.35
-um with 10 ms to 1 s; the model of the loop has each number wrong by 3 % and knows nothing of all this. "True"
-means: the true position, which the loop does not see, stays within 100 nm for 0.1 s after the mover says
-"arrived".
+{count} moves by 10 um, tolerance 100 nm, on the virtual rig with the same axis: scatter of 2 to 15 %,
+directions up to 65 % apart, threshold noise of 0.2 to 2 V, relaxation of up to 0.35 um within 10 ms to 1
+s. The loop's model has each number wrong by 3 % and knows no irregularity. "True": the true position
+stays within 100 nm for 0.1 s after "arrived".
 
 - {said} of {count} said "arrived"; **{true} of them truly** (at least {least:.1f} % with 95 % confidence).
 - Time until it says so: median {times}.

@@ -210,8 +210,8 @@ def _accuracy(rows: list[Row]) -> list[str]:
         laws.append(f"{law} {_number(worst)}")
     return [
         f"{len(rows)} actuators drawn at random over three decades of stiffness, mass, voltage and "
-        "frequency, with and without reaction on the stage, external force and incline; three periods at a tolerance of "
-        "1 nm against an independent solution. Largest errors in tolerances: "
+        "frequency, with and without reaction on the stage, external force and incline; three periods at a "
+        "tolerance of 1 nm against an independent solution. Largest errors in tolerances: "
         f"{', '.join(laws)}; median {errors[len(errors) // 2]:.2g}, worst {errors[-1]:.3g}.",
     ]
 
