@@ -25,7 +25,6 @@ ABOUT = {
         "Identify, start a fit. The emergency stop is timed from the key press to the rig's command to "
         "ramp; up to 50 ms are one block of the rig.",
         (
-            "from the command to the page's opening",
             "first paint after the page was opened",
             "it is identified, verified and reported",
             "emergency stop, from the key to the begin of the ramp",
@@ -35,7 +34,7 @@ ABOUT = {
         "The stream",
         "`python -m benchmarks.panel_streaming`: three channels of 20 kHz at 20 times real time, watched by "
         "clients of another process.",
-        ("signal", "clients", "slope of the second half"),
+        ("signal", "slope of the second half"),
     ),
     "hour": (
         "An hour with 200 connections",
@@ -45,7 +44,6 @@ ABOUT = {
         "of traces that reaches a page.",
         (
             "connections",
-            "stop, nothing else",
             "stop, files and a fit",
             "frames, files and a fit",
             "memory of the panel",
@@ -71,7 +69,7 @@ ABOUT = {
         "The sliders of Explore",
         "`python -m benchmarks.panel_explore`: a slider moves in every frame. A picture is a frame with new "
         "curves of an experiment of 1 s. Processor time is that of server and browser.",
-        ("Amplitude", "Bristle stiffness", "Mass of the end-effector"),
+        ("Amplitude", "Mass of the end-effector"),
     ),
 }
 
