@@ -6,11 +6,11 @@ shortens backward ones:
 .. math:: x_{k+1} = x_k + s_+ + c\,\ell + w \ \text{(forward)}, \qquad
           x_{k+1} = x_k - s_- + c\,\ell + w \ \text{(backward)}
 
-Between steps, s_+, s_- and the load drift, each as a random walk, and both steps together (`common_drift`,
-from the temperature). w is the scatter of single steps. N steps at once equal N single ones, in closed form.
-A change of direction loses a displacement b with a known error. A measured position updates the filter at
-once [barshalom2001]. Without measurements the band grows: by scatter with the square root of the number of
-steps, by unknown step size and load in proportion to that number.
+Between steps, both step sizes and the load drift, each as a random walk, and both sizes together
+(`common_drift`, from the temperature). w is the scatter of single steps. N steps at once equal N single ones,
+in closed form. A change of direction loses a displacement b with a known error. A measured position updates
+the filter at once [barshalom2001]. Without measurements the band grows: by scatter with the square root of
+the number of steps, by unknown step size and load in proportion to that number.
 
 For another amplitude the model's steps are multiplied by a `scale`. c is the slope of the step over the load
 (`of_model`).

@@ -12,10 +12,10 @@ the measurement,
 
 .. math:: \mathrm{var}\,e_i = n_i\,(\sigma^2 s^2 + \tau^2) + \sigma_{y,i}^2 .
 
-s and b are the generalised least-squares estimate for this covariance. :math:`\sigma, \tau, q_c, q_s`
-maximise the restricted likelihood [patterson1971]. A few bursts cannot exclude a drift. Both drifts are
-therefore reported, and used, at their upper end, where the log-likelihood has fallen by 1/4. The threshold is
-the zero of a line through the lower half of the steps.
+s and b are the generalised least-squares estimate for this covariance. The four noise parameters
+:math:`\sigma, \tau, q_c, q_s` maximise the restricted likelihood [patterson1971]. A few bursts cannot exclude
+a drift. Both drifts are therefore reported, and used, at their upper end, where the log-likelihood has fallen
+by 1/4. The threshold is the zero of a line through the lower half of the steps.
 
 The law is valid at the frequency of the bursts, between their voltages, and for load and temperature that
 drift as they did during the calibration.
