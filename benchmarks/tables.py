@@ -109,7 +109,7 @@ def _steady(rows: list[Row]) -> list[str]:
             _number(row["max_error_m"], 2),
         )
         for row in sorted(rows, key=lambda row: (row["problem"], row["cpu_ms_median"]))
-        if row["tool"] == "stickslip" or row is _cheapest_peer(rows, row["problem"])
+        if row["method"] == "ss.steady_step" or row is _cheapest_peer(rows, row["problem"])
     ]
     return [
         "The net step per period of the periodic motion. `ss.steady_step` solves for the motion; the others "
