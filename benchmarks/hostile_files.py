@@ -322,14 +322,19 @@ of the server, no file accepted except {read} that are the largest within the li
 """
 
 
+def _opener(cost: Cost) -> str:
+    """Return what opened the file: Python, a command, or the panel."""
+    return {"panel,": "panel", "stickslip": "commands"}.get(cost.way.split()[0], cost.way)
+
+
 def page(found: list[Cost], count: int) -> str:
     """Return the page of the figures."""
-    ways = list(dict.fromkeys(one.way for one in found))
+    ways = list(dict.fromkeys(_opener(one) for one in found))
     files = len({one.name for one in found})
     bad = [(one, wrong(one)) for one in found if wrong(one)]
     rows = []
     for way in ways:
-        of = [one for one in found if one.way == way]
+        of = [one for one in found if _opener(one) == way]
         wall, cpu, most = (max(of, key=lambda one, k=k: one[k]) for k in (2, 3, 4))
         refused = sum(one.code not in (0, 200) for one in of)
         rows.append(
@@ -341,7 +346,7 @@ def page(found: list[Cost], count: int) -> str:
         INTRODUCTION.format(files=files, count=count, seconds=SECONDS, most=MEGABYTES, read=len(LET_IN)),
         f"Measured: {date.today()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}.",
         "",
-        "| opened by | files | error | wall s, most | CPU s, most | MB, most |",
+        "| opened by | files opened | error | wall s, most | CPU s, most | MB, most |",
         "|---|---|---|---|---|---|",
         *rows,
         "",
