@@ -221,7 +221,7 @@ class Estimator:
         self.steps += count
 
     def doubted(self, error: float | str) -> None:
-        """Add an unknown displacement with this standard deviation [m]."""
+        """Widen the uncertainty of the position by an unknown displacement of this standard deviation [m]."""
         self._p[_POSITION, _POSITION] += _ERROR.check(error, "error") ** 2
 
     def measured(self, position: float | str, noise: float | str) -> None:

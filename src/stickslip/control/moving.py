@@ -189,8 +189,8 @@ class Mover:
 
     @property
     def plausibility(self) -> Plausibility:
-        """Plausibility thresholds of a loop with this mover: see `plausibility`, which a model makes
-        narrower."""
+        """Thresholds beyond which a loop with this mover does not believe its sensor; those of a model are
+        narrower, see `control.plausibility`."""
         return of_steps(self.steps_of.table, self.gain, self.regulator.high - self.regulator.low)
 
     @property

@@ -160,7 +160,7 @@ def filled_task(
     times: Array,
     samples: Array,
 ) -> Any:
-    """Return a task of the engine with the arguments of `integrate`, which must live as long as it does.
+    """Return a task of the engine with the arguments of `integrate`. The arrays must live as long as it.
 
     Raises:
         TypeError, ValueError: see `integrate`.

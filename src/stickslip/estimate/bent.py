@@ -104,7 +104,7 @@ class Mixture(NamedTuple):
 
 
 def straight(centres: Sequence[Array], covariances: Sequence[Array]) -> Mixture:
-    """Return a mixture of normal distributions with equal shares and the tails of a t distribution."""
+    """Return a mixture of equal shares, normal about each centre with the tails of a t distribution."""
     parts = []
     for centre, covariance in zip(centres, covariances, strict=True):
         ones = np.ones(centre.size)

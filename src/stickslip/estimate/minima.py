@@ -24,8 +24,9 @@ class Minimum(NamedTuple):
         values: there, in SI.
         uncertainty: of the coordinates there.
         excess: its chi-squared above that of the lowest, in variances of the noise.
-        whole: whether intervals hold all of its own, as if it were the lowest: where one of many minima is
-            that by chance, its excess says little. Otherwise they are the narrower the greater that is.
+        whole: whether the fit's intervals include the whole interval about this minimum, as if it were the
+            lowest. That is so where one of many minima is the lowest by chance. Otherwise they include
+            less of it, the greater its excess.
     """
 
     values: dict[str, float]

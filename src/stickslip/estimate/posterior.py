@@ -172,7 +172,8 @@ def _effective(log_weights: Array) -> float:
 def _described(
     rounds: Sequence[_Draws], parameters: Sequence[Parameter], ties: Ties, arviz: Any, seed: int, done: int
 ) -> Posterior:
-    """The chains of all rounds so far: each takes the next proposal with the ratio of their weights."""
+    """Return the posterior by independence Metropolis chains over the proposals of all rounds so far. A chain
+    accepts the next proposal with the ratio of its weight to that of the present one."""
     weights = np.concatenate([r.log_weights.reshape(CHAINS, -1) for r in rounds], axis=1)
     density = np.concatenate([r.log_densities.reshape(CHAINS, -1) for r in rounds], axis=1)
     shown = np.concatenate([r.shown.reshape(CHAINS, -1, len(parameters)) for r in rounds], axis=1)

@@ -291,8 +291,8 @@ def _unjudged(
     measured: Sequence[NDArray[np.float64]],
     doubts: Sequence[str],
 ) -> tuple[list[str], list[str]]:
-    """Remarks on recordings that show their noise neither at rest nor between periods, of which more than
-    their white noise is left; and what says besides that the model does not explain them."""
+    """Return two lists of sentences on recordings that show their noise neither at rest nor between periods,
+    and whose residuals exceed their white noise: remarks, and those that also contradict the model."""
     remarks, unexplained = [], []
     for lack, good, x in zip(lacks, goods, measured, strict=True):
         words = (good.name, good.unit, _KINDS.get(good.unit, "values"), "the model does not explain it")

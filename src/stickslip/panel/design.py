@@ -42,7 +42,8 @@ class Searches:
         self._hub, self._busy, self._stop = hub, threading.Lock(), threading.Event()
 
     def run(self, search: Callable[[Progress], Made]) -> Made:
-        """Run a search; raises QuantityError during another one, or after a stop without a result."""
+        """Run a search for a drive and return its result; raises QuantityError while another search runs, or
+        if it was stopped without a result."""
         if not self._busy.acquire(blocking=False):
             raise QuantityError("a search is going on: stop it, or let it end")
         told = -math.inf

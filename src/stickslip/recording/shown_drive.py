@@ -181,7 +181,8 @@ class _Fitted(NamedTuple):
         return cls(shape, begin, np.inf).refined(since, volts)
 
     def refined(self, since: Array, volts: Array, fixed: tuple[str, ...] = ()) -> _Fitted:
-        """Return the least-squares fit beside the jumps, by Gauss and Newton, with some fields fixed."""
+        """Return the waveform that fits the samples away from jumps by least squares (Gauss and Newton), with
+        some fields `fixed`."""
         best = self.judged(since, volts)
         for _ in range(_STEPS):
             near, columns = best.slopes(since)

@@ -223,7 +223,8 @@ def begun_by(document: Document, text: str) -> Document:
 
 
 def in_turns(part: Any) -> Any:
-    """A document, or a part of one, with the numbers of what slides as those of what turns."""
+    """Return a document, or a part of one, with the units of a rotary actuator: rad for m, N m for N. The
+    numbers stay."""
     if isinstance(part, Number | Column):
         return part if part.unit is None else replace(part, unit=turned(part.unit))
     if isinstance(part, Document | Section | Table):

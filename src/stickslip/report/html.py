@@ -83,7 +83,8 @@ def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> 
 
 
 def _to_same_decimals(value: float, low: float, high: float, digits: int) -> tuple[str, ...]:
-    """Value and interval with as many decimals as give its width two digits; a wide interval has its own."""
+    """Return value and ends of an interval as texts, with as many decimals as give its width two digits. The
+    ends of an interval that is wider than the value have two digits each."""
     width = high - low
     if not (1e-4 < abs(value) < 1e7 and 1e-9 * abs(value) < width < abs(value)):
         return significant(value, digits), significant(low, 2), significant(high, 2)

@@ -125,7 +125,11 @@ def _check_memory(raw: bytes, count: int) -> None:
 
 
 def texts_of(name: str, packed: bytes, count: int) -> NDArray[Any]:
-    """Return texts from gzip data without its header; raises ChunkError as `unpacked`."""
+    """Return the texts of a chunk: `packed` is gzip data, whose header is skipped.
+
+    Raises:
+        ChunkError: the chunk is damaged.
+    """
     raw, found, at = unpacked(name, packed, count), np.full(count, "", dtype=object), _LENGTH
     if len(raw) == _LENGTH * (1 + count):
         return found

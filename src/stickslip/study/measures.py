@@ -30,7 +30,7 @@ class SteadySteps:
     """The steady step of each member; see `stickslip.steady_steps`.
 
     Args:
-        model, waveform: what the members vary, in all fields that `steady_steps` takes.
+        model, waveform: common to all members, except in the fields that the study varies.
         tolerance: m (rad), on the net step.
         load: normal force over its reference, for all members, as for `steady_steps`.
         output: converter and amplifier that each drive passes.
@@ -43,7 +43,8 @@ class SteadySteps:
     output: OutputStage | None = None
 
     def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
-        """Values of a name in SI, and its attributes; raises QuantityError."""
+        """Return the values of a parameter in SI, and its attributes; raises QuantityError for an unknown
+        name or unit."""
         return _read(self.model, self.waveform, name, values)
 
     def computed(self, columns: Columns) -> xr.Dataset:

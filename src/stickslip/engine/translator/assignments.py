@@ -61,7 +61,8 @@ def set_variable(body: FunctionBody, node: ast.AST, name: str, value: Value) -> 
 
 
 def _store(body: FunctionBody, node: ast.AST, name: str, kind: Any, value: Value, new: bool) -> None:
-    """Write the value into the variable, or into those of a tuple's parts."""
+    """Write statements that store a translated value in the variable `name`, or in one variable for each part
+    of a tuple."""
     if isinstance(kind, Tuple):
         for i, (one, part) in enumerate(zip(kind.types, value.parts, strict=True)):
             _store(body, node, f"{name}__{i}", one, part, new)

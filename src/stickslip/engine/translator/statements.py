@@ -142,7 +142,7 @@ class FunctionBody:
         return value, before
 
     def capturing(self, what: Any) -> tuple[Any, list[str]]:
-        """Return what a function gives, and the lines that it writes, from depth 0 on."""
+        """Call `what` and return its result, and the lines that it writes, not indented."""
         lines, depth = self._lines, self.depth
         self._lines, self.depth = [], 0
         try:

@@ -160,7 +160,8 @@ def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float 
 
 
 def _beyond(p: Parameter, value: float, ends: tuple[float, float]) -> tuple[int, float, float]:
-    """Return side, push and variance of a value; what fits at the end of the search may fit beyond it too."""
+    """Return how an `Uncertainty` describes a value: at which end of the search it lies (-1, 0, 1), how the
+    cost rises there, and its variance. A value that fits at an end may fit beyond it too."""
     if p.limits is None or ends[0] < value < ends[1]:
         return 0, 0.0, 0.0
     return (-1 if value <= ends[0] else 1), math.inf, 1.0

@@ -112,7 +112,8 @@ def typical(squares: Array) -> float:
 
 
 def _design(of: Columns, before: Solution | None, creeping: bool) -> Array:
-    """Plays and square at once, then one column of creep, by the weights known before."""
+    """Return the matrix of the linear fit: a column for each play and one for the squared voltage; with
+    `creeping` also the creep of their sum, weighted as in the solution `before`."""
     if not creeping:
         return of.at_once
     # at first, that of the voltage itself

@@ -39,7 +39,8 @@ def skewed_shape(seen: Sequence[Observed], late: Lateness, fixed: bool) -> Shape
     positions = [one.position for one in seen]
 
     def skew(q: float) -> float:
-        """Return the skew of plays whose input is exp(q) times as steep at the high end as at the low one."""
+        """Return the skew of plays whose input is exp(q) times as steep at the greatest voltage as at the
+        least."""
         return 0.5 * math.expm1(q) / (high - low)
 
     def best(timing: DelayAndLag) -> float:

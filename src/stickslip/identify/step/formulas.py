@@ -168,8 +168,9 @@ def step_features(
         voltages: height of each step, V.
         start: instant of the step in the time of the recordings, s.
         delay: of the sensor, s; left out, each recording's own, from its rise.
-        timing: where the numbers are read; left out, the peak within a period of each recording's own, the
-            level over one once it has settled. `Timing()` has the times of the thesis.
+        timing: where the numbers are read. By default the peak is looked for within one period of the
+            vibration of each recording, and the level is the mean over one period after it has decayed.
+            `Timing()` has the times of the thesis.
         observed: name of the position channel.
 
     Returns:

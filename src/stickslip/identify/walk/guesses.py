@@ -31,7 +31,7 @@ def longest(walks: Walks) -> Displacement:
 def guesses(
     walks: Walks, parameters: list[Parameter], bounds: Bounds, samples: int, parts: int = 1
 ) -> tuple[list[Parameter], list[Values]]:
-    """Return the result of `first_guess` for this number of samples of the longest walk."""
+    """Return starting values by `first_guess`, from the walks cut to `samples` of the longest recording."""
     most = walks.motions.index(longest(walks))
     stroke = max(motion.stroke(walks.model) for motion in walks.motions)
     short = walks.motions[most].beginning(samples, GUESS_TOLERANCE * stroke, GUESS_STEPS)

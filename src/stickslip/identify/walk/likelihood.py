@@ -153,13 +153,13 @@ def eliminated(
     known: Mapping[str, Parameter],
     random: np.random.Generator,
 ) -> Eliminated:
-    """Integrate over delay and offset, as far as they are free, and draw both from what the rest leaves them.
+    """Integrate the likelihood over delay and offset, as far as they are free, and draw values of both.
 
     Args:
-        members, of: what is integrated.
+        members: the simulated walks; of: their sums of products with the recordings.
         variance: of the noise, m^2.
-        known: those of "delay" and "offset" that are free, with what is known of them otherwise.
-        random: draws.
+        known: the free ones of "delay" and "offset", with their priors.
+        random: generator of the draws.
     """
     weights = members.weights(members.grid)
     log = -0.5 / variance * np.einsum("gk,mkl,gl->mg", weights, of.products, weights)

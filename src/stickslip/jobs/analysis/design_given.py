@@ -143,7 +143,7 @@ class SearchSpec(arguments_of(optimise_waveform, "max_voltage", "min_voltage", "
     scenarios: list[ScenarioSpec] = Field(default_factory=list)
 
     def common(self, given: Given) -> dict[str, Any]:
-        """Return the arguments of the call; raises QuantityError."""
+        """Return the arguments that all searches for a drive have in common; raises QuantityError."""
         return {
             **self.arguments,
             "output": output_stage(self.limits, None, given.folder),

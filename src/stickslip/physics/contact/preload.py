@@ -64,7 +64,7 @@ class PreloadMagnet(NamedTuple):
     length: Annotated[float, Quantity("m", "L", "of the magnet", above=0)]
 
     def normal_force(self, gap: ArrayLike) -> Array:
-        """P [N] over an air gap [m]."""
+        """Return the normal force [N] at an air gap [m]."""
         gap = array_si(gap, "m", "gap")
         if not np.all(gap >= 0.0):
             raise QuantityError("gap [m] is out of range: it must be >= 0 m")

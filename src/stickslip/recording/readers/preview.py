@@ -73,7 +73,7 @@ def look(path: Path) -> dict[str, Any]:
 
 
 def _as_of_an_actuator(columns: list[dict[str, Any]]) -> None:
-    """A voltage and a position beside each other are the drive and what it moves."""
+    """Name the columns of a file that has one voltage and one position: the drive and the end-effector."""
     by_guess = {one["guess"]: one for one in columns}
     drive = by_guess.get("drive_voltage") or by_guess.get("voltage")
     moved = next((by_guess[name] for name in ("position", "displacement") if name in by_guess), None)

@@ -88,7 +88,8 @@ def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float
 
 
 def settled_terms(of: Creep, drive: Drive, period: float) -> Array:
-    """Return the terms [V] at the start of a period [s] once they repeat; the drive is that of one period."""
+    """Return the creep of each time constant [V] at the start of a period [s], once it repeats from period to
+    period; `drive` is one period."""
     terms = np.zeros(len(of.shares))
     creeping(of, drive, period, terms, math.inf)
     return terms / -np.expm1(-period / np.array(of.time_constants))
