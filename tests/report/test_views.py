@@ -6,7 +6,7 @@ import html
 import json
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +88,8 @@ def test_a_verification_says_how_far_off_it_is(fit: Fit, model: ss.Actuator, tmp
     seen = ss.verify(fit, [walked(model, 2)])
     written = checked(ss.view(seen), tmp_path)
     assert written["numbers"]["verification"]["walk 2"]["rmse"]["value"] == pytest.approx(seen.rmse)
+    of_force = ss.view(replace(seen, observed="friction_force", unit="N"))
+    assert of_force.pictures()[0].caption == "walk 2: friction force, measured and predicted."
 
 
 def test_a_step_map_says_where_the_walk_is_fastest(model: ss.Actuator, tmp_path: Path) -> None:

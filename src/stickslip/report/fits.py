@@ -6,12 +6,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import xarray as xr
+
 from ..estimate.advice import Advice
 from ..estimate.disturbances import Disturbance
 from ..estimate.lack import Lack
 from ..estimate.result import Fit
 from ..estimate.systematic import systematic_numbers
-from .document import Column, Number, Table
+from ..quantities.units import near_one
+from .document import Column, Number, Picture, Table
+from .figures.identification import fit_with_residuals
+from .figures.style import svg
 from .thresholds import threshold_numbers
 
 
@@ -66,6 +71,36 @@ def _wider(number: Number) -> Number | None:
     if number.both is None:
         return None
     return Number(number.value, number.unit, *number.both, level=number.level)
+
+
+def fit_summary(fit: Fit, fitted: int, failures: Sequence[str], verified: str = "") -> str:
+    """Return a summary: how many parameters and recordings, r², and sentences on what speaks against the fit.
+
+    Args:
+        fit: the fit.
+        fitted: number of its recordings.
+        failures: sentences, beside those on systematic errors and the remarks.
+        verified: a sentence on recordings that were not fitted.
+    """
+    sentences = (*failures, *(one.sentence for one in fit.systematics), *fit.remarks)
+    return (
+        f"{len(fit.parameters)} parameters fitted to {fitted} recording{'s' if fitted > 1 else ''}: "
+        f"r² {near_one(fit.r_squared)}.{verified}{''.join(f' {_sentence(text)}' for text in sentences)}"
+    )
+
+
+def prediction_picture(name: str, caption: str, found: xr.Dataset, channel: str, unit: str) -> Picture:
+    """Return a picture of measured and predicted values of a channel over time, with the residuals.
+
+    Args:
+        name, caption: of the picture.
+        found: a recording of `Verification.predictions`.
+        channel: its name in words; unit: that of its values.
+    """
+    columns = (found[key].values for key in ("time", "measured", "predicted"))
+    what = channel.rpartition(" ")[2].capitalize()
+    alt = f"{what} over time, data under the model, and the residuals below"
+    return Picture(name, caption, svg(fit_with_residuals(*columns, name=channel, unit=unit)), alt)
 
 
 def doubts(fit: Fit) -> tuple[str, ...]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import singledispatch
+from functools import cache, singledispatch
 from importlib import import_module
+from pkgutil import iter_modules
 from typing import Any
 
 from ..quantities.units import QuantityError
+from . import views
 from .document import Document
 
 
@@ -27,9 +29,16 @@ def view(result: Any, title: str = "") -> Document:
     Raises:
         QuantityError: there is no view of this type.
     """
-    import_module(f"{__package__}.views")  # each module of it registers what it shows
+    _register_views()
     made = document_of(result)
     return replace(made, title=title) if title else made
+
+
+@cache
+def _register_views() -> None:
+    """Import each module of `views`, which registers what it shows."""
+    for module in iter_modules(views.__path__):
+        import_module(f"{views.__name__}.{module.name}")
 
 
 @singledispatch

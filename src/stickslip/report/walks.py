@@ -14,10 +14,9 @@ from ..physics.actuator import Actuator
 from ..quantities.progress import Progress, unheard
 from ..quantities.units import near_one
 from ..waveform.signal import Waveform
-from .document import Column, Document, Number, Picture, Section, Table
-from .figures.identification import fit_with_residuals
-from .figures.style import svg
-from .fits import estimates, fit_numbers, parameter_table
+from .document import Column, Document, Number, Section, Table
+from .figures.fits import called
+from .fits import estimates, fit_numbers, fit_summary, parameter_table, prediction_picture
 from .origin import origin_of
 from .thresholds import judgement_section
 
@@ -58,37 +57,19 @@ def walk_document(
             "r_squared": Number(good.r_squared, "", note=label),
             "rmse": Number(good.rmse, unit),
         }
-        drawn = fit_with_residuals(
-            shown["time"].values,
-            shown["measured"].values,
-            shown["predicted"].values,
-            name="end-effector position",
-            unit=unit,
-        )
-        pictures.append(
-            Picture(
-                f"walk_{i + 1}",
-                f"{label}: end-effector position, measured and {_ROLE[walk.use]}.",
-                svg(drawn),
-                "Position over time, data under the model, and the residuals below",
-            )
-        )
+        caption = f"{label}: end-effector position, measured and {_ROLE[walk.use]}."
+        pictures.append(prediction_picture(f"walk_{i + 1}", caption, shown, called(seen.observed), unit))
     unseen = [r[2] for r in rows if r[1] == "verify"]
     verified = ""
     if unseen:
         verified = f" On {len(unseen)} that it has not seen, r² is {near_one(min(unseen))} or more."
-    fitted = len(rows) - len(unseen)
-    scales = [one.sentence for one in fit.systematics]
     origin = origin_of(
         model, [walk.recording for walk in walks.values()], [p.name for p in fit.shown if not p.fixed]
     )
     columns = Column("recording"), Column("role"), Column("r²", "", 5), Column("rms error", unit, 3)
     return Document(
         title=title,
-        summary=f"{len(fit.parameters)} parameters fitted to {fitted} recording{'s' if fitted > 1 else ''}: "
-        f"r² {near_one(fit.r_squared)}."
-        + verified
-        + "".join(f" {text[0].upper()}{text[1:]}." for text in (*failures, *scales, *fit.remarks)),
+        summary=fit_summary(fit, len(rows) - len(unseen), failures, verified),
         sections=(
             Section(
                 "Parameters",

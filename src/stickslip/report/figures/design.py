@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...quantities.units import QuantityError
 from .scale import Scale, scale_for
-from .style import BLACK, DASHES, MEASURED, SERIES, WIDTH, drawn, legend_above, shown
+from .style import BLACK, DASHES, MEASURED, SERIES, WIDTH, drawn, legend_above, panels_given, shown
 
 # So many contours; panels of one figure; share of the other sign from which on zero has a colour of its own.
 CONTOURS = 6
@@ -107,7 +107,8 @@ def draw_load_speed(data: xr.Dataset, axes: Any = None) -> NDArray[Any]:
 
 def _panels(axes: Any, count: int, height: float, one_column: bool = False) -> list[Axes]:
     """The axes given, or those of a new figure."""
-    if axes is None:
+
+    def new() -> list[Axes]:
         columns = 1 if one_column or count == 1 else 2
         rows = math.ceil(count / columns)
         made = shown(WIDTH, max(height, 0.72 * height * rows + 0.6) if columns > 1 else height * rows)
@@ -115,10 +116,8 @@ def _panels(axes: Any, count: int, height: float, one_column: bool = False) -> l
         for spare in grid[count:]:
             spare.set_visible(False)
         return list(grid[:count])
-    found = np.asarray(axes, dtype=object).reshape(-1)
-    if found.size != count:
-        raise QuantityError(f"{found.size} axes are given, and {count} panels need {count}")
-    return list(found)
+
+    return list(panels_given(axes, count, new))
 
 
 def _limits(values: NDArray[Any]) -> tuple[float, float, str]:

@@ -9,8 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ...quantities.units import QuantityError
-from .style import BLUE, SERIES, VERMILLION, WIDTH, drawn, legend_above, shown
+from .style import BLUE, SERIES, VERMILLION, WIDTH, drawn, legend_above, panels_given, shown
 
 _MOST_VOLTAGES = len(SERIES)
 
@@ -23,11 +22,7 @@ def draw_plan(plan: xr.Dataset, axes: Any = None) -> NDArray[Any]:
         plan: `Plan.dataset`.
         axes: two of Matplotlib's; left out, those of a new figure.
     """
-    if axes is None:
-        axes = shown(WIDTH, 3.1).subplots(1, 2, width_ratios=(1.25, 1.0))
-    found = np.asarray(axes, dtype=object).reshape(-1)
-    if found.size != 2:
-        raise QuantityError(f"{found.size} axes are given, and 2 panels need 2")
+    found = panels_given(axes, 2, lambda: shown(WIDTH, 3.1).subplots(1, 2, width_ratios=(1.25, 1.0)))
     _candidates(found[0], plan)
     _intervals(found[1], plan)
     return found

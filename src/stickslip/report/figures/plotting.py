@@ -21,7 +21,7 @@ from .identification import beside
 from .plans import draw_plan
 from .scale import Scale, scale_for
 from .sheets import draw_sheet
-from .style import BLUE, SERIES, WIDTH, drawn, legend_above, shown, trace
+from .style import BLUE, SERIES, WIDTH, drawn, legend_above, panels_given, shown, trace
 from .waveforms import draw_waveforms
 
 # Variables drawn for members, over the one that varies; parameters come before it.
@@ -75,12 +75,9 @@ def _over_phase(data: xr.Dataset, axes: Any) -> NDArray[Any]:
 
 def _panels(axes: Any, count: int, height: float) -> NDArray[Any]:
     """The axes given, or those of a new figure of panels one above the other."""
-    if axes is None:
-        return shown(WIDTH, height * count).subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-    found = np.asarray(axes, dtype=object).reshape(-1)
-    if found.size != count:
-        raise QuantityError(f"{found.size} axes are given, and {count} panels need {count}")
-    return found
+    return panels_given(
+        axes, count, lambda: shown(WIDTH, height * count).subplots(count, 1, sharex=True, squeeze=False)
+    )
 
 
 def _over_time(data: xr.Dataset, axes: Any) -> NDArray[Any]:

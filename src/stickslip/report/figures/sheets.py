@@ -9,8 +9,8 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ...quantities.units import QuantityError, with_prefix
-from .style import BLUE, VERMILLION, WIDTH, drawn, legend_above, shown
+from ...quantities.units import with_prefix
+from .style import BLUE, VERMILLION, WIDTH, drawn, legend_above, panels_given, shown
 
 _BEFORE = "#C9C6BC"
 
@@ -23,11 +23,7 @@ def draw_sheet(sheet: xr.Dataset, axes: Any = None) -> NDArray[Any]:
         sheet: `SheetModel.dataset`.
         axes: two of Matplotlib's; left out, those of a new figure.
     """
-    if axes is None:
-        axes = shown(WIDTH, 3.0).subplots(1, 2, width_ratios=(1.0, 1.3))
-    found = np.asarray(axes, dtype=object).reshape(-1)
-    if found.size != 2:
-        raise QuantityError(f"{found.size} axes are given, and 2 panels need 2")
+    found = panels_given(axes, 2, lambda: shown(WIDTH, 3.0).subplots(1, 2, width_ratios=(1.0, 1.3)))
     _reproduced(found[0], sheet)
     _intervals(found[1], sheet)
     return found
@@ -57,22 +53,12 @@ def _intervals(panel: Axes, sheet: xr.Dataset) -> None:
     names = sheet["parameter"].values.tolist()
     at = -np.arange(len(names))
     value = sheet["value"].values
-    panel.hlines(
-        at,
-        sheet["expected_low"].values / value,
-        sheet["expected_high"].values / value,
-        color=_BEFORE,
-        lw=6.0,
-        label="expected",
-    )
-    panel.hlines(
-        at,
-        sheet["low"].values / value,
-        sheet["high"].values / value,
-        color=BLUE,
-        lw=2.5,
-        label="with sheet",
-    )
+    for before, label, color, width in (
+        ("expected_", "expected", _BEFORE, 6.0),
+        ("", "with sheet", BLUE, 2.5),
+    ):
+        low, high = (sheet[f"{before}{end}"].values / value for end in ("low", "high"))
+        panel.hlines(at, low, high, color=color, lw=width, label=label)
     panel.plot(np.ones(value.size), at, "|", color="#202020", ms=9)
     units = sheet["parameter_unit"].values.tolist()
     labels = [

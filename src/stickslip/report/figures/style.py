@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, ParamSpec, TypeVar
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
@@ -16,6 +17,8 @@ from matplotlib.lines import Line2D
 from matplotlib.style import context
 from matplotlib.text import Text
 from numpy.typing import ArrayLike, NDArray
+
+from ...quantities.units import QuantityError
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -90,6 +93,18 @@ def shown(width: float, height: float) -> Figure:
     from matplotlib import pyplot  # only here: it keeps all its figures
 
     return pyplot.figure(figsize=(width, height), layout="constrained")
+
+
+def panels_given(axes: Any, count: int, new: Callable[[], Any]) -> NDArray[Any]:
+    """Return the axes that a user gave, or those that `new` makes; shape (count,).
+
+    Raises:
+        QuantityError: another number of axes.
+    """
+    found = np.asarray(new() if axes is None else axes, dtype=object).reshape(-1)
+    if found.size != count:
+        raise QuantityError(f"{found.size} axes are given, and {count} panels need {count}")
+    return found
 
 
 @drawn

@@ -5,11 +5,10 @@ from __future__ import annotations
 from ...estimate.result import Fit
 from ...identify.results import model_numbers
 from ...physics.actuator import Actuator
-from ...quantities.units import near_one
 from ..document import Column, Document, Picture, Section, Table
 from ..figures.fits import called, draw_fit
 from ..figures.style import svg
-from ..fits import estimates, fit_numbers, parameter_table
+from ..fits import estimates, fit_numbers, fit_summary, parameter_table
 from ..thresholds import judgement_section
 from ..viewing import document_of
 
@@ -20,14 +19,12 @@ MOST_DRAWN = 8  # recordings in one figure
 def fit_document(fit: Fit) -> Document:
     """Return parameters with their intervals, and each recording compared with the model."""
     count, unit = len(fit.recordings), fit.recordings[0].unit
-    sentences = [*fit.failures, *(one.sentence for one in fit.systematics), *fit.remarks]
     numbers = fit_numbers(fit, unit)
     if isinstance(fit.model, Actuator):
         numbers["model"] = model_numbers(fit.model)
     return Document(
         title="Identification",
-        summary=f"{len(fit.parameters)} parameters fitted to {count} recording{'s' * (count > 1)}: r² "
-        f"{near_one(fit.r_squared)}." + "".join(f" {text[0].upper()}{text[1:]}." for text in sentences),
+        summary=fit_summary(fit, count, fit.failures),
         sections=(
             Section("Parameters", tables=(parameter_table("Identified parameters.", fit),)),
             Section("Recordings", tables=(goodness_table(fit),), figures=_pictures(fit)),

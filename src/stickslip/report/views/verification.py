@@ -9,8 +9,8 @@ from typing import Any
 from ...identify.verification import Verification
 from ...quantities.units import near_one, with_prefix
 from ..document import Column, Document, Number, Picture, Section, Table
-from ..figures.identification import fit_with_residuals
-from ..figures.style import svg
+from ..figures.fits import called
+from ..fits import prediction_picture
 from ..viewing import document_of
 
 MOST_PICTURES = 8
@@ -87,20 +87,12 @@ def verification_numbers(found: Verification) -> dict[str, Any]:
 
 def prediction_pictures(found: Verification) -> list[Picture]:
     """Return measured and predicted curves with residuals of the first recordings."""
+    channel = called(found.observed)
     return [
-        Picture(
-            f"prediction_{i + 1}",
-            f"{good.name}: end-effector position, measured and predicted.",
-            svg(
-                fit_with_residuals(
-                    p["time"].values,
-                    p["measured"].values,
-                    p["predicted"].values,
-                    name="end-effector position",
-                    unit=found.unit,
-                )
-            ),
-            "Position over time, data under the model, and the residuals below",
+        prediction_picture(
+            f"prediction_{i}", f"{good.name}: {channel}, measured and predicted.", one, channel, found.unit
         )
-        for i, (good, p) in enumerate(zip(found.recordings[:MOST_PICTURES], found.predictions, strict=False))
+        for i, (good, one) in enumerate(
+            zip(found.recordings[:MOST_PICTURES], found.predictions, strict=False), start=1
+        )
     ]
