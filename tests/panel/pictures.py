@@ -99,7 +99,7 @@ def design(page: Page) -> None:
     for _ in range(12):
         page.keyboard.press("ArrowRight")
     page.get_by_role("button", name="Information in this recording").last.click()
-    told = page.locator("section", has_text="What a recording would tell")
+    told = page.locator("section", has_text="Information in a recording")
     told.locator("tbody tr").first.wait_for(timeout=SLOW)
 
 

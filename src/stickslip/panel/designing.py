@@ -12,11 +12,12 @@ from pydantic import Field
 
 from .. import design
 from ..design.optimised import motion_by
+from ..design.waveforms import COUNTS
 from ..physics.actuator import Actuator
 from ..physics.electronics import OutputStage
-from ..quantities.input_file import Strict
+from ..quantities.input_file import Strict, fields_of
 from ..quantities.progress import Progress
-from ..quantities.records import Quantity
+from ..quantities.records import Quantity, quantities
 from ..quantities.units import QuantityError, unit_for
 from ..waveform import PeriodicKnots
 from ..waveform.signal import Waveform, shape
@@ -35,6 +36,7 @@ MAP_SECONDS = 10.0  # s of computing for a map, five times what the package's pa
 SLOWEST, FASTEST = 5.0, 1000.0
 # s: length of the recording for which half-widths are predicted.
 RECORDED = 0.4
+KNOTS = 8  # knots of a searched drive, unless the page asks for another number
 # Relative half-widths from here on are shown as "not identified".
 NOT_TOLD = 10.0
 # Lowest sampling rate, Hz; samples per period. A fraction samples each period at other phases.
@@ -45,13 +47,19 @@ WANTED = ("sigma_0", "sigma_1", "coulomb_force", "natural_frequency", "damping_r
 _LOAD = Quantity("N", "F", "load", minimum=-1e3, maximum=1e3)
 _SPREAD = Quantity("N", "", "spread of the load, ±", minimum=0.0, maximum=1e3)
 _VOLTAGE = Quantity("V", "", "greatest voltage", above=0.0, maximum=1e4)
-_CAPACITANCE = Quantity("F", "C", "capacitance of the piezo", above=0.0, maximum=1.0)
-_KNOTS = Quantity("", "", "knots", minimum=2, maximum=32)
-_UPDATE = Quantity("s", "", "update time", above=0.0, maximum=1.0)
-_POINTS = Quantity("", "", "points of a period", minimum=4.0, maximum=1e7)
+_KNOTS = Quantity("", "", "knots of the drive", minimum=COUNTS["knots"][0], maximum=COUNTS["knots"][1])
 _NOISE = Quantity("m", "", "noise of a position sample", above=0.0, maximum=1e-3)
-_TYPED = dict(load=_LOAD, voltage=_VOLTAGE, spread=_SPREAD, capacitance=_CAPACITANCE, noise=_NOISE)
-# Initial value and slider range of each field, for linear actuators.
+# Limits of generator and amplifier that the page asks for.
+_LIMITS = ("capacitance", "update_rate", "points", "step", "current", "slew_rate")
+_FIELDS: dict[str, Quantity] = {
+    "load": _LOAD,
+    "voltage": _VOLTAGE,
+    "spread": _SPREAD,
+    "noise": _NOISE,
+    "knots": _KNOTS,
+    **{name: quantities(OutputStage)[name] for name in _LIMITS},
+}
+# Initial value and slider range, for linear actuators. The other fields are typed and may be empty.
 _SLIDERS = {
     "load": (0.0, Slider(-1.0, 1.0, "linear")),
     "voltage": (100.0, Slider(5.0, 150.0, "linear")),
@@ -62,16 +70,25 @@ _SLIDERS = {
 
 
 def fields(rotary: bool) -> list[dict[str, Any]]:
-    """Return the page's fields for linear or rotary actuators, each with its initial value as `starts`."""
-    return [
-        shown(name, of, _SLIDERS[name][1], rotary) | {"starts": sized(_SLIDERS[name][0], of.unit, rotary)}
-        for name, of in _TYPED.items()
-    ]
+    """Return the page's fields for linear or rotary actuators, each with its initial value as `starts`.
+
+    A field with a slider has its range, see `sliders.shown`. A field without one has only unit and meaning;
+    `starts` is None for a limit that is not set.
+    """
+    given = []
+    for name, of in _FIELDS.items():
+        if name in _SLIDERS:
+            starts, slider = _SLIDERS[name]
+            given.append(shown(name, of, slider, rotary) | {"starts": sized(starts, of.unit, rotary)})
+        else:
+            starts = KNOTS if name == "knots" else None
+            given.append({"name": name, "unit": of.unit, "meaning": of.meaning, "starts": starts})
+    return given
 
 
 def _checked(model: Actuator, name: str, value: Any) -> float:
     """Return the value in the unit of a linear or rotary model; raises QuantityError if it is wrong."""
-    quantity = _TYPED[name]
+    quantity = _FIELDS[name]
     return (quantity.turned() if model.rotary else quantity).check(value, name)
 
 
@@ -99,12 +116,14 @@ class Map(Loaded):
 class Typed(Loaded):
     """A number that was typed on the page."""
 
-    name: Literal["load", "voltage", "spread", "capacitance", "noise"]
+    name: str
     value: Value
 
     def check(self, sets: Sets) -> None:
         """Raise QuantityError if the value is wrong."""
         model = self.actuator(sets)
+        if self.name not in _FIELDS:
+            raise QuantityError(f"there is no field {self.name!r:.40}; there are {', '.join(_FIELDS)}")
         value = _checked(model, self.name, self.value)
         if self.name == "voltage":
             _taken(model, value)
@@ -117,22 +136,20 @@ def _taken(model: Actuator, volts: float) -> float:
     return volts
 
 
+class Limits(fields_of(OutputStage, *_LIMITS)):
+    """Limits of generator and amplifier, see `OutputStage`."""
+
+
 class Search(Map):
     """Request for the fastest drive.
 
-    `spread` [N] is the tolerance of the load, ±; the worst case counts. The generator updates its output
-    every `update_time` [s], has at most `points` points per period and a resolution of `step` [V]. The
-    amplifier supplies at most `current` [A] into the `capacitance` [F] of the piezo, and `slew_rate` [V/s].
+    `spread` [N] is the tolerance of the load, ±; the worst case counts. `output` has the limits of generator
+    and amplifier.
     """
 
     spread: Value = 0.0
-    knots: Value = 8
-    capacitance: Value = 1.8e-6
-    current: Value | None = None
-    slew_rate: Value | None = None
-    update_time: Value | None = None
-    points: Value | None = None
-    step: Value | None = None
+    knots: Value = KNOTS
+    output: Limits = Field(default_factory=lambda: Limits())
 
     def asked(self, sets: Sets) -> tuple[Actuator, dict[str, Any]]:
         """Return the model and the arguments that all searches share."""
@@ -144,29 +161,13 @@ class Search(Map):
             if spread
         ]
         top = self.top(model)
-        knots = int(_KNOTS.check(self.knots, "knots"))
-        common = {"knots": knots, "max_voltage": top, "scenarios": scenarios, "output": self._limits()}
-        return model, common
-
-    def _limits(self) -> OutputStage:
-        given = {name: getattr(self, name) for name in ("current", "slew_rate")}
-        load = _CAPACITANCE.check(self.capacitance, "capacitance")
-        return OutputStage(capacitance=load, **{n: v for n, v in given.items() if v is not None})
-
-    def played(self, output: OutputStage) -> OutputStage:
-        """Return the output stage with the requested converter; raises QuantityError for a wrong value."""
-        if self.update_time is None:
-            for name in ("points", "step"):
-                if getattr(self, name) is not None:
-                    raise QuantityError(f"update_time [s] is missing: a generator has {name} of that")
-            return output
-        rate = 1.0 / _UPDATE.check(self.update_time, "update_time")
-        points = math.inf if self.points is None else _POINTS.check(self.points, "points")
-        return output.with_converter(OutputStage(rate, points, 0.0 if self.step is None else self.step))  # type: ignore[arg-type]
+        knots = int(_checked(model, "knots", self.knots))
+        output = OutputStage(**self.output.given)
+        return model, {"knots": knots, "max_voltage": top, "scenarios": scenarios, "output": output}
 
 
 class Front(Search):
-    """Request for a front of speed against another goal; its drives ignore the generator."""
+    """Request for a front of speed against another goal."""
 
     against: Literal["current", "ripple"] = "current"
 
@@ -228,7 +229,6 @@ def step_map(asked: Map, sets: Sets) -> dict[str, Array]:
 def searched(asked: Search, sets: Sets, progress: Progress) -> dict[str, Any]:
     """Return the fastest drive and the best sawtooth, with their speeds in each condition."""
     model, common = asked.asked(sets)
-    common["output"] = asked.played(common["output"])
     found = design.optimise_waveform(model, goal="speed", progress=progress, **common)
     rows = zip(found.conditions.names, found.values.tolist(), found.sawtooth_values.tolist(), strict=True)
     return {
@@ -248,7 +248,7 @@ def front(asked: Front, sets: Sets, progress: Progress) -> dict[str, Any]:
     model, common = asked.asked(sets)
     other: Any = "ripple"
     if asked.against == "current":
-        other = design.Current(_CAPACITANCE.check(asked.capacitance, "capacitance"))
+        other = design.Current(common["output"].capacitance)
     found = design.waveform_front(model, goals=("speed", other), progress=progress, **common)
     _, second = (name for name in found.table if name != "frequency")
     return {

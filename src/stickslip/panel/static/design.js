@@ -7,20 +7,14 @@ import { makeFront, makeMap } from "./design_pictures.js";
 import { begin, kindOf, wire } from "./explore_state.js";
 import { latestWins } from "./latest.js";
 import { makePlot } from "./plot.js";
-import { formatQuantity, needAccepted } from "./quantity.js";
-import { makeChoice, makeSlider } from "./sliders.js";
+import { formatQuantity, makeQuantity, needAccepted } from "./quantity.js";
+import { capital, makeChoice, makeSlider } from "./sliders.js";
 import { unpack } from "./stream.js";
 
 const ON_MAP = ["load", "voltage"];
-// Typed, and left empty for what has no limit.
-const TYPED = [
-  ["knots", "Knots of the drive", "2 to 32"], ["update_time", "Generator updates after", "any, or 50 us"],
-  ["points", "Points of a period, at most", "any, or 1024"], ["step", "Voltage step", "any, or 25 mV"],
-  ["current", "Amplifier gives up to", "any, or 0.5 A"], ["slew_rate", "Slew rate up to", "any, or 0.3 V/us"],
-];
 const AGAINST = [["current", "peak current"], ["ripple", "ripple of the motion"]];
 // What was set and found stays while other pages are looked at.
-const kept = { set: "kang2007", unit: "", values: {}, typed: { knots: "8" }, found: null, front: null, designed: null };
+const kept = { set: "kang2007", unit: "", values: {}, found: null, front: null, designed: null };
 
 const named = (answer) => {
   const { header, arrays } = unpack(answer);
@@ -37,7 +31,11 @@ export async function mount(element, app) {
     const { set, model, law, friction } = wire(begin(choices, kept.set));
     return { set, model, law, friction, load: kept.values.load };
   };
-  const search = () => ({ ...asked(), voltage: kept.values.voltage, spread: kept.values.spread, capacitance: kept.values.capacitance, ...Object.fromEntries(Object.entries(kept.typed).filter(([, text]) => text)) });
+  const LIMITS = ["capacitance", "update_rate", "points", "step", "current", "slew_rate"];
+  const search = () => {
+    const { voltage, spread, knots } = kept.values;
+    return { ...asked(), voltage, spread, knots: knots ?? undefined, output: Object.fromEntries(LIMITS.map((name) => [name, kept.values[name]])) };
+  };
 
   // --- frame
   const fault = h("p", { class: "fault", role: "alert" });
@@ -47,26 +45,27 @@ export async function mount(element, app) {
   const stop = h("button", { type: "button", disabled: true, title: "The best until then stays", onclick: () => app.request("/api/design/stop", {}).catch(say) }, "Stop");
   const against = makeChoice("Speed against", AGAINST, "current", () => {});
   const goFront = h("button", { type: "button", onclick: () => run("Searching for the front", "/api/design/front", () => ({ ...search(), against: against.select.value }), fronted) }, "Find the front");
-  let sliders = new Map();
-  const sliderOf = (field) => makeSlider(field, kept.values[field.name], {
-    app, drag: (value) => changed(field.name, value), settle() {},
-    async type(value) {
-      await app.request("/api/design/check", { ...asked(), name: field.name, value });
-      changed(field.name, value);
-    },
-  });
+  let shownFields = new Map();
+  async function typed(name, value) {
+    if (value !== null) await app.request("/api/design/check", { ...asked(), name, value });
+    changed(name, value);
+  }
+  const fieldOf = (field) => "low" in field
+    ? makeSlider(field, kept.values[field.name], { app, drag: (value) => changed(field.name, value), settle() {}, type: (value) => typed(field.name, value) })
+    : makeQuantity({ label: capital(field.meaning), unit: field.unit, value: kept.values[field.name], app, change: (value) => typed(field.name, value),
+      empty: field.starts === null ? "no limit" : String(field.starts) });
   const sets = Object.entries(choices.sets).map(([name, one]) => [name, `${name}: ${one.title}`]);
   const chosen = makeChoice("Parameter set", sets, kept.set, (set) => { kept.set = set; settle(); forget(); maps.want(1); });
-  const limits = h("details", {}, h("summary", {}, "Knots, generator, amplifier"), h("div", { class: "design-typed" }, ...TYPED.map(([name, label, hint]) => h("label", { class: "field" }, h("span", {}, label),
-      h("input", { type: "text", value: kept.typed[name] ?? "", placeholder: hint, onchange: (event) => { kept.typed[name] = event.target.value.trim(); } })))));
   const panel = h("section", { class: "card explore-sliders", "aria-label": "What is given" });
   /** What is given, and the motions, in the units of the set; what was given in others is forgotten. */
   function settle() {
     const { unit } = choices.sets[kept.set];
     if (panel.firstChild && unit === kept.unit) return;
     if (unit !== kept.unit) Object.assign(kept, { unit, values: Object.fromEntries(fields[unit].map(({ name, starts }) => [name, starts])) });
-    sliders = new Map(fields[unit].map((field) => [field.name, sliderOf(field)]));
-    panel.replaceChildren(chosen.element, ...[...sliders.values()].map((one) => one.element), limits,
+    shownFields = new Map(fields[unit].map((field) => [field.name, fieldOf(field)]));
+    const elements = (slid) => fields[unit].filter((field) => "low" in field === slid).map((field) => shownFields.get(field.name).element);
+    panel.replaceChildren(chosen.element, ...elements(true),
+      h("details", {}, h("summary", {}, "Knots, generator, amplifier"), h("div", { class: "design-typed" }, ...elements(false))),
       h("div", { class: "row" }, go, stop), h("div", { class: "design-choose" }, against.element, goFront), bar, said, fault);
     for (const one of Object.values(sides)) one.begin();
   }
@@ -82,7 +81,7 @@ export async function mount(element, app) {
   const key = h("p", { class: "soft small-text design-key" }, h("span", { class: "ramp" }), "0 to ", h("output", {}), h("span", { class: "ramp back" }), "backwards", h("span", { class: "hatch" }), "no steady step");
   const empty = h("p", { class: "soft" }, "Speed against current: find the front, then point at it.");
   const results = card("results", "In every condition", h("p", { class: "soft" }, "Find the fastest drive: it is compared with the best sawtooth in every condition."));
-  const telling = card("tells", "What a recording would tell", h("p", { class: "soft" }, "Ask it of a drive: how narrow the 95 % intervals of a fit to 0.4 s of it would be, beside those of 65 V, 5 Hz for as long."));
+  const telling = card("tells", "Information in a recording", h("p", { class: "soft" }, "Press “Information in this recording” below a drive: it shows how narrow the 95 % intervals of a fit to 0.4 s of that drive would be, and beside them those of a sawtooth of 65 V, 5 Hz."));
   const sides = { old: side("old", "Sawtooth at the cursor"), fresh: side("fresh", "New drive") };
   element.append(h("h1", { class: "visually-hidden" }, "Design"), h("div", { class: "explore design" }, panel,
     h("div", { class: "design-right" },
@@ -156,7 +155,7 @@ export async function mount(element, app) {
   });
   function changed(name, value) {
     kept.values[name] = value;
-    sliders.get(name).set(value);
+    shownFields.get(name).set(value);
     if (!ON_MAP.includes(name)) return;
     maps.want(1);
     if (name === "load") sides.fresh.again();
@@ -223,10 +222,10 @@ export async function mount(element, app) {
   async function tell({ drive }) {
     fault.textContent = "";
     await needAccepted(panel);
-    said.textContent = "Computing what a recording would tell …";
+    said.textContent = "Computing the intervals of a fit …";
     try {
       const { parameters } = await app.request("/api/design/tells", { ...asked(), drive, noise: kept.values.noise });
-      const share = (one) => (one === null ? "not told" : `± ${Number((100 * one).toPrecision(2))} %`);
+      const share = (one) => (one === null ? "not identified" : `± ${Number((100 * one).toPrecision(2))} %`);
       tabled(telling, ["parameter", "value", "this recording", "65 V, 5 Hz"], parameters.map((one) => [one.name, formatQuantity(one.value, one.unit), share(one.half_width), share(one.default_half_width)]));
     } finally {
       said.textContent = "";

@@ -4,7 +4,7 @@ import { button, make } from "./elements.js";
 import { begin, changed, kindOf, withLaw } from "./explore_state.js";
 import { calledShortly } from "./livedata.js";
 import { makeQuantity, needAccepted } from "./quantity.js";
-import { makeChoice, makeSwitch, symbolOf } from "./sliders.js";
+import { capital, makeChoice, makeSwitch, symbolOf } from "./sliders.js";
 
 const channelOf = ({ position }) => [
   { name: "delay", unit: "s", symbol: "t_d", meaning: "delay of the sensor" },
@@ -16,7 +16,6 @@ const GIVEN = ["external_force", "incline", "hysteresis", "creep"]; // what no w
 const STAGE = ["gain", "natural_frequency", "damping_ratio"]; // what clamped steps give
 const EFFORT = { quick: ["Quick: from the start values", 1, 0], hops: ["Careful: look for lower minima", 1, 2], starts: ["Thorough: four starts", 4, 2] };
 const HEADS = { Loops: "The end-effector fixed to the stage, driven slowly to and fro: gives hysteresis and creep", Step: "The end-effector fixed to the stage: gives the stage's frequency, damping and gain", Fit: "A walk, to which the friction is fitted", Predict: "A walk that the fit has not seen", Recording: "" };
-const capital = (text) => text[0].toUpperCase() + text.slice(1);
 
 /** `asked`: the recording that a link asks for, instead of those of the last fit. */
 export async function fitForm(app, choices, last, asked, start, cancel) {

@@ -31,7 +31,7 @@ export function scaleOf({ low, high, scale, zero, infinite }) {
 }
 const rounded = (value, step) => Number(value.toFixed(Math.min(Math.max(2 - Math.floor(Math.log10(step)), 0), 12)));
 
-const capital = (text) => text[0].toUpperCase() + text.slice(1);
+export const capital = (text) => text[0].toUpperCase() + text.slice(1);
 
 /** A symbol such as "ω_n" or "σ₀", set as it is in print. */
 export function symbolOf(text) {

@@ -49,6 +49,11 @@ class OutputStage(NamedTuple):
     def _check(self) -> None:
         if math.isfinite(self.points) and self.points % 1:
             raise QuantityError(f"OutputStage.points = {self.points:g} must be a whole number")
+        if math.isinf(self.update_rate) and (math.isfinite(self.points) or self.step):
+            name = "points" if math.isfinite(self.points) else "step"
+            raise QuantityError(
+                f"OutputStage.update_rate [Hz] is missing: the converter with that {name} updates at it"
+            )
         if self.interpolation not in ("hold", "linear"):
             raise QuantityError(
                 f"OutputStage.interpolation = {self.interpolation!r}: it is 'hold' or 'linear'"
