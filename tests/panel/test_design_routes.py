@@ -12,7 +12,7 @@ import pytest
 import stickslip as ss
 from stickslip.panel import designing
 from stickslip.panel.design import bench_run
-from stickslip.panel.designing import Drive, from_lowest
+from stickslip.panel.designing import DesignedDrive, from_lowest
 from stickslip.panel.sliders import choices
 
 from .serving import heard, streaming
@@ -132,7 +132,7 @@ def test_wrong_values_are_named(client: httpx.Client, path: str, change: dict[st
 
 def test_a_drive_is_sent_as_a_run_that_begins_where_it_is_lowest() -> None:
     knots = {"times": [0.0, 1e-3, 3e-3], "values": [40.0, 90.0, 10.0], "period": 4e-3}
-    drive = Drive(shape="PeriodicKnots", fields=knots)  # type: ignore[arg-type]
+    drive = DesignedDrive(shape="PeriodicKnots", fields=knots)  # type: ignore[arg-type]
     turned = from_lowest(drive.waveform())
     at = np.linspace(0.0, 4e-3, 50)
     assert turned.values[0] == 10.0

@@ -12,7 +12,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.panel import exploration
-from stickslip.panel.exploration import State, mean_speed, motion, python, sample_times, step_curves
+from stickslip.panel.exploration import SliderState, mean_speed, motion, python, sample_times, step_curves
 from stickslip.panel.explore import field_of
 from stickslip.panel.folder import Folder
 from stickslip.panel.sets import Sets
@@ -23,7 +23,7 @@ from stickslip.physics.piezo import BoucWen, Piezo
 CHOICES = choices()
 
 
-def state(name: str = "kang2007", law: str = "", shape: str = "Sawtooth", **changes: Any) -> State:
+def state(name: str = "kang2007", law: str = "", shape: str = "Sawtooth", **changes: Any) -> SliderState:
     """The state that the page begins with, with changes such as ``waveform={"amplitude": 55.0}``."""
     found = CHOICES["sets"][name]
     law = law or found["law"]
@@ -38,7 +38,7 @@ def state(name: str = "kang2007", law: str = "", shape: str = "Sawtooth", **chan
     }
     for section, change in changes.items():
         made[section] = made[section] | change if isinstance(change, dict) else change
-    return State.model_validate(json.loads(json.dumps(made)))
+    return SliderState.model_validate(json.loads(json.dumps(made)))
 
 
 def test_choices_are_strict_json_and_name_every_law_and_field() -> None:

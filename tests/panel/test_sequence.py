@@ -15,8 +15,8 @@ from stickslip.panel import running
 from stickslip.panel.folder import Folder
 from stickslip.panel.journal import Journal
 from stickslip.panel.live import Live
-from stickslip.panel.running import Job, Runner
-from stickslip.panel.sequence import Item, Sequence, Sequencer, Step
+from stickslip.panel.running import BenchJob, Runner
+from stickslip.panel.sequence import Item, QueuedRun, RunSequence, Sequencer
 from stickslip.panel.statistics import Statistics
 
 from .conftest import PATIENCE
@@ -73,9 +73,9 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[Begun]:
     """A sequence of two runs with an hour between them."""
     runs, hub = Runs(), Rests()
     made = Sequencer(hub, None, runs, runs)  # type: ignore[arg-type]
-    monkeypatch.setattr(made, "steps", lambda asked: [Step({"runs": [{}]}, "step", 0.0, HOUR)] * 2)
+    monkeypatch.setattr(made, "steps", lambda asked: [QueuedRun({"runs": [{}]}, "step", 0.0, HOUR)] * 2)
     monkeypatch.setattr("stickslip.panel.sequence._left", lambda steps, overhead: 0.0)
-    made.start(Sequence(items=[Item(run="step")]))
+    made.start(RunSequence(items=[Item(run="step")]))
     yield Begun(runs, hub, made)
     runs.end.release(2)
     made.join()
@@ -113,7 +113,7 @@ def test_a_stop_at_the_end_of_a_run_does_not_last(tmp_path: Path, monkeypatch: p
     def loop(progress: object) -> None:
         going.wait(PATIENCE)
 
-    runner.start(Job("Move", None, tmp_path, tmp_path, [], loop=loop))  # type: ignore[arg-type]
+    runner.start(BenchJob("Move", None, tmp_path, tmp_path, [], loop=loop))  # type: ignore[arg-type]
 
     def late() -> float:
         going.set()

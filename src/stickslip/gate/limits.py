@@ -17,7 +17,7 @@ from .errors import GateError
 from .files import opened
 
 
-class Limits(NamedTuple):
+class FileLimits(NamedTuple):
     """Limits of one data file. Each is far above every recording that a bench makes. Reading a file of up to
     3 MB at these limits takes below 10 s of computing and 500 MB; a larger one in proportion to its size.
     """
@@ -49,7 +49,7 @@ class Limits(NamedTuple):
     directory: int = 2**21
 
 
-LIMITS = Limits()
+LIMITS = FileLimits()
 
 
 def check_regular(path: Path) -> None:

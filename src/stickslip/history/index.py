@@ -16,7 +16,7 @@ from ..recording.replacing import BIN, to_bin
 from .acts import present_names, read_acts
 from .describing import described, described_fit, described_run, described_set
 from .storable import real_name, shown_name, storable_row, storable_text
-from .walking import LOGS, Entry, entries, is_run
+from .walking import LOGS, FoundRun, entries, is_run
 
 VERSION = 5
 COLUMNS = (
@@ -204,7 +204,7 @@ class Index:
         marks = ", ".join("?" * len(COLUMNS))
         database.execute(f"INSERT OR REPLACE INTO runs VALUES ({marks})", values)
 
-    def _row(self, name: str, entry: Entry) -> dict[str, Any]:
+    def _row(self, name: str, entry: FoundRun) -> dict[str, Any]:
         """Return the row of an entry. No other way leads from a file to the table: what is returned can be
         stored, and whatever fails is the row's problem.
 
@@ -233,7 +233,7 @@ class Index:
         except Exception as error:
             return self._with_problem(name, entry, error)
 
-    def _with_problem(self, name: str, entry: Entry, error: Exception) -> dict[str, Any]:
+    def _with_problem(self, name: str, entry: FoundRun, error: Exception) -> dict[str, Any]:
         """Return the row of an entry that cannot be read."""
         said = str(error) or type(error).__name__
         for path, shown in ((entry.path, name.rpartition("/")[2]), (f"{self.folder}{os.sep}", "")):
@@ -242,6 +242,6 @@ class Index:
         del row["path"]
         return storable_row(row)
 
-    def _name(self, entry: Entry) -> str:
+    def _name(self, entry: FoundRun) -> str:
         """Return the name of an entry in the folder, as it is shown."""
         return shown_name(entry.path[len(os.path.join(self.folder, "")) :].replace(os.sep, "/"))

@@ -16,7 +16,7 @@ LOGS = ("experiment.log", "experiment.yaml")  # in the folder of an experiment, 
 MOST_LEVELS = 40  # folders within each other that are searched; a lab's have up to 6
 
 
-class Entry(NamedTuple):
+class FoundRun(NamedTuple):
     """A run, or what has the name of one.
 
     Its path, kind ("recording", "fit", "parameters", "run", "folder"), time of change [s], size [bytes], and
@@ -30,7 +30,7 @@ class Entry(NamedTuple):
     problem: str = ""
 
 
-def entries(root: str) -> Iterator[Entry]:
+def entries(root: str) -> Iterator[FoundRun]:
     """Yield the runs of a folder and of those in it, but not hidden ones and those in a study's store.
 
     Of the samples that a killed program left, a recording is made first: it is a run, too.
@@ -48,7 +48,7 @@ def entries(root: str) -> Iterator[Entry]:
                     there = sorted(found, key=lambda one: one.name)
         except OSError as error:
             if folder != root:
-                yield Entry(folder, "folder", 0.0, 0, f"it cannot be listed: {error.strerror}")
+                yield FoundRun(folder, "folder", 0.0, 0, f"it cannot be listed: {error.strerror}")
             continue
         names = {one.name for one in there}
         yield from _fit(root, folder, names)
@@ -61,7 +61,7 @@ def entries(root: str) -> Iterator[Entry]:
         below = [one.path for one in there if not one.name.startswith(".") and _is_folder(one)]
         if below and level == MOST_LEVELS:
             text = f"its folders are not searched: they are more than {MOST_LEVELS} levels deep"
-            yield Entry(folder, "folder", 0.0, 0, text)
+            yield FoundRun(folder, "folder", 0.0, 0, text)
         else:
             waiting += [(path, level + 1) for path in reversed(below)]
 
@@ -98,7 +98,7 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
         return False
 
 
-def _fit(root: str, folder: str, names: set[str]) -> Iterator[Entry]:
+def _fit(root: str, folder: str, names: set[str]) -> Iterator[FoundRun]:
     """Yield the folder, if it is that of a fit: its time of change is the last of all files read."""
     if folder == root or not {"results.json", "report.html"} <= names or "experiment.log" in names:
         return
@@ -107,10 +107,10 @@ def _fit(root: str, folder: str, names: set[str]) -> Iterator[Entry]:
     if parts:
         problem = next((f"{one.problem} ({os.path.basename(one.path)})" for one in parts if one.problem), "")
         changed, size = max(one.changed for one in parts), sum(one.bytes for one in parts)
-        yield Entry(folder, "fit", changed, size, problem)
+        yield FoundRun(folder, "fit", changed, size, problem)
 
 
-def _without_recording(root: str, folder: str, names: set[str]) -> Iterator[Entry]:
+def _without_recording(root: str, folder: str, names: set[str]) -> Iterator[FoundRun]:
     """Yield the folder of an experiment that has no recording, finished or not."""
     log = next((one for one in LOGS if one in names), None)
     if folder == root or log is None or "unfinished" in names:
@@ -121,7 +121,7 @@ def _without_recording(root: str, folder: str, names: set[str]) -> Iterator[Entr
         yield part._replace(path=folder)
 
 
-def _looked_at(root: str, path: str, kind: str) -> Iterator[Entry]:
+def _looked_at(root: str, path: str, kind: str) -> Iterator[FoundRun]:
     """Yield a file, with the reason if it must not be read; nothing if it is gone by now."""
     try:
         one = os.lstat(path)
@@ -139,4 +139,4 @@ def _looked_at(root: str, path: str, kind: str) -> Iterator[Entry]:
             problem = f"a link that leads nowhere: {error.strerror}"
     if not problem and not stat.S_ISREG(one.st_mode):
         problem = "no plain file"
-    yield Entry(path, kind, one.st_mtime, one.st_size, problem)
+    yield FoundRun(path, kind, one.st_mtime, one.st_size, problem)

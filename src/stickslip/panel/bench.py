@@ -46,7 +46,7 @@ class Runs(Strict):
     runs: list[str]
 
 
-class Named(Strict):
+class NamedFile(Strict):
     """A file of the folder."""
 
     name: str
@@ -224,7 +224,7 @@ def _add_experiment(
         return [name for name, *_ in folder.files(".yaml") if not name.startswith("recordings/")][:200]
 
     @routes.post("/load")
-    def load(asked: Named, request: Request) -> dict[str, str]:
+    def load(asked: NamedFile, request: Request) -> dict[str, str]:
         control.need(request.headers.get("x-client", ""))
         if runner.busy:
             raise QuantityError("a run is going on: another experiment can be loaded when it has ended")
@@ -234,7 +234,7 @@ def _add_experiment(
         return {"name": document.name}
 
     @routes.post("/save")
-    def save(asked: Named, request: Request) -> dict[str, str]:
+    def save(asked: NamedFile, request: Request) -> dict[str, str]:
         control.need(request.headers.get("x-client", ""))
         document.save(asked.name)
         journal(f"saved {asked.name}")

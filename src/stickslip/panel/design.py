@@ -89,11 +89,11 @@ def design_routes(
         return {"m": of.fields(rotary=False), "rad": of.fields(rotary=True)}
 
     @routes.post("/map")
-    def step_map(asked: of.Map) -> Response:
+    def step_map(asked: of.MapRequest) -> Response:
         return answered(lambda: binary({}, of.step_map(asked, sets)))
 
     @routes.post("/check")
-    def check(asked: of.Typed) -> Response:
+    def check(asked: of.TypedValue) -> Response:
         def checked() -> Response:
             asked.check(sets)
             return JSONResponse({})
@@ -101,11 +101,11 @@ def design_routes(
         return answered(checked)
 
     @routes.post("/search")
-    def search(asked: of.Search) -> Response:
+    def search(asked: of.DriveSearch) -> Response:
         return answered(lambda: JSONResponse(searches.run(lambda told: of.searched(asked, sets, told))))
 
     @routes.post("/front")
-    def front(asked: of.Front) -> Response:
+    def front(asked: of.FrontRequest) -> Response:
         return answered(lambda: JSONResponse(searches.run(lambda told: of.front(asked, sets, told))))
 
     @routes.post("/stop")
@@ -114,7 +114,7 @@ def design_routes(
         return {}
 
     @routes.post("/motion")
-    def motion(asked: of.Driven) -> Response:
+    def motion(asked: of.DrivenActuator) -> Response:
         def moved() -> Response:
             speed, curves = of.motion(asked, sets)
             return binary({"speed": speed}, curves)
@@ -122,11 +122,11 @@ def design_routes(
         return answered(moved)
 
     @routes.post("/tells")
-    def tells(asked: of.Telling) -> Response:
+    def tells(asked: of.InformationRequest) -> Response:
         return answered(lambda: JSONResponse(of.told(asked, sets)))
 
     @routes.post("/send")
-    def send(drive: of.Drive, request: Request) -> Response:
+    def send(drive: of.DesignedDrive, request: Request) -> Response:
         def sent() -> Response:
             control.need(request.headers.get("x-client", ""))
             runs = document.checked.content["runs"]
@@ -141,7 +141,7 @@ def design_routes(
     return routes
 
 
-def bench_run(drive: of.Drive, runs: list[dict[str, Any]]) -> dict[str, Any]:
+def bench_run(drive: of.DesignedDrive, runs: list[dict[str, Any]]) -> dict[str, Any]:
     """Return a run of the experiment with this drive, at the shortest sampling interval of the other runs."""
     waveform = of.from_lowest(drive.waveform())
     periods = max(FEWEST, math.ceil(LENGTH / waveform.period))

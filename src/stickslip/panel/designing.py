@@ -92,7 +92,7 @@ def _checked(model: Actuator, name: str, value: Any) -> float:
     return (quantity.turned() if model.rotary else quantity).check(value, name)
 
 
-class Loaded(Model):
+class LoadedActuator(Model):
     """An actuator under a load: an external force (or torque) on the end-effector, positive towards +x."""
 
     load: Value = 0.0
@@ -103,7 +103,7 @@ class Loaded(Model):
         return model.replace(external_force=model.external_force + _checked(model, "load", self.load))
 
 
-class Map(Loaded):
+class MapRequest(LoadedActuator):
     """Request for a step map from 0 V to the largest voltage."""
 
     voltage: Value
@@ -113,7 +113,7 @@ class Map(Loaded):
         return _taken(model, _checked(model, "voltage", self.voltage))
 
 
-class Typed(Loaded):
+class TypedValue(LoadedActuator):
     """A number that was typed on the page."""
 
     name: str
@@ -136,11 +136,11 @@ def _taken(model: Actuator, volts: float) -> float:
     return volts
 
 
-class Limits(fields_of(OutputStage, *_LIMITS)):
+class OutputLimits(fields_of(OutputStage, *_LIMITS)):
     """Limits of generator and amplifier, see `OutputStage`."""
 
 
-class Search(Map):
+class DriveSearch(MapRequest):
     """Request for the fastest drive.
 
     `spread` [N] is the tolerance of the load, ±; the worst case counts. `output` has the limits of generator
@@ -149,7 +149,7 @@ class Search(Map):
 
     spread: Value = 0.0
     knots: Value = KNOTS
-    output: Limits = Field(default_factory=lambda: Limits())
+    output: OutputLimits = Field(default_factory=lambda: OutputLimits())
 
     def asked(self, sets: Sets) -> tuple[Actuator, dict[str, Any]]:
         """Return the model and the arguments that all searches share."""
@@ -166,13 +166,13 @@ class Search(Map):
         return model, {"knots": knots, "max_voltage": top, "scenarios": scenarios, "output": output}
 
 
-class Front(Search):
+class FrontRequest(DriveSearch):
     """Request for a front of speed against another goal."""
 
     against: Literal["current", "ripple"] = "current"
 
 
-class Drive(Strict):
+class DesignedDrive(Strict):
     """A sawtooth, or values joined by straight lines, in SI."""
 
     shape: Literal["Sawtooth", "PeriodicKnots"]
@@ -186,19 +186,19 @@ class Drive(Strict):
             raise QuantityError(f"drive: {error}") from None
 
 
-class Driven(Loaded):
+class DrivenActuator(LoadedActuator):
     """An actuator and its drive."""
 
-    drive: Drive
+    drive: DesignedDrive
 
 
-class Telling(Driven):
+class InformationRequest(DrivenActuator):
     """Request for the information in a recording; `noise` [m, rad] is the error of one sample."""
 
     noise: Value = 1e-7
 
 
-def step_map(asked: Map, sets: Sets) -> dict[str, Array]:
+def step_map(asked: MapRequest, sets: Sets) -> dict[str, Array]:
     """Return a map of the net step; rows that would take longer than `MAP_SECONDS` are left out.
 
     Keys: voltage [V], frequency [Hz], net_step [m, rad; voltage x frequency, row by row], status (0: a steady
@@ -226,7 +226,7 @@ def step_map(asked: Map, sets: Sets) -> dict[str, Array]:
     }
 
 
-def searched(asked: Search, sets: Sets, progress: Progress) -> dict[str, Any]:
+def searched(asked: DriveSearch, sets: Sets, progress: Progress) -> dict[str, Any]:
     """Return the fastest drive and the best sawtooth, with their speeds in each condition."""
     model, common = asked.asked(sets)
     found = design.optimise_waveform(model, goal="speed", progress=progress, **common)
@@ -243,7 +243,7 @@ def searched(asked: Search, sets: Sets, progress: Progress) -> dict[str, Any]:
     }
 
 
-def front(asked: Front, sets: Sets, progress: Progress) -> dict[str, Any]:
+def front(asked: FrontRequest, sets: Sets, progress: Progress) -> dict[str, Any]:
     """Return drives from slow to fast, with their values of both goals."""
     model, common = asked.asked(sets)
     other: Any = "ripple"
@@ -264,14 +264,14 @@ def front(asked: Front, sets: Sets, progress: Progress) -> dict[str, Any]:
 
 
 def described(waveform: Waveform) -> dict[str, Any]:
-    """Return a waveform in the form that `Drive` reads."""
+    """Return a waveform in the form that `DesignedDrive` reads."""
     fields = {name: getattr(waveform, name) for name in FIELDS if hasattr(waveform, name)}
     if isinstance(waveform, PeriodicKnots):
         fields = {"times": [*waveform.times], "values": [*waveform.values], "period": waveform.period}
     return {"shape": type(waveform).__name__, "fields": fields}
 
 
-def motion(asked: Driven, sets: Sets) -> tuple[float, dict[str, Array]]:
+def motion(asked: DrivenActuator, sets: Sets) -> tuple[float, dict[str, Array]]:
     """Return the speed [m/s, rad/s] and two periods of the periodic motion.
 
     Keys of the second: time [s], drive_voltage [V], end_effector_position [m, rad].
@@ -286,7 +286,7 @@ def motion(asked: Driven, sets: Sets) -> tuple[float, dict[str, Array]]:
     }
 
 
-def told(asked: Telling, sets: Sets) -> dict[str, Any]:
+def told(asked: InformationRequest, sets: Sets) -> dict[str, Any]:
     """Return the half-widths of the parameters from a recording with this drive and from one at 65 V, 5 Hz.
 
     A half-width is None if the recording does not identify the parameter.

@@ -86,7 +86,7 @@ class Model(Strict):
         return law(**fields)
 
 
-class State(Model):
+class SliderState(Model):
     """Values of the sliders: an actuator, the waveform's name (`shape`) and fields, and the length [s]."""
 
     shape: str
@@ -143,7 +143,7 @@ def sample_times(actuator: Actuator, waveform: Waveform, duration: float) -> tup
     return times[(times >= 0.0) & (times <= duration)], last
 
 
-class Motion(NamedTuple):
+class ShownMotion(NamedTuple):
     """A trajectory: arrays [times]; `problem` says why it ends early, if it does.
 
     `loop`: first sample of the last period and the sample after it (the whole motion for a drive without a
@@ -165,7 +165,7 @@ class Motion(NamedTuple):
         return self.stage_position - self.end_effector_position
 
 
-def motion(state: State, sets: Sets = PACKAGE) -> Motion:
+def motion(state: SliderState, sets: Sets = PACKAGE) -> ShownMotion:
     """Return the trajectory of a state; raises SimulationError if not even two samples can be computed."""
     actuator, waveform, duration = state.experiment(sets)
     wanted, last = sample_times(actuator, waveform, duration)
@@ -178,10 +178,10 @@ def motion(state: State, sets: Sets = PACKAGE) -> Motion:
     drive = evaluate(waveform.drive(duration), found.times)[0]  # before hysteresis and creep of the piezo
     problem = "" if found.outcome == COMPLETE else found.outcome
     loop, unit = (int(first), int(after)), unit_for(actuator, "m")
-    return Motion(found.times, drive, y, x, force, loop, problem, unit)
+    return ShownMotion(found.times, drive, y, x, force, loop, problem, unit)
 
 
-def mean_speed(state: State, found: Motion, sets: Sets = PACKAGE) -> float | None:
+def mean_speed(state: SliderState, found: ShownMotion, sets: Sets = PACKAGE) -> float | None:
     """Return the mean speed [m/s, or rad/s] from the end of the first to the end of the last whole period.
 
     Both instants have the same phase of the drive, so elastic deflection does not count. None if there are
@@ -198,7 +198,7 @@ def mean_speed(state: State, found: Motion, sets: Sets = PACKAGE) -> float | Non
     return float((last - first) / ((whole - 1) * period))
 
 
-def step_curves(state: State, sets: Sets = PACKAGE) -> dict[str, Array]:
+def step_curves(state: SliderState, sets: Sets = PACKAGE) -> dict[str, Array]:
     """Return the steady step per period [m, or rad] over amplitude [V] and over frequency [Hz].
 
     Keys: amplitude, step_over_amplitude, frequency, step_over_frequency, step (one value: at the present
@@ -251,7 +251,7 @@ def _step(actuator: Actuator, drive: Any, give_up: float) -> float:
         return math.nan
 
 
-def python(state: State, sets: Sets = PACKAGE) -> str:
+def python(state: SliderState, sets: Sets = PACKAGE) -> str:
     """Return Python code that gives the same trajectory and step."""
     actuator, waveform, duration = state.experiment(sets)
     base = sets.actuator(state.set)

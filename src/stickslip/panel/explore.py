@@ -14,7 +14,7 @@ from ..quantities import registry
 from ..quantities.units import QuantityError
 from ..simulation import SimulationError
 from ..simulation.varied import PIEZO
-from .exploration import State, mean_speed, motion, python, step_curves
+from .exploration import SliderState, mean_speed, motion, python, step_curves
 from .sets import Sets
 from .sliders import choices, law_types, shapes
 from .stream import packed
@@ -41,7 +41,7 @@ def explore_routes(sets: Sets) -> APIRouter:
         return choices(sets)
 
     @routes.post("/motion")
-    def moved(state: State) -> Response:
+    def moved(state: SliderState) -> Response:
         try:
             found = motion(state, sets)
         except (QuantityError, SimulationError) as error:
@@ -55,7 +55,7 @@ def explore_routes(sets: Sets) -> APIRouter:
         return binary(header, {name: getattr(found, name) for name in SHOWN})
 
     @routes.post("/steps")
-    def steps(state: State) -> Response:
+    def steps(state: SliderState) -> Response:
         try:
             curves = step_curves(state, sets)
         except QuantityError as error:
@@ -63,7 +63,7 @@ def explore_routes(sets: Sets) -> APIRouter:
         return binary({}, curves)
 
     @routes.post("/python")
-    def code(state: State) -> Response:
+    def code(state: SliderState) -> Response:
         try:
             return JSONResponse({"code": python(state, sets)})
         except QuantityError as error:

@@ -25,7 +25,7 @@ from .folder import Folder
 _NICE = 10  # below the server, whose stream and runs come first
 
 
-class Begin(NamedTuple):
+class FitTask(NamedTuple):
     """A request for a fit; its report goes into the folder `out`."""
 
     request: FitRequest
@@ -51,7 +51,7 @@ def work(connection: Connection, root: str, used: Sequence[str] = ()) -> None:
             return
 
 
-def _fit(connection: Connection, asked: Begin, root: str, fit_recordings: Callable[..., None]) -> None:
+def _fit(connection: Connection, asked: FitTask, root: str, fit_recordings: Callable[..., None]) -> None:
     def say(kind: str, fields: dict[str, Any], arrays: Sequence[NDArray[np.float64]] = ()) -> None:
         connection.send((kind, fields, [np.asarray(one, dtype="<f4") for one in arrays]))
 

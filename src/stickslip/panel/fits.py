@@ -13,7 +13,7 @@ from typing import Any
 from ..gate.text import MOST_BYTES, read_file, read_json
 from ..history.storable import storable
 from ..quantities.registry import used_files
-from .fit_process import Begin, work
+from .fit_process import FitTask, work
 from .fit_request import FitRequest
 from .folder import Folder
 from .stream import Hub, packed
@@ -61,7 +61,7 @@ class Fitting:
             self.state = {"phase": RUNNING, "doing": "reading", "request": request.model_dump()}
             self.frames = {}
             self._tell()  # before any of its curves
-            self._connection.send(Begin(request, self._out))
+            self._connection.send(FitTask(request, self._out))
 
     def cancel(self) -> None:
         """Cancel the fit; its last values and curves stay."""

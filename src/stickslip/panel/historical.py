@@ -34,7 +34,7 @@ MOST_COMPARED = 8
 _LEFT_OUT = ("settings", "channels", "bytes")  # of a row in the list
 
 
-class Named(Strict):
+class NamedRun(Strict):
     """A run, or a file of the bin."""
 
     name: str = Field(max_length=400)
@@ -98,7 +98,7 @@ def history_routes(
         return {"rows": shown, "count": len(found)}
 
     @routes.post("/detail")
-    def detail(asked: Named) -> dict[str, Any]:
+    def detail(asked: NamedRun) -> dict[str, Any]:
         everything = whole()
         row = next((one for one in everything if one["name"] == asked.name), None)
         if row is None:
@@ -172,7 +172,7 @@ def _add_bin(routes: APIRouter, folder: Folder, hub: Hub, control: Control, read
             return index.binned()[:MOST_ROWS]
 
     @routes.post("/restore")
-    def restore(asked: Named, request: Request) -> dict[str, str]:
+    def restore(asked: NamedRun, request: Request) -> dict[str, str]:
         control.need(request.headers.get("x-client", ""))
         with Index(folder.root, read) as index:
             name = index.restore(asked.name)

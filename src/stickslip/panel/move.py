@@ -8,7 +8,7 @@ from fastapi import APIRouter, Request, Response
 
 from .control import Control
 from .explore import binary
-from .moving import Act, Moves, Settings
+from .moving import Act, LoopSettings, Moves
 
 
 def move_routes(control: Control, moves: Moves) -> APIRouter:
@@ -20,7 +20,7 @@ def move_routes(control: Control, moves: Moves) -> APIRouter:
         return moves.choices()
 
     @routes.post("/response")
-    def response(asked: Settings) -> Response:
+    def response(asked: LoopSettings) -> Response:
         return binary(*moves.response(asked))
 
     @routes.post("/act")

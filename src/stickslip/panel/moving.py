@@ -48,7 +48,7 @@ from .document import BenchDocument
 from .folder import Folder
 from .journal import Journal
 from .live import Live
-from .running import Job, Runner
+from .running import BenchJob, Runner
 from .starting import Starter, counted_on, new_folder
 from .stream import Client, Hub, Message
 
@@ -60,7 +60,7 @@ _SHOWN = 0.03  # s of a predicted response
 COLUMNS = {"drive_voltage": "drive", POSITION: "end-effector", "target_position": "target"}
 
 
-class Settings(fields_of(Stepping, "amplitude", "frequency", "tolerance")):
+class LoopSettings(fields_of(Stepping, "amplitude", "frequency", "tolerance")):
     """Settings of the loop, and fields of `control.Stepping`.
 
     `input` is the sensor, "" for the first position. `bandwidth` [Hz] and `proportional` are the gains times
@@ -77,7 +77,7 @@ class Act(Strict):
     """A command, see `control.Commanded`, and the settings of the session that it may start."""
 
     what: dict[str, Any]
-    settings: Settings = Field(default_factory=Settings)
+    settings: LoopSettings = Field(default_factory=LoopSettings)
 
 
 class Prepared(NamedTuple):
@@ -118,7 +118,7 @@ class Prepared(NamedTuple):
             for name, label in COLUMNS.items()
         ]
 
-    def regulator(self, asked: Settings) -> Regulator:
+    def regulator(self, asked: LoopSettings) -> Regulator:
         """Return the regulator with the requested gains."""
         own = self.tuning
         gain, integral = self.cell.actuator.gain, own.pid.integral
@@ -223,7 +223,7 @@ class Moves:
         span, table = made.high - made.low, self._table(made, frequency)
         return plausibility(made.cell.actuator, made.output, frequency, span, table=table)
 
-    def response(self, asked: Settings) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
+    def response(self, asked: LoopSettings) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
         """Return the margins, and step responses of the model and with a changed natural frequency."""
         made = self.prepared()
         regulator, rate = made.regulator(asked), made.can.update_rate
@@ -279,7 +279,7 @@ class Moves:
         content = counted_on(made.content, self._folder.root)
         out = new_folder(self._folder, "move")
         file = check_experiment(content)
-        job = Job("Move", file, self._folder.root, out, made.columns)
+        job = BenchJob("Move", file, self._folder.root, out, made.columns)
 
         beliefs = self._plausibility(made, walk.frequency)
 
@@ -317,7 +317,7 @@ class Moves:
 
     def _run(
         self,
-        job: Job,
+        job: BenchJob,
         made: Prepared,
         spec: Any,
         position: Channel,

@@ -55,7 +55,7 @@ class Save(Strict):
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_. -]{0,59}$")
 
 
-class Drive(Strict):
+class PathDrive(Strict):
     """A periodic drive; a prediction stores it in this form."""
 
     shape: str = Field(pattern="^(Sawtooth|ReverseSawtooth|Triangle|Cycloid|Sine)$")
@@ -68,7 +68,7 @@ class Drive(Strict):
         return shape(self.shape)(amplitude=self.amplitude, frequency=self.frequency)
 
 
-class Prediction(Drive):
+class Prediction(PathDrive):
     """A parameter set, see `Sets`, and its drive."""
 
     parameters: str
@@ -131,7 +131,7 @@ def path_routes(
         control.need(request.headers.get("x-client", ""))
         recording = read(folder.path(asked.prediction))
         try:
-            drive = Drive.model_validate_json(str(recording.attrs["variables"]))
+            drive = PathDrive.model_validate_json(str(recording.attrs["variables"]))
         except (KeyError, ValueError):
             raise QuantityError(f"{asked.prediction} is no prediction: it names no drive") from None
         runs = [one for one in document.checked.content["runs"] if one["name"] != PREDICTED]
@@ -229,7 +229,7 @@ def _predicted(actuator: Actuator, asked: Prediction) -> tuple[Any, dict[str, An
     return made, {"net_displacement": net, "steady_step": step, "unit": unit}
 
 
-def _run(prediction: str, drive: Drive, runs: list[dict[str, Any]]) -> dict[str, Any]:
+def _run(prediction: str, drive: PathDrive, runs: list[dict[str, Any]]) -> dict[str, Any]:
     """Return a run of the experiment with this drive, at the sampling interval of the first run."""
     forever = drive.forever()
     amplitude, frequency = forever.amplitude, forever.frequency

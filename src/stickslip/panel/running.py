@@ -40,7 +40,7 @@ class Arrived(RigError):
     """A run whose only goal was a position has reached it."""
 
 
-class Job(NamedTuple):
+class BenchJob(NamedTuple):
     """An experiment to run, the folder of its relative paths, the folder for recordings, its channels.
 
     `goal` receives the position from home and the blocks, and raises `Arrived` when the run has reached its
@@ -113,7 +113,7 @@ class Runner:
         """True while a job is running."""
         return self._busy
 
-    def start(self, job: Job) -> None:
+    def start(self, job: BenchJob) -> None:
         """Start a job; raises RigError while another runs, or what one of `asks` raises."""
         if not self.busy:
             for ask in self.asks:
@@ -244,7 +244,7 @@ class Runner:
         self.position, self.before_ramp = 0.0, False
         self._state()
 
-    def _run(self, job: Job, asker: Asker) -> None:
+    def _run(self, job: BenchJob, asker: Asker) -> None:
         with asked_by(asker):
             self._journal(f"{job.title}: started")
         phase, ramped = "failed", True
@@ -276,7 +276,7 @@ class Runner:
                 self._busy = False  # first of all: a page may start again as soon as it sees the end
                 self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
 
-    def _recorded(self, job: Job, progress: Progress) -> int:
+    def _recorded(self, job: BenchJob, progress: Progress) -> int:
         """Run the job; return the number of recordings."""
         if job.loop is not None:
             job.loop(progress)
@@ -298,7 +298,7 @@ class Runner:
     def _has_recording(self, cell: Cell, recording: xr.Dataset) -> None:
         self._live.recorded({str(name): float(one[-1]) for name, one in recording.data_vars.items()})
 
-    def laboratory(self, job: Job) -> Laboratory:
+    def laboratory(self, job: BenchJob) -> Laboratory:
         """Open the laboratory of a job."""
         return open_laboratory(job.file, job.folder, self._rigs, "the panel")
 
@@ -326,7 +326,7 @@ class Runner:
         except (ValueError, OSError) as error:  # the recordings exist; the next run must not wait for this
             self._journal(f"after the run: {error}", "error")
 
-    def _watched(self, job: Job, cell: Cell, rig: Rig) -> Rig:
+    def _watched(self, job: BenchJob, cell: Cell, rig: Rig) -> Rig:
         rate = rig.capabilities.sample_rate
         seek = TriggerSeeker(cell.capture, self._live)
         drive = drive_channel(cell.channels)

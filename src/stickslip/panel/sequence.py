@@ -35,7 +35,7 @@ class Item(Strict):
     rest: str | float = "0 s"
 
 
-class Sequence(Strict):
+class RunSequence(Strict):
     """Queued runs and their conditions.
 
     `order` "given": all repeats of a combination, then the next one; "rounds": all combinations, then all
@@ -48,7 +48,7 @@ class Sequence(Strict):
     go_on: bool = False
 
 
-class Step(NamedTuple):
+class QueuedRun(NamedTuple):
     """One run: its content, its name, s that its capture takes, s of rest after it."""
 
     content: dict[str, Any]
@@ -78,13 +78,13 @@ class Sequencer:
         runner.also_stop.append(self._stopped)
         hub.greetings.append(self._greet)
 
-    def steps(self, asked: Sequence) -> list[Step]:
+    def steps(self, asked: RunSequence) -> list[QueuedRun]:
         """Return every run of a sequence, checked as if it started now; nothing is put out.
 
         Raises:
             ValueError, RigError: one of them cannot be recorded; the message names it.
         """
-        found: list[Step] = []
+        found: list[QueuedRun] = []
         for item in asked.items:
             rest = to_si(item.rest, "s", "rest")
             if not 0.0 <= rest <= 86400.0:
@@ -100,7 +100,7 @@ class Sequencer:
             found += [s for s in made for _ in again] if asked.order == "given" else made * item.repeats
         return found
 
-    def _step(self, item: Item, values: dict[str, str], rest: float) -> Step:
+    def _step(self, item: Item, values: dict[str, str], rest: float) -> QueuedRun:
         content = self._document.of_runs([item.run])
         unknown = [name for name in values if name not in content.get("variables", {})]
         if unknown:
@@ -113,9 +113,9 @@ class Sequencer:
         except (ValueError, RigError) as error:
             raise type(error)(f"{title}: {error}") from None
         seconds = sum(one.capture.length * one.capture.average for one in checked.cells)
-        return Step(content, title, seconds, rest)
+        return QueuedRun(content, title, seconds, rest)
 
-    def start(self, asked: Sequence) -> int:
+    def start(self, asked: RunSequence) -> int:
         """Start the sequence; return its number of runs. Raises as `steps`; RigError during a run."""
         steps = self.steps(asked)
         with self._lock:
@@ -151,7 +151,7 @@ class Sequencer:
         self._ending.set()
         self._last.set()
 
-    def _go(self, steps: list[Step], asked: Sequence) -> None:
+    def _go(self, steps: list[QueuedRun], asked: RunSequence) -> None:
         phase, said = "failed", "it ended by itself"
         try:
             phase, said = self._all(steps, asked)
@@ -159,7 +159,7 @@ class Sequencer:
             self._starter.queued = False
             self._tell(phase=phase, said=said, left=None)
 
-    def _all(self, steps: list[Step], asked: Sequence) -> tuple[str, str]:
+    def _all(self, steps: list[QueuedRun], asked: RunSequence) -> tuple[str, str]:
         """Run all steps; return the final phase and a message."""
         overhead, failed = _OVERHEAD, 0
         for i, step in enumerate(steps):
@@ -179,7 +179,7 @@ class Sequencer:
                 return "ended", f"{step.title}: {outcome}; ended after {i} of {len(steps)}"
         return "done", f"{len(steps)} runs" + (f", {failed} of them failed" if failed else "")
 
-    def _one(self, step: Step, i: int, count: int, asked: Sequence) -> str:
+    def _one(self, step: QueuedRun, i: int, count: int, asked: RunSequence) -> str:
         """Run a step, after homing if the sequence says so; return its final phase."""
         try:
             if asked.home_first and abs(self._runner.position) > 0.0:
@@ -216,7 +216,7 @@ class Sequencer:
         return [json.dumps({"kind": "sequence", **self.state})]
 
 
-def _left(steps: list[Step], overhead: float) -> float:
+def _left(steps: list[QueuedRun], overhead: float) -> float:
     """Return the s that these runs will take, with the rests between them."""
     return sum(one.seconds + overhead for one in steps) + sum(one.rest for one in steps[:-1])
 
@@ -226,7 +226,7 @@ def sequence_routes(control: Control, sequencer: Sequencer) -> APIRouter:
     routes = APIRouter(prefix="/sequence")
 
     @routes.post("/check")
-    def check(asked: Sequence) -> dict[str, Any]:
+    def check(asked: RunSequence) -> dict[str, Any]:
         steps = sequencer.steps(asked)
         return {
             "count": len(steps),
@@ -235,7 +235,7 @@ def sequence_routes(control: Control, sequencer: Sequencer) -> APIRouter:
         }
 
     @routes.post("/start")
-    def start(asked: Sequence, request: Request) -> dict[str, int]:
+    def start(asked: RunSequence, request: Request) -> dict[str, int]:
         control.need(request.headers.get("x-client", ""))
         return {"count": sequencer.start(asked)}
 

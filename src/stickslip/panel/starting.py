@@ -32,7 +32,7 @@ from .document import BenchDocument
 from .folder import Folder
 from .journal import Journal
 from .path import predicted_of
-from .running import Arrived, Job, Runner
+from .running import Arrived, BenchJob, Runner
 from .stream import Hub
 
 _HOMING = 10.0  # s, longest walk home
@@ -80,7 +80,7 @@ class Starter:
             if ended is not None:
                 ended()
 
-        job = Job(
+        job = BenchJob(
             title, file, self._folder.root, out, self._document.described()["channels"], finished=finished
         )
         try:
@@ -190,7 +190,7 @@ def _slug(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9-]+", "-", text)[:60].strip("-") or "run"
 
 
-def homing(folder: Folder, document: BenchDocument, position: float) -> Job:
+def homing(folder: Folder, document: BenchDocument, position: float) -> BenchJob:
     """Return a job that walks towards home until the end-effector is there while the drive is at 0 V."""
     content, file, _, units, *_ = document.checked
     walk = {"forward_voltage", "reverse_voltage", "frequency"}
@@ -228,4 +228,4 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> Job:
     made = check_experiment({**content, "runs": [run], "save_as": [], "limits": limits})
     out = folder.root / ".rig" / "home"  # this recording is deleted
     remove = partial(shutil.rmtree, out, ignore_errors=True)
-    return Job("Home", made, folder.root, out, shown, goal=goal, finished=remove)
+    return BenchJob("Home", made, folder.root, out, shown, goal=goal, finished=remove)

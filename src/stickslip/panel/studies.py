@@ -49,7 +49,7 @@ class Asked(Strict):
     name: str = Field(max_length=400)
 
 
-class Begin(Strict):
+class StudyToRun(Strict):
     """A study file, and the store to fill or continue; by default the file's name with .zarr."""
 
     file: str = Field(max_length=400)
@@ -145,7 +145,7 @@ def study_routes(folder: Folder, studies: Studies, journal: Journal, read: Reade
         return row | names | _said(found, row["runs"], studies.fault(asked.name))
 
     @routes.post("/begin")
-    def begin(asked: Begin) -> dict[str, str]:
+    def begin(asked: StudyToRun) -> dict[str, str]:
         file = folder.path(asked.file)
         store = folder.path(asked.name or f"{asked.file.rsplit('.', 1)[0]}.zarr")
         if asked.file not in _found(folder)[0]:

@@ -82,12 +82,12 @@ def read_log(path: Path, search: str = "", most: int = 500) -> list[Entry]:
         GateError: the file cannot be read within the limits, or is not a regular file.
     """
     try:
-        return [Entry(*one) for one in applied(_Reading(search.lower().split(), most), path)]
+        return [Entry(*one) for one in applied(_LogSearch(search.lower().split(), most), path)]
     except FileNotFoundError:
         return []
 
 
-class _Reading(NamedTuple):
+class _LogSearch(NamedTuple):
     """Search of the log, run in the process that reads files."""
 
     words: list[str]

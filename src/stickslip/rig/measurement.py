@@ -36,7 +36,7 @@ DRIVE, POSITION = "drive", "end_effector_position"
 SETTLING = 0.01  # s before the pre-trigger in which filters settle
 
 
-class Plan(NamedTuple):
+class RunPlan(NamedTuple):
     """Inputs of one run: voltages, samples to record, sample at which the drive starts, and longest wait."""
 
     volts: Array
@@ -156,7 +156,7 @@ def _why(failure: BaseException) -> str:
 
 def plan_run(
     can: Capabilities, drive: Waveform, channels: Mapping[str, Channel], capture: Capture, limits: Limits
-) -> Plan:
+) -> RunPlan:
     """Return the drive in updates of the rig's output, checked against the limits. Nothing is put out.
 
     Raises:
@@ -184,7 +184,7 @@ def plan_run(
         played = np.append(played, value_at(drive, more))
     volts = np.append(rest, played)[:count]
     check_drive(volts, limits, can)
-    return Plan(volts, samples, begin, wait)
+    return RunPlan(volts, samples, begin, wait)
 
 
 def _wait(
@@ -267,7 +267,7 @@ def _check_speed(can: Capabilities, drive: Waveform) -> None:
 
 def _run(
     rig: Rig,
-    plan: Plan,
+    plan: RunPlan,
     making: Making,
     home: Home,
     samples: Samples | None,
