@@ -1,4 +1,4 @@
-"""What docs/laboratory.md shows, runs."""
+"""The programs of docs/laboratory.md and docs/frequency-response.md run."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ import yaml
 from stickslip.rig.experiment.file import ExperimentFile
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = (ROOT / "docs" / "laboratory.md").read_text(encoding="utf-8")
+PAGE = "".join(
+    (ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("laboratory.md", "frequency-response.md")
+)
 
 
 def program(word: str) -> str:
-    """The program of the page that has this word."""
+    """The only program of the pages that contains this word."""
     (found,) = (one for one in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if word in one)
     return found
 

@@ -246,6 +246,11 @@ def test_control(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:
     ]
     assert names["ended"].rms < 1e-9
     assert not np.isnan(names["ended"].times).any()
+
+
+def test_extended_control(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:
+    names = run("control-more.md")
+    printed = capsys.readouterr().out
     assert names["left"]["inverse"] < 0.003 * 5e-6 < names["left"]["gain"]
     bands = [(float(a), float(b)) for a, b in re.findall(r"([\d.]+) to ([\d.]+) um", printed)]
     assert bands[0][0] < 151.2 < bands[0][1]
