@@ -2,7 +2,7 @@
 how many tasks a second a scheduler bears.
 
 ``python -m benchmarks.study throughput|overhead|memory|kills|scheduler [NUMBERS]`` prints figures, NUMBERS in
-the order of the function's arguments; ``... picture STORE FILE`` draws a map; docs/scaling.md has them.
+the order of the function's arguments; ``... picture STORE FILE`` draws a map; docs/studies.md has them.
 """
 
 from __future__ import annotations

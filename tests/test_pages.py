@@ -146,6 +146,11 @@ def test_many_simulations(run: Callable) -> None:
     assert np.ptp(found["net_displacement"].values) > 1e-6
 
 
+def test_study(run: Callable) -> None:
+    steps = run("studies.md", {"members=256": "members=16"})["steps"]
+    assert np.all(np.diff(steps.net_step.mean("member").values) > 0.5e-6)
+
+
 def test_python_control(run: Callable) -> None:
     names = run("bridges/python-control.md")
     assert names["transfer"](0.0).real == pytest.approx(KANG.gain, rel=1e-3)

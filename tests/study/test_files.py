@@ -300,8 +300,8 @@ def test_options_that_cannot_be(stores: Path, tmp_path: Path, words: list[str], 
 
 
 def scripts() -> list[str]:
-    """Those of docs/scaling.md for queues."""
-    page = (Path(__file__).resolve().parents[2] / "docs" / "scaling.md").read_text("utf-8")
+    """Those of docs/studies.md for queues."""
+    page = (Path(__file__).resolve().parents[2] / "docs" / "studies.md").read_text("utf-8")
     return [one for one in re.findall(r"```sh\n(.*?)```", page, re.DOTALL) if one.startswith("#!/bin/sh")]
 
 

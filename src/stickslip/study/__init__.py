@@ -2,7 +2,7 @@
 
 A `Study` says which members (`Grid`, `Random`, `Draws`, or several of them), what is done with each
 (`SteadySteps`, `WalksFromRest`, a function of your `Own`) and what is kept. `run_study` fills a store that
-xarray opens while it grows; docs/scaling.md says how to run one on clusters.
+xarray opens while it grows; docs/studies.md says how to run one on clusters.
 """
 
 from .._lazy import attach
