@@ -232,11 +232,14 @@ def test_figures_of_accuracy_are_those_that_were_measured() -> None:
     curved = lack["Stribeck"]
     hidden = curved["noticed"] - curved["noticed_of_visible"], curved["campaigns"] - curved["visible"]
     assert "| {} of {} |".format(*hidden) in ACCURACY
-    assert f"{right['noticed']} of {right['campaigns']} said to lack" in ACCURACY
+    assert f"{right['noticed']} of {right['campaigns']} reported" in ACCURACY
     page = (folder / "README.md").read_text(encoding="utf-8")
     second = re.search(r"200 actuators .* worst ([\d.]+)\.$", page, re.MULTILINE)
     assert second
     assert f"worst of 200: {second[1]} nm" in ACCURACY
+    members = re.search(r"has errors of ([\d.]+ nm \(median\), [\d.]+ nm at most)\.", page)
+    assert members
+    assert members[1] in ACCURACY
     assert "2,392 of 2,392 trials" in ACCURACY
     assert "Failures in 2,392 trials" in (folder / "faults.md").read_text(encoding="utf-8")
 
