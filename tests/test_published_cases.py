@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 GALLERY = Path(__file__).resolve().parents[1] / "docs" / "gallery"
 
@@ -73,35 +74,81 @@ def test_a_second_contact_holds_the_slider_while_the_first_slips() -> None:
     assert rates[0, equal] < 0.006 < rates[1, equal]
 
 
+def spool_in_closed_form(duration: float) -> tuple[list[Any], list[Any]]:
+    """Pieces (start, end, x(t), v(t)) of the spool's motion from rest at the lower stop, and its impacts.
+
+    Each impact, turn and end of a rest is the root of a known function.
+    """
+    m, k, preload, f, stops, e = 3.3612e-4, 1488.58, 8.545, 1.0, (0.0, 1.016e-3), 0.3
+    force, mean, swing, omega, omega_0 = 7.374e-5 * 6895.0, 18.0, 4.0, 500.0 * np.pi, np.sqrt(1488.58 / m)
+
+    def push(t: Any, x: float) -> Any:
+        return force * (mean + swing * np.sin(omega * t)) - preload - k * x
+
+    def sliding(t0: float, x0: float, v0: float, sign: float) -> Any:
+        level = (force * mean - preload - sign * f) / k
+        forced = force * swing / (k - m * omega**2)
+        a = x0 - level - forced * np.sin(omega * t0)
+        b = (v0 - forced * omega * np.cos(omega * t0)) / omega_0
+
+        def at(t: Any) -> Any:
+            c, s = np.cos(omega_0 * (t - t0)), np.sin(omega_0 * (t - t0))
+            x = level + forced * np.sin(omega * t) + a * c + b * s
+            return x, forced * omega * np.cos(omega * t) + omega_0 * (b * c - a * s)
+
+        return at
+
+    def first_root(function: Any, t0: float, end: float) -> float:
+        for start in np.arange(t0, end, 5e-4):
+            t = np.minimum(start + 2e-6 * np.arange(252), end)
+            t[0] = max(t[0], t0 + 1e-12)
+            found = np.flatnonzero(np.diff(np.sign(function(t))) != 0)
+            if found.size:
+                return brentq(function, t[found[0]], t[found[0] + 1], xtol=1e-16, rtol=1e-15)  # type: ignore[return-value]
+        return end
+
+    t, x, v, pieces, impacts = 0.0, 0.0, 0.0, [], []
+    while t < duration:
+        if abs(v) <= 1e-9:  # at rest until the push exceeds the friction, away from a stop
+            free = [s for s in (1.0, -1.0) if x != stops[int(s > 0)]]
+            leave = min(first_root(lambda u, s=s, x=x: s * push(u, x) - f, t, duration) for s in free)
+            if leave > t:
+                pieces.append((t, leave, lambda u, x=x: (x + 0.0 * u, 0.0 * u)))
+            t, v = leave, 0.0
+            if t >= duration:
+                break
+        sign = np.sign(v or push(t, x))
+        at = sliding(t, x, v, sign)
+        turn = first_root(lambda u, at=at: at(u)[1], t, duration)
+        hit = min(first_root(lambda u, at=at, stop=stop: at(u)[0] - stop, t, turn) for stop in stops)
+        end = min(turn, hit)
+        pieces.append((t, end, at))
+        x, v = (float(value) for value in at(end))
+        t = end
+        if hit < turn:
+            impacts.append((t, v))
+            x, v = min(stops, key=lambda stop, x=x: abs(stop - x)), -e * v
+        elif turn < duration:
+            v = 0.0 if abs(push(t, x)) <= f else np.sign(push(t, x)) * 2e-9
+    return pieces, impacts
+
+
 def test_the_spool_rebounds_and_rests_exactly() -> None:
-    """Moreau's time stepping approaches the motion in proportion to its step; the motion repeats."""
-    made = made_by("spool-valve")
-    times, velocities = np.array(made["impacts"]).T
+    motion = made_by("spool-valve")["motion"]
+    pieces, impacts = spool_in_closed_form(0.016)
+    assert motion.attrs["error_estimate"] < 1e-9
+    times, velocities = motion.impact_time.values, motion.impact_velocity.values
     assert times.size == 16
-    np.testing.assert_allclose(times[4:] - times[:-4], 0.004, atol=1e-10)
-    np.testing.assert_allclose(velocities[:4], [2.08828, -2.30043, -0.23149, -0.01078], atol=1e-5)
-    still = [p for p in made["pieces"] if np.all(p[2](np.linspace(p[0], p[1], 9))[1] == 0.0)]
-    assert max(end - start for start, end, _ in still) > 5e-4  # held by friction, not creeping
-    assert sum(end - start for start, end, _ in still) > 4e-3
-
-    def stepped(step: float) -> float:
-        x, v, worst = 0.0, 0.0, 0.0
-        pieces = iter(made["pieces"])
-        _, end, at = next(pieces)
-        for i in range(round(0.008 / step)):
-            pushed = v + made["push"]((i + 0.5) * step, x) * step / made["M"]
-            held = made["F"] * step / made["M"]
-            pushed = 0.0 if abs(pushed) <= held else pushed - np.sign(pushed) * held
-            x += pushed * step
-            for stop, way in zip(made["STOPS"], (-1.0, 1.0), strict=True):
-                if way * (x - stop) > 0.0 and way * pushed > 0.0:
-                    x, pushed = stop, -made["E"] * v if way * v > 1e-4 else 0.0
-            v = pushed
-            while (i + 1) * step > end:
-                _, end, at = next(pieces)
-            worst = max(worst, abs(x - at((i + 1) * step)[0]))
-        return worst
-
-    coarse, fine = stepped(8e-7), stepped(2e-7)
-    assert fine < 3e-7
-    assert coarse / fine == pytest.approx(4.0, rel=0.15)
+    exact_times, exact_velocities = np.array(impacts).T
+    assert np.abs((times - exact_times) * exact_velocities).max() < 1e-9  # m, the tolerance of the position
+    np.testing.assert_allclose(velocities, exact_velocities, atol=2e-6)
+    np.testing.assert_allclose(velocities[4:8], [2.08828, -2.30043, -0.23149, -0.01078], atol=1e-5)
+    position, speed = np.zeros(motion.time.size), np.zeros(motion.time.size)
+    for start, end, at in pieces:
+        inside = (motion.time.values >= start) & (motion.time.values <= end)
+        position[inside], speed[inside] = at(motion.time.values[inside])
+    assert np.abs(motion.end_effector_position.values - position).max() < 1e-9
+    still = speed == 0.0  # held by friction, not creeping
+    apart = np.abs(motion.end_effector_velocity.values[still]) > 0.0
+    assert still.sum() > 4000
+    assert apart.sum() < 20  # of the ends of the rests

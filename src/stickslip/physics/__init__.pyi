@@ -5,4 +5,5 @@ from .actuator import Actuator as Actuator
 from .actuator import PulledSlider as PulledSlider
 from .actuator import load_actuator as load_actuator
 from .actuator import load_pulled_slider as load_pulled_slider
+from .end_stops import EndStops as EndStops
 from .stage_modes import StageModes as StageModes

@@ -15,6 +15,7 @@ from ..engine.binding import TERMS, ComposedPlant, DriveTable, integrate
 from ..engine.outcome import DONE, NO_NUMBER, STEP_TOO_SMALL
 from ..physics.actuator import Actuator, PulledSlider
 from ..physics.electronics.stack import Stack
+from ..physics.end_stops import EndStops
 from ..quantities.records import DURATION, SAMPLE_RATE, Quantity, refuse_too_many
 from ..quantities.units import (
     QuantityError,
@@ -35,6 +36,7 @@ from .errors import SimulationError, SimulationWarning
 from .models import RelativeLoad, System, classic, contact_load
 from .refinement import LOOSE, refined
 from .state import REST, State, as_text, maker, placed, taken_up
+from .stopped import Impact, StoppedRun, labelled_impacts, refuse_end_stops
 
 COMPLETE = "complete"
 # Largest tolerance of a position: an error far beyond a step says nothing about the motion.
@@ -57,6 +59,7 @@ def simulate(
     load: Waveform | float = 1.0,
     energy: bool = False,
     stack: Stack | None = None,
+    end_stops: EndStops | None = None,
     max_steps: int = 20_000_000,
     initial_state: State | xr.Dataset | None = None,
 ) -> xr.Dataset:
@@ -83,6 +86,8 @@ def simulate(
             cycle loses energy in proportion to its path, so that near the end of a run, within a cycle
             that is not closed yet, loss and temperature are less than a longer run has there. A drive that
             jumps takes an infinite current: `electronics.driven` says what an amplifier makes of it.
+        end_stops: stops between which the end-effector (the mass of a pulled slider) moves. Adds the
+            impacts: `impact_velocity` (before each) over "impact_time". Not with `energy`.
         max_steps: give up after so many steps.
         initial_state: a `State`, or a trajectory to continue: then `duration` counts
             from its end, and samples and drive continue in its time (with its plays and creep). With
@@ -120,6 +125,7 @@ def simulate(
         max_steps=max_steps,
         check=True,
         begin=begin,
+        end_stops=end_stops,
     )
     if found.times.size < 2:
         raise SimulationError(found.outcome)
@@ -145,6 +151,8 @@ def simulate(
     )
     if found.final is not None:
         made.attrs["final_state"] = as_text(found.final)
+    if end_stops is not None:
+        made = made.assign(labelled_impacts(found.impacts))
     return labelled_for(model, made)
 
 
@@ -169,6 +177,7 @@ class FollowedTrajectory(NamedTuple):
     resume: NDArray[np.float64]
     error: float = math.nan
     final: State | None = None
+    impacts: tuple[Impact, ...] = ()
 
 
 class _TrajectoryRun(NamedTuple):
@@ -184,6 +193,7 @@ class _TrajectoryRun(NamedTuple):
     rejected: int
     resume: NDArray[np.float64]
     place: float
+    impacts: tuple[Impact, ...] = ()
 
 
 class _Task(NamedTuple):
@@ -205,6 +215,7 @@ class _Task(NamedTuple):
     begins: float
     resume: NDArray[np.float64]
     anew: bool
+    end_stops: EndStops | None = None
 
     def run(self, tolerance: float, careful: bool = False) -> _TrajectoryRun:
         """With steps whose local errors are in proportion to the tolerance, as that of the drive's table;
@@ -212,13 +223,18 @@ class _Task(NamedTuple):
         times, q, drive = self.times, self.start.copy(), self.tables(tolerance)
         samples = np.full((times.size, self.plant.columns), np.nan)
         work = np.zeros((times.size if self.energy else 0, TERMS))
-        span, resume = (self.begins, float(times[-1])), self.resume.copy()
-        outcome, reached, steps, rejected = integrate(
-            *(self.plant, DriveTable(drive), DriveTable(self.contact.drive), q, span, tolerance, careful),
-            *(self.max_steps, times, samples, resume, work if self.energy else None),
-        )
+        span, resume, impacts = (self.begins, float(times[-1])), self.resume.copy(), ()
+        tables = DriveTable(drive), DriveTable(self.contact.drive)
+        accuracy = tolerance, careful, self.max_steps
+        if self.end_stops is None:
+            filled = samples, resume, work if self.energy else None
+            found = integrate(self.plant, *tables, q, span, *accuracy, times, *filled)
+            outcome, reached, steps, rejected = found
+        else:
+            run = StoppedRun(self.of, self.end_stops, *tables, *accuracy)
+            outcome, reached, steps, rejected, impacts = run.follow(q, span, times, samples)
         place = float(q[self.of.slider])
-        return _TrajectoryRun(drive, samples, work, outcome, reached, steps, rejected, resume, place)
+        return _TrajectoryRun(drive, samples, work, outcome, reached, steps, rejected, resume, place, impacts)
 
     def distance(self, one: _TrajectoryRun, other: _TrajectoryRun) -> float:
         """The largest difference of the end-effector's position, m; NaN where one does not reach the end."""
@@ -248,7 +264,7 @@ class _Task(NamedTuple):
             before[0, : self.start.size] = self.start
             start = classic(self.of, before, run.drive, np.array([self.begins or -1.0]))[0]
         counts = run.steps, run.rejected, run.resume, error
-        return FollowedTrajectory(times, samples, work, start, run.drive, text, *counts)
+        return FollowedTrajectory(times, samples, work, start, run.drive, text, *counts, impacts=run.impacts)
 
 
 def follow_model(
@@ -262,6 +278,7 @@ def follow_model(
     max_steps: int = 20_000_000,
     check: bool = False,
     begin: State | None = None,
+    end_stops: EndStops | None = None,
 ) -> FollowedTrajectory:
     """Simulate as `simulate`, without labels and warnings: for pictures that are drawn many times a second.
 
@@ -271,8 +288,8 @@ def follow_model(
     contact = contact_load(load, end)
     of = contact.system(model)
     tolerance = checked_tolerance(model, tolerance)
-    by_tolerance = tables(model, waveform, end, periodic=False)
-    table = by_tolerance(LOOSE * tolerance if check else tolerance)
+    drives = tables(model, waveform, end, periodic=False)
+    table = drives(LOOSE * tolerance if check else tolerance)
     if energy and not (isinstance(model, Actuator) and len(of.stages) < 2 and model.two_port is None):
         raise QuantityError(
             "the energy account is kept for an Actuator whose stage has one mode, without a MaxwellCapacitor"
@@ -284,16 +301,17 @@ def follow_model(
         )
     plant = ComposedPlant(of.plant)
     resume = np.zeros(plant.resume_size)
-    goes_on = len(begin.resume) == resume.size and begin.made_by == maker(
-        of, table, contact.drive, tolerance, begin.time
-    )
+    goes_on = end_stops is None and len(begin.resume) == resume.size
+    goes_on = goes_on and begin.made_by == maker(of, table, contact.drive, tolerance, begin.time)
     if goes_on:
         resume[:] = begin.resume
     anew = bool(energy and goes_on)
     if anew:
         times = np.append(begin.time, times)
     start = placed(begin, of, contact, table.before)
-    task = _Task(of, plant, by_tolerance, contact, start, times, energy, max_steps, begin.time, resume, anew)
+    refuse_end_stops(model, end_stops, energy, float(start[of.slider]))
+    given = times, energy, max_steps, begin.time, resume, anew, end_stops
+    task = _Task(of, plant, drives, contact, start, *given)
     if not check:
         return task.followed(task.run(tolerance))
     found = refined(task.run, task.distance, lambda run: run.steps + run.rejected, tolerance)

@@ -1,0 +1,31 @@
+r"""End stops with restitution on the way of an end-effector, or of a pulled slider.
+
+An impact at the velocity v reverses it and leaves a part, :math:`v^+ = -e\,v^-`, with the coefficient of
+restitution e. Position, deflections of the contact and the stage do not change in the instant. A body that
+has come to rest at a stop stays there while it is pushed towards the stop. The impact takes no time: a stop
+whose contact lasts as long as a period of the stage needs a stiffness, which this model does not have.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from ..quantities.records import Quantity, record
+from ..quantities.units import QuantityError
+
+
+@record
+class EndStops(NamedTuple):
+    """End stops at the positions `low` and `high` with the same coefficient of restitution."""
+
+    low: Annotated[float, Quantity("m", "x_1", "position of the lower stop")]
+    high: Annotated[float, Quantity("m", "x_2", "position of the upper stop")]
+    restitution: Annotated[
+        float, Quantity("", "e", "speed after an impact over the speed before", minimum=0, maximum=1)
+    ] = 0.0
+
+    def _check(self) -> None:
+        if not self.low < self.high:
+            raise QuantityError(
+                f"EndStops.low = {self.low:g} m must be below high = {self.high:g} m: swap them"
+            )
