@@ -1,4 +1,4 @@
-"""Identification: a fit from recordings of steps, walks, loops, frequency responses and events."""
+"""Fits of models to recordings: steps, walks, friction loops, frequency responses and stick-slip events."""
 
 from .._lazy import attach
 

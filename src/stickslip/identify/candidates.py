@@ -1,4 +1,5 @@
-"""Candidates for what describes recordings, fitted alike and judged on recordings that none has seen."""
+"""Comparison of candidate models: all are fitted to the same recordings and judged on recordings that no fit
+used."""
 
 from __future__ import annotations
 
@@ -18,32 +19,34 @@ from .recorded.channels import channel, names_of, recordings_of
 
 
 class Candidate(NamedTuple):
-    """A law to compare: initial values, free parameters, bounds, number of searches, ties and priors."""
+    """A law to compare: initial values, free parameters, bounds, number of searches, ties and priors, as for
+    a fit."""
 
     label: str
     model: Any
     free: tuple[str, ...]
     bounds: Bounds
-    starts: int = 1  # more for a law whose sum of squares has several local minima
-    tied: Mapping[str, str] = {}  # never changed
-    priors: Mapping[str, tuple[float | str, float | str]] = {}  # never changed
+    starts: int = 1  # several for a law whose sum of squares has several local minima
+    tied: Mapping[str, str] = {}  # the default is never modified
+    priors: Mapping[str, tuple[float | str, float | str]] = {}  # the default is never modified
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Laws fitted to the same recordings; `fits` and `verifications` by label, in their order."""
+    """Friction laws fitted to the same recordings: their `fits` and `verifications`, by label, in the order
+    of the laws."""
 
     fits: Mapping[str, Fit]
     verifications: Mapping[str, Goodness]
 
     @property
     def best(self) -> str:
-        """The label of the law with the highest r^2 on the verification part."""
+        """Return the label of the law with the highest r^2 on the verification recordings."""
         return max(self.verifications, key=lambda label: self.verifications[label].r_squared)
 
     @property
     def table(self) -> xr.Dataset:
-        """Figures of merit over "law"."""
+        """Return the figures of merit (such as r^2, rmse, AIC) as a dataset over "law"."""
         fits, seen = list(self.fits.values()), list(self.verifications.values())
         columns = {
             "r_squared": ([f.r_squared for f in fits], ""),
@@ -63,7 +66,7 @@ class Comparison:
     _repr_html_ = preformatted
 
     def report(self) -> str:
-        """The table as text, AIC and BIC as differences from the lowest."""
+        """Return the table as text, with AIC and BIC as differences from their lowest values."""
         lowest_aic = min(f.aic for f in self.fits.values())
         lowest_bic = min(f.bic for f in self.fits.values())
         width = max(map(len, self.fits))
@@ -89,14 +92,14 @@ def compared(
     observed: tuple[str, str],
     progress: Progress,
 ) -> Comparison:
-    """Fit each law, and predict what none has seen.
+    """Fit each law, and predict the recordings for verification, which no fit has used.
 
     Args:
         laws: the candidates.
-        fit: of one of them.
-        unseen: to judge by, predicted with nothing fitted again.
-        drives: waveform of each of them; None where the recordings are all that a prediction needs.
-        observed: the channel that is predicted, and its unit.
+        fit: function that fits one candidate.
+        unseen: recordings for verification, predicted with the fitted values.
+        drives: waveform of each of these; None if a prediction needs only the recording.
+        observed: name of the predicted channel, and its unit.
         progress: called before each law.
     """
     recordings = recordings_of(unseen)
@@ -106,7 +109,7 @@ def compared(
     for i, law in enumerate(laws):
         progress(f"fitting {law.label}", i / len(laws))
         found = fit(law)
-        assert found.predict is not None  # all of them predict
+        assert found.predict is not None  # the fits of all laws can predict
         residuals = [found.predict(r, *w) - m for r, w, m in zip(recordings, given, measured, strict=True)]
         parts = [goodness(r, m) for r, m in zip(residuals, measured, strict=True)]
         whole = goodness(np.concatenate(residuals), np.concatenate(measured), "verification", observed[1])

@@ -1,4 +1,4 @@
-"""Free values of a model: names, starts and bounds."""
+"""Free parameters of a model: names, initial values and bounds."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from ..quantities.units import QuantityError, to_si, turned, with_unit
 from ..simulation import varied
 from ..simulation.varied import NORMAL_FIELDS, element_of, free_names, law_of, ratios_of
 
-# m/s, of a sliding contact: with the law's force it gives the size of a damping that starts at zero.
+# m/s, typical sliding speed: the law's force at it gives the size of a damping that starts at zero.
 TYPICAL_SPEED = 1e-3
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
 
 
 class LinearBounds(NamedTuple):
-    """Bounds of a parameter that is searched for on a linear scale, positive ones too; without both, it has
-    its usual ones."""
+    """Bounds that keep the scale of a parameter linear, even if both are positive. Without both ends, the
+    usual bounds apply."""
 
     lower: float = -math.inf
     upper: float = math.inf
 
 
 class SearchRange(NamedTuple):
-    """Ends of a search that are no limits, with the shift of its logarithm; see `Parameter`."""
+    """Range of a search that is not a limit of the parameter, with the shift of its logarithm; see
+    `Parameter`."""
 
     lower: float
     upper: float
@@ -40,28 +41,31 @@ class SearchRange(NamedTuple):
 
     @classmethod
     def of(cls, bounds: Bounds, name: str) -> SearchRange | None:
-        """Return those of a parameter, if it has such."""
+        """Return the search range that is given as the bounds of a parameter; None for ordinary bounds."""
         found: Any = bounds.get(name)
         return found if isinstance(found, cls) else None
 
 
 class Squared(NamedTuple):
-    """Bounds of a parameter that is searched for by its square."""
+    """Bounds of a parameter whose square is the search coordinate."""
 
     lower: float
     upper: float
 
     @classmethod
     def are(cls, bounds: Bounds, name: str) -> bool:
-        """Return whether the bounds of a parameter are linear."""
+        """Return True if the bounds of this parameter are `Squared`."""
         return isinstance(bounds.get(name), cls)
 
 
 def exchangeable(
     law: Any, parameters: Sequence[Parameter], others: Sequence[Parameter]
 ) -> tuple[tuple[str, ...], ...]:
-    """The parameters of each element of a law that is a sum of alike ones, as `Problem` takes them; of those
-    elements all of whose parameters are searched for, and of which nothing else is said."""
+    """Return groups of exchangeable parameter names, as `Problem` takes them.
+
+    A law that is a sum of alike elements stays the same if two elements change places. An element is included
+    only if all its parameters are free and have no other bounds, priors or ties.
+    """
     if not isinstance(law, MaxwellSlip) or any(p.tied for p in others):
         return ()
     searched = {p.name for p in parameters if p.prior is None and not p.fixed}
@@ -73,10 +77,10 @@ def exchangeable(
 def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Parameter:
     """Return the named parameter (one of `free_names`), starting at the model's value.
 
-    Without bounds it is searched within a factor `REACH` of the start first, and then as far as the law
-    allows: down to zero, where it may be zero. A damping that starts at zero has the size of the law's force
-    at `TYPICAL_SPEED`. The scale is logarithmic, unless bounds reach down to zero or
-    below, or are `LinearBounds`.
+    Without bounds the parameter is searched within a factor `REACH` of the start first, and then as far as
+    the law allows: down to zero, where it may be zero. A damping that starts at zero has the size of the
+    law's force at `TYPICAL_SPEED`. The scale is logarithmic, unless bounds reach down to zero or below, or
+    are `LinearBounds`.
 
     Raises:
         QuantityError: the parameter starts at zero without bounds and its size is unknown, or the bounds are
@@ -85,7 +89,7 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
     start, quantity = value_of(model, name)
     if name in NORMAL_FIELDS and model.normal_force is None and name in bounds:
         low, high = given_bounds(bounds, name, quantity.unit if quantity else "") or (start, start)
-        start = 0.5 * (low + high)  # the model says nothing of it
+        start = 0.5 * (low + high)  # the model has no value for it
     if quantity is None:
         ratio = ratios_of(law_of(model))[name]
         ends = (ratio.lower, ratio.upper)
@@ -116,15 +120,16 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
 
 
 def _typical(law: Any, unit: str) -> float:
-    """Return the size of a force or damping that starts at zero, by the law's force; 0: not known."""
+    """Return the typical size of a force or damping whose initial value is zero, from the law's force; 0 if
+    it is unknown."""
     fields = law._asdict()
     force = float(np.max(fields.get("coulomb_force", fields.get("strength", 0.0))))
     return {"N": force, "N s/m": force / TYPICAL_SPEED}.get(unit, 0.0)
 
 
 def check_motion(model: Any, unit: str) -> None:
-    """Raise QuantityError where a model turns and the position that was recorded does not, or the position
-    does and the model is on a slope."""
+    """Raise QuantityError if the model is rotary and the recorded position is a length, or the reverse, or if
+    a rotary model is on a slope."""
     if getattr(model, "rotary", False) and unit != "rad":
         raise QuantityError(f"the actuator turns (rotary = true), but the position is in {unit or 'm'}")
     if unit == "rad" and getattr(model, "incline", 0.0):
@@ -132,7 +137,8 @@ def check_motion(model: Any, unit: str) -> None:
 
 
 def value_of(model: Any, name: str) -> tuple[float, Quantity | None]:
-    """Return the model's value of one of `free_names`, and its quantity; a ratio has none."""
+    """Return the model's value of one of `free_names`, and its quantity (unit, bounds); None as the quantity
+    of a ratio."""
     law = law_of(model)
     element, ratio = element_of(law, name), ratios_of(law).get(name)
     if ratio is not None and name not in law._fields:
@@ -145,8 +151,8 @@ def value_of(model: Any, name: str) -> tuple[float, Quantity | None]:
 
 
 class Said(NamedTuple):
-    """Parameters of a fit: names of the `free` ones, and their settings by name; `values` are the initial
-    values of those given as a `Parameter`."""
+    """Settings of a fit's parameters: names of the `free` ones, and their bounds, priors and ties by name;
+    `values` are the initial values of parameters that were given as a `Parameter`."""
 
     free: list[str]
     bounds: dict[str, Any]
@@ -162,11 +168,11 @@ def said_of(
     priors: Bounds | None = None,
     tied: Mapping[str, str] | None = None,
 ) -> Said:
-    """All that is said of parameters, by name or in a `Parameter`.
+    """Collect the settings of all parameters, whether given by name or in a `Parameter`.
 
     Raises:
-        QuantityError: a `Parameter` is in another unit than the model has it in, has one bound only, or is
-            said of beside it.
+        QuantityError: a `Parameter` has another unit than the model's, only one bound, or settings that are
+            also given by name.
     """
     _check_list(free, known.names)
     said = Said([], dict(bounds or {}), dict(priors or {}), dict(tied or {}), {})
@@ -204,14 +210,14 @@ def _say(said: Said, p: Parameter, known: NamedValues) -> None:
 
 
 class NamedValues(NamedTuple):
-    """Values that a fit could have, free or not, by name: each with its unit."""
+    """Values of a model, free or not, by name, each with its unit."""
 
     names: Sequence[str]
     of: Callable[[str], tuple[float, str]]
 
 
 def known_of(model: Any, others: Mapping[str, tuple[float, str]], turns: bool = False) -> NamedValues:
-    """Return the known values of a model, and others; see `parameter`."""
+    """Return the known values of a model by name, and other values; `others` are values with their units."""
 
     def of(name: str) -> tuple[float, str]:
         if name in others:
@@ -224,12 +230,13 @@ def known_of(model: Any, others: Mapping[str, tuple[float, str]], turns: bool = 
 
 
 def beside(free: Sequence[str], tied: Mapping[str, str], known: NamedValues) -> list[Parameter]:
-    """The parameters beside the free ones: those that are tied, and fixed ones that they need.
+    """Return the parameters that a fit needs besides the free ones: tied ones, and the fixed ones in their
+    expressions.
 
     Args:
         free: names of those that are searched for.
         tied: expression of each tied one, see `estimate.tied`.
-        known: all that can be named; what is neither free nor tied keeps its value.
+        known: all values that an expression may name; those neither free nor tied are constant.
 
     Raises:
         QuantityError: a name is unknown, or free and tied at once; or an expression cannot be read.
@@ -255,7 +262,7 @@ def beside(free: Sequence[str], tied: Mapping[str, str], known: NamedValues) -> 
 
 
 def with_ties(parameters: Sequence[Parameter], tied: Mapping[str, str] | None) -> list[Parameter]:
-    """The parameters of a fit that searches for all but those that are tied, in their order.
+    """Return the parameters of a fit in their order, with the expressions of those that are tied.
 
     Raises:
         QuantityError: see `beside`.
@@ -268,7 +275,8 @@ def with_ties(parameters: Sequence[Parameter], tied: Mapping[str, str] | None) -
 
 
 def with_prior(p: Parameter, priors: Bounds) -> Parameter:
-    """The parameter with what is known of it: value and standard deviation, in SI or as strings."""
+    """Return the parameter with its prior, a value and a standard deviation in SI or as strings, if `priors`
+    has one."""
     if p.name not in priors:
         return p
     value, deviation = (to_si(given, p.unit, f"prior of {p.name}") for given in priors[p.name])
@@ -276,7 +284,8 @@ def with_prior(p: Parameter, priors: Bounds) -> Parameter:
 
 
 def check_priors(priors: Bounds, free: Sequence[str], noise: float | None, what: str) -> None:
-    """Raise QuantityError unless priors are of what is free, and weigh against a noise, which is `what`."""
+    """Raise QuantityError unless each prior belongs to a free parameter and the noise is known; `what` names
+    the noise in the message."""
     for name in priors:
         if name not in free:
             raise QuantityError(f"there is a prior for {name!r}, which is not free{did_you_mean(name, free)}")
@@ -292,8 +301,8 @@ def linear(
     bounds: Bounds,
     limits: tuple[float, float] = (-math.inf, math.inf),
 ) -> Parameter:
-    """Return a parameter on a linear scale, within its bounds; without any, searched for between the ends
-    first, and then within the limits."""
+    """Return a parameter with a linear scale, within its bounds. Without bounds it is searched between `ends`
+    first, and then within `limits`."""
     found = SearchRange.of(bounds, name)
     given = given_bounds(bounds, name, unit) if found is None else None
     if given is not None:
@@ -304,7 +313,8 @@ def linear(
 
 
 def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
-    """Return the bounds of one parameter in SI, or None; QuantityError unless the lower comes first."""
+    """Return the bounds of one parameter in SI, or None; raise QuantityError unless the lower bound comes
+    first."""
     given = bounds.get(name)
     if given is None or (isinstance(given, LinearBounds) and given == LinearBounds()):
         return None
@@ -317,7 +327,8 @@ def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | 
 
 
 def check_names(free: Sequence[str], known: Sequence[str], bounds: Bounds) -> None:
-    """Raise `QuantityError` unless every free name is known and there once, and every bound is of one."""
+    """Raise `QuantityError` unless every free name is known and given once, and every bound belongs to a free
+    name."""
     _check_list(free, known)
     for name in free:
         if name not in known:

@@ -1,10 +1,10 @@
-"""Uncertainty from recorded quantities that a fit takes as exact: the steps of a converter or an encoder,
-which more samples do not average away, and noise that bends what follows from them.
+"""Uncertainty from recorded quantities that a fit takes as exact: converter or encoder steps and noise.
 
-Samples at one level only show that the quantity is within half a step of it. So each level is moved at random
-by up to half a step, each sample by as much noise again, and the effect on the fit is added to its
-uncertainty, linearised. The common effect of all draws, such as small reversals that noise adds to a motion,
-is a bias; it counts as a standard error.
+More samples do not average steps away, and noise biases what follows from the quantity. Samples at a single
+level only show that the quantity is within half a step of it. So each level is moved at random by up to half
+a step, and each sample by as much noise as it has. The effect on the fit, linearised, is added to its
+uncertainty. The common effect of all draws (such as small reversals that noise adds to a motion) is a bias;
+it is added as a standard error.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from ..recording.noise import noise_level
 from .recorded.known_noise import LEAST_STEP, SIMULATED
 from .recorded.levels import converter_step
 
-# Draws of all levels, and the share of a variance from which on it is said.
+# Number of random draws of all levels, and the share of a variance above which the effect is reported.
 DRAWS, WORTH_SAYING = 24, 0.1
-# Orders of the differences that show noise: the coarser the samples, the higher leave what is smooth out.
+# Orders of the differences that show noise: higher orders remove smooth motion better if samples are coarse.
 ORDERS = (4, 6, 8)
 
 Array = NDArray[np.float64]
@@ -41,7 +41,8 @@ class Inexact(NamedTuple):
 
     @classmethod
     def seen(cls, values: Array, *, noisy: bool = True) -> Inexact:
-        """With the steps that the samples show, or else, if it may be `noisy`, their white noise."""
+        """Return the quantity with the steps that its samples show or, if it may be `noisy` and has none,
+        with their white noise."""
         step, noise = (
             converter_step(values),
             min(noise_level(values, order) for order in ORDERS) if noisy else 0.0,
@@ -49,7 +50,7 @@ class Inexact(NamedTuple):
         return cls(values, 0.0, noise) if noise > step else cls(values, step)
 
     def drawn(self, random: np.random.Generator) -> Array:
-        """Moved at random, [draws, n]."""
+        """Return samples moved at random by steps and noise, shape (draws, n)."""
         if self.step > 0.0:
             levels, place = np.unique(self.values, return_inverse=True)
             half = 0.5 * self.step
@@ -58,8 +59,8 @@ class Inexact(NamedTuple):
 
 
 def moved_by(known: Sequence[Inexact], residuals: Callable[[Sequence[Array]], Array]) -> Array | None:
-    """By how much all residuals of a fit, joined, move as the quantities are drawn, [draws, n]; None where
-    all are exact. `residuals` follow from other samples of them."""
+    """Return the changes of all residuals of a fit, joined, for random draws of the quantities, shape (draws,
+    n); None if all are exact. `residuals` computes them from other samples."""
     if not any(one.step or one.noise for one in known):
         return None
     random = np.random.default_rng(0)
@@ -69,7 +70,8 @@ def moved_by(known: Sequence[Inexact], residuals: Callable[[Sequence[Array]], Ar
 
 
 def with_moved(fit: Fit, moved: Array | None, said: str) -> Fit:
-    """The fit with the uncertainty that this leaves; `said` where it is much of it."""
+    """Return the fit with the uncertainty of the moved residuals added, and with the remark `said` if that is
+    a large part."""
     if fit.jacobian is None or moved is None:
         return fit
     wider = with_inherited(fit, moved.T, np.eye(DRAWS) / DRAWS)
@@ -79,7 +81,8 @@ def with_moved(fit: Fit, moved: Array | None, said: str) -> Fit:
 
 
 def said_steps(what: str, known: Sequence[Inexact], unit: str) -> str:
-    """A sentence on steps, of a converter or of simulations, or on noise, that intervals allow for."""
+    """Return a sentence that the intervals allow for steps (of a converter or of simulations) or noise of a
+    quantity."""
     step, noise = (max(getattr(one, name) for one in known) for name in ("step", "noise"))
     if step == LEAST_STEP:
         return f"{what} is simulated to within {with_prefix(SIMULATED, unit, 3)}; the intervals allow for it"

@@ -1,4 +1,4 @@
-"""Actuators, piezos and chains as numbers of results.json, and read from there again."""
+"""Actuators, piezos and chains of instruments as numbers for results.json, and back."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..recording.chain import Chain
 
 
 def model_numbers(model: Actuator) -> dict[str, Any]:
-    """An actuator for results.json, whole: `model_of` makes it again.
+    """Return all fields of an actuator for results.json; `model_of` restores the actuator.
 
     Infinite fields, which are the defaults, are left out.
     """
@@ -35,7 +35,7 @@ def model_numbers(model: Actuator) -> dict[str, Any]:
 
 
 def piezo_numbers(piezo: Piezo) -> dict[str, Any]:
-    """Hysteresis and creep for results.json, whole."""
+    """Return hysteresis and creep of a piezo for results.json."""
     return {
         part: {**registry.piezos.written(type(one)), "values": _fields(one)}
         for part, one in piezo._asdict().items()
@@ -44,7 +44,7 @@ def piezo_numbers(piezo: Piezo) -> dict[str, Any]:
 
 
 def piezo_of(numbers: Mapping[str, Any]) -> Piezo:
-    """The piezo of `piezo_numbers`, from what was read from results.json."""
+    """Return the piezo that `piezo_numbers` has written, from the numbers read from results.json."""
     return Piezo(
         **{
             part: _made(registry.piezos.of_results(one), one["values"], f"piezo.{part}")
@@ -54,12 +54,14 @@ def piezo_of(numbers: Mapping[str, Any]) -> Piezo:
 
 
 def chain_numbers(chain: Chain) -> dict[str, Any]:
-    """For results.json; an infinite slew rate, which is the default, is left out."""
+    """Return the fields of a chain (amplifier to samples) for results.json; an infinite slew rate, the
+    default, is left out."""
     return _fields(chain)
 
 
 def chain_of(numbers: Mapping[str, Any]) -> Chain:
-    """From what was read from results.json; of a fit of walks, its delay and offset."""
+    """Return the chain of instruments from numbers in results.json; from a fit of walks, its delay and
+    offset."""
     if "signal_chain" in numbers:
         return _made(Chain, numbers["signal_chain"], "signal_chain")
     known = _entries(numbers.get("parameters", {}), "parameters")
@@ -82,7 +84,7 @@ def _written(known: Mapping[str, Quantity], values: Mapping[str, Any]) -> dict[s
 
 
 def model_of(numbers: Mapping[str, Any]) -> Actuator:
-    """Return the actuator of `model_numbers`, read from results.json.
+    """Return the actuator of `model_numbers`, read from results.json: the inverse of that function.
 
     Raises:
         QuantityError: the numbers are not of an actuator, or a field is missing, out of range, or in a unit
@@ -103,7 +105,7 @@ def model_of(numbers: Mapping[str, Any]) -> Actuator:
 
 
 def _made(record_type: Any, fields: Any, where: str, turns: bool = False, **given: Any) -> Any:
-    """A record from its fields as `_fields` wrote them: what that always writes has no default here."""
+    """Return a record from the fields that `_fields` wrote; fields that it always writes must be present."""
     entries = _entries(fields, where)
     for name, default in _written(quantities(record_type), record_type._field_defaults).items():
         if name not in entries:
@@ -114,7 +116,7 @@ def _made(record_type: Any, fields: Any, where: str, turns: bool = False, **give
 
 
 def _entries(fields: Any, where: str) -> dict[str, SetEntry]:
-    """Values and units, as those of a parameter set: `build` converts them."""
+    """Return values with units as entries of a parameter set, which `build` converts."""
     if not isinstance(fields, Mapping):
         raise QuantityError(f"{where} = {fields!r:.60} must hold fields with their values and units")
     return {

@@ -1,4 +1,4 @@
-"""Fits in files: `save_fit` and `load_fit`."""
+"""Fits in files: save them as JSON and load them again."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def saved_types() -> dict[str, type]:
 
 
 def save_fit(fit: Fit, path: str | os.PathLike[str]) -> None:
-    """Save a whole fit as JSON: values, uncertainty, residuals, and its prediction.
+    """Save a complete fit as JSON: values, uncertainty, residuals, and its prediction.
 
     Raises:
         FitError: the model is not from the package, or the file would be too large to read.
@@ -73,10 +73,11 @@ def save_fit(fit: Fit, path: str | os.PathLike[str]) -> None:
 
 
 def load_fit(path: str | os.PathLike[str]) -> Fit:
-    """A fit as `save_fit` wrote it; it predicts, and says the same.
+    """Return a fit that `save_fit` wrote, with its prediction and report.
 
     Raises:
-        FitError: the file cannot be read, holds no fit, or one of the user's own law that is not known here.
+        FitError: the file cannot be read, contains no fit, or a fit of a user's law that is not registered
+            here.
     """
     types = saved_types()
     with damaged(FitError, f"{path}: there is no fit in it (ss.save_fit writes one)"):
@@ -92,5 +93,5 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
         if not isinstance(fit, Fit):
             raise TypeError(f"but a {type(fit).__name__}")
         with np.errstate(all="ignore"):
-            repr(fit)  # values, uncertainty and parameters belong together, or there is no summary
+            repr(fit)  # raises an error if values, uncertainty and parameters do not match
         return fit

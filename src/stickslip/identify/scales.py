@@ -1,9 +1,10 @@
-"""Scales of the channels that a fit takes as exact, and the effect of their errors on its values.
+"""Effect of scale errors of channels on fitted values: systematic errors.
 
 A sensor whose scale is wrong by a share s shows (1 + s) times the motion. Least squares then give other
-values, linearised as for all that a fit takes as known (`estimate.moves`). What was identified through the
-same sensor before, such as a stage, moves with it. If nothing else is known in the sensor's unit, each value
-moves by the power of that unit in its own: a gain in m/V or a force by s, a damping ratio not at all.
+values; the change is linearised, as for all quantities that a fit takes as known (`estimate.moves`). Values
+identified earlier through the same sensor, such as those of a stage, change with it. If nothing else is known
+in the sensor's unit, each value changes by the power of that unit in its own unit: a gain in m/V or a force
+by s, a damping ratio not at all.
 """
 
 from __future__ import annotations
@@ -25,31 +26,31 @@ from ..estimate.systematic import Systematic
 from ..recording import SCALE_UNCERTAINTY
 
 DRIVE = "drive_voltage"
-DIFFERENCE = 1e-3  # relative change of a scale, for a derivative by differences
+DIFFERENCE = 1e-3  # relative change of a scale for numerical derivatives
 
 Array = NDArray[np.float64]
 
 
 def scale_uncertainty(recordings: Sequence[xr.Dataset], name: str) -> float:
-    """Return the relative standard uncertainty of a channel's scale, the largest of all recordings; 0 where
-    one of them does not say it."""
+    """Return the relative standard uncertainty of a channel's scale, the largest of all recordings; 0 if one
+    of them has no attribute for it."""
     found = [float(one[name].attrs.get(SCALE_UNCERTAINTY, 0.0)) if name in one else 0.0 for one in recordings]
     return max(found) if min(found) > 0.0 else 0.0
 
 
 def cause_of(name: str) -> str:
-    """Return what an error of a channel's scale is called."""
+    """Return the words for an error of a channel's scale, for reports."""
     return f"the scale of {name}"
 
 
 def model_values(fit: Fit) -> Array:
-    """Return what the model shows of all recordings, joined, without their noise."""
+    """Return the model's values for all recordings, joined: residuals plus measured values, without noise."""
     return np.concatenate([x + r for x, r in zip(fit.measured, fit.residuals, strict=True)])
 
 
 class ByKnown(NamedTuple):
     """Derivatives of all residuals of a fit, joined: by the logarithm of the scale of each channel that the
-    model takes as known (`inputs`), and by the coordinates of the values that are from a fit before."""
+    model takes as known (`inputs`), and by the coordinates of values from an earlier fit."""
 
     inputs: Mapping[str, Array]
     by_stage: Mapping[str, Array] = MappingProxyType({})
@@ -62,14 +63,16 @@ def with_scales(
     stage: Fit | None = None,
     known: str = DRIVE,
 ) -> Fit:
-    """Return the fit with the systematic errors of its channels' scales, and those that its stage has.
+    """Return the fit with the systematic errors from the scales of its channels, and from those of the
+    stage's fit.
 
     Args:
-        fit: of the channel `observed`, complete.
-        recordings: of the fit; a variable's attribute `scale_uncertainty` says what is known of its scale.
-        derivatives: called with the fit, where anything is known.
-        stage: the fit that values taken as known are from.
-        known: channel that the model takes as known.
+        fit: complete fit to the channel `observed`.
+        recordings: recordings of the fit; a variable's attribute `scale_uncertainty` is the relative
+            uncertainty of its scale.
+        derivatives: function of the fit, called if any scale has an uncertainty.
+        stage: earlier fit of the values that are taken as known.
+        known: name of the channel that the model takes as exact.
     """
     shares = {
         cause_of(name): share
@@ -97,7 +100,8 @@ def with_scales(
 
 
 def by_prediction(recordings: Sequence[xr.Dataset], name: str) -> Callable[[Fit], ByKnown]:
-    """Return what `with_scales` takes, by differences of predictions with another scale of a channel."""
+    """Return the function `derivatives` for `with_scales`, by differences of predictions with a changed scale
+    of a channel."""
 
     def of(fit: Fit) -> ByKnown:
         assert fit.predict is not None
@@ -111,10 +115,10 @@ def by_prediction(recordings: Sequence[xr.Dataset], name: str) -> Callable[[Fit]
 
 
 def moved(fit: Fit, column: Array, known: Mapping[str, float]) -> dict[str, float]:
-    """Return how the searched coordinates q move with a quantity that moves the residuals by `column`.
+    """Return how the fitted coordinates q change with a quantity that changes the residuals by `column`.
 
-    Those that are `known` move as they say, those at a bound stay there, and the others as least squares let
-    them.
+    Coordinates in `known` change as given there, those at a bound stay, and the others follow by least
+    squares.
     """
     rows, target = tangent(fit), over_noise(fit, column[:, None])[:, 0]
     fixed = {i: known[p.name] for i, p in enumerate(fit.parameters) if p.name in known}

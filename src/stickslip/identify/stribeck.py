@@ -2,8 +2,8 @@ r"""Steady friction from points of velocity and force, as a tribometer or a serv
 
 .. math:: F = \mathrm{sgn}(v)\,\Big[F_C + (F_S - F_C)\, e^{-|v/v_s|^\delta}\Big] + \sigma_2 v + F_0
 
-with the offset F_0 of the force sensor, if free [olsson1998; armstrong1994]. A point is one
-steady velocity and the mean friction force at it, not a sample of a transient.
+F_0 is the offset of the force sensor, if it is fitted [olsson1998; armstrong1994]. A point is one steady
+velocity and the mean friction force at it, not a sample of a transient.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from .free import with_ties
 
 Array = NDArray[np.float64]
 
-TRIALS = 60  # Stribeck velocities that are tried for the start, over the range of the points
-LEAST_EXCESS = 1e-3  # of the largest force: the smallest start of the excess of stiction
-FALSE_ALARM = 0.01  # chance of noise to show as much of a fall, above which it is doubted
-NEAR_ENDS = 3.0  # a Stribeck velocity within this factor of the slowest or fastest point is hardly known
+TRIALS = 60  # number of Stribeck velocities over the range of the points that are tried as initial guess
+LEAST_EXCESS = 1e-3  # relative to the largest force: smallest initial guess of the excess of stiction
+FALSE_ALARM = 0.01  # probability that noise shows such a fall of friction; above it the fall is doubted
+NEAR_ENDS = 3.0  # a Stribeck velocity within this factor of the slowest or fastest point is uncertain
 UNPREDICTED = "it is of points of steady friction; its model is the law (fit.model) that a simulation takes"
 
 
@@ -50,9 +50,9 @@ def identify_stribeck(
     Args:
         velocity: m/s (rad/s), of both signs or of one, shape (n,). Points at rest are left out.
         force: N (N m), friction at that velocity, shape (n,): of the sign of the velocity.
-        deviation: standard deviation of each force, same unit; by default all are alike, and what is left of
-            the fit says how large it is.
-        exponent: of the Stribeck curve; None fits it as well.
+        deviation: standard deviation of each force, same unit; by default all are equal, and estimated from
+            the residuals.
+        exponent: exponent of the Stribeck curve; None: fit it as well.
         offset: fit an offset of the force sensor as well; it needs points of both signs.
         tied: parameters that follow from others, as for `identify_friction`.
 
@@ -63,7 +63,7 @@ def identify_stribeck(
     Raises:
         FitError: the points are too few or not finite, the friction drives the motion (its sign is wrong), or
             a deviation is not above 0.
-        QuantityError: an expression that ties is wrong.
+        QuantityError: an expression in `tied` is wrong.
     """
     v, f, noise, remarks = _points(velocity, force, deviation)
     if offset and (np.all(v > 0.0) or np.all(v < 0.0)):
@@ -120,7 +120,8 @@ def identify_stribeck(
 def _points(
     velocity: ArrayLike, force: ArrayLike, deviation: ArrayLike | None
 ) -> tuple[Array, Array, Array | None, tuple[str, ...]]:
-    """The points that move, with their deviations, and a sentence on those that do not."""
+    """Return velocity, force and deviations of the points with a velocity, and a sentence on those at
+    rest."""
     v, f = np.asarray(velocity, float), np.asarray(force, float)
     if v.ndim != 1 or v.shape != f.shape:
         raise FitError(f"velocity {v.shape} and force {f.shape} must be one value each per point")
@@ -155,8 +156,11 @@ def _curve(v: Array, values: dict[str, Any]) -> Array:
 def _start(
     v: Array, f: Array, noise: Array | None, exponent: float, offset: bool
 ) -> tuple[tuple[float, float, float, float], float]:
-    """Coulomb friction, excess, viscous friction and Stribeck velocity of the best of some velocities, each
-    with the best not negative forces; and the offset of the force."""
+    """Return the initial guess (Coulomb friction, excess of stiction, viscous friction, Stribeck velocity)
+    and the force offset.
+
+    Each of several Stribeck velocities is tried with the best non-negative forces; the best is returned.
+    """
     weight = np.ones(v.size) if noise is None else 1.0 / noise
     trials = np.geomspace(np.abs(v).min(), np.abs(v).max(), TRIALS)
     best: tuple[float, Array, float] = (math.inf, np.zeros(5), 1.0)
@@ -175,7 +179,8 @@ def _start(
 
 
 def _chance(v: Array, f: Array, noise: Array | None, offset: bool, left: Array) -> float:
-    """Chance of noise to lower the squares as much as the fall of the friction with speed did."""
+    """Return the probability that noise lowers the sum of squares as much as the fall of friction with speed
+    did."""
     weight = np.ones(v.size) if noise is None else 1.0 / noise
     columns = np.stack([np.sign(v), v, *([np.ones(v.size)] if offset else [])], axis=1) * weight[:, None]
     without = f * weight - columns @ np.linalg.lstsq(columns, f * weight, rcond=None)[0]
@@ -193,7 +198,7 @@ def _unseen(chance: float) -> tuple[str, ...]:
 
 
 def _doubts(law: Stribeck, slowest: float, fastest: float) -> tuple[str, ...]:
-    """Sentences on a Stribeck velocity that the points do not show both sides of."""
+    """Return sentences on a Stribeck velocity that is near or beyond the slowest or fastest point."""
     if law.stribeck_velocity < NEAR_ENDS * slowest and law.stiction_force > law.coulomb_force:
         return (
             f"the friction falls below {NEAR_ENDS * slowest:.3g} m/s, where there are hardly any points: "

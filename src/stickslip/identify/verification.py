@@ -1,4 +1,5 @@
-"""A fitted model against recordings that the fit has not seen [kang2007, 5.4 and appendix 6]."""
+"""Verification: predictions of a fitted model compared with recordings that the fit has not used [kang2007,
+5.4 and appendix 6]."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ from .walk.prediction import Predictor
 
 
 class Requirement(NamedTuple):
-    """Requirement on every recording: a figure of `Verification.table`, and its limit in SI.
+    """Requirement on every recording: a column of `Verification.table`, and its limit in SI.
 
     `unit` is the unit of the limit as given, m or rad; None for a plain number.
     """
@@ -43,10 +44,11 @@ class Requirement(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Requirement:
-        """From words such as "r_squared > 0.99", "rmse <= 100 nm", "net_step_error < 2 %".
+        """Return the requirement in a text such as "r_squared > 0.99", "rmse <= 100 nm", "net_step_error < 2
+        %".
 
         Raises:
-            QuantityError: it has another form, or the unit is not that of the figure, or is missing.
+            QuantityError: the text has another form, or the unit is wrong or missing.
         """
         found = re.fullmatch(r"\s*([a-z_]+)\s*(>=|<=|>|<)\s*(.+?)\s*", text)
         if not found:
@@ -58,7 +60,7 @@ class Requirement(NamedTuple):
         if figure == "net_step_error" and limit.endswith("%"):
             return cls(figure, relation, to_si(limit[:-1], "", figure) / 100.0)
         unit = FIGURES[figure]
-        if unit and is_number(limit):  # 100 would be 100 m, which is always met
+        if unit and is_number(limit):  # a bare 100 would mean 100 m, which is always met
             raise QuantityError(
                 f"{text.strip()!r} has no unit: write one behind the number, as in {figure} {relation} 100 "
                 f"nm (of what turns, {figure} {relation} 5 urad)"
@@ -68,7 +70,7 @@ class Requirement(NamedTuple):
         return cls(figure, relation, to_si(limit, unit, figure), unit or None)
 
     def met(self, value: float) -> bool:
-        """Return whether a value fulfils the requirement; NaN does not."""
+        """Return True if a value fulfils the requirement; False for NaN."""
         return bool(_RELATIONS[self.relation](value, self.limit))
 
     def broken(self, value: float, unit: str | None = None) -> str:
@@ -95,7 +97,7 @@ FIGURES = {
     "largest_error": "m",
     "net_step_error": "",
 }
-# Share of the rms error that is its mean, above which the error counts as constant.
+# Share of the rms error that is its mean, above which the error is called constant.
 MOSTLY = 0.5
 _WHY_NOT = {
     "r_squared": "what was measured is constant",
@@ -112,13 +114,14 @@ class Verification:
     Attributes:
         observed: name of the channel.
         unit: its unit.
-        recordings: goodness of each recording.
+        recordings: goodness of fit of each recording.
         steps: net step per period of each, measured and predicted; NaN where the drive does not repeat.
-        predictions: for each a recording with measured, predicted and residual (predicted minus measured).
+        predictions: for each recording, a dataset with measured, predicted and residual (predicted minus
+            measured).
         lacks: comparison of each residual with the recording's noise, see `lack_of_fit`.
         remarks: sentences on recordings without separate noise, and on those that differ by a constant.
-        unexplained: sentences on recordings that show no noise besides, of which more is left than their
-            white noise where the fit has doubts, or more than measured loops leave (`loops.missing`).
+        unexplained: sentences on recordings without separate noise whose residual exceeds their white noise
+            although the fit has doubts, or exceeds that of measured loops (`loops.missing`).
         taken: sentences on the drive of each walk, if none was given.
     """
 
@@ -137,26 +140,26 @@ class Verification:
 
     @property
     def statements(self) -> tuple[str, ...]:
-        """A sentence for each recording that the model, with these values, does not explain."""
+        """Return a sentence for each recording that the model, with these values, does not explain."""
         return (*(one.statement for one in self.lacks if one.seen), *self.unexplained)
 
     @property
     def r_squared(self) -> float:
-        """(SST - SSE)/SST over all recordings, each about its own mean [kang2007, appendix 6]."""
+        """Return (SST - SSE)/SST over all recordings, each about its own mean [kang2007, appendix 6]."""
         return pooled_r_squared(self.recordings)
 
     @property
     def rmse(self) -> float:
-        """Root mean square of all residuals, in the unit of the channel."""
+        """Return the root mean square of all residuals, in the unit of the channel."""
         return pooled_rmse(self.recordings)
 
     @property
     def table(self) -> xr.Dataset:
-        """r_squared, rmse, residual_over_noise, largest_error, net_step, net_step_error and n_data over
-        "recording".
+        """Return r_squared, rmse, residual_over_noise, largest_error, net_step, net_step_error and n_data
+        over "recording".
 
-        The error of the net step is a part of it: predicted over measured, less one, without its sign. The
-        residual is NaN over noise that is not known otherwise.
+        net_step_error is the relative error |predicted/measured - 1|. residual_over_noise is NaN if the noise
+        is not known separately.
         """
         errors = [float(np.max(np.abs(p["residual"].values))) for p in self.predictions]
         columns = {
@@ -200,7 +203,7 @@ class Verification:
         return sentences
 
     def report(self) -> str:
-        """A text table, one line for each recording and one for all."""
+        """Return a text table with one line for each recording and one for all."""
         width = max(len("recording"), *(len(g.name) for g in self.recordings))
         lines = [
             f"prediction of {self.observed} [{self.unit}]",
@@ -225,7 +228,7 @@ class Verification:
     _repr_html_ = preformatted
 
     def to_dict(self) -> dict[str, Any]:
-        """Every number with its unit, ready for JSON; None where r^2 does not exist."""
+        """Return every number with its unit, ready for JSON; None if r^2 does not exist."""
         return {
             "observed": self.observed,
             "unit": self.unit,
@@ -261,9 +264,10 @@ def _finite(number: float) -> float | None:
 def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: Any) -> float:
     """Return the displacement per period of a repeated drive, m; NaN with fewer than two periods.
 
-    The mean position over the last period minus that over the second (of two, the first, which starts at rest
-    and is like no other), by the number of periods between: each sample counts, where peaks [kang2007,
-    appendix 9] would take the noise for displacement. Of a sequence, of its first part that has a period.
+    It is the mean position over the last period minus that over the second, divided by the number of periods
+    between them. With only two periods the first is used, although it starts at rest. All samples count;
+    peaks [kang2007, appendix 9] would add the noise to the displacement. For a sequence of drives, the first
+    periodic part counts.
     """
     begin, periodic = periodic_part(drive)
     if periodic is None:
@@ -281,7 +285,7 @@ def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: An
     return (mean(begin + (count - 1) * period) - mean(begin + first * period)) / (count - 1 - first)
 
 
-# Names of the values of a unit.
+# Name of the observed values for each unit.
 _KINDS = {"m": "positions", "rad": "positions", "N": "forces", "N m": "torques"}
 
 
@@ -308,7 +312,7 @@ def _unjudged(
 
 
 def _said_offsets(goods: Sequence[Goodness], left: Sequence[NDArray[np.float64]]) -> list[str]:
-    """A sentence on each recording that differs from the model mostly by a constant."""
+    """Return a sentence on each recording whose residual is mostly a constant."""
     said = []
     for good, r in zip(goods, left, strict=True):
         if float(r.std()) < MOSTLY * good.rmse:
@@ -326,19 +330,19 @@ def verify(
     *,
     drive: Any | Sequence[Any] | None = None,
 ) -> Verification:
-    """Predict recordings with a fitted model, nothing fitted again.
+    """Compare recordings with the predictions of a fitted model; nothing is fitted again.
 
     Args:
-        fit: of an identification that builds a model, or a `Predictor`.
+        fit: result of an identification that builds a model, or a `Predictor`.
         recordings: with the channels that the identification needed.
-        drive: waveform of each recording (one: of all), in its time. Left out, a walk's own is taken: see
+        drive: waveform of each recording, or one for all, in its time. By default, a walk's own is used: see
             `taken_drive`.
 
     Raises:
         RecordingError: a channel is missing, too short, not finite or in another unit than the fit's; numbers
             do not match.
-        ValueError: it is no fit.
-        FitError: the fit predicts no recording; the message says why, and what does.
+        ValueError: `fit` is neither a fit nor a `Predictor`.
+        FitError: the fit cannot predict a recording; the message says why, and which fit can.
     """
     if not hasattr(fit, "predict"):
         raise ValueError(

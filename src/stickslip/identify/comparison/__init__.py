@@ -1,4 +1,5 @@
-"""Friction laws compared by small experiments: a table of what each does, and the limits between them."""
+"""Comparison of friction laws by small simulated experiments, and the limits in which one law becomes
+another."""
 
 from .laws import LawCharacter as LawCharacter
 from .laws import characterise_laws as characterise_laws

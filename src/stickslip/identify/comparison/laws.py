@@ -45,22 +45,23 @@ from ...waveform.sequence import Sequence
 from ...waveform.shapes import Ramp
 from ...waveform.signal import Waveform
 
-# Speeds, m/s: without damping forces; below and above the Stribeck range.
+# Speeds, m/s. At CREEPING the damping forces are negligible; SLOW and FAST lie below and above the Stribeck
+# range.
 CREEPING, SLOW, FAST = 1e-8, 1e-5, 1e-2
-_LOW, _HIGH = 0.1, 0.4  # of the swinging load, over the sliding force
-_LOAD_SPRING, _LOAD_FREQUENCY = 50.0, 5.0  # N/m, Hz: soft against every contact, slow against its resonance
+_LOW, _HIGH = 0.1, 0.4  # ends of the oscillating load, relative to the sliding force
+_LOAD_SPRING, _LOAD_FREQUENCY = 50.0, 5.0  # N/m, Hz: softer than any contact, and slower than its resonance
 _PULL_SPRING, _PULL_SPEED = 1e3, 1e-3  # N/m, m/s
-_PERIODS = 8  # of the drive, as recorded in the thesis
+_PERIODS = 8  # of the drive
 
 
 @dataclass(frozen=True)
 class LawCharacter:
-    """Results of the experiments on one law; see the module.
+    """Results of the experiments of this module on one friction law.
 
-    Fields: `states`, internal states; `stiffness`, N/m, infinite for a rigid contact; `elastic_range` and
-    `presliding_range`, m; `stiction` and `stribeck_fall`, over the sliding force (0 for none); `viscous`,
-    N s/m; `drift`, m per cycle; `force_jump`, N (0 for a continuous force); `net_step`, m per period;
-    `solver_steps`, accepted and rejected.
+    Fields: `states`, number of internal states; `stiffness`, N/m, infinite for a rigid contact;
+    `elastic_range` and `presliding_range`, m; `stiction` and `stribeck_fall`, relative to the sliding force
+    (0 for none); `viscous`, N s/m; `drift`, m per cycle; `force_jump`, N (0 for a continuous force);
+    `net_step`, m per period; `solver_steps`, accepted and rejected steps of the solver.
     """
 
     name: str
@@ -78,7 +79,8 @@ class LawCharacter:
 
 
 def characterise_laws(laws: Mapping[str, Any], actuator: Actuator, waveform: Waveform) -> list[LawCharacter]:
-    """The experiments of the module on each law, by name; `actuator` and its periodic drive for the last."""
+    """Return the results of the experiments of this module on each law, given by name. The last experiment
+    simulates the actuator with its periodic drive."""
     return [_character(name, law, actuator, waveform) for name, law in laws.items()]
 
 
@@ -88,13 +90,14 @@ def example_laws(
     stribeck_velocity: float | str = 1e-3,
     sigma_2: float | str = 5.0,
 ) -> dict[str, Any]:
-    """One law of each kind for one contact: its σ₀, σ₁ and F_C, and effects that the contact itself may lack.
+    """Return one law of each kind, by name, all with σ₀, σ₁ and F_C of one contact, and with typical values
+    of effects that this contact lacks.
 
     Args:
-        contact: a LuGre contact, such as that of [kang2007].
-        stiction_force: N, of the laws that have one; 1.3 F_C if left out.
+        contact: a LuGre contact, such as the one of [kang2007].
+        stiction_force: N, for the laws that have one; by default 1.3 F_C.
         stribeck_velocity: m/s.
-        sigma_2: N s/m, of the laws with viscous friction.
+        sigma_2: N s/m, for the laws with viscous friction.
     """
     sigma_2 = to_si(sigma_2, "N s/m", "sigma_2")
     stribeck_velocity = to_si(stribeck_velocity, "m/s", "stribeck_velocity")
@@ -105,7 +108,7 @@ def example_laws(
     stribeck = {"stiction_force": f_s, "stribeck_velocity": stribeck_velocity}
     shares = np.array(
         [[0.57, 0.29, 0.14], [0.37, 0.37, 0.26]]
-    )  # of stiffness and strength: soft elements last
+    )  # shares of stiffness and of strength: soft elements yield last
     return {
         "Coulomb": Coulomb(f_c),
         "Coulomb + viscous": CoulombViscous(f_c, sigma_2),
@@ -145,14 +148,16 @@ def _character(name: str, law: Any, actuator: Actuator, waveform: Waveform) -> L
 
 
 def _force(law: Any, position: NDArray[np.float64], speed: float) -> NDArray[np.float64]:
-    """Force [N] at positions [m] that are passed one after the other at one speed."""
+    """Return the friction force [N] at positions [m] that are passed in this order at a constant speed
+    [m/s]."""
     time = np.append(0.0, np.cumsum(np.abs(np.diff(position)) / speed))
-    # In steady sliding the deflection stays within the tolerance of its rest; σ₁ weighs what is left of ż.
+    # In steady sliding the deflection is constant within the tolerance; σ₁ multiplies its remaining rate.
     return friction_response(law, time, position, tolerance=1e-15)["friction_force"].values
 
 
 def _steady_force(law: Any, speed: float) -> float:
-    """After 200 µm, which is far for a contact whose presliding is of the order of a micrometre."""
+    """Return the friction force [N] at a speed [m/s] after 200 µm, far beyond the presliding range of any
+    contact."""
     return float(_force(law, np.array([0.0, 2e-4]), speed)[-1])
 
 
@@ -165,7 +170,8 @@ def _stiffness(law: Any) -> float:
 
 
 def _elastic_range(law: Any, z_c: float) -> float:
-    """Widest push [m], in steps of z_c/50, whose loop keeps less than 0.1 % of the work put in."""
+    """Return the largest displacement [m], in steps of z_c/50, whose closed loop dissipates less than 0.1 %
+    of its work."""
     widest = 0.0
     if z_c == 0.0:
         return widest
@@ -190,11 +196,11 @@ def _presliding_range(law: Any, z_c: float) -> float:
 
 
 def _breakaway(law: Any, sliding: float) -> float:
-    """Largest friction force [N] while a spring that is pulled slowly sets the mass in motion."""
+    """Return the largest friction force [N] while a slowly pulled spring sets a mass in motion."""
     model = PulledSlider(mass=0.1, spring_stiffness=_PULL_SPRING, damping=0.0, friction=law)
     until = 2.0 * sliding / (_PULL_SPRING * _PULL_SPEED)
-    # Unchecked, for what comes after the first slip is nobody's concern: jerks that no tolerance holds
-    # together.
+    # Not checked for convergence: the motion after the first slip is not used, and no tolerance resolves its
+    # jerks.
     samples = follow_model(model, Ramp(_PULL_SPEED, unit="m"), np.arange(0.0, until, 5e-5)).samples
     before = samples[:, SLIDER + 1] < 0.1 * _PULL_SPEED
     first_slip = int(np.argmin(before)) if not before.all() else before.size
@@ -202,7 +208,8 @@ def _breakaway(law: Any, sliding: float) -> float:
 
 
 def _drift(law: Any, sliding: float, cycles: int = 6) -> float:
-    """Displacement [m] in the last of some cycles of a load between 10 % and 40 % of the sliding force."""
+    """Return the displacement [m] in the last of `cycles` cycles of a load between 10 % and 40 % of the
+    sliding force."""
     stretch, rise = sliding / _LOAD_SPRING, 0.2
     drive = Sequence(
         Ramp(_LOW * stretch / rise, rise_time=rise, unit="m"),
@@ -222,7 +229,8 @@ def _drift(law: Any, sliding: float, cycles: int = 6) -> float:
 
 
 def _force_jump(law: Any, amplitude: float) -> float:
-    """Largest jump of the force [N] under sinusoidal strokes of 5 Hz; 0 where it shrinks with the samples."""
+    """Return the largest jump of the force [N] under sinusoidal strokes of 5 Hz and this amplitude [m]; 0 if
+    the jump shrinks with the sampling interval."""
     differences = []
     for samples in (2000, 8000):
         phase = np.linspace(0.0, 4.0 * math.pi, 2 * samples + 1)

@@ -1,7 +1,7 @@
-r"""The limits in which one law becomes another [kang2007, sec. 3.2], tried out on an actuator.
+r"""Limits in which one friction law becomes another [kang2007, sec. 3.2], tested on an actuator.
 
-A hard bristle becomes a static law as slowly as :math:`1/\sqrt{\sigma_0}`. Elastoplastic with z_ba = 0 alone
-is not LuGre: its share alpha still grows from 0 to 1 over presliding, so only sliding is the same.
+A hard bristle becomes a static law as slowly as :math:`1/\sqrt{\sigma_0}`. The elastoplastic law with z_ba =
+0 is not LuGre: its share alpha still grows from 0 to 1 over presliding, so only sliding is the same.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from ...waveform.signal import Waveform
 
 @dataclass(frozen=True)
 class Limit:
-    """A law that turns into another one.
+    """A friction law that becomes another one in a limit.
 
     Fields: the names of both, the `condition` in words, and the largest `difference` [m] between the
     end-effector's positions that the two laws give.
@@ -46,12 +46,13 @@ class Limit:
 def compare_limits(
     actuator: Actuator, waveform: Waveform, stiction_force: float | str | None = None
 ) -> list[Limit]:
-    """Each limit as two simulations of two periods, of a law close to the limit and of what it should become.
+    """Return a test of each limit: two periods simulated with a law close to the limit, and with the law that
+    it becomes.
 
     Args:
         actuator: its friction must be a `LuGre` contact, whose values all laws share.
         waveform: a periodic drive.
-        stiction_force: N, of the laws that have one; 1.3 F_C if left out.
+        stiction_force: N, for the laws that have one; by default 1.3 F_C.
     """
     stiction = optional_si(stiction_force, "N", "stiction_force")
     contact = actuator.friction

@@ -1,4 +1,4 @@
-"""The comparisons as tables in Markdown."""
+"""Comparisons of friction laws as tables in Markdown."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NO_SHARE, _NO_LENGTH = 5e-3, 1e-12
 
 
 def laws_as_markdown(rows: Iterable[LawCharacter]) -> str:
-    """One row per law; the columns are explained in `laws`."""
+    """Return a Markdown table with one row per friction law; its columns are the fields of `LawCharacter`."""
     heads = (
         "law",
         "states",
@@ -31,7 +31,8 @@ def laws_as_markdown(rows: Iterable[LawCharacter]) -> str:
 
 
 def limits_as_markdown(rows: Iterable[Limit]) -> str:
-    """One row per limit, with the largest difference between the two walks."""
+    """Return a Markdown table with one row per limit and the largest difference between the two simulated
+    walks."""
     heads = ("law", "with", "becomes", "largest difference")
     return _table(heads, [(r.law, r.condition, r.becomes, with_prefix(r.difference, "m", 3)) for r in rows])
 

@@ -1,1 +1,1 @@
-"""Slips and stick-slip events, without a model and with one."""
+"""Detection of slips and stick-slip events in recordings, and friction from them."""

@@ -1,12 +1,12 @@
-"""The covariance of means of correlated quantities, whose neighbours are correlated as well."""
+"""Covariance of the mean of several quantities, if successive samples are correlated."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-# Neighbours that undo each other leave at least this part of the variance without them: so little the events
-# of a recording do not tell.
+# Smallest ratio of the variance with correlated neighbours to the variance without. A recording has too few
+# events to show a smaller one.
 LEAST = 0.1
 # Relative addition to each variance, which separates quantities that differ by rounding only.
 ROUNDING = 1e-9
@@ -15,16 +15,18 @@ Array = NDArray[np.floating]
 
 
 def covariance_of_mean(rows: Array) -> Array:
-    """The covariance [k, k] of the mean of rows [n, k], of which neighbours may be correlated; n is >= 2.
+    """Return the covariance [k, k] of the mean of n >= 2 rows [n, k], if each row may be correlated with the
+    next.
 
-    The spectrum at frequency zero, from the covariance of the rows and that with their neighbours, over n.
+    This is the spectrum at frequency zero: the covariance of the rows and their covariance with the next row,
+    divided by n.
     """
     n = len(rows)
     left = rows - rows.mean(axis=0)
-    # The mean is of the same rows: that takes three rows' variance off the sum, of each and both neighbours.
+    # The mean comes from the same rows, which lowers the sum by the variance of three rows.
     free = max(n - 3, 1)
     own = left.T @ left / free
-    smallest = (1e-12 * np.abs(rows).max(axis=0)) ** 2  # of what does not vary at all
+    smallest = (1e-12 * np.abs(rows).max(axis=0)) ** 2  # for columns that do not vary
     own = own + np.diag(ROUNDING * np.diag(own) + smallest)
     with_next = left[1:].T @ left[:-1] / free
     factor = np.linalg.cholesky(own)
@@ -35,8 +37,8 @@ def covariance_of_mean(rows: Array) -> Array:
 
 
 def degrees_of_freedom(n: int) -> float:
-    """Return the degrees of freedom of Student's t for fits to means of n by that covariance.
+    """Return the degrees of freedom of Student's t for means of n rows with `covariance_of_mean`.
 
-    Three lags share the rows, and one degree is lost to the weights estimated from the same rows.
+    The three lags use the same rows, and the weights estimated from these rows cost one degree.
     """
     return max(n / 3.0 - 1.0, 1.0)

@@ -1,4 +1,5 @@
-"""The mean step of a walk from its peaks, whose errors add up where the steps scatter."""
+"""Mean step of a walk (a motion in steps under a periodic drive) from its peak positions, and its standard
+error. The steps scatter, so errors of the positions accumulate."""
 
 from __future__ import annotations
 
@@ -8,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-# Variance of a position's noise over that of a step's scatter: from none of the one to none of the other.
-# The logarithm is uniform, as of a scale of which nothing is known.
+# Grid of the ratio of the variance of the position noise to that of the scatter of steps, from almost zero to
+# almost infinite. The logarithm is uniform, because the scale is not known.
 _RATIOS = np.logspace(-8.0, 3.0, 34)
 
 Array = NDArray[np.float64]
@@ -18,10 +19,10 @@ Array = NDArray[np.float64]
 def mean_step(differences: Array, moves: Array) -> tuple[float, float]:
     """Return the mean step of a walk, and its standard error.
 
-    Peak k lies at k steps, each with a scatter of its own, plus white noise of the position. So differences
-    of peaks have the variance b moves + 2 a, and neighbours the covariance -a. The peaks show the ratio a/b
-    only roughly: results of generalised least squares for all ratios are weighted by their restricted
-    likelihoods, and the error includes their differences.
+    Peak k lies at k steps, each with a scatter of its own, plus white noise of the position. So the
+    differences of peaks have the variance b moves + 2 a, and neighbours the covariance -a. The data determine
+    the ratio a/b only roughly: results of generalised least squares for all ratios are weighted by their
+    restricted likelihoods, and the error includes their differences.
 
     Args:
         differences: from each peak to the next, shape (n,), in any unit.
@@ -41,12 +42,14 @@ def mean_step(differences: Array, moves: Array) -> tuple[float, float]:
 
 
 def degrees_of_freedom(n: int) -> int:
-    """Return the degrees of freedom of Student's t for the error of `mean_step` of n differences."""
+    """Return the degrees of freedom of Student's t for the standard error that `mean_step` returns for n
+    differences."""
     return max(n - 2, 1)
 
 
 def _at_ratio(differences: Array, moves: Array, ratio: float) -> tuple[float, float, float]:
-    """Generalised least squares with a known ratio a/b: step, its variance, log-likelihood."""
+    """Fit the step by generalised least squares at a known ratio a/b; return the step, its variance and the
+    log-likelihood."""
     n = differences.size
     covariance = np.zeros((2, n))  # the upper diagonal, and the main one
     covariance[0, 1:] = -ratio / (1.0 + 2.0 * ratio)
@@ -57,7 +60,7 @@ def _at_ratio(differences: Array, moves: Array, ratio: float) -> tuple[float, fl
     step = float(weighted @ differences) / information
     left = differences - step * moves
     square = float(left @ cho_solve_banded((factor, False), left))
-    # Steps that agree to rounding still have a likelihood.
+    # Steps that are equal to rounding must still have a finite likelihood.
     square = max(square, (1e-14 * float(np.linalg.norm(differences))) ** 2, 1e-300)
     determinant = 2.0 * float(np.sum(np.log(factor[1])))
     likelihood = -0.5 * (determinant + math.log(information) + (n - 1) * math.log(square))

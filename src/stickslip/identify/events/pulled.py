@@ -1,10 +1,9 @@
-r"""Stick-slip of a slider that is pulled through a spring: events, friction from them, and what another speed
-will do.
+r"""Friction of a slider that is pulled through a spring, from its stick-slip events.
 
-While the slider rests, the spring force grows by k V per second; when it exceeds stiction the slider slips
-and the force drops. So the mean highest and lowest force of the events and their period say what static and
-dynamic friction are. The same feature extraction serves the measurement and the simulation; forces are given
-over the slider's weight.
+While the slider sticks, the spring force grows by k V per second. When it exceeds stiction, the slider slips
+and the force drops. So the mean highest force, lowest force and period of the events determine static and
+dynamic friction. The same features are extracted from the measurement and from the simulation. Forces are
+divided by the slider's weight.
 """
 
 from __future__ import annotations
@@ -38,15 +37,15 @@ from ..free import with_ties
 from ..recorded.screen import refuse_loading
 from .mean_covariance import covariance_of_mean, degrees_of_freedom
 
-# A drop counts as an event if it is larger than this part of the mean force, and than what noise makes.
+# A drop of the force is an event if it exceeds this share of the mean force and the effect of noise.
 _EVENT = 0.08
-# Free periods between events, below which there is hardly any rest between the swings.
+# Natural periods between events below which the slider hardly sticks between its oscillations.
 INERTIAL = 2.0
-# Smallest relative shortening of a mean period, and its size in standard errors.
+# Smallest relative shortening of the mean period that counts, and its size in standard errors.
 QUICKER, SURE = 0.02, 3.0
-# The stationary part of a simulation: that many events, after as many.
+# Number of events in the stationary part of a simulation, and before it.
 _EVENTS = 12
-# Fewer events say too little of their spread.
+# Fewest events from which their scatter is estimated.
 _LEAST = 10
 # Number of noisy events in the simulation, in multiples of the recorded events.
 _NOISY = 10
@@ -55,7 +54,7 @@ UNPREDICTED = "it is of the means of events; a simulated PulledSlider with its c
 
 @record
 class PulledRig(NamedTuple):
-    """Arrangement that pulls the slider."""
+    """Set-up that pulls the slider: its mass, spring and speed."""
 
     mass: Annotated[float, Quantity("kg", "m", "mass of the slider", above=0.0)]
     stiffness: Annotated[float, Quantity("N/m", "k", "stiffness of the spring", above=0.0)]
@@ -63,26 +62,29 @@ class PulledRig(NamedTuple):
 
     @property
     def weight(self) -> float:
-        """m g, N."""
+        """Return m g, N."""
         return self.mass * STANDARD_GRAVITY
 
     @property
     def loading_rate(self) -> float:
-        """By how much the spring force over the weight grows per second while the slider rests."""
+        """Return the growth per second of the spring force, relative to the weight, while the slider
+        sticks."""
         return self.stiffness * self.speed / self.weight
 
     @property
     def natural_frequency(self) -> float:
-        """sqrt(k/m), rad/s."""
+        """Return sqrt(k/m), rad/s."""
         return math.sqrt(self.stiffness / self.mass)
 
 
 @dataclass(frozen=True)
 class Events:
-    """Stick-slip events of one recording: forces over the weight at the top and at the bottom of each, and
-    the periods [s] between the moments at which the force falls through the middle of them. `sticking` is
-    the part of the time in which the force grows as at rest; `free_period` [s] that of the slider on its
-    spring without friction."""
+    """Stick-slip events of one recording.
+
+    Fields: forces over the weight at the top and bottom of each event; the periods [s] between the moments at
+    which the force falls through the middle of the events; `sticking`, the share of the time in which the
+    force grows as in stick; `free_period` [s] of the slider on its spring without friction.
+    """
 
     top: NDArray[np.float64]
     bottom: NDArray[np.float64]
@@ -92,10 +94,11 @@ class Events:
 
     @property
     def regime(self) -> str:
-        """Regime of the motion: "stick-slip", "inertial" (oscillating, with hardly any rest) or "steady".
+        """Return the regime of the motion: "stick-slip", "inertial" (oscillating, with hardly any stick) or
+        "steady".
 
-        A slip lasts at most a free period; so the slider rests most of the time if events are further apart
-        than two free periods.
+        A slip lasts at most one free period. So the slider sticks most of the time if events are more than
+        two free periods apart.
         """
         if self.period.size == 0:
             return "steady"
@@ -103,9 +106,11 @@ class Events:
 
     @property
     def impossible(self) -> str:
-        """A sentence where events come quicker than the slider could swing on its spring; else empty.
+        """Return a sentence if events follow each other faster than the slider could oscillate on its spring;
+        else an empty text.
 
-        Friction only delays: a slider with rests between its swings is never quicker than without friction.
+        Friction can only delay the slider: with stick between its oscillations it is never faster than
+        without friction.
         """
         if self.period.size < 3:
             return ""
@@ -120,10 +125,10 @@ class Events:
         )
 
     def summary(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-        """Return mean top, bottom and period, and the covariance of these means [3, 3].
+        """Return the mean top, bottom and period, and the covariance of these means [3, 3].
 
-        An event that starts high ends low and late, and its period belongs to two events: the means are
-        correlated, and events with their neighbours.
+        The means are correlated: an event that starts high ends low and late. So are successive events,
+        because a period belongs to two events.
         """
         n = self.period.size
         means = np.array([np.mean(a) for a in (self.top, self.bottom, self.period)])
@@ -131,15 +136,15 @@ class Events:
 
 
 def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_ratio") -> Events:
-    """The events in a recording of the spring force over the weight.
+    """Return the stick-slip events in a recording of the spring force over the weight.
 
-    A median filter as long as an eighth of the slip takes out the impulsive noise; an event is a fall of more
-    than 8 % of the mean force, and of more than white noise as strong as the samples' would make after that
-    filter; tops closer than half a natural period apart are one.
+    A median filter over an eighth of a slip removes impulsive noise. An event is a fall of more than 8 % of
+    the mean force that also exceeds the range of the filtered white noise. Tops closer than half a natural
+    period count as one.
 
     Raises:
-        FitError: the recording is sampled too coarsely for the slips (fewer than 16 samples in half a natural
-            period), does not have the channel, or has it not finite everywhere or with a negative mean.
+        FitError: the recording has fewer than 16 samples in half a natural period; or the channel is missing,
+            not finite or has a negative mean.
     """
     force = _force(recording, channel)
     time = recording["time"].values
@@ -158,9 +163,9 @@ def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_rat
         nothing = np.empty(0)
         return Events(nothing, nothing, nothing, 0.0, free)
     bottoms = np.array([a + np.argmin(smooth[a:b]) for a, b in pairwise(tops)])
-    # The flank is steep, where noise moves a top about on a slow climb.
+    # Times are read on the steep falling flank, because noise shifts a top of the slow climb.
     fallen = [_fallen(time[a : b + 1], smooth[a : b + 1]) for a, b in zip(tops, bottoms, strict=False)]
-    # At rest the force climbs from the bottom to the next top at the loading rate; a slider in motion takes
+    # In stick the force climbs at the loading rate from the bottom to the next top; a moving slider takes
     # longer.
     climb = (smooth[tops[1:]] - smooth[bottoms]) / rig.loading_rate
     sticking = float(np.sum(np.minimum(climb, time[tops[1:]] - time[bottoms])) / np.ptp(time[tops]))
@@ -168,7 +173,7 @@ def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_rat
 
 
 def _force(recording: xr.Dataset, channel: str) -> NDArray[np.float64]:
-    """The channel's values, refused where they can be no spring force over a weight."""
+    """Return the values of the channel; raise FitError if they cannot be a spring force over a weight."""
     if channel not in recording:
         raise FitError(f"the recording has no channel {channel!r}; it has {', '.join(map(str, recording))}")
     force = np.asarray(recording[channel].values, dtype=float)
@@ -188,30 +193,35 @@ def _force(recording: xr.Dataset, channel: str) -> NDArray[np.float64]:
 
 
 def _range_of_noise(force: NDArray[np.float64], size: int) -> float:
-    """Return the expected range of white noise as strong as the force's after the median filter."""
-    # Fourth differences see only what is fast; the median of n has 1.25 times the spread of their mean.
+    """Return the expected range (largest less smallest) of the force's white noise after a median filter of
+    `size` samples."""
+    # Fourth differences contain only fast changes. The median of n has 1.25 times the standard deviation of
+    # the mean.
     spread = 1.2533 * noise_level(force) / math.sqrt(size) if size > 1 else noise_level(force)
     return 2.0 * math.sqrt(2.0 * math.log(force.size)) * spread
 
 
 def _fallen(time: NDArray[np.float64], force: NDArray[np.float64]) -> float:
-    """When a force that falls from its first to its last value is last half-way."""
+    """Return the last time [s] at which a falling force is half-way between its first and last value."""
     above = force - 0.5 * (force[0] + force[-1])
     i = int(np.flatnonzero(above >= 0.0)[-1])
     return float(time[i] + (time[i + 1] - time[i]) * above[i] / (above[i] - above[i + 1]))
 
 
 def slider(rig: PulledRig, static: float, dynamic: float, damping: float = 0.0) -> PulledSlider:
-    """The pulled slider with the given friction coefficients and damping [N s/m] by the air and the
+    """Return the model of the pulled slider with these friction coefficients and a damping [N s/m] by air and
     spring."""
     law = StictionCoulombViscous(dynamic * rig.weight, static * rig.weight, damping)
     return PulledSlider(rig.mass, rig.stiffness, 0.0, law)
 
 
 def simulated_force(model: PulledSlider, rig: PulledRig, interval: float | None = None) -> xr.Dataset:
-    """The stationary spring force over the weight (`force_ratio`), some ten events of it, of the model when
-    pulled at the speed of the rig; its attribute `period` [s] is how long an event takes at most. Sampled
-    every `interval` [s]; left out, 200 times an event, and 64 times a slip."""
+    """Return the simulated stationary spring force over the weight (`force_ratio`), over some ten events,
+    when the slider is pulled at the speed of the rig.
+
+    Its attribute `period` [s] is the longest time that an event can take. The force is sampled every
+    `interval` [s]; by default 200 times per event and 64 times per slip.
+    """
     law = model.friction
     rise = 2.0 * (law.stiction_force - law.coulomb_force) / (rig.stiffness * rig.speed)
     period = rise + 2.0 * math.pi / rig.natural_frequency
@@ -232,20 +242,20 @@ def identify_pulled_slider(
 ) -> Fit:
     """Fit static and dynamic friction coefficients to the events of one recording.
 
-    Least squares on the mean top, bottom and period, weighted by their covariance (see `Events.summary`),
-    against the simulated slider, sampled as the recording; the effect of the recording's noise is
-    removed, by its effect on the simulated events. `slider` makes the model from the values. One of both
-    coefficients may be `tied` to the other, as for `identify_friction`:
-    ``{"stiction_excess": "0.2 * dynamic_coefficient"}``.
+    The fit compares the mean top, bottom and period of the events with those of a simulated slider, sampled
+    like the recording. It is weighted by the covariance of the means (see `Events.summary`). The shift of the
+    means by noise is estimated on the simulated events and removed. The model of a fit is a `slider`. One of
+    both coefficients may be `tied` to the other, as for `identify_friction`: ``{"stiction_excess": "0.2 *
+    dynamic_coefficient"}``.
 
-    Events do not distinguish damping from friction: a slip with a damping ratio zeta ends higher by
-    exp(-pi zeta), but counts as undamped, so the excess is found low by about pi/2 zeta of itself (8 % at
-    0.05). The middle of top and bottom rises with the bottom, so the dynamic coefficient is found high, by
-    about pi/2 zeta of the excess (2.5 % of itself at 0.05, where the excess is a third of it). Neither is in
-    the intervals.
+    Events do not distinguish damping from friction: a slip with a damping ratio zeta ends higher by exp(-pi
+    zeta), but counts as undamped, so the excess is found low by about pi/2 zeta of itself (8 % at 0.05). The
+    middle of top and bottom rises with the bottom, so the dynamic coefficient is found high, by about pi/2
+    zeta of the excess (2.5 % of itself at 0.05, where the excess is a third of it). The intervals contain
+    neither error.
 
     Raises:
-        QuantityError: an expression that ties is wrong.
+        QuantityError: an expression in `tied` is wrong.
         RecordingError: the force has the wrong size for this spring.
         FitError: see `slip_events`; or there are fewer than ten events.
     """
@@ -286,14 +296,14 @@ def identify_pulled_slider(
     repeats = math.ceil(_NOISY * events.period.size / _EVENTS)
     found = fit(means, np.diag(np.diag(covariance)))
     clean = force(found.values)
-    # The sampling of the simulated events shifts their means too.
+    # The sampling also shifts the means of the simulated events.
     covariance = covariance + slip_events(clean, rig).summary()[1]
     found = fit(means - _shift(clean, rig, noise, repeats), covariance)
     return replace(found, unpredicted=UNPREDICTED)
 
 
 def _shift(clean: xr.Dataset, rig: PulledRig, noise: float, repeats: int) -> NDArray[np.floating]:
-    """By how much noise shifts the mean top, bottom and period of the events."""
+    """Return the shifts of the mean top, bottom and period of events by noise of this standard deviation."""
     rng, true = np.random.default_rng(0), slip_events(clean, rig).summary()[0]
     shifts = []
     for _ in range(repeats):

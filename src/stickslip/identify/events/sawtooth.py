@@ -1,4 +1,4 @@
-"""Sizes of sawtooth walks without a model: steps, scatter, drift, vibration [kang2007, app. 8, 9]."""
+"""Features of sawtooth walks without a model: steps, scatter, drift and vibration [kang2007, app. 8, 9]."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from .slips import SlipEvents, slips_of
 from .vibration import vibration_of
 
 POSITION = "end_effector_position"
-# Parts of the slow motion in a period that show the position just before a slip, and after one.
+# Parts of the slow motion, as shares of a period, that determine the position just before and after a slip.
 BEFORE, AFTER = (0.65, 0.97), (0.25, 0.6)
-# Part of a period after a slip that is in the spectrum.
+# Share of a period after a slip from which the spectrum is computed.
 SPECTRUM = 0.25
 
 Array = NDArray[np.float64]
@@ -39,18 +39,19 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
     Returns:
         Over "slip" `slip_time` [s], `walk_number`, `peak` and `valley` [m], `up_step` (from the valley
         before to the peak) and `down_step` (peak to valley), both [m], positive along the walk, NaN where
-        there is none before. Over "walk": `direction`, `n_slips`, `missing` (periods without a slip), `start`
-        [s], `bias` [m]; `up` and `down` [m], the thesis's a and b (a - b is the mean difference of peaks,
-        N a - (N-1) b the last peak; for a walk that starts with a jump, medians of up_step and down_step);
-        `net_step` [m], the mean step of the process that made the walk, with its standard error
-        `net_step_error`, which noise of the positions and scatter of the steps are in, and the degrees of
-        freedom of Student's t for it, `net_step_freedom`; `scatter` [m] of the net steps, their `drift` [m
-        per slip]; `period` [s] with its `jitter` [s]. Over "frequency" [Hz]: `spectrum` [m]
-        of what follows the slips. In `attrs`: period [s], delay [s], inverted, asymmetry (net step backward
-        over forward, less one), and of the mean ring after the slips vibration_amplitude [m], as it is
-        `vibration_start` [s] after them, vibration_frequency [Hz] and vibration_decay [1/s]; NaN where no
-        part of the period shows three cycles of a ring that explains it within the noise, or nine tenths of
-        it; the decay also where it is uncertain, or the ring lasts until the next slip.
+        there is no slip before. Over "walk": `direction`, `n_slips`, `missing` (periods without a slip),
+            `start` [s], `bias` [m]; `up` and `down` [m], the thesis's a and b (a - b is the mean difference
+            of peaks, N a - (N-1) b the last peak; for a walk that starts with a jump, medians of up_step and
+            down_step); `net_step` [m], the mean step of the process that made the walk, with its standard
+            error `net_step_error`, from noise of the positions and scatter of the steps, and the degrees of
+            freedom of Student's t for it, `net_step_freedom`; `scatter` [m] of the net steps, their `drift`
+            [m per slip]; `period` [s] with its `jitter` [s]. Over "frequency" [Hz]: `spectrum` [m] of the
+            motion after the slips. In `attrs`: period [s], delay [s], inverted, asymmetry (net step backward
+            over forward, less one), and the mean vibration after the slips: vibration_amplitude [m] at
+            `vibration_start` [s] after a slip, vibration_frequency [Hz] and vibration_decay [1/s]. They are
+            NaN unless some part of the period shows three cycles of a decaying sine that explains the motion
+            within its noise, or nine tenths of its variance. The decay is also NaN if it is uncertain, or if
+            the vibration lasts until the next slip.
 
     Raises:
         RecordingError: the channel is missing, empty, constant, clipped, too short or too coarsely sampled,
@@ -113,7 +114,8 @@ WALK_UNITS = {
 
 
 def _line(t: Array, x: Array, first: float, last: float, at: float) -> float:
-    """The value at a time of the line through the samples between two others; NaN where there are few."""
+    """Return the value at time `at` of the straight line through the samples between `first` and `last`; NaN
+    for too few samples."""
     i, j = np.searchsorted(t, (first, last))
     if j - i < 3 or first < t[0]:
         return math.nan
@@ -128,7 +130,8 @@ def _mean(t: Array, x: Array, first: float, last: float) -> float:
 
 
 def _steps(t: Array, x: Array, slips: SlipEvents) -> dict[str, Any]:
-    """Return peak, valley and steps of each slip."""
+    """Return, by name, the positions before and after each slip, and the steps between them, in m, shape
+    (slips,)."""
     p = slips.period
     ends = np.append(slips.time[1:], t[-1])
     peak = np.array([_line(t, x, s - (1 - BEFORE[0]) * p, s - (1 - BEFORE[1]) * p, s) for s in slips.time])
@@ -153,13 +156,13 @@ def _steps(t: Array, x: Array, slips: SlipEvents) -> dict[str, Any]:
 
 
 def _walk(t: Array, x: Array, slips: SlipEvents, steps: dict[str, Array], number: int) -> dict[str, float]:
-    """One walk's numbers."""
+    """Return the features of walk `number`, by name."""
     own = slips.walk == number
     time, peak, p = slips.time[own], steps["peak"][own], slips.period
     along = -float(slips.sign[own][0])
     places = np.concatenate([[0], np.cumsum(np.maximum(1, np.round(np.diff(time) / p)))])
     before = _mean(t, x, time[0] - 1.5 * p, time[0] - 1.05 * p)
-    # A forward sawtooth rises before it falls; a reverse one starts with a jump.
+    # A forward sawtooth starts with a slow rise, a reverse one with a jump.
     down = float(np.nanmedian(steps["down_step"][own]))
     slip_first = not along * (peak[0] - before) > 0.5 * down
     start = time[0] if slip_first else time[0] - p
@@ -179,7 +182,7 @@ def _walk(t: Array, x: Array, slips: SlipEvents, steps: dict[str, Array], number
             math.nan,
         )
     d = along * (peak[known] - bias)
-    # A period without a slip moved nothing, or moved unseen.
+    # A period without a detected slip had no motion, or a motion that was not detected.
     usual = float(np.median(np.diff(d)))
     moves = np.clip(np.round(np.diff(d) / (usual or 1.0)), 1, np.diff(places[known]))
     k = np.concatenate([[0.0], np.cumsum(moves)]) + np.flatnonzero(known)[0]
@@ -208,8 +211,8 @@ def _asymmetry(walks: list[dict[str, float]]) -> float:
 
 
 def _spectrum(t: Array, x: Array, slips: SlipEvents) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Frequencies and amplitudes of the mean motion in the quarter of a period after the slips, less the line
-    through its second half; NaN where there are fewer than two slips."""
+    """Return frequencies [Hz] and amplitudes [m] of the mean motion in the first quarter of a period after
+    the slips, without its linear trend; NaN for fewer than two slips."""
     interval = float(np.median(np.diff(t)))
     count = max(8, int(SPECTRUM * slips.period / interval))
     pieces = []

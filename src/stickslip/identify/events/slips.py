@@ -1,4 +1,4 @@
-"""Instants of slip: from the jumps of drive_voltage, or from the position alone."""
+"""Instants of slip, from the jumps of drive_voltage or from the position alone."""
 
 from __future__ import annotations
 
@@ -12,21 +12,25 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from ...recording import RecordingError
 from ..recorded.drives import refuse_coarse
 
-# A jump of the drive is at least this share of its range.
+# Smallest jump of the drive, relative to its range.
 JUMP = 0.3
-# Slips further apart than this many periods belong to different walks.
+# Periods without a slip after which the next slip belongs to another walk.
 APART = 4.5
-# A slip of the position stands this far above the noise of what looks for it.
+# Smallest edge of the position that is a slip, in standard deviations of the noise of edges.
 ABOVE_NOISE = 5.0
-# Largest irregularity of slips, relative to a period.
+# Largest irregularity of the times between slips, relative to a period.
 IRREGULAR = 0.25
 
 Array = NDArray[np.float64]
 
 
 class SlipEvents(NamedTuple):
-    """Instants [s] of slips in the position, ascending; +1 or -1, where the position jumps; when each walk's
-    number; the period [s], and how late the position is behind the drive [s] (NaN without a drive)."""
+    """Slips of a recording.
+
+    Fields: instants [s] of the slips, ascending; sign of each jump of the position, +1 or -1; `walk`, the
+    number of the walk of each slip; the period [s]; and the delay of the position after the drive [s], NaN
+    without a drive.
+    """
 
     time: Array
     sign: NDArray[np.int64]
@@ -37,7 +41,7 @@ class SlipEvents(NamedTuple):
 
 
 def slips_of(t: Array, x: Array, u: Array | None, where: str) -> SlipEvents:
-    """The slips of a recording: time [n] s, position [n] m and, if it is known, drive [n] V."""
+    """Return the slips of a recording: time [n] s, position [n] m and, if it is known, drive [n] V."""
     if u is None:
         time, sign, period = _in_position(t, x, where)
         return SlipEvents(time, sign, _walks(time, sign, period), period, np.nan, False)
@@ -59,13 +63,14 @@ def slips_of(t: Array, x: Array, u: Array | None, where: str) -> SlipEvents:
 
 
 def _walks(time: Array, sign: NDArray[np.int64], period: float) -> NDArray[np.int64]:
-    """The number of the walk of each slip: a new one after a long pause, or where the direction changes."""
+    """Return the number of the walk of each slip: a new walk starts after a long pause, or if the direction
+    changes."""
     new = (np.diff(time) > APART * period) | (np.diff(sign) != 0)
     return np.concatenate([[0], np.cumsum(new)])
 
 
 def _edges(x: Array, half: int) -> Array:
-    """The mean of `half` samples from each sample on, less that of those before it, [n]."""
+    """Return the mean of the `half` samples after each sample minus the mean of those before it, [n]."""
     mean = uniform_filter1d(x, half, mode="nearest", origin=0)
     after, before = np.roll(mean, -(half // 2)), np.roll(mean, half - half // 2)
     found = after - before
@@ -76,7 +81,8 @@ def _edges(x: Array, half: int) -> Array:
 def _delay(t: Array, x: Array, jumps: Array, sign: NDArray[np.int64], period: float) -> tuple[float, int]:
     """Return the delay of the slips [s], and +1 if they follow the jumps or -1 if they oppose them.
 
-    The sum of the position's edges over all jumps is then largest; a parabola interpolates between samples.
+    The delay maximises the sum of the position's edges over all jumps; a parabola interpolates between
+    samples.
     """
     interval = float(np.median(np.diff(t)))
     half = max(3, min(int(0.05 * period / interval), 40))
@@ -94,8 +100,8 @@ def _delay(t: Array, x: Array, jumps: Array, sign: NDArray[np.int64], period: fl
 
 
 def _in_position(t: Array, x: Array, where: str) -> tuple[Array, NDArray[np.int64], float]:
-    """Slips, their signs and their period, by the position alone: at the width of edges at which they stand
-    out of the noise most clearly."""
+    """Find slips in the position alone; return their instants [s], signs and period [s]. Edges are computed
+    at the width at which they exceed the noise most clearly."""
     best = 0.0, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     half = 2
     while half < x.size // 20:
@@ -112,7 +118,8 @@ def _in_position(t: Array, x: Array, where: str) -> tuple[Array, NDArray[np.int6
 
 
 def _stand_out(x: Array, half: int) -> tuple[float, NDArray[np.int64], NDArray[np.int64]]:
-    """Return the significance (sum), places and signs of edges; 0 if they are not regular."""
+    """Return the significance (a sum), indices and signs of edges of this half width; significance 0 if they
+    are not regular."""
     edges = _edges(x, half)
     slow = edges - median_filter(edges, 8 * half + 1, mode="nearest")
     size = np.abs(slow)

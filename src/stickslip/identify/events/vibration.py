@@ -1,4 +1,4 @@
-"""The ring after slips: its frequency, amplitude and decay, where a window shows it well enough."""
+"""Vibration after slips: its frequency, amplitude and decay, if a part of the period shows it well enough."""
 
 from __future__ import annotations
 
@@ -13,21 +13,23 @@ from scipy.optimize import least_squares
 
 from .slips import SlipEvents
 
-# Parts of a period after a slip that are searched for a ring. A fast one decays soon; a slow one needs time
-# for its cycles; and the body may slide at first. The first window that shows a ring is taken.
+# Starts, lengths and end of the parts of a period after a slip that are searched for a vibration. A fast
+# vibration decays soon; a slow one needs time for its cycles; and the body may slide at first. The first part
+# that shows a vibration is taken.
 BEGINS, LENGTHS, END = (0.0, 0.1, 0.2, 0.35), (0.25, 0.5, 1.0), 0.95
 NAMES = ("vibration_amplitude", "vibration_frequency", "vibration_decay", "vibration_start")
-# Fewer cycles in a window are no ring: a trend or a slide can look so.
+# Fewest cycles in a part: a trend or a slide can look like fewer.
 CYCLES = 3.0
-# A vibration this many times its standard error is one.
+# Smallest amplitude of a vibration, in standard errors.
 SIGNIFICANT = 4.0
-# Smallest share of the variance that a ring explains, or largest remaining variance relative to the noise.
+# Smallest share of the variance that a vibration explains, or largest remaining variance relative to the
+# noise.
 EXPLAINED, NOISE_LEFT = 0.9, 1.3
-# A ring decays slower than this part of its angular frequency: else it has hardly a cycle.
+# Largest decay rate relative to the angular frequency: a faster decay leaves hardly one cycle.
 DAMPED = 0.4
-# Time constants of the decay in a period, below which the ring lasts until the next slip.
+# Smallest number of decay times in a period; with fewer the vibration lasts until the next slip.
 DECAYED = 1.0
-# The relative standard errors of frequency and decay, above which they are not known.
+# Largest relative standard errors at which frequency and decay count as known.
 FREQUENCY_ERROR, DECAY_ERROR = 0.03, 0.15
 
 Array = NDArray[np.float64]
@@ -36,8 +38,8 @@ Array = NDArray[np.float64]
 class VibrationWindow(NamedTuple):
     """Mean motion after the slips in a part of the period, without trend.
 
-    Time [n] from its start [s], the mean over the slips [n], the standard deviation of the mean's samples,
-    and the trend's basis [n, 3].
+    Fields: time [n] from the start of the part [s], the mean over the slips [n], the standard deviation of
+    the noise of the mean's samples, and the basis of the trend [n, 3].
     """
 
     time: NDArray[np.floating]
@@ -46,32 +48,37 @@ class VibrationWindow(NamedTuple):
     trend: NDArray[np.floating]
 
     def without_trend(self, of: Array) -> Array:
-        """Return values [n, ...] without a slow trend."""
+        """Return values [n, ...] minus their slow trend."""
         return of - self.trend @ (self.trend.T @ of)
 
     def basis(self, q: Array) -> Array:
-        """The decaying cosine and sine of an angular frequency and a decay, without trend, [n, 2]."""
+        """Return the decaying cosine and sine of an angular frequency and a decay rate (both in q), without
+        trend, [n, 2]."""
         decay = np.exp(-q[1] * self.time)
         phase = q[0] * self.time
         return self.without_trend(np.stack([decay * np.cos(phase), decay * np.sin(phase)], axis=1))
 
     def left(self, q: Array) -> Array:
-        """Return the residual of the best ring with that frequency and decay, [n]."""
+        """Return the residual [n] of the best vibration with the angular frequency and decay rate in q."""
         b = self.basis(q)
         return self.mean - b @ np.linalg.lstsq(b, self.mean, rcond=None)[0]
 
 
 def vibration_of(t: Array, x: Array, slips: SlipEvents) -> dict[str, float]:
-    """Amplitude, frequency [Hz] and decay [1/s] of the mean ring after the slips, and how long after them
-    `vibration_start` [s] it has that amplitude; NaN where no window shows a ring, and for a decay that is not
-    known within 15 % (one standard error), or of a ring that lasts until the next slip."""
+    """Return amplitude, frequency [Hz] and decay rate [1/s] of the mean vibration after the slips, and
+    `vibration_start` [s], the time after a slip to which the amplitude belongs.
+
+    All are NaN if no part of the period shows a vibration. The decay is also NaN if its standard error
+    exceeds 15 %, or if the vibration lasts until the next slip.
+    """
     interval = float(np.median(np.diff(t)))
     for begin, length in product(BEGINS, LENGTHS):
         window = _window(t, x, slips, begin, min(begin + length, END), interval)
         found = window and _ring(window, interval)
         if found:
             amplitude, frequency, decay = found
-            # A ring that lasts until the next slip is sustained by sliding: its decay is not damping.
+            # A vibration that lasts until the next slip is sustained by sliding: its decay does not show the
+            # damping.
             decay = decay if decay * slips.period > DECAYED else math.nan
             start = begin * slips.period + 2.0 * interval
             return dict(zip(NAMES, (amplitude, frequency, decay, start), strict=True))
@@ -81,7 +88,8 @@ def vibration_of(t: Array, x: Array, slips: SlipEvents) -> dict[str, float]:
 def _window(
     t: Array, x: Array, slips: SlipEvents, begin: float, end: float, interval: float
 ) -> VibrationWindow | None:
-    """The mean motion in a part of the periods; None where fewer than two slips have it undisturbed."""
+    """Return the mean motion between the shares `begin` and `end` of a period after slips; None if fewer than
+    two slips have an undisturbed motion there."""
     count = int((end - begin) * slips.period / interval)
     if count < 8:
         return None
@@ -100,7 +108,8 @@ def _window(
 
 
 def _starts(window: VibrationWindow, interval: float) -> list[Array]:
-    """Angular frequencies of the highest peaks of the spectrum, each with some decays."""
+    """Return initial guesses: angular frequencies of the highest peaks of the spectrum, each with several
+    decay rates."""
     padded = 4 * window.time.size
     spectrum = np.abs(np.fft.rfft(window.mean, padded))
     frequency = np.fft.rfftfreq(padded, interval)
@@ -112,11 +121,13 @@ def _starts(window: VibrationWindow, interval: float) -> list[Array]:
 
 
 def _ring(window: VibrationWindow, interval: float) -> tuple[float, float, float] | None:
-    """Amplitude, frequency and decay of the ring in a window; None where it does not show one."""
+    """Return amplitude, frequency and decay of the vibration in a part of the period; None if it does not
+    show one."""
     n, span, power = window.time.size, window.time[-1], float(window.mean @ window.mean)
     unexplained = [(float(np.sum(window.left(q) ** 2)), q) for q in _starts(window, interval)]
     starts = [q for _, q in sorted(unexplained, key=lambda one: one[0])]
-    # A significant ring has twice this power at its best, and more than half of it at a start.
+    # A significant vibration has twice this power at the optimum, and more than half of it at an initial
+    # guess.
     if not starts or power - min(one for one, _ in unexplained) < SIGNIFICANT**2 * window.noise**2:
         return None
     scale = math.sqrt(power / n)

@@ -1,7 +1,8 @@
-r"""Test of each mode of a fit against the same model without that mode.
+r"""F-test of each vibration mode of a fit against the same model without that mode.
 
-What a mode explains, :math:`\Delta`, of noise of variance :math:`s^2`, is F distributed at one natural
-frequency. The search takes the best of all lines, so the chance is that of one, times the number of lines.
+The sum of squares that a mode explains, :math:`\Delta`, relative to noise of variance :math:`s^2`, is F
+distributed at one natural frequency. The search takes the best frequency, so the chance is multiplied by the
+number of frequencies.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from scipy.optimize import minimize_scalar
 from ...estimate.lack import independent_samples
 from ...estimate.result import Fit
 
-# Chance of white noise to show a mode, for one fit.
+# Probability that white noise shows a mode in one fit.
 FALSE_ALARM = 0.01
 
 Array = NDArray[np.float64]
 
 
 class Left(NamedTuple):
-    """Weighted sum of squares that a fit leaves, its variance, and the share of independent samples."""
+    """Residual of a fit: weighted sum of squares, its variance, and the share of independent samples."""
 
     square: float
     variance: float
@@ -40,12 +41,12 @@ class Left(NamedTuple):
         return cls(square, square / fit.degrees_of_freedom, share, fit.degrees_of_freedom)
 
     def chance(self, without: float, freedom: int, trials: float) -> float:
-        """Return the chance of noise to explain as much as `freedom` parameters do.
+        """Return the probability that noise explains as much as `freedom` parameters do.
 
         Args:
             without: weighted sum of squares of the model without these parameters.
             freedom: number of these parameters.
-            trials: natural frequencies among which noise has the choice.
+            trials: number of natural frequencies of which the best is taken.
         """
         more = self.share * max(without - self.square, 0.0) / freedom
         ratio = more / self.variance if self.variance > 0.0 else np.inf
@@ -57,13 +58,13 @@ class Left(NamedTuple):
 def chances(
     fit: Fit, matrices: Sequence[Array], columns: Sequence[Sequence[int]], trials: int
 ) -> list[float]:
-    """Return the chance of noise to explain as much as each mode.
+    """Return for each mode the probability that noise explains as much.
 
     Args:
-        fit: of complex responses, real over imaginary parts, or of recordings in time.
-        matrices: design of each recording of the fit, at its values.
-        columns: for each mode, the columns of the designs that belong to it.
-        trials: natural frequencies among which noise has the choice.
+        fit: of complex responses (real parts, then imaginary parts), or of recordings in time.
+        matrices: design matrix of each recording at the values of the fit.
+        columns: for each mode, the columns of the matrices that belong to it.
+        trials: number of natural frequencies of which the best is taken.
     """
     left, parts = Left.of(fit), []
     for measured, noise, matrix in zip(fit.measured, _noises(fit), matrices, strict=True):
@@ -81,14 +82,14 @@ def chances(
 
 
 def left_by_delay(fit: Fit, frequency: Array, longest: float, gain: bool) -> float:
-    """Return the weighted sum of squares that a delayed constant gain leaves of responses; without a `gain`,
-    that of the responses.
+    """Return the weighted sum of squares of responses after the best delayed constant gain is subtracted;
+    without `gain`, of the responses themselves.
 
     Args:
-        fit: of these responses, real over imaginary parts.
-        frequency: Hz, of all lines.
-        longest: s, of the delay.
-        gain: whether there is one; real, of each response.
+        fit: of these responses, real parts, then imaginary parts.
+        frequency: Hz, of all samples of the response.
+        longest: longest delay, s.
+        gain: subtract a real gain, one for each response.
     """
     rows = []
     for measured, noise in zip(fit.measured, _noises(fit), strict=True):
@@ -117,7 +118,7 @@ def _noises(fit: Fit) -> Sequence[Any]:
 
 
 def said_of_noise(numbers: Sequence[int], found: Sequence[float]) -> str:
-    """Return a sentence on the modes that noise may have made."""
+    """Return a sentence on the modes that may be noise: their numbers and probabilities."""
     several = len(numbers) > 1
     names = ", ".join(str(n) for n in numbers)
     chance = max(found)

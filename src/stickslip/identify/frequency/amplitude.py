@@ -10,9 +10,9 @@ amplitude alone. Here every parameter follows the rms drive a by one law, the sa
 (B and D like A; p = 0 is the logarithm; the delay stays). p = 1 is Rayleigh's law, in which the coefficients
 are linear in the amplitude [hall2001]. Slopes are per relative change of the amplitude at a_0, whatever p is.
 
-Good for drives whose spectra have one shape: only then does one number say what the amplitude is. The
-response at each amplitude is a linear one, the best approximation [pintelon2012]: what distortion adds to it
-is in no prediction.
+The model is valid for drives whose spectra have one shape: only then does one number say what the amplitude
+is. The response at each amplitude is the best linear approximation [pintelon2012]; predictions do not contain
+distortion.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from .response import drive_rms
 
 Array = NDArray[np.float64]
 
-# Relative difference of amplitudes below which levels are equal, and up to which a prediction beyond them
-# needs no warning.
+# Relative difference of amplitudes below which they are equal, and up to which a prediction outside the
+# fitted range gives no warning.
 ALIKE = 0.02
 
 
@@ -44,11 +44,11 @@ class AmplitudeModel(NamedTuple):
 
     Attributes:
         reference: the model at the reference amplitude.
-        slope: change by the relative change of the amplitude there: of natural frequencies and damping ratios
-            relative, of gain, rate gain and remainder in their unit; the delay's is 0.
+        slope: change per relative change of the amplitude there: relative for natural frequencies and damping
+            ratios, in their unit for gain, rate gain and remainder, 0 for the delay.
         exponent: p.
-        amplitude: the reference, V rms.
-        lowest, highest: of the levels that it was fitted to, V rms.
+        amplitude: the reference amplitude, V rms.
+        lowest, highest: range of the fitted amplitudes, V rms.
     """
 
     reference: ModalModel
@@ -60,14 +60,14 @@ class AmplitudeModel(NamedTuple):
 
 
 def at_amplitude(model: AmplitudeModel, amplitude: float | str) -> ModalModel:
-    """The modal model at an amplitude [V rms].
+    """Return the modal model at an amplitude [V rms].
 
     Raises:
-        QuantityError: the amplitude is no voltage.
-        FitError: it is not above zero.
+        QuantityError: the amplitude is not a voltage.
+        FitError: the amplitude is not above zero.
 
     Warns:
-        RecordingWarning: it is outside of the levels that the model was fitted to.
+        RecordingWarning: the amplitude is outside the range that the model was fitted to.
     """
     volts = to_si(amplitude, "V", "amplitude")
     if not 0.0 < volts < np.inf:
@@ -101,16 +101,18 @@ def predict_response(
     """Return the response to a drive, each realisation at its own amplitude.
 
     Args:
-        model: of `identify_levels`; or of `identify_frequency`, the same at all amplitudes.
+        model: result of `identify_levels`, or of `identify_frequency`, which is the same at all amplitudes.
         drive: V, shape (samples,), (samples, inputs) or (samples, inputs, realisations); or a recording with
             drive_voltage, of an actuator with one input.
         sample_rate: Hz; by default that of a recording.
-        amplitude: V rms; by default of the whole drive over all inputs, which a long rest would lower.
+        amplitude: V rms; by default the rms of the whole drive over all inputs. Give it if the drive contains
+            a long rest.
         periodic: the drive is whole periods of a steady state, without power above half the sample rate;
             otherwise it starts at rest, and is held from sample to sample.
 
     Returns:
-        m, of the shape of the drive with outputs for inputs; (samples,) for one output if the drive was.
+        Response in m, in the shape of the drive with outputs for inputs; (samples,) for one output if the
+        drive has that shape.
 
     Raises:
         FitError: the drive's shape does not fit, it is constant, or its sample rate is missing.
@@ -148,18 +150,18 @@ def _at(model: ModalModel | AmplitudeModel, volts: float) -> ModalModel:
 
 
 def law(ratio: float | Array, p: float) -> Array:
-    """xi at an amplitude over the reference."""
+    """Return xi at an amplitude relative to the reference, for the exponent p."""
     logarithm = np.log(ratio)
     return logarithm * _mean_power(p * logarithm)
 
 
 def _mean_power(z: Array) -> Array:
-    """(e^z - 1)/z, 1 at 0."""
+    """Return (e^z - 1)/z; 1 at z = 0."""
     return np.where(np.abs(z) < 1e-12, 1.0, np.expm1(z) / np.where(z == 0.0, 1.0, z))
 
 
 def law_by_exponent(ratio: Array, p: float) -> Array:
-    """d xi/d p."""
+    """Return the derivative of xi by the exponent p."""
     logarithm = np.log(ratio)
     z = p * logarithm
     series = logarithm**2 * (0.5 + z / 3 + z**2 / 8)

@@ -3,7 +3,7 @@
 Each mode is a state-space system of two states, advanced exactly over a sample in which the drive is held
 (zero-order hold, as a DAC does). The hold is half a sample of delay by itself, so the delay here is that much
 shorter than with frequency responses, which take the drive to have no power above half the sample rate; close
-to that frequency the two assumptions part further.
+to that frequency the two assumptions differ more.
 """
 
 from __future__ import annotations
@@ -33,10 +33,12 @@ from .modal import UNPREDICTED, ModalModel, pole_parameters
 def held_response(
     model: ModalModel, drive: np.ndarray, sample_rate: float, *, periodic: bool = False
 ) -> np.ndarray:
-    """Free response to a drive that is held between samples, shape (samples, outputs, ...).
+    """Simulate the response to a drive that is held between samples; return it in m, shape (samples, outputs,
+    ...).
 
     Args:
-        drive: shape (samples, inputs, ...).
+        model: modes, gains and delay.
+        drive: V, shape (samples, inputs, ...).
         sample_rate: Hz.
         periodic: the drive is one period of a steady state; otherwise it starts at rest.
     """
@@ -52,9 +54,11 @@ def held_response(
 def _held_mode(
     drive: np.ndarray, omega: float, zeta: float, delay: float, sample: float, periodic: bool
 ) -> np.ndarray:
-    """Response with unit gain and with unit rate gain to a drive (..., samples); shape (2, ..., samples).
+    """Return the responses of one mode with unit gain and with unit rate gain to a drive (..., samples);
+    shape (2, ..., samples).
 
-    The delay need not be a multiple of the sample: a held drive is known at every instant within it.
+    The delay need not be a multiple of the sampling interval: a held drive is known at every instant within
+    it.
     """
     A = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2 * zeta * omega, omega**2], [0.0, 0.0, 0.0]])
     step, within = expm(A * sample), expm(A * (sample - delay % sample))
@@ -66,7 +70,7 @@ def _held_mode(
         zeros = [u, x * p + v * q + u * poles[1], x * (b * q - d * p) + v * (c * p - a * q) + u * poles[2]]
         begin = np.zeros((*drive.shape[:-1], 2))
         if periodic:
-            # The state that a period leads back to itself, for the filter's two states in SciPy's form.
+            # The state that repeats after one period, for the two states of SciPy's form of the filter.
             period = np.linalg.matrix_power([[-poles[1], 1.0], [-poles[2], 0.0]], drive.shape[-1])
             _, end = scipy.signal.lfilter(zeros, poles, delayed, zi=begin)
             begin = end @ np.linalg.inv(np.eye(2) - period).T
@@ -75,7 +79,8 @@ def _held_mode(
 
 
 def _held_delay(drive: np.ndarray, delay: float, sample: float, periodic: bool) -> np.ndarray:
-    """The value held in that sample in which each instant, less the delay, lies; shape (..., samples)."""
+    """Return the drive delayed by `delay` [s]: for each sample, the value held at that earlier instant; shape
+    (..., samples)."""
     n = math.floor(delay / sample) + 1
     late = np.roll(drive, n, axis=-1)
     if not periodic:
@@ -127,7 +132,7 @@ def identify_in_time(
     delay = max(start.delay - sample / 2, 0.0)
 
     def in_rows(simulated: np.ndarray) -> np.ndarray:
-        """(..., channels, recordings, samples) as (..., channels, rows)."""
+        """Reshape (..., channels, recordings, samples) to (..., channels, rows)."""
         return simulated.reshape(*simulated.shape[:-2], -1)
 
     direct = in_rows(_held_delay(u, delay, sample, periodic))

@@ -1,9 +1,9 @@
-"""Instruments between a program and the mechanism whose frequency response is measured.
+"""Corrections for amplifier and sensor in a measured frequency response.
 
-The drive_voltage of a recording is often what was asked of the amplifier: held from sample to sample, before
-its bandwidth and its current limit. A response to it holds all of these, and the limit makes it depend on the
-drive. Known instruments are therefore taken into account before the response is estimated (the drive) or
-divided out of it (linear filters behind the sensor).
+The drive_voltage of a recording is often the command to the amplifier: held from sample to sample, before the
+amplifier's bandwidth and current limit. A response to the command contains these, and the limit makes it
+depend on the drive. So a known amplifier is applied to the drive before the response is estimated, and a
+known linear filter of the sensor is divided out afterwards.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from ...physics.electronics import Amplifier, Filter, amplifier_output
 from ...physics.electronics.filters import sections
 from ...quantities.units import to_si
 
-# Oversampling and accuracy [V] of the computed output, which is then passed through a low-pass
-# that leaves everything up to 0.8 of half the sample rate as it is.
+# Oversampling and accuracy [V] of the computed output. A low-pass then keeps everything up to 0.8 of half the
+# sample rate.
 _FINER, _TOLERANCE = 16, 1e-4
 _SPAN, _EDGE = 32, 0.9
 
@@ -26,20 +26,19 @@ _SPAN, _EDGE = 32, 0.9
 def applied_voltage(
     command: ArrayLike, sample_rate: float | str, amplifier: Amplifier, capacitance: float | str
 ) -> NDArray[np.float64]:
-    """Return the output of an amplifier for a command, as an ideal recorder would see it.
+    """Return the output voltage of an amplifier for a command, band-limited to half the sample rate.
 
-    Bandwidth, slew rate, current limit and range are those of `amplifier`; its gain and
-    offset are not used, because the command is in volts at the piezo. The command must hold for a whole
-    sample each, so the output is set once or less per sample.
+    Bandwidth, slew rate, current limit and range are those of `amplifier`; its gain and offset are not used,
+    because the command is in volts at the piezo. Each command value must hold for at least one whole sample.
 
     Args:
         command: V, shape (n,); constant before its first sample.
         sample_rate: Hz.
         amplifier: see `Amplifier`.
-        capacitance: F, of the piezo.
+        capacitance: capacitance of the piezo, F.
 
     Returns:
-        V, shape (n,), without what lies above half the sample rate; right below 0.8 of that.
+        Voltage in V, shape (n,), without frequencies above half the sample rate; accurate below 0.8 of that.
 
     Raises:
         QuantityError: the capacitance or the rate is out of range.
@@ -56,15 +55,16 @@ def applied_voltage(
 
 
 def without_filter(response: xr.Dataset, filter: Filter, sample_rate: float | str) -> xr.Dataset:
-    """A frequency response without a known filter behind the sensor; its deviations are divided alike.
+    """Divide a frequency response and its deviations by a known sensor filter; return the corrected response.
 
     Args:
-        response: as `frequency_response` gives it.
-        filter: linear; a sensor's bandwidth is one of order 1.
-        sample_rate: Hz, at which the filter runs; of an analogue one, some ten times its corner.
+        response: result of `frequency_response`.
+        filter: linear; a sensor's bandwidth is a filter of order 1.
+        sample_rate: Hz, at which the filter runs; for an analogue filter, some ten times its corner
+            frequency.
 
     Raises:
-        QuantityError: the corner is not below half the sample rate.
+        QuantityError: the corner frequency is not below half the sample rate.
     """
     sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     frequency = response["frequency"]

@@ -1,4 +1,4 @@
-"""Fit one modal model to frequency responses at several amplitudes of the drive; see `amplitude`."""
+"""Fit of one modal model to frequency responses at several drive amplitudes (levels); see `amplitude`."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ from .modal import (
 
 Array = NDArray[np.float64]
 
-# Exponent for two levels, from three levels of a mirror's piezos (0.41 to 0.60); 1 predicts their outer
-# levels worse.
+# Exponent for two levels, from three levels of a mirror's piezos (0.41 to 0.60); an exponent of 1 predicts
+# the outer levels worse.
 TWO_LEVELS_EXPONENT = 0.5
 LEAST_EXPONENT, MOST_EXPONENT = -3.0, 4.0
-STEEPEST = 1.0  # slope of a pole: its relative change by that of the amplitude
+STEEPEST = 1.0  # largest slope of a pole: its relative change per relative change of the amplitude
 # Tried relative shifts of all natural frequencies between neighbouring levels; modes are often 1 % wide.
 SHIFTS = np.linspace(-0.2, 0.2, 81)
 
@@ -61,18 +61,18 @@ def identify_levels(
     """Fit one modal model to the frequency responses at several amplitudes of the drive.
 
     Args:
-        responses: one for each level, as `frequency_response` gives them, or selections of the same outputs
-            and inputs; weighed as by `identify_frequency`.
-        modes: how many, or their starts, at the level in the middle; see `identify_frequency`.
-        amplitudes: V rms of the drive at each level; left out, the "drive_rms" that each response has.
-        exponent: of the law, see `amplitude`; left out, it is fitted to three levels or more, and taken as
-            0.5 for two, which do not show it.
+        responses: one for each level, from `frequency_response`, or selections of the same outputs and
+            inputs; weighted as in `identify_frequency`.
+        modes: their number, or initial values at the middle level; see `identify_frequency`.
+        amplitudes: V rms of the drive at each level; by default the "drive_rms" of each response.
+        exponent: exponent p of the law, see `amplitude`; by default it is fitted to three or more levels. Two
+            levels do not determine it; it is then 0.5.
         complex_modes, remainder, noise_known, correlated, progress: as for `identify_frequency`.
 
     Returns:
-        As `identify_frequency`, at the reference amplitude (the geometric mean of the levels), and besides
-        natural_frequency_slope_1, damping_ratio_slope_1, ..., exponent, gain_slope_1, .... Its `model` is an
-        `AmplitudeModel`, for `at_amplitude` and `predict_response`.
+        The fit as by `identify_frequency`, at the reference amplitude (the geometric mean of the levels), and
+        in addition natural_frequency_slope_1, damping_ratio_slope_1, ..., exponent, gain_slope_1, .... Its
+        `model` is an `AmplitudeModel`, for `at_amplitude` and `predict_response`.
 
     Raises:
         QuantityError: an amplitude is no voltage.
@@ -100,7 +100,7 @@ def identify_levels(
 
 
 def _exponent(given: float | None, n_levels: int) -> tuple[Parameter, tuple[str, ...]]:
-    """The exponent as a parameter, and what is assumed of it."""
+    """Return the exponent as a parameter, and a sentence if its value is assumed."""
     remarks: tuple[str, ...] = ()
     if given is None and n_levels == 2:
         given = TWO_LEVELS_EXPONENT
@@ -117,7 +117,7 @@ def _second_half(progress: Progress) -> Progress:
 
 
 def _amplitudes(responses: Sequence[xr.Dataset], given: Sequence[float] | None) -> Array:
-    """V rms of each level."""
+    """Return the amplitude of each level, V rms, shape (levels,)."""
     if given is None:
         without = [i for i, r in enumerate(responses, 1) if "drive_rms" not in r.coords]
         if without:
@@ -137,7 +137,8 @@ def _with_channels(response: xr.Dataset) -> xr.Dataset:
 
 
 def _check(levels: Sequence[xr.Dataset], volts: Array) -> None:
-    """Raise FitError unless the levels, in order, differ in their amplitude alone."""
+    """Raise FitError unless the levels have the same channels and different amplitudes, in ascending
+    order."""
     if len(levels) < 2:
         raise FitError("one level does not show what changes with the amplitude: there must be two or more")
     for low, high in pairwise(volts):
@@ -151,7 +152,8 @@ def _check(levels: Sequence[xr.Dataset], volts: Array) -> None:
 
 
 def _softening(levels: Sequence[xr.Dataset], poles: Array, kind: ModalForm) -> Array:
-    """Return the logarithm of the common shift of all natural frequencies at each level from the middle one.
+    """Return the logarithm of the common shift of all natural frequencies at each level, relative to the
+    middle one.
 
     Modes of two levels are not paired one by one, because weak modes differ between levels.
     """
@@ -166,7 +168,8 @@ def _softening(levels: Sequence[xr.Dataset], poles: Array, kind: ModalForm) -> A
 
 
 def _left(level: xr.Dataset, poles: Array, shift: float, kind: ModalForm) -> float:
-    """Return the residual of the responses with shifted frequencies, all lines weighted alike."""
+    """Return the residual of the responses with all frequencies shifted by the same factor; all frequencies
+    have equal weights."""
     level = level.isel(frequency=slice(None, None, max(1, level.sizes["frequency"] // LINES_IN_SEARCH)))
     shifted = np.append(poles[:-1].reshape(-1, 2) * [np.exp(shift), 1.0], poles[-1])
     basis = modal_design(level["frequency"].to_numpy(), shifted, kind).matrix
@@ -175,7 +178,8 @@ def _left(level: xr.Dataset, poles: Array, shift: float, kind: ModalForm) -> flo
 
 
 class _Levels:
-    """The least squares over all levels: rows level by level, columns at the reference, then slopes."""
+    """Least-squares problem over all levels. Rows go level by level; the columns are the values at the
+    reference, then the slopes."""
 
     def __init__(
         self, levels: Sequence[xr.Dataset], volts: Array, poles: Array, exponent: Parameter, kind: ModalForm
@@ -190,7 +194,8 @@ class _Levels:
         self.outputs, self.inputs = (levels[0][axis].to_numpy() for axis in ("output", "input"))
 
     def _at_reference(self, poles: Array, exponent: float) -> list[Parameter]:
-        """Poles, delay and slopes, from those of the middle level and the softening of all modes together."""
+        """Return poles, delay and slopes as parameters, from the values at the middle level and the common
+        shift of the modes."""
         lowest, highest = min(f[0] for f in self.frequencies), max(f[-1] for f in self.frequencies)
         longest = 10 / highest
         lines = np.stack([np.ones(len(self.levels)), law(self.ratios, exponent)], axis=1)
@@ -206,7 +211,7 @@ class _Levels:
         return found
 
     def recordings(self) -> list[SeparableRecording]:
-        """One for each channel, of all levels."""
+        """Return one recording for each channel, with the rows of all levels."""
         unit = self.levels[0]["response"].attrs["units"]
         single = self.outputs.size * self.inputs.size == 1
         names = self.kind.names(self.n_modes)
@@ -230,7 +235,7 @@ class _Levels:
         return found
 
     def designs(self, values: Values) -> list[Design]:
-        """The same for every channel."""
+        """Return the design matrix, the same for every channel."""
         base, slope, p = self._split(values)
         along, by_p = law(self.ratios, p), law_by_exponent(self.ratios, p)
         factors = np.exp(along[:, None] * slope)
@@ -247,7 +252,8 @@ class _Levels:
             rows = []
             for d, x, dx, factor in zip(parts, along, by_p, factors, strict=True):
                 at_level = d.tangent(c[:half] + x * c[half:]) * factor
-                by_slope = (at_level * (base * x))[:, :-1]  # all but the delay's, which has none
+                # all columns except that of the delay, which has no slope
+                by_slope = (at_level * (base * x))[:, :-1]
                 by_exponent = dx * (d.matrix @ c[half:] + at_level @ (base * slope))
                 columns = [at_level, by_slope, by_exponent[:, None]]
                 rows.append(np.hstack(columns[: 2 if self.parameters[-1].fixed else 3]))
@@ -256,13 +262,13 @@ class _Levels:
         return [Design(matrix, tangent)] * (self.outputs.size * self.inputs.size)
 
     def _split(self, values: Values) -> tuple[Array, Array, float]:
-        """Poles and delay at the reference, the slopes of all these, and the exponent."""
+        """Split the values into poles and delay at the reference, the slopes of these, and the exponent."""
         given = np.array([values[name] for name in self.names])
         n = 2 * self.n_modes + 1
         return given[:n], np.append(given[n:-1], 0.0), float(given[-1])
 
     def model(self, fit: Fit) -> AmplitudeModel:
-        """Return the model of a fit."""
+        """Return the `AmplitudeModel` of a fit."""
         base, slope, p = self._split(fit.values)
         rest = np.array([fit.values[q.name] for q in fit.parameters if q.name not in self.names])
         rest = np.moveaxis(rest.reshape(self.outputs.size, self.inputs.size, 2, -1), (2, 3), (0, 1))
@@ -272,6 +278,6 @@ class _Levels:
 
 
 def _slope_of(name: str) -> str:
-    """gain_slope_1 of gain_1."""
+    """Return the name of a value's slope, such as gain_slope_1 for gain_1."""
     kind, _, number = name.rpartition("_")
     return f"{kind}_slope_{number}" if kind else f"{name}_slope"

@@ -33,27 +33,28 @@ from ...quantities.units import to_si
 from ..free import with_ties
 from .above_noise import FALSE_ALARM, Left, chances, left_by_delay, said_of_noise
 
-# Damping ratios among which a further mode is looked for.
+# Damping ratios that are tried for a further mode.
 TRIAL_DAMPING = (0.005, 0.01, 0.02, 0.05, 0.2)
 LINES_IN_SEARCH = 1000
-# Shares of the phase of all modes (half a turn each) by which the phase's slope may exceed the delay's.
+# Initial delays: shares of the total phase of all modes (half a turn each) by which the slope of the phase
+# may exceed that of the delay.
 TURNED = (0.3, 0.6, 0.9)
-# Over the deviations; what a model may leave for its distortion and the modes it lacks.
+# Largest residual, relative to the deviations, from distortion and from modes that the model lacks.
 MOST_LEFT = 10.0
 LONGEST = 10.0  # delay, in periods of the highest frequency
-LEAST_DAMPING, MOST_DAMPING = 1e-4, 3.0  # that are searched first
+LEAST_DAMPING, MOST_DAMPING = 1e-4, 3.0  # range of damping ratios that is searched first
 ANY, POSITIVE = (-math.inf, math.inf), (0.0, math.inf)
 UNPREDICTED = "it is of responses to a drive; predict_response(fit.model, recording) gives its response"
 
 
 class ModalModel(NamedTuple):
-    """Poles, delay and gains; see the module for the equation.
+    """Modal model: poles, delay and gains; see the module for the equation.
 
     Attributes:
         natural_frequency: shape (modes,), rad/s.
         damping_ratio: shape (modes,).
         delay: s.
-        gain: A, shape (modes, outputs, inputs), response by drive.
+        gain: A, shape (modes, outputs, inputs), response per drive.
         rate_gain: B, same shape and unit.
         remainder: D, shape (outputs, inputs), same unit.
     """
@@ -66,7 +67,8 @@ class ModalModel(NamedTuple):
     remainder: np.ndarray
 
     def state_space(self) -> StateSpace:
-        """The same as a linear system; states are, of each mode and input, coordinate and velocity."""
+        """Return the model as a linear state-space system; the states are coordinate and velocity of each
+        mode and input."""
         outputs, inputs = self.remainder.shape
         each, omega = np.eye(inputs), self.natural_frequency
         blocks = [
@@ -83,7 +85,7 @@ class ModalModel(NamedTuple):
 
 
 def modal_response(model: ModalModel, frequency: np.ndarray) -> np.ndarray:
-    """The frequency response at the frequencies [Hz], shape (frequencies, outputs, inputs), complex."""
+    """Return the complex frequency response at the frequencies [Hz], shape (frequencies, outputs, inputs)."""
     s = 2j * np.pi * np.asarray(frequency)
     modes, rates = _modes(s, model.natural_frequency, model.damping_ratio)
     summed = np.tensordot(modes, model.gain, 1) + np.tensordot(rates, model.rate_gain, 1) + model.remainder
@@ -91,13 +93,13 @@ def modal_response(model: ModalModel, frequency: np.ndarray) -> np.ndarray:
 
 
 def steady_response(model: ModalModel, drive: np.ndarray, sample_rate: float) -> np.ndarray:
-    """Steady response to a periodic drive, shape (samples of a period, outputs, ...).
+    """Return the steady response to a periodic drive, in m, shape (samples of a period, outputs, ...).
 
-    Multiplied line by line in the frequency domain. That is exact for a drive without power above half the
-    sample rate, and assumes nothing else about how it runs between samples.
+    It is computed in the frequency domain, which is exact for a drive without power above half the sample
+    rate.
 
     Args:
-        drive: one period, shape (samples, inputs, ...).
+        drive: one period, V, shape (samples, inputs, ...).
         sample_rate: Hz.
     """
     G = modal_response(model, np.fft.rfftfreq(len(drive), 1 / sample_rate))
@@ -120,16 +122,17 @@ def identify_frequency(
 
     Args:
         response: result of `frequency_response`, or a selection of its outputs, inputs or frequencies. Each
-            line weighs by its `deviation`; without one, all lines count alike. A model of too few modes may
-            need equal ones, to follow the largest motion rather than the best known.
-        modes: number, or initial natural frequency [Hz] and damping ratio of each; or a model to start
-            from, its delay as well. By their number, they are found one after the other, each where it
-            explains most of what is left, at the best of several delays.
+            frequency is weighted by its `deviation`; without deviations, all weights are equal. Equal weights
+            suit a model with too few modes: it then follows the largest motion instead of the most precise
+            data.
+        modes: number, or initial natural frequency [Hz] and damping ratio of each; or a model to start from,
+            including its delay. Given a number, the modes are found one after the other, each at the
+            frequency where it explains most of the residual, at the best of several delays.
         complex_modes: fit rate gains (B) as well.
         remainder: fit the remainder (D).
         noise_known: take the deviations in `response` as they are; by default the misfit sets their level.
-        correlated: allow for errors correlated from line to line: those of a model with too few modes, and of
-            lines by `welch_frequency_response`.
+        correlated: allow for errors correlated between neighbouring frequencies: those of a model with too
+            few modes, and those of `welch_frequency_response`.
         tied: poles and delay that follow from others, as for `identify_friction`; modes are numbered by
             frequency: ``{"damping_ratio_2": "damping_ratio_1"}``.
         progress: called during the work; see `progress`.
@@ -137,13 +140,13 @@ def identify_frequency(
     Returns:
         A `Fit` with natural_frequency_1 [rad/s], damping_ratio_1, ..., delay [s], gain_1, rate_gain_1, ...,
         remainder; with several channels gain_1[o,i] for output o and input i. Its `model` is a `ModalModel`.
-        What leaves more than ten times the deviations is a failure: a wrong minimum, or modes that lack. So
-        is a mode that noise may have made.
+        Its `failures` name residuals above ten times the deviations (a wrong minimum, or missing modes), and
+        modes that may be noise.
 
     Raises:
-        QuantityError: an expression that ties is wrong.
-        FitError: deviations that are not above 0, too few frequencies for so many modes, or no mode above
-            the noise.
+        QuantityError: an expression in `tied` is wrong.
+        FitError: deviations that are not above 0, too few frequencies for this number of modes, or no mode
+            above the noise.
     """
     given = starts_of(modes)
     missing = [d for d in ("output", "input") if d not in response["response"].dims]
@@ -157,17 +160,18 @@ def identify_frequency(
     options["tied"] = tied
     fit = _fit(response, sorted(starts), delay, kind, **options)
     frequencies, dampings, delay = fit.model[:3]
-    if np.any(np.diff(frequencies) < 0):  # modes have passed each other: number them again
+    if np.any(np.diff(frequencies) < 0):  # the order of the modes has changed: number them again
         starts = sorted(zip(frequencies / (2 * np.pi), dampings, strict=True))
         fit = _fit(response, starts, delay, kind, **options)
     left = Lack("the responses", math.sqrt(fit.reduced_chi_squared), 0.0, "their deviations")
-    # known, each response is compared with its own
+    # if the noise is known, each response is compared with its own deviations
     doubts = [left.sentence] if left.ratio > MOST_LEFT and not noise_known and not remarks else []
     return replace(fit, doubts=(*doubts, *_unseen(fit, response, kind)), remarks=(*fit.remarks, *remarks))
 
 
 def _with_deviation(response: xr.Dataset, noise_known: bool) -> tuple[xr.Dataset, tuple[str, ...]]:
-    """The response with a `deviation`, equal at all lines where it has none, and a sentence on that."""
+    """Return the response with a `deviation` (1 at all frequencies if it has none), and a sentence if they
+    were missing."""
     if "deviation" in response:
         return response, ()
     if noise_known:
@@ -178,10 +182,10 @@ def _with_deviation(response: xr.Dataset, noise_known: bool) -> tuple[xr.Dataset
 
 
 def _unseen(fit: Fit, response: xr.Dataset, kind: ModalForm) -> tuple[str, ...]:
-    """A sentence on the modes that noise may have made.
+    """Return a sentence on the modes that may be noise.
 
     Raises:
-        FitError: noise may have made all of them.
+        FitError: all of them may be noise.
     """
     model: ModalModel = fit.model
     frequency, n = response["frequency"].to_numpy(), len(model.natural_frequency)
@@ -221,7 +225,8 @@ def starts_of(
 def _found(response: xr.Dataset, n_modes: int, kind: ModalForm) -> tuple[list[tuple[float, float]], float]:
     """Return initial values of modes and delay: each mode explains most of the residual of the previous ones.
 
-    All lines count alike here; weighted by their deviations, quiet bands would come before large motion.
+    All frequencies have equal weights here; weighted by deviations, quiet bands would come before large
+    motion.
     """
     response = response.assign(deviation=xr.ones_like(response["deviation"]))
     longest = LONGEST / float(response["frequency"][-1])
@@ -242,14 +247,14 @@ def _found(response: xr.Dataset, n_modes: int, kind: ModalForm) -> tuple[list[tu
         model = min(tried, key=lambda fit: fit.cost).model
         starts = list(zip(model.natural_frequency / (2 * np.pi), model.damping_ratio, strict=True))
         delay, left = model.delay, measured - modal_response(model, frequency)
-    return starts, float(np.clip(delay, -longest, longest))  # the thinned lines may end below the highest one
+    return starts, float(np.clip(delay, -longest, longest))  # thinning may have removed the highest frequency
 
 
 def _delays(frequency: np.ndarray, measured: np.ndarray, n_modes: int) -> list[float]:
-    """Return initial delays, s.
+    """Return initial guesses of the delay [s] for responses at these frequencies [Hz].
 
-    A delay that is wrong by half a period of a mode leads to a wrong sign. The mean slope of the phase is the
-    sum of the delay and the phase of the modes.
+    A delay that is wrong by half a period of a mode leads to a wrong sign of its gain. The mean slope of the
+    phase is the sum of the delay and the phase of the modes.
     """
     turned = measured[1:] * measured[:-1].conj()
     mean = np.sum(turned / (np.abs(turned) + 1e-300))
@@ -259,13 +264,13 @@ def _delays(frequency: np.ndarray, measured: np.ndarray, n_modes: int) -> list[f
 
 
 class ModalForm(NamedTuple):
-    """Coefficients of a model besides the gains."""
+    """Options of a modal model: which coefficients it has besides the gains."""
 
     complex_modes: bool
     remainder: bool
 
     def names(self, n_modes: int) -> list[str]:
-        """Return the names of a channel's coefficients, in the order of the design's columns."""
+        """Return the names of a channel's coefficients, in the order of the columns of the design matrix."""
         kinds = ["gain", "rate_gain"] if self.complex_modes else ["gain"]
         names = [f"{kind}_{m}" for kind in kinds for m in range(1, n_modes + 1)]
         return [*names, "remainder"] if self.remainder else names
@@ -310,12 +315,13 @@ def _fit(
 
 
 def delay_parameter(longest: float) -> Parameter:
-    """Delay [s], looked for up to the longest first."""
+    """Return the delay [s] as a parameter that is first searched up to `longest`."""
     return Parameter("delay", 0.0, -longest, longest, "s", log=False, limits=ANY)
 
 
 def pole_parameters(starts: Sequence[tuple[float, float]], ends: tuple[float, float]) -> list[Parameter]:
-    """Natural frequency [rad/s], searched for within the ends first, and damping ratio of each mode."""
+    """Return natural frequency [rad/s], first searched within `ends`, and damping ratio of each mode, as
+    parameters."""
     parameters = []
     for m, (omega, zeta) in enumerate(starts, 1):
         frequency = Parameter(f"natural_frequency_{m}", ends[0], *ends, "rad/s", limits=POSITIVE)
@@ -325,7 +331,8 @@ def pole_parameters(starts: Sequence[tuple[float, float]], ends: tuple[float, fl
 
 
 def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: ModalForm) -> ModalModel:
-    """Return the model of a fit, whose coefficients follow the poles and the delay, given their `names`."""
+    """Return the modal model of a fit; `names` are those of the coefficients, which follow poles and
+    delay."""
     *poles, delay = (fit.values[name] for name in names)
     rest = np.array([fit.values[p.name] for p in fit.parameters if p.name not in names])
     return modal_model(
@@ -334,8 +341,8 @@ def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: 
 
 
 def modal_model(poles: np.ndarray, coefficients: np.ndarray, kind: ModalForm) -> ModalModel:
-    """The record of natural frequency and damping ratio of each mode, then the delay, and of the coefficients
-    (names of `kind`, outputs, inputs)."""
+    """Return the model of poles (natural frequency and damping ratio of each mode, then the delay) and
+    coefficients, shape (names of `kind`, outputs, inputs)."""
     n_modes = len(poles) // 2
     zero = np.zeros((n_modes, *coefficients.shape[1:]))
     return ModalModel(
@@ -349,19 +356,21 @@ def modal_model(poles: np.ndarray, coefficients: np.ndarray, kind: ModalForm) ->
 
 
 def _modes(s: np.ndarray, omega: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each mode's response with unit gain and with unit rate gain, shape (frequencies, modes)."""
+    """Return each mode's response with unit gain and with unit rate gain, two arrays of shape (frequencies,
+    modes)."""
     s = s[:, None]
     mode = omega**2 / (s**2 + 2 * zeta * omega * s + omega**2)
     return mode, mode * s / omega
 
 
 def real_over_imaginary(values: np.ndarray) -> np.ndarray:
-    """Complex values, shape (n, ...), as real ones, (2 n, ...)."""
+    """Return complex values, shape (n, ...), as real ones, (2 n, ...): real parts, then imaginary parts."""
     return np.concatenate([np.real(values), np.imag(values)])
 
 
 def modal_design(frequency: np.ndarray, values: np.ndarray, kind: ModalForm) -> Design:
-    """Real over imaginary parts of the modes' responses, and their derivatives by poles and delay."""
+    """Return the responses of the modes (real parts, then imaginary parts) and their derivatives by poles and
+    delay."""
     omega, zeta, delay = values[0:-1:2], values[1:-1:2], values[-1]
     s = 2j * np.pi * frequency
     phase = np.exp(-s * delay)[:, None]

@@ -1,10 +1,9 @@
-r"""Frequency responses of linear systems from recordings of what drives them and how they answer.
+r"""Frequency responses of linear systems from recordings of drive and response.
 
-The measured answer is the best linear approximation plus what it does not explain. For periodic drives the
-noise shows as differences between periods, and noise together with nonlinear distortion as differences
-between realisations [pintelon2012, ch. 4]: with a piezo the second is often twenty times the first, and is
-then the true uncertainty of the response. What instruments do to drive and response is in it too: see
-`instruments`.
+The measured response is the best linear approximation plus a residual. For periodic drives, noise shows as
+differences between periods, and noise together with nonlinear distortion as differences between realisations
+[pintelon2012, ch. 4]. With a piezo the second is often twenty times the first, and is then the true
+uncertainty of the response. The response also contains the instruments: see `instruments`.
 """
 
 from __future__ import annotations
@@ -18,12 +17,12 @@ from scipy.ndimage import uniform_filter1d
 from ...estimate.blas import single_threaded
 from ...quantities.units import to_si
 
-# A line is excited if its drive is above this share of the strongest one.
+# Smallest drive amplitude at an excited frequency, relative to the largest.
 EXCITED = 0.01
 
 
 class ResponseError(ValueError):
-    """A frequency response that these recordings cannot give."""
+    """Error: these recordings do not determine the requested frequency response."""
 
 
 @single_threaded
@@ -38,7 +37,8 @@ def frequency_response(
 ) -> xr.Dataset:
     """Return the response to a periodic drive (multisine), from whole periods in the steady state.
 
-    Least squares over all realisations at each excited line, so the realisations need not be orthogonal.
+    The response is a least-squares fit over all realisations (drives with different phases) at each excited
+    frequency, so the realisations need not be orthogonal.
 
     Args:
         drive: at the mechanism (see `applied_voltage` for a command), shape (samples of a
@@ -46,13 +46,15 @@ def frequency_response(
         response: the same with outputs for inputs.
         sample_rate: Hz.
         band: frequencies to keep, Hz.
-        smoothing: number of neighbouring lines over which variances are averaged: each has few realisations.
-        units: of drive and response.
+        smoothing: number of neighbouring frequencies over which variances are averaged, because each has few
+            realisations.
+        units: units of drive and response.
 
     Returns:
         Over "frequency" [Hz], "output" and "input" `response`, complex; `deviation`, its standard deviation
-        by noise and nonlinear distortion, from realisations beyond the number of inputs (if there are none:
-        by noise alone); `noise_deviation`, that by noise, from the periods. Each is sqrt(E|error|^2), and NaN
+        by noise and nonlinear distortion, from the realisations in excess of the number of inputs (if there
+        are none: by noise alone); `noise_deviation`, the standard deviation by noise alone, from the periods.
+        Each is sqrt(E|error|^2), and NaN
         without the repetitions. Over "frequency" and "output": `coherence`, the share of the power explained.
         The coordinate `drive_rms` is the amplitude of the drive, over all inputs, for `identify_levels`.
 
@@ -69,7 +71,7 @@ def frequency_response(
     if n_realisations < n_inputs:
         raise ResponseError(f"{n_inputs} inputs need as many realisations; there are {n_realisations}")
     frequency = np.fft.rfftfreq(u.shape[0], 1 / sample_rate)
-    # Amplitudes, (lines, channels, realisations), of the mean over the periods.
+    # Amplitudes of the mean over the periods, shape (frequencies, channels, realisations).
     U = np.fft.rfft(u.mean(axis=3), axis=0) * 2 / u.shape[0]
     Y = np.fft.rfft(y, axis=0) * 2 / u.shape[0]
     power = np.sqrt(np.mean(np.abs(U) ** 2, axis=(1, 2)))
@@ -114,17 +116,18 @@ def welch_frequency_response(
     window.
 
     Leakage biases it by about 20 (T/L)^2, with a mode's decay time T and the length L of a segment, however
-    long the record. Neighbouring lines share their window, so their errors are correlated: identify with
-    `correlated=True`. A drive that repeats (a chirp too) has neither fault in `frequency_response`, where the
-    result is explained. Noise and distortion cannot be distinguished, so `noise_deviation` is NaN.
+    long the record. Neighbouring frequencies share their window, so their errors are correlated: identify
+    with `correlated=True`. Use `frequency_response`, which has neither fault, for a drive that repeats (also
+    a chirp); the returned variables are described there. Noise and distortion cannot be distinguished, so
+    `noise_deviation` is NaN.
 
     Args:
         drive: shape (samples,) or (samples, inputs).
         response: shape (samples,) or (samples, outputs).
         sample_rate: Hz.
-        segment: samples in a segment; they overlap by half.
+        segment: number of samples in a segment; segments overlap by half.
         band: frequencies to keep, Hz.
-        units: of drive and response.
+        units: units of drive and response.
 
     Raises:
         ResponseError: the shapes do not fit, or the record is too short for as many segments as inputs.
@@ -138,7 +141,8 @@ def welch_frequency_response(
         raise ResponseError(f"{u.shape[1]} samples are too few for segments of {segment}")
 
     def spectra(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """(lines, channels of a, channels of b); SciPy conjugates its first argument."""
+        """Return cross spectra between the channels of a and b, shape (frequencies, channels of a, channels
+        of b). SciPy conjugates its first argument."""
         _, s = scipy.signal.csd(b[None, :], a[:, None], sample_rate, nperseg=segment)
         return np.moveaxis(s, -1, 0)
 
@@ -149,7 +153,8 @@ def welch_frequency_response(
     G = yu @ inverse
     measured = np.real(np.diagonal(yy, axis1=1, axis2=2))
     explained = np.real(np.diagonal(G @ _adjoint(yu), axis1=1, axis2=2))
-    # Hann segments that overlap by half are worth 18/19 of as many independent ones [welch1967].
+    # Hann segments that overlap by half contain as much information as 18/19 as many independent ones
+    # [welch1967].
     freedom = averages * 18 / 19 - len(u)
     rest = np.maximum(measured - explained, 0) * averages / freedom
     factor = np.real(np.diagonal(inverse, axis1=1, axis2=2))[:, None, :] / averages * 19 / 18
@@ -161,7 +166,7 @@ def welch_frequency_response(
 
 
 def drive_rms(drive: ArrayLike) -> float:
-    """The amplitude of a drive, V rms: over all samples, inputs and realisations, without each one's mean.
+    """Return the rms amplitude of a drive, V, over all samples, inputs and realisations, without their means.
 
     Args:
         drive: V, shape (samples, ...).
@@ -171,7 +176,7 @@ def drive_rms(drive: ArrayLike) -> float:
 
 
 def _hertz(sample_rate: float | str, band: tuple[float | str, float | str]) -> tuple[float, float, float]:
-    """The sample rate and the ends of the band."""
+    """Return the sample rate and the ends of the band, in Hz."""
     lowest, highest = band
     return to_si(sample_rate, "Hz", "sample_rate"), to_si(lowest, "Hz", "band"), to_si(highest, "Hz", "band")
 

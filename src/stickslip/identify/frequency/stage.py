@@ -1,4 +1,4 @@
-"""From the modes of a frequency response to the stage of an actuator."""
+"""Conversion of the modes of a frequency response to the stage of an actuator."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from ...physics.actuator import Actuator, StageModes
 from ...quantities.units import QuantityError
 from .modal import ModalModel
 
-# Largest share of the stroke at rest that a stage of real modes may leave out.
+# Largest part of the response, relative to the static stroke, that a stage of real modes may omit.
 LEFT_OUT = 0.02
 
 
 def with_modes(actuator: Actuator, modes: ModalModel, output: int = 0, drive: int = 0) -> Actuator:
-    """The actuator with the stage of a modal model, as `identify_frequency` fits it.
+    """Return the actuator with the stage of a modal model that `identify_frequency` has fitted.
 
-    The mode with the largest stroke becomes the first, the others `further_modes`. What a force of the
-    contact does to each is not in a response to the voltage: the first keeps the actuator's `stage_mass`, and
-    the others feel no friction until their `mass` is set.
+    The mode with the largest stroke becomes the main mode, the others `further_modes`. A response to the
+    voltage does not show how the contact force acts on each mode. So the main mode keeps the actuator's
+    `stage_mass`, and friction does not act on the others until their `mass` is set.
 
     Args:
-        actuator: what is kept but for the stage.
+        actuator: actuator whose stage is replaced.
         modes: with real modes and no remainder: ``identify_frequency(..., complex_modes=False,
-            remainder=False)``. Its delay is that of the channel, and is left out.
-        output: which of its outputs is the position under the contact.
-        drive: which of its inputs is the drive voltage.
+            remainder=False)``. Its delay belongs to the channel and is left out.
+        output: number of the output that is the position under the contact.
+        drive: number of the input that is the drive voltage.
 
     Raises:
-        QuantityError: the model has parts that a stage of real modes has not, of more than 2 % of its stroke.
+        QuantityError: the model has parts, above 2 % of its stroke, that a stage of real modes cannot have.
     """
     gain = np.asarray(modes.gain)[:, output, drive]
     stroke = abs(float(gain.sum()))

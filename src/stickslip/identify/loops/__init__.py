@@ -1,1 +1,1 @@
-"""Friction loops and driven masses: force and motion are measured."""
+"""Friction loops and driven masses: identification from measured force and motion."""

@@ -1,8 +1,9 @@
-"""Comparison of friction laws on the same loops: each fitted alike, and judged on unseen ones.
+"""Comparison of friction laws on the same loops: each law is fitted in the same way, and judged on loops that
+no fit used.
 
-Akaike's and Schwarz's criteria count the samples as independent. Residuals of loops are not (they are model
-error, correlated over many samples), so the criteria are too sure in favour of more parameters; r^2 on the
-unseen part decides.
+Akaike's and Schwarz's criteria count the samples as independent. Residuals of loops are model errors,
+correlated over many samples, so the criteria favour more parameters than the data support. The r^2 on the
+verification part decides.
 """
 
 from __future__ import annotations
@@ -31,17 +32,18 @@ from ..free import Bounds
 from ..recorded.channels import channel, names_of, recordings_of
 from .fit import OBSERVED, identify_loops
 
-# Share of the stroke that the contact is first taken to yield over.
+# Initial guess of the displacement over which the contact yields, relative to the stroke.
 YIELD_SHARE = 0.2
 
 
 def candidates(recordings: xr.Dataset | Sequence[xr.Dataset], max_elements: int = 4) -> list[Candidate]:
-    """Every law of the package, starting from the size of the loops.
+    """Return a candidate for every friction law of the package, with initial values from the size of the
+    loops.
 
     Coulomb friction starts at half the range of the force, presliding at a fifth of the stroke, the Stribeck
     velocity at a tenth of the largest speed (99th percentile). Maxwell slip comes with 1, 2, ...
-    `max_elements` elements that yield one after the other. What a prescribed motion does not show stays out:
-    stiction of the laws without presliding, and damping of the reset integrator's bristle.
+    `max_elements` elements that yield one after the other. Parameters that a prescribed motion does not show
+    are left out: stiction of the laws without presliding, and damping of the reset integrator's bristle.
     """
     found = recordings_of(recordings)
     names = names_of(found)
@@ -111,15 +113,16 @@ def compare_laws(
     progress: Progress = unheard,
     **options: Any,
 ) -> Comparison:
-    """Fit each law to friction loops and judge it on loops that it has not seen.
+    """Fit each law to friction loops and judge it on loops that the fit did not use.
 
     Args:
-        recordings: to fit, as for `identify_loops`.
-        verification: to judge by, each predicted freely from its first sample.
-        laws: the candidates; all laws of the package if left out.
-        channel_free: what is free of the force channel, for all laws alike: "bias", "curvature", "drift".
+        recordings: friction loops to fit, as for `identify_loops`.
+        verification: friction loops to judge by, each simulated from its first sample.
+        laws: the candidates; by default all laws of the package.
+        channel_free: free parameters of the force channel, the same for all laws: "bias", "curvature",
+            "drift".
         progress: called before each law; see `progress`.
-        options: of `identify_loops`.
+        options: further arguments of `identify_loops`.
 
     Raises:
         RecordingError, QuantityError, FitError: as `identify_loops`.

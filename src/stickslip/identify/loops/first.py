@@ -1,4 +1,5 @@
-"""Error from the noise of the force before the motion, from which the prediction starts."""
+"""Uncertainty of a fit of friction loops by the noise of the initial force, from which the prediction
+starts."""
 
 from __future__ import annotations
 
@@ -18,12 +19,12 @@ Array = NDArray[np.float64]
 
 
 def with_first(fit: Fit, recordings: Sequence[xr.Dataset], response: Callable[[xr.Dataset], Array]) -> Fit:
-    """The fit with what the noise of the first samples leaves open.
+    """Return the fit with the uncertainty from the noise of the initial force.
 
     Args:
-        fit: of the recordings.
-        recordings: with the force and the position [m].
-        response: from a recording to the force at its samples [N], by the values of the fit.
+        fit: fit of the recordings.
+        recordings: with force [N] and position [m].
+        response: function that returns the force [N] at a recording's samples, by the values of the fit.
     """
     moved, variances = [], []
     for g, recording in zip(fit.recordings, recordings, strict=True):

@@ -1,7 +1,7 @@
 r"""Friction of a contact whose motion and force are measured: a tribometer, prescribed motion.
 
-The force channel is not the contact, and a contact is more than an odd law in proportion to its load. Both
-are identified with the law:
+The measured force differs from the law's force by properties of the channel and of the contact, which are
+identified together with the law:
 
 .. math:: F_{meas} = b + \left(\frac{N}{N_0}\right)^p \left( 1 + c\,(t - t_0) \right)
           \left( q + F + a |F| + h F^2 \right), \qquad F = F_{law}
@@ -9,8 +9,8 @@ are identified with the law:
 b [N] is the bias of the channel without a contact; p the exponent of the load (1: Amontons; 2/3: one elastic
 asperity); c [1/s] the drift of the strength, as in running-in; and three terms that differ forward and
 backward: a part q [N] of the force that does not reverse with the motion, a share a of strength, a curvature
-h [1/N]. Each is 0 (p: 1) unless it is free. Under a constant load b and q are the same; samples without load
-tell which it is.
+h [1/N]. Each is 0 (p: 1) unless it is free. Under a constant load b and q have the same effect; samples
+without load distinguish them.
 """
 
 from __future__ import annotations
@@ -61,14 +61,14 @@ from .response import CHANNEL, OBSERVED, LoopPrediction, own_of, response_of
 from .sampled import with_sampling
 from .starts import loop_starts, stribeck_starts
 
-# Terms that are reported if they are not free.
+# Terms that are reported if they explain residuals but are not free.
 NOTICED = ("drift", "asymmetry", "contact_offset")
 LOAD_EXPONENTS = (0.2, 2.0)
-# A contact whose force grows with its load, and that holds in both directions.
+# Limits of a contact whose force grows with its load, and that has friction in both directions.
 LIMITS = {"load_exponent": (0.0, math.inf), "asymmetry": (-0.99, 0.99)}
 # Number of restarts at a stiffness with a lower residual, and the share by which it must be lower.
 CLIMBS, SAME_COST = 3, 1e-6
-# Relative; the response to it is far above the error of a simulation at 1e-9 m.
+# Relative; its effect on the response is far above the error of a simulation at 1e-9 m.
 DIFFERENCE_STEP = 1e-3
 
 
@@ -92,26 +92,28 @@ def identify_loops(
     """Fit a friction law to friction loops: position prescribed, force measured.
 
     Every recording is one free-running prediction from its first sample, where all elements of the law are
-    taken as equally deflected, so that they carry the measured force, less what is viscous of it (their true
-    state is not known): that of the first sample, or the median while the position stays where it is. Begin
-    recordings at rest: the noise of a single first sample stays until the contact slips, and the intervals
-    are wider by it. That elements begin alike, which is wrong right after a turn, they take as exact. Between
-    samples the motion is smooth (see `sampled`). Where the motion passes the fall of friction too quickly to
-    tell the Stribeck velocity, the rest is fitted with it fixed elsewhere, and intervals hold what fits.
+    equally deflected and carry the measured force minus its viscous part (their true state is not known). The
+    measured force is that of the first sample, or the median while the position is constant. Start recordings
+    at rest: the noise of a single first sample persists until the contact slips and widens the intervals. The
+    intervals do not include the error of equal deflections, which are wrong just after a reversal. Between
+    samples the motion is smooth (see `sampled`). If the motion passes the Stribeck range too quickly to
+    determine the Stribeck velocity, the other values are fitted again with it fixed at other values, and the
+    intervals contain all that fit.
 
     Args:
         recordings: with position [m] and friction_force [N], positive when the driving body moves towards +x;
             or with an angle [rad] and a torque [N m] as these, and all parameters in units of these.
         model: law record; its values are the start, and its forces hold at `reference_normal_force`.
-        free: parameters to fit: scalar fields of the law, elements ("stiffness_2"), "stiction_ratio" and
-            "breakaway_share" (see `identify_friction`), and "bias", "contact_offset", "asymmetry",
-            "curvature", "drift" and "load_exponent" (see above). Each a name or a `Parameter`, as for
-            `identify_friction`.
+        free: parameters to fit: scalar fields of the law, values of its elements ("stiffness_2"),
+            "stiction_ratio" and "breakaway_share" (see `identify_friction`), and "bias", "contact_offset",
+            "asymmetry", "curvature", "drift" and "load_exponent" (see above). Each a name or a `Parameter`,
+            as for `identify_friction`.
         reference_normal_force: N; the recordings then have normal_force [N], and the law's forces follow it,
-            in proportion unless load_exponent is free. Left out, the normal force is taken as constant.
-        bounds: of free parameters, in SI or as strings, else they are searched for within a factor 30 of
-            the start and of what the sizes of the loops say first (the channel's and contact's: the largest
-            force, half its inverse, the inverse of the length in time), and then as far as the law allows.
+            in proportion unless load_exponent is free. By default, the normal force is constant.
+        bounds: of free parameters, in SI or as strings, by default they are searched within a factor 30 of
+            the initial guess and of an estimate from the size of the loops first, and then as far as the law
+            allows. For values of the channel that estimate is the largest force, half its inverse, or the
+            inverse of the duration.
         priors: independent knowledge of free parameters, as for `identify_friction`; they need a
             given noise.
         tied: parameters that follow from others, as for `identify_friction`:
@@ -119,12 +121,13 @@ def identify_loops(
         noise: standard deviation of the force, N; by default estimated from the residuals.
         starts, seed, max_evaluations, progress: as `identify_friction`.
         tolerance: m, on the deflections; never more than a millionth of the stroke.
-        correlated: allow for residuals correlated in time in the uncertainty: here they are model error. As
-            for `identify_friction`, by the noise that they show; with a given `noise` by a window over lags.
+        correlated: the uncertainty allows for residuals that are correlated in time, as model errors are. The
+            correlation comes from the residuals as in `identify_friction`; with a given `noise`, from a
+            window over lags.
 
     Returns:
-        A fit whose `model` is the law with the values put in, and whose ``predict(recording)`` is the force
-        that the channel shows, free-running from the first sample.
+        A fit whose `model` is the law with the fitted values, and whose ``predict(recording)`` is the force
+        of the channel, simulated from the first sample.
 
     Raises:
         RecordingError: a channel is missing, too short or constant; the force is clipped; a channel is noise,
@@ -211,7 +214,8 @@ def _lowest(
     less: Callable[[Fit], float],
     *how: Any,
 ) -> Fit:
-    """The lowest minimum, looked for from other Stribeck velocities too; see `profiled`."""
+    """Return the fit at the lowest minimum; searches also start at other Stribeck velocities, see
+    `profiled`."""
     problem = described(parameters)
     fit = _searched(problem, begins, less, *how)
     if how[-1].over:
@@ -219,7 +223,7 @@ def _lowest(
     if falls := stribeck_starts(problem.parameters, fit.values, recordings):
         fit = _searched(problem, [fit.values, *falls], less, *how)
     points = profile_points(fit, parameters, described)
-    if any(one.cost < fit.cost for one in points):  # it was not the lowest
+    if any(one.cost < fit.cost for one in points):  # the fit was not at the lowest minimum
         fit = _searched(problem, [fit.values, min(points, key=lambda one: one.cost).values], less, *how)
     fit = with_profile(fit, points)
     return _with_other_stiffnesses(
@@ -234,7 +238,8 @@ def _with_other_stiffnesses(
     search: Callable[[Sequence[Values]], Fit],
     less: Callable[[Fit], float],
 ) -> Fit:
-    """The fit, or a lower one; where its law is wrong, intervals hold other stiffnesses that do as well."""
+    """Return the fit, or a better one at another stiffness. If the law is wrong, the intervals include other
+    stiffnesses that fit as well."""
     name, points, counts = stiffness_of(fit), (), less(fit)
     if name is None or counts <= 1.0:
         return fit
@@ -258,7 +263,8 @@ def _searched(
     progress: Progress,
     budget: EvaluationBudget,
 ) -> Fit:
-    """Return the lowest minimum of searches from these values, and from `starts` random ones around them."""
+    """Return the lowest minimum of searches from the initial guesses `begins`, and from `starts` random ones
+    around them."""
 
     problem.budget = budget
 
@@ -293,7 +299,7 @@ def _residuals(
 
 
 def _unasked(had: Collection[str]) -> list[str]:
-    """Return the terms to report if a fit has not included them.
+    """Return the terms to report if a fit has not included them; `had` are the names that it has.
 
     Without a varying load an offset may belong to the channel.
     """
@@ -301,10 +307,10 @@ def _unasked(had: Collection[str]) -> list[str]:
 
 
 def _turns(recordings: Sequence[xr.Dataset]) -> bool:
-    """Return whether the motion is an angle [rad], and so the force a torque [N m].
+    """Return True if the motion is an angle [rad], and so the force a torque [N m].
 
     Raises:
-        RecordingError: only one of the two is.
+        RecordingError: only one of the two is rotary.
     """
     motion, force = unit_of(recordings, "position"), unit_of(recordings, OBSERVED)
     turns = motion == "rad"
@@ -318,7 +324,7 @@ def _turns(recordings: Sequence[xr.Dataset]) -> bool:
 def _reach(
     recordings: Sequence[xr.Dataset], measured: Sequence[NDArray[np.float64]], origin: float
 ) -> dict[str, float]:
-    """Return the largest plausible sizes of the values of `CHANNEL`, except the exponent."""
+    """Return the largest plausible size of each value in `CHANNEL`, except the exponent, by name."""
     largest = max(float(np.max(np.abs(force))) for force in measured)
     span = max(float(r["time"].values[-1]) for r in recordings) - origin
     return {
@@ -337,8 +343,11 @@ def _with_inexact(
     model: Any,
     settings: tuple[float | None, float, float],
 ) -> tuple[Fit, list[float]]:
-    """The fit with what steps and noise of the recorded position and normal force, their sampling, and steps
-    of the force leave open; and the root mean square of what all but the last leave in each recording."""
+    """Return the fit with further uncertainty, and the rms of its effect on each recording.
+
+    The causes are converter steps and noise of the recorded position and normal force, their sampling, and
+    converter steps of the force. The rms does not include the last.
+    """
     names, squares, best = names_of(recordings), np.zeros(len(recordings)), fit.values
 
     def of_one(recording: xr.Dataset) -> NDArray[np.float64]:
@@ -369,7 +378,7 @@ def _with_inexact(
 def _slope(
     fit: Fit, name: str, responses: Sequence[Callable[..., Any]], model: Any, reach: Mapping[str, float]
 ) -> NDArray[np.float64]:
-    """Derivatives of all forces by a modifier that is not free."""
+    """Return the derivatives of all forces by a term that is not free, shape (samples,)."""
     h = DIFFERENCE_STEP * reach[name]
     sides = [
         np.concatenate([response(model, {**fit.values, name: x}) for response in responses]) for x in (h, -h)

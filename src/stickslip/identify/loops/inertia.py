@@ -1,4 +1,4 @@
-r"""Mass and friction of a body from the force that drives it and its motion, also in closed loop.
+r"""Mass and friction of a body from the force that drives it and its motion, also under feedback.
 
 .. math:: F = m \ddot x + c\,\dot x + F_C \operatorname{sign} \dot x + F_0
 
@@ -8,8 +8,8 @@ Multiplied by smooth windows :math:`\varphi` that vanish with their slope at bot
 .. math:: \int \varphi F = m \int \ddot\varphi x - c \int \dot\varphi x
           + F_C \int \varphi \operatorname{sign} \dot x + F_0 \int \varphi
 
-which is linear in what is looked for. The force is the recorded one, so that a controller makes no
-difference. A body that turns has an angle [rad] and a torque [N m], and then m is a moment of inertia.
+which is linear in the unknown values. The recorded force is used, so a controller does not matter. For a
+rotary body, x is an angle [rad], F a torque [N m] and m a moment of inertia.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from ..recorded.channels import channel, names_of, recordings_of, unit_of
 from ..recorded.known_noise import NOTHING, more_than_white, white_noise
 from ..recorded.screen import refuse_loop
 
-# Number of windows that start within the length of one: they share little noise and leave little unused.
+# Number of windows that start within the length of one: they share little noise and use most of the data.
 OVERLAP = 2
-# Parts of a window over which the velocity is averaged for its sign; and standard deviations of its noise
-# above which it has a sign.
+# The velocity is averaged over this fraction of a window (1/32) before its sign is taken; a velocity below
+# this number of standard deviations of its noise has no sign.
 SMOOTHED, AT_REST = 32, 3.0
-FEWEST = 16  # samples of a window
-DRAWS = 16  # of the position's noise
+FEWEST = 16  # fewest samples in a window
+DRAWS = 16  # number of random draws of the position's noise
 
 Array = NDArray[np.float64]
 UNPREDICTED = (
@@ -63,25 +63,26 @@ def identify_inertia(
     force: str = "force",
     tied: Mapping[str, str] | None = None,
 ) -> Fit:
-    """Mass, viscous and Coulomb friction and an offset of the force, from force and motion.
+    """Fit mass, viscous friction, Coulomb friction and an offset of the force to recorded force and motion.
 
     Args:
         recordings: with the position [m or rad] and the force [N or N m] that drives the body, at equal
             intervals.
-        window: s, over which all is averaged: short against the changes of the motion, long against its
-            noise; a quarter of the motion's period is a good choice.
-        position, force: names of the channels.
+        window: length of the averaging windows, s: shorter than the changes of the motion and longer than
+            those of its noise; a quarter of the motion's period is a good choice.
+        position, force: names of the position and force channels.
         tied: parameters that follow from others, as for `identify_friction`; ``{"viscous": "'0 N s/m'"}`` is
             a body without it.
 
     Returns:
         A fit of mass [kg or kg m^2], viscous [N s/m or N m s/rad], coulomb_force and offset [N or N m]; the
-        residuals are of the averaged force. The noise of the position counts in the uncertainty. Its
-        `failures` name a mass or a viscous friction below zero, which a wrong sign or a late position makes.
+        residuals are those of the averaged force. The uncertainty includes the noise of the position. Its
+        `failures` name a mass or viscous friction below zero: the sign of a channel is wrong, or the position
+        is delayed.
 
     Raises:
         RecordingError: a channel is missing, too short, constant or noise, or the force does negative work.
-        QuantityError: an expression that ties is wrong.
+        QuantityError: an expression in `tied` is wrong.
         FitError: the window has fewer than 16 samples, or is longer than a recording.
     """
     window = to_si(window, "s", "window")
@@ -123,16 +124,18 @@ def identify_inertia(
 def _left(
     fit: Fit, forces: Sequence[Array], moved: Sequence[tuple[_Averages, Array]], shaken: Array
 ) -> tuple[str, ...]:
-    """A sentence on each recording of which more is left than its noise leaves of averages of the force."""
+    """Return a sentence on each recording whose residual of the averaged force exceeds the effect of its
+    noise."""
     assert fit.jacobian is not None
     directions = decomposed(fit.jacobian)[0]
-    shaken = shaken - directions @ (directions.T @ shaken)  # what a fit takes up is not left
+    # the residual does not contain what the fit absorbs
+    shaken = shaken - directions @ (directions.T @ shaken)
     by_position = np.split(np.mean(shaken**2, axis=1), np.cumsum([a.begins.size for a, _ in moved])[:-1])
     said = []
     for g, left, drawn, force, (a, x) in zip(
         fit.recordings, fit.residuals, by_position, forces, moved, strict=True
     ):
-        # Few draws have the signs that are not likely, of which one in many windows is to be expected.
+        # Few random draws contain the unlikely signs, of which one in many windows is expected.
         variance = np.maximum(drawn, a.unsure(x) * fit.values["coulomb_force"] ** 2)
         white = white_noise(force) * float(np.linalg.norm(a.shape))
         words = (g.name, g.unit, "averages", "another force acts, or the friction has another form")
@@ -142,10 +145,10 @@ def _left(
 
 
 def _weighted(left: Array, variance: Array, values: Array) -> tuple[float, float]:
-    """Root mean squares of what is left of values [windows], and of its noise of this variance.
+    """Return the weighted root mean squares of residuals [windows], and of their noise with this variance.
 
-    One sample of the wrong sign may leave a window many times what noise leaves of the others. Weighted by
-    the variance, such a window hides no misfit of the others.
+    One sample of the wrong sign can make the residual of one window many times larger. Weighted by the
+    variance, such a window hides no misfit of the others.
     """
     least = NOTHING * float(np.ptp(values)) or 1.0
     weight = 1.0 / (variance + least**2)
@@ -154,7 +157,7 @@ def _weighted(left: Array, variance: Array, values: Array) -> tuple[float, float
 
 
 def _doubts(fit: Fit) -> tuple[str, ...]:
-    """Return sentences on impossible values, with the sign of the friction judged as a lack of fit."""
+    """Return sentences on impossible values; the test of the sign of the friction counts as lack of fit."""
     if fit.values["mass"] < 0.0:
         return ("the mass is negative: the force or the position has the wrong sign",)
     if fit.confidence_intervals(1.0 - 2.0 * fit.judgement.false_alarm)["viscous"][1] < 0.0:
@@ -167,10 +170,10 @@ def _vector(values: Values) -> Array:
 
 
 def _by_noise_of_position(fit: Fit, moved: Sequence[tuple[_Averages, Array]]) -> Array:
-    """Return the effect of the position's noise, seen in its fourth differences, on the averages [windows,
-    draws].
+    """Return the effect of the position's noise on the averages, shape (windows, draws). The noise level
+    comes from fourth differences.
 
-    A body that passes rest has a sign in each sample, though the design may have none: so have the draws.
+    When the body reverses, each sample of the draws has a sign, also where the design matrix has none.
     """
     random, vector = np.random.default_rng(0), _vector(fit.values)
     columns = []
@@ -184,15 +187,17 @@ def _by_noise_of_position(fit: Fit, moved: Sequence[tuple[_Averages, Array]]) ->
 
 
 def _exact(weights: Array, shape: Array, s: Array, moments: Sequence[float]) -> Array:
-    """The weights, changed in proportion to the window's shape, with these moments of 1, s - 1/2 and its
-    square: those of the integrals. The sums of few samples have others, by which a place is a force."""
+    """Return the weights of a window's samples, corrected in proportion to its shape, so that the sums of 1,
+    s - 1/2 and its square equal the integrals. Otherwise, for few samples, a constant position would look
+    like a force."""
     powers = (s - 0.5) ** np.arange(3)[:, None]
     missing = np.linalg.solve((powers * shape) @ powers.T, moments - powers @ weights)
     return weights + shape * (missing @ powers)
 
 
 class _Averages:
-    """Integrals over windows of one recording, each over the integral of the window."""
+    """Weighted averages over the windows of one recording: integrals, each divided by the integral of the
+    window."""
 
     def __init__(self, time: Array, window: float, where: str) -> None:
         interval = float(time[-1] - time[0]) / (time.size - 1)
@@ -220,25 +225,27 @@ class _Averages:
         return values[self.begins[:, None] + np.arange(self.size)]
 
     def of(self, values: Array) -> Array:
-        """Averages of a channel [windows]."""
+        """Return the averages of a channel, shape (windows,)."""
         return self._windows(values) @ self.shape
 
     def _sign(self, position: Array, *, passes: bool = False) -> Array:
-        """Return the sign of the velocity: 0 if uncertain; with `passes`, the sign at a body that passes
-        rest."""
+        """Return the sign of the velocity; 0 if it is uncertain. With `passes`, uncertain signs at a reversal
+        are also decided."""
         velocity = uniform_filter1d(np.gradient(position), self.smooth, mode="nearest")
         sign = np.sign(velocity)
         if not passes:
-            # Error of the mean and the differences for a curved velocity: a second mean shows two thirds.
+            # Error of the mean velocity and of the differences if the velocity is curved; a second mean shows
+            # two thirds of it.
             curved = 1.5 * np.abs(uniform_filter1d(velocity, self.smooth, mode="nearest") - velocity)
             sign[np.abs(velocity) <= AT_REST * noise_level(position) / self.smooth + curved] = 0.0
         return sign
 
     def design(self, position: Array, *, passes: bool = False) -> Array:
-        """Return acceleration, velocity, its sign (see `_sign`), and one: [windows, 4]."""
+        """Return the averages of acceleration, velocity, its sign (see `_sign`) and 1, shape (windows, 4)."""
         x, sign = self._windows(position), self._sign(position, passes=passes)
         return np.column_stack([x @ self.bend, -x @ self.slope, self.of(sign), np.ones(self.begins.size)])
 
     def unsure(self, position: Array) -> Array:
-        """Variance of the average sign, if the signs that are not sure were each drawn [windows]."""
+        """Return the variance of the average sign if each uncertain sign is drawn at random, shape
+        (windows,)."""
         return self._windows(self._sign(position) == 0.0) @ self.shape**2

@@ -1,7 +1,7 @@
-"""Misfit of a wrong law as the scale on which its minima are compared.
+"""Misfit of a wrong law: the scale on which its minima are compared.
 
-What a wrong law leaves of its recordings is no noise. A minimum that leaves a little less of it is no nearer
-to the contact, however many samples there are. In which of them a search ends depends on its start.
+The residuals of a wrong law are not noise. So a slightly lower minimum is not closer to the true contact,
+however many samples there are, and the minimum that a search finds depends on its start.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from ...estimate.minima import bound
 from ...estimate.result import Fit
 from ..recorded.known_noise import NOISY, NOTHING, white_noise
 
-# Share of the squares that a wrong law leaves beyond the noise. Minima that differ by less are alike.
-# It is an eighth of the root mean square.
+# Share of the sum of squares of a wrong law in excess of the noise; minima that differ by less are
+# equivalent. It is an eighth of the root mean square.
 ALIKE = 0.25
 
 
 def misfit(fit: Fit, measured: Sequence[NDArray[np.float64]]) -> float:
-    """Return the weighted squares that a law leaves beyond white noise of the recordings; 0 of a right one.
+    """Return the weighted sum of squares of a law in excess of white noise; 0 for a correct law.
 
     Args:
-        fit: of the recordings.
-        measured: forces of each.
+        fit: fit of the recordings.
+        measured: measured forces of each recording.
     """
     squares = 0.0
     for i, (g, force) in enumerate(zip(fit.recordings, measured, strict=True)):
@@ -38,7 +38,8 @@ def misfit(fit: Fit, measured: Sequence[NDArray[np.float64]]) -> float:
 
 
 def alike(fit: Fit, measured: Sequence[NDArray[np.float64]]) -> float:
-    """Return by how much the excess of other minima counts less than in white noise, at least 1."""
+    """Return the factor, at least 1, by which an excess of chi-squared of other minima is divided because the
+    law is wrong."""
     variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
     noise = float(np.median([inflation(fit, i) for i in range(len(fit.parameters))]))
     if not variance > 0.0:
@@ -47,7 +48,7 @@ def alike(fit: Fit, measured: Sequence[NDArray[np.float64]]) -> float:
 
 
 def said_minima(fit: Fit, measured: Sequence[NDArray[np.float64]]) -> list[str]:
-    """A doubt where a wrong law has several minima; none otherwise."""
+    """Return a doubt (one sentence) if a wrong law has several equivalent minima; otherwise an empty list."""
     if not fit.minima or not misfit(fit, measured):
         return []
     return [

@@ -1,10 +1,9 @@
 """Residuals of a fit of friction loops, and the missing term of the model that would explain them.
 
-Loops that are measured leave more than their white noise whatever the law: two Maxwell elements leave 75
-times as much of the tribometer's [christopherson2021], 1.4 % of the range of its force, Dahl's law 5 %. So no
-factor over the noise tells a wrong law from a measured loop, and what is left is a remark: beyond `MEASURED`
-of the range, or where one term explains most of it, something is wrong that can be put right, and it is a
-doubt.
+Measured loops leave more than white noise with any law. For the tribometer of [christopherson2021], two
+Maxwell elements leave 75 times the white noise (1.4 % of the range of the force), Dahl's law 5 % of the
+range. So the ratio to the noise does not show whether the law is wrong, and residuals are normally a remark.
+They become a doubt if they exceed `MEASURED` of the range, or if one missing term explains most of them.
 """
 
 from __future__ import annotations
@@ -23,17 +22,17 @@ from ...estimate.score import ASKED, gain, step
 from ...quantities.units import turned, with_prefix
 from ..recorded.known_noise import more_than_white, white_noise
 
-# Residual of the simplest presliding law on measured loops, relative to the range of the force; more is a
-# doubt.
+# Largest usual residual relative to the range of the force: that of the simplest presliding law on measured
+# loops. A larger one is a doubt.
 MEASURED = 0.05
-# Share of the sum of squares: a term that explains more is missing in the law.
+# Share of the sum of squares; a term that explains more is missing in the law.
 MOST = 0.5
 
 Array = NDArray[np.float64]
 
 
 class Slope(NamedTuple):
-    """A term that is not free: derivatives of all forces by it, and how far from 0 it may be."""
+    """A term that is not free: derivatives of all forces by it, and its largest plausible size."""
 
     name: str
     reach: float
@@ -50,14 +49,14 @@ def viscous_slope(recordings: Sequence[xr.Dataset], turns: bool) -> Slope:
 
 
 def missing(fit: Fit, model: Any, viscous: Slope, others: Sequence[Slope]) -> tuple[list[str], list[str]]:
-    """Remarks and doubts on terms that would lower the sum of squares by more than noise does.
+    """Return remarks and doubts on terms that would lower the sum of squares by more than noise does.
 
-    A speed that changes looks like a drift to a law without viscous friction: what explains more is said, and
-    the others only where they explain something beside it.
+    A changing speed looks like a drift to a law without viscous friction. So the term that explains most is
+    reported, and others only if they explain something in addition.
     """
     asked = [one for one in others if gain(fit, one.by) > ASKED]
-    # Free, it also moves the start of the prediction, which would be mistaken for an error of the first
-    # force.
+    # If it is free, it also changes the initial state of the prediction, which would look like an error of
+    # the first force.
     if "sigma_2" in fit.values:
         return [_said(fit, one) for one in asked], []
     share = _explained(fit, viscous)
@@ -71,8 +70,8 @@ def missing(fit: Fit, model: Any, viscous: Slope, others: Sequence[Slope]) -> tu
 
 
 def left_over(fit: Fit, measured: Sequence[Array], inexact: Sequence[float]) -> tuple[list[str], list[str]]:
-    """Remarks and doubts on recordings of which more is left than the white noise of their forces, and than
-    what noise of position and load leaves (`inexact`, root mean squares)."""
+    """Return remarks and doubts on recordings with residuals above the white noise of their forces and above
+    the effect of noise of position and load (`inexact`, root mean squares in N)."""
     remarks, doubts = [], []
     for g, force, left in zip(fit.recordings, measured, inexact, strict=True):
         words = (g.name, g.unit, "forces", "the contact follows another law")
@@ -83,14 +82,14 @@ def left_over(fit: Fit, measured: Sequence[Array], inexact: Sequence[float]) -> 
 
 
 def _explained(fit: Fit, one: Slope) -> float:
-    """The share of the sum of squares that a term would take away, linearised."""
+    """Return the share of the sum of squares that a term would explain, linearised."""
     left = sum(float(r @ r) for r in _with(fit, one).residuals)
     whole = sum(float(r @ r) for r in fit.residuals)
     return 1.0 - left / whole if whole > 0.0 else 0.0
 
 
 def _with(fit: Fit, one: Slope) -> Fit:
-    """The fit with a term, linearised."""
+    """Return the fit with a term added, linearised."""
     assert fit.jacobian is not None
     r = np.concatenate(fit.residuals)
     columns = np.column_stack([fit.jacobian, one.by])
@@ -111,7 +110,7 @@ def _said_viscous(fit: Fit, model: Any, viscous: Slope, share: float) -> str:
 
 
 def _said(fit: Fit, one: Slope) -> str:
-    """A sentence on a modifier that is not free."""
+    """Return a sentence on a term that is not free and explains residuals."""
     found = step(fit, one.by)
     unit = fit.recordings[0].unit
     percent = abs(100.0 * found / one.reach)

@@ -1,11 +1,12 @@
-"""Profile likelihood by points: of the Stribeck velocity, and of the stiffness of a law that is wrong.
+"""Profile likelihood by points: refits with the Stribeck velocity, or with the stiffness of a wrong law,
+fixed.
 
-A motion that passes quickly through the velocities at which friction falls shows the tail of the fall only,
-and a higher stiction that falls earlier has the same tail. Intervals linearised at one of them miss the
-others. So the rest is fitted again with the velocity fixed elsewhere.
+A motion that passes quickly through the Stribeck range shows only its end, and a higher stiction that falls
+at lower speed has the same end. Linearised intervals at one of these solutions do not contain the others. So
+the other values are fitted again with the Stribeck velocity fixed at other values.
 
-A wrong law misses its recordings about as much at many stiffnesses, each of them a minimum for one start or
-another: see `misfit`.
+A wrong law fits about equally badly at many stiffnesses. Each is a local minimum that some search ends in:
+see `misfit`.
 """
 
 from __future__ import annotations
@@ -23,25 +24,28 @@ from ...estimate.problem import FitError, Problem
 from ...estimate.result import Fit
 
 NAME, POINTS = "stribeck_velocity", 7
-# The stiffness of a wrong law is fixed elsewhere too: by half a decade a rung, over three decades either way.
+# Ratio of successive fixed stiffnesses (half a decade), and their number on each side (three decades).
 RUNG, RUNGS = math.sqrt(10.0), 6
-ROUGHLY = 1e-4  # of the sum of squares: far less than by what minima of a wrong law differ
-# Two rungs fit alike whose chi-squared differs by less than this share of what rejects one. Above what the
-# samples show of presliding a stiffness has no effect, and the stiffest take longest to simulate.
+# relative tolerance of the sum of squares, far below the differences between minima of a wrong law
+ROUGHLY = 1e-4
+# Two neighbouring points are equal if their chi-squared differs by less than this share of the rejection
+# limit. A stiffness far above the presliding that the samples show has no effect, and the stiffest contacts
+# take longest to simulate.
 FLAT = 0.05
 
 
 def profile_points(
     fit: Fit, parameters: Sequence[Parameter], described: Callable[[Sequence[Parameter]], Problem]
 ) -> tuple[Fit, ...]:
-    """Fits with the Stribeck velocity fixed all over its interval; none where that is narrow, or not free.
+    """Return fits with the Stribeck velocity fixed at values over its interval; an empty tuple if that is
+    narrow, or the velocity is not free.
 
-    Where a value ended at its bound, that interval says nothing, and the bounds of the velocity count.
+    If a value ended at its bound, the interval is not usable, and the bounds of the velocity are used.
 
     Args:
-        fit: of all parameters.
-        parameters: all of them, with those that are fixed or tied.
-        described: the problem, of such.
+        fit: fit of all parameters.
+        parameters: all parameters, including fixed and tied ones.
+        described: function that returns the least-squares problem of given parameters.
     """
     p = next((p for p in fit.parameters if p.name == NAME), None)
     if p is None or len(fit.parameters) < 2:
@@ -55,7 +59,7 @@ def profile_points(
 
 
 def stiffness_of(fit: Fit) -> str | None:
-    """The stiffness of a law that has one, unless the user has limited it; else None."""
+    """Return the name of the law's stiffness, unless the user has given its bounds; else None."""
     names = [p.name for p in fit.parameters if p.unit in ("N/m", "N m/rad") and p.limits is not None]
     return names[0] if len(names) == 1 and len(fit.parameters) > 1 else None
 
@@ -67,12 +71,13 @@ def ladder(
     parameters: Sequence[Parameter],
     described: Callable[[Sequence[Parameter]], Problem],
 ) -> tuple[Fit, ...]:
-    """Fits with one value fixed on either side, until two rungs in turn are rejected, or upwards fit alike.
+    """Return fits with one value fixed at increasing distances from the estimate, on either side, until two
+    successive ones are rejected or, upwards, two fit equally well.
 
     Args:
-        fit: of all parameters.
-        name: of the value.
-        less: by which an excess of chi-squared counts less; see `misfit.alike`.
+        fit: fit of all parameters.
+        name: name of the fixed value.
+        less: factor by which an excess of chi-squared is divided; see `misfit.alike`.
         parameters, described: as for `profile_points`.
     """
     variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
@@ -101,7 +106,8 @@ def _fixed(
     described: Callable[[Sequence[Parameter]], Problem],
     tolerance: float = 1e-7,
 ) -> Fit | None:
-    """The fit of all others with one value fixed; None where there is no model."""
+    """Return the fit of all other parameters with one value fixed; None if the model cannot be computed
+    there."""
     begin = {**fit.values, name: value}
     fixed = [
         q
@@ -134,10 +140,10 @@ def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float 
     others = []
     if name == NAME:
         ends = (p.lower, p.upper)
-    else:  # a ladder ends where two rungs are rejected; where the last one fits, those beyond it do
+    else:  # the points end where two are rejected; if the last one fits, values beyond it do, too
         ends = min(tried := [one.values[name] for one in (fit, *points)]), max(tried)
     for one in points:
-        # With the value fixed, the fit has no prior of it.
+        # With the value fixed, the fit contains no prior of it.
         value = one.values[name]
         cost = one.cost + p.prior_cost(p.coordinate(value))
         excess = max(cost - fit.cost, 0.0) / variance / less if variance > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""Force channel of a contact that is moved, predicted by a law and its values alone (free-running)."""
+"""Prediction of the force channel of a moved contact, from a law and its values alone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..recorded.channels import channel, names_of
 from .sampled import between
 
 OBSERVED = "friction_force"
-# Besides the law, with units; those that are not of the channel are the contact's.
+# Values besides the law's, with units: those of the channel, and further ones of the contact.
 CHANNEL = {
     "bias": "N",
     "contact_offset": "N",
@@ -30,20 +30,21 @@ CHANNEL = {
     "drift": "1/s",
     "load_exponent": "",
 }
-# Smallest normal force that carries friction, relative to the reference; below it the contact starts relaxed.
+# Smallest normal force with friction, relative to the reference; below it the contact starts relaxed.
 UNLOADED = 0.02
-# Deviations of a position's noise, within which it has not moved.
+# Largest deviation of a position at rest, in standard deviations of its noise.
 SAME = 4.0
-# Largest tolerance relative to the stroke; a larger one bends short strokes by more than the noise.
+# Largest tolerance relative to the stroke; a larger one distorts short strokes by more than the noise.
 FINEST = 1e-6
-# Largest error of the law's force in a step, over the range of the recorded force. A stiff contact slips
-# after less than the tolerance: its force would be the error of the simulation, with a minimum anywhere.
+# Largest error of the law's force in a step, relative to the range of the recorded force. A stiff contact
+# slips after less than the tolerance; without this limit its force would be simulation error, with minima
+# anywhere.
 FORCE_ERROR = 1e-6
 
 
 class LoopPrediction(NamedTuple):
-    """Prediction of the force channel by a law with values; settings as for `identify_loops`, `origin`
-    [s]."""
+    """Prediction of the force channel by a law with its values. The settings are those of `identify_loops`;
+    `origin` [s] is the time at which drift is zero."""
 
     law: Any
     values: Values
@@ -52,7 +53,7 @@ class LoopPrediction(NamedTuple):
     tolerance: float
 
     def predict(self, recording: xr.Dataset) -> NDArray[np.float64]:
-        """N, free-running from the first sample."""
+        """Return the predicted force [N], shape (n,), simulated from the recording's first sample."""
         return response_of(recording, names_of([recording])[0], *self[2:])(self.law, self.values)
 
 
@@ -63,7 +64,7 @@ def own_of(values: Values) -> Values:
 def response_of(
     recording: xr.Dataset, name: str, reference: float | None, origin: float, tolerance: float
 ) -> Callable[[Any, Values], NDArray[np.float64]]:
-    """From a law and values to what the force channel shows."""
+    """Return a function that takes a law and values, and returns the predicted force of the channel."""
     time = recording["time"].values
     position = channel(recording, "position", name, varies=True)
     velocity = np.gradient(position, time, edge_order=2)
@@ -73,7 +74,7 @@ def response_of(
     first = float(np.median(force_shown[: at_rest(position)]))
     most = FORCE_ERROR * float(np.ptp(force_shown))
     load = np.ones(time.size)
-    if reference is not None:  # a measured one, with noise: no contact is pulled
+    if reference is not None:  # a measured normal force has noise; a contact cannot be pulled
         load = np.maximum(channel(recording, "normal_force", name) / reference, 0.0)
 
     def response(model: Any, values: Values) -> NDArray[np.float64]:
@@ -93,7 +94,7 @@ def response_of(
                 initial_force=begin,
                 initial_velocity=float(velocity[0]) if begin else 0.0,
             )
-        except SimulationError as error:  # to a fit, a trial point without a model
+        except SimulationError as error:  # a fit treats this as a trial point without a model
             raise ArithmeticError(str(error)) from error
         force = found.force[at]
         states = found.states[at] if elements(law) else np.sign(force)[:, None]
@@ -105,8 +106,8 @@ def response_of(
 
 
 def _within(law: Any, error: float, tolerance: float) -> float:
-    """Return the tolerance of deflections [m], or less where a deflection changes the force by more than the
-    error [N]."""
+    """Return the tolerance of deflections [m], reduced if such a deflection changes the force by more than
+    `error` [N]."""
     stiffest = 0.0
     for one in (element(law, e) for e in range(elements(law))):
         stiffest = max(stiffest, (rate(one, 0.0, tolerance)[0] - rate(one, 0.0, 0.0)[0]) / tolerance)
@@ -114,13 +115,14 @@ def _within(law: Any, error: float, tolerance: float) -> float:
 
 
 def at_rest(position: NDArray[np.float64]) -> int:
-    """Return the number of samples before the motion, while the position is within its noise of the first."""
+    """Return the number of samples before the motion starts: those whose position equals the first one within
+    its noise."""
     gone = np.abs(position - position[0]) > SAME * noise_level(position)
     return int(np.argmax(gone)) if np.any(gone) else position.size
 
 
 def _odd_part(shown: float, values: Values) -> float:
-    """The force F of the law that shows as q + F + a|F| + h F^2."""
+    """Return the force F of the law that is measured as `shown`: q + F + a|F| + h F^2."""
     rest = shown - values.get("contact_offset", 0.0)
     side = 1.0 + math.copysign(values.get("asymmetry", 0.0), rest * values.get("asymmetry", 0.0))
     curvature = values.get("curvature", 0.0)

@@ -1,9 +1,9 @@
-"""Error of friction by the sampling of its motion.
+"""Error of a friction force by the sampling of its motion.
 
-Between samples a motion is a cubic where its velocity changes by much: as a line it would turn too early, and
-the force be off until the contact slips again. What that leaves falls at least as the square of the interval,
-so what every second sample makes of the same motion is off by four times as much, or more. A third of the
-difference counts as a standard error.
+Between samples the motion is a cubic where its velocity changes much. A straight line would reverse too
+early, with a wrong force until the contact slips again. The remaining error falls at least with the square of
+the sampling interval. So with every second sample it is at least four times as large, and a third of the
+difference serves as a standard error.
 """
 
 from __future__ import annotations
@@ -24,16 +24,19 @@ Array = NDArray[np.float64]
 
 # Share of the rms residual that sampling may cause before it is reported.
 MUCH = 0.5
-# Parts of an interval in which the velocity changes by more than this share of itself.
+# Number of parts of an interval in which the velocity changes by more than this share.
 PIECES, CHANGES = 8, 0.2
 
 
 def between(time: Array, position: Array, velocity: Array) -> tuple[Array, Array, NDArray[np.intp]]:
-    """The motion with points between its samples where the velocity changes by much of itself, above all
-    where it turns: the cubic through two samples with the velocities at them. A body at rest stays there.
+    """Return the motion with interpolated points between samples where its velocity changes much, mainly at
+    reversals.
+
+    The interpolation is the cubic through two samples with the velocities at them. A body at rest stays at
+    rest.
 
     Returns:
-        Time [s] and position [m], and at which of these the samples are.
+        Time [s], position [m], and the indices of the original samples in them.
     """
     rests = np.diff(position) == 0.0
     still = np.zeros(time.size, dtype=bool)
@@ -52,12 +55,12 @@ def between(time: Array, position: Array, velocity: Array) -> tuple[Array, Array
 def with_sampling(
     fit: Fit, recordings: Sequence[xr.Dataset], response: Callable[[xr.Dataset], Array]
 ) -> tuple[Fit, list[float]]:
-    """The fit with what the sampling leaves open, and the mean square of what it may make of each recording.
+    """Return the fit with the uncertainty by sampling, and the mean square of its effect on each recording.
 
     Args:
-        fit: of the recordings.
+        fit: fit of the recordings.
         recordings: over "time".
-        response: from a recording to the force at its samples, by the values of the fit.
+        response: function that returns the force at a recording's samples, by the values of the fit.
     """
     errors = []
     for recording in recordings:
@@ -65,7 +68,7 @@ def with_sampling(
         error = np.zeros(size)
         if size >= 2 * FEWEST_SAMPLES:
             shown = response(recording)
-            # A sample right after a reversal is in one of the halves; both start with the first sample.
+            # A sample just after a reversal is in only one of the halves; both start with the first sample.
             for half in (np.arange(0, size, 2), np.append(0, np.arange(1, size, 2))):
                 error[half] = (shown[half] - response(recording.isel(time=half))) / 3.0
         errors.append(error)

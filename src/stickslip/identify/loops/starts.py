@@ -1,4 +1,4 @@
-"""Starting values for fits of friction loops, from the sizes of the loops."""
+"""Initial guesses for fits of friction loops, from the size of the loops."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...estimate.parameter import REACH, Parameter, Values
 
-# Yield distances of a contact relative to the stroke: from hardly sampled to the whole stroke.
+# Displacements at which the contact yields, relative to the stroke: from hardly sampled to the whole stroke.
 YIELDS = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
 
 # Stribeck velocities relative to the largest speed; initial stiction over Coulomb friction.
@@ -27,15 +27,15 @@ def loop_starts(
 ) -> tuple[list[Parameter], list[Values]]:
     """Return the parameters within bounds for the loops, and further initial guesses.
 
-    Half the range of the force is its Coulomb friction. The contact yields over some share of the
-    stroke: a stiffness for each of `YIELDS`. Of a law of several elements all stiffnesses, or strengths, keep
-    their ratios.
+    Coulomb friction starts at half the range of the force. The contact yields over some share of the stroke,
+    so there is one initial stiffness for each of `YIELDS`. For a law of several elements, all stiffnesses
+    keep their ratios, and so do all strengths.
 
     Args:
         parameters: parameters with the user's initial guess.
         recordings: with position [m].
-        measured: the force of each, N.
-        given: names with the user's bounds.
+        measured: measured force of each recording, N.
+        given: names of parameters whose bounds the user has given.
     """
     force = 0.5 * max(float(np.ptp(x)) for x in measured)
     stroke = max(float(np.ptp(r["position"].values)) for r in recordings)
@@ -63,13 +63,13 @@ def loop_starts(
 def stribeck_starts(
     parameters: Sequence[Parameter], values: Values, recordings: Sequence[xr.Dataset]
 ) -> list[Values]:
-    """The values with other Stribeck velocities; none where that is not free.
+    """Return initial guesses with other Stribeck velocities; an empty list if that is not free.
 
-    From far above the velocity at which friction falls, or from no stiction, no search leads there.
+    A search that starts far above the Stribeck range, or without stiction, does not find it.
 
     Args:
-        parameters: those that are searched for.
-        values: near which the others are.
+        parameters: free parameters.
+        values: initial guess that is modified.
         recordings: with position [m].
     """
     limits = {p.name: (p.lower, p.upper) for p in parameters}

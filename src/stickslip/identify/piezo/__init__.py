@@ -1,1 +1,1 @@
-"""Hysteresis and creep of a piezo from recordings of voltage and displacement."""
+"""Identification of hysteresis and creep of a piezo from recordings of voltage and displacement."""

@@ -1,4 +1,5 @@
-"""Choice of the number of plays, of asymmetry and of creep, by cross-validation."""
+"""Choice of the number of play operators, of asymmetry and of creep in a piezo's model, by
+cross-validation."""
 
 from __future__ import annotations
 
@@ -18,13 +19,13 @@ from .columns import CREEP_BEGINS, Columns, Observed, PlayGrid, columns
 from .linear import held_out, residuals, solved, typical
 from .timing import Lateness
 
-# Plays that are tried; more than the last predict no better on any data that were looked at.
+# Numbers of play operators that are tried; more than the last predicted no better on any data tested.
 PLAYS = (1, 2, 4, 6, 8, 12, 16)
 FOLDS = 6
-# Share of what the best model leaves beyond white noise that a smaller one may leave more; and difference of
-# chi-squared below which noise alone may make one better.
+# A smaller model is as good if its residual beyond white noise exceeds that of the best model by less than
+# this share; and the difference of chi-squared below which noise alone can make one model better.
 ENOUGH, NOISE = 0.02, 10.0
-# Largest length of creep, in lengths of the recordings: real stacks creep for hours.
+# Longest creep, in durations of the recordings: real stacks creep for hours.
 BEYOND = 10.0
 # Shortest recording that shows creep, in multiples of the start of creep.
 LONG_ENOUGH = 20.0
@@ -34,8 +35,8 @@ STILL = 0.01
 
 
 class Shape(NamedTuple):
-    """A form that is compared: with the square (`bent`), with a `skew` [1/V], and how late the voltage is by
-    it."""
+    """A form of the model that is compared: with the squared voltage (`bent`), with a `skew` [1/V], and with
+    its own delay and lag of the voltage."""
 
     bent: bool
     skew: float
@@ -43,8 +44,8 @@ class Shape(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """The columns of a fit, how late the voltage is, what is left of parts left out [m], and sentences on
-    what was tried."""
+    """Result of the choice: the columns of the fit, delay and lag of the voltage, residual of the held-out
+    parts [m], and sentences on what was tried."""
 
     grid: PlayGrid
     late: Lateness
@@ -53,7 +54,7 @@ class Choice(NamedTuple):
 
 
 def range_of(observed: Sequence[Observed]) -> tuple[float, float]:
-    """Least and greatest voltage of all recordings, those at rest among them, V."""
+    """Return least and greatest voltage [V] of all recordings and of the rests before them."""
     lows = [min(float(one.drive.min()), one.rest) for one in observed]
     highs = [max(float(one.drive.max()), one.rest) for one in observed]
     return min(lows), max(highs)
@@ -66,10 +67,12 @@ def chosen(
     creep: bool | None,
     time_constants: Sequence[float] = (),
 ) -> Choice:
-    """The columns that predict best, or nearly so, among those that were left open.
+    """Return the smallest set of columns that predicts about as well as the best one, among the options left
+    open.
 
     Raises:
-        QuantityError: no such number of plays; creep is wanted of recordings too short for it.
+        QuantityError: a number of plays that cannot be fitted; or creep is requested for too short
+            recordings.
     """
     lasts = max(float(one.time[-1]) for one in observed)
     fewest = min(one.time.size for one in observed)
@@ -94,7 +97,7 @@ def chosen(
     crept = (False, True) if creep is None and long_enough else (bool(creep),)
     tried = []
     positions = [one.position for one in observed]
-    # what one shape with the square has, the same without has too
+    # shapes with the square share their columns with those without it
     alike = [list(some) for _, some in groupby(shapes, key=lambda one: (one.skew, one.late))]
     for n, some in product((n for n in plays if n * SAMPLES_PER_PLAY <= fewest), alike):
         bent, skew, late = some[-1]
@@ -133,7 +136,8 @@ def chosen(
 
 
 def left_of_all(observed: Sequence[Observed], late: Lateness, grid: PlayGrid) -> tuple[float, float]:
-    """Standard deviation of what a grid leaves of all samples, m, and the creep per decade that it has."""
+    """Return the standard deviation [m] of the residuals of all samples for this grid, and its creep per
+    decade."""
     parts = [columns(one, late.timing, grid) for one in observed]
     positions = [one.position for one in observed]
     found = solved(parts, positions, grid)
@@ -141,11 +145,11 @@ def left_of_all(observed: Sequence[Observed], late: Lateness, grid: PlayGrid) ->
 
 
 def _lasting(observed: Sequence[Observed], choice: Choice, lasts: float) -> Choice:
-    """Return the choice with creep that ends with the recordings (of `lasts` s), or continues, whichever fits
-    better.
+    """Return the choice with creep that ends with the recordings (after `lasts` s), or that continues,
+    whichever fits better.
 
-    Both have the same number of parameters. If creep that continues is assumed to end, it is found a sixth
-    too large.
+    Both have the same number of parameters. If continuing creep is assumed to end, it is overestimated by a
+    sixth.
     """
     beyond = choice.grid._replace(times=spread(CREEP_BEGINS, BEYOND * lasts))
     tried = [
@@ -167,15 +171,15 @@ def _lasting(observed: Sequence[Observed], choice: Choice, lasts: float) -> Choi
 
 
 def _as_good(squares: NDArray[np.float64], best: NDArray[np.float64], white: float, count: int) -> bool:
-    """Return whether a model predicts the folds about as well as the best one.
+    """Return True if a model predicts the held-out folds about as well as the best one.
 
-    White noise is left by every model. Where it is most of what is left, 2 % of the whole may be all of the
-    creep; so the share counts of the rest.
+    Every model leaves white noise. If that dominates the residual, 2 % of the whole may be all of the creep;
+    so the comparison uses the residual without white noise.
 
     Args:
-        squares, best: m² left of each fold.
+        squares, best: mean square residual of each fold, m².
         white: standard deviation of the white noise, m.
-        count: samples of all recordings.
+        count: number of samples of all recordings.
     """
     rest = max(1.0 - (white / max(typical(best), 1e-300)) ** 2, 0.0)
     more = 2.0 * math.log((typical(squares) + 1e-300) / (typical(best) + 1e-300))
@@ -183,7 +187,7 @@ def _as_good(squares: NDArray[np.float64], best: NDArray[np.float64], white: flo
 
 
 def _rests(one: Observed) -> bool:
-    """Return whether the drive is constant long enough to show creep."""
+    """Return True if the drive is constant long enough to show creep."""
     size = int(LONG_ENOUGH * CREEP_BEGINS / one.time[1])
     if size > one.time.size:
         return False

@@ -1,10 +1,10 @@
-r"""Columns of a piezo's design: answers to a recorded drive, which its coefficients multiply.
+r"""Columns of the linear model of a piezo: responses to a recorded drive, which the coefficients multiply.
 
 .. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u + a\,B(u) - a\,B(0)] + \kappa\,B(u)
 
-u is the voltage at the piezo: the recorded one, late and lagging. P are plays, B is the square of the voltage
-above its least, drawn with dead zones, a the skew, and L the logarithmic creep of one per decade. See
-`piezo`.
+u is the voltage at the piezo: the recorded one after delay and lag. P are play operators, a is the skew, and
+L is logarithmic creep of one per decade. B is the square of the voltage above its least value, approximated
+by dead zones. See `piezo`.
 """
 
 from __future__ import annotations
@@ -22,22 +22,25 @@ from ...physics.piezo.prandtl_ishlinskii import rested
 from ...recording import RecordingError
 from ..recorded.channels import channel
 
-# Dead zones that draw the square, over the range of the drive.
+# Number of dead zones over the range of the drive, which approximate the square.
 ZONES = 8
 # s, start of creep, as in data sheets ("per decade of time after 0.1 s").
 CREEP_BEGINS = 0.1
 # Smallest reversal of the drive, relative to its range.
 TURNED = 0.05
-# Largest difference of equal periods, relative to the range; and fewest samples in a period.
+# Largest difference between equal periods, relative to the range; and fewest samples in a period.
 SAME, FEWEST_IN_PERIOD = 2e-3, 16
 
 Array = NDArray[np.float64]
 
 
 class Observed(NamedTuple):
-    """A recording: `time` [n] from its first sample, s; `drive` [n], V; `position` [n], m; `rest`, V at which
-    it rested before, reached from 0 V; or `cycled`: it did not rest, but went between the ends of the drive
-    before, as it does in the recording."""
+    """A recording for the fit of a piezo.
+
+    Fields: `time` [n] from its first sample, s; `drive` [n], V; `position` [n], m; `rest`, voltage [V] at
+    which it rested before, reached from 0 V; `cycled`, True if it did not rest, but the drive moved between
+    its ends before as it does in the recording.
+    """
 
     name: str
     time: Array
@@ -47,12 +50,13 @@ class Observed(NamedTuple):
     cycled: bool = False
 
     def begins_as(self, other: Observed) -> bool:
-        """Return whether both recordings have the same past."""
+        """Return True if both recordings have the same drive before their first sample."""
         return (self.rest, self.cycled) == (other.rest, other.cycled)
 
     @property
     def way(self) -> Array:
-        """The voltages at which the piezo turned before the first sample, and the one that it then had, V."""
+        """Return the voltages [V] at which the drive reversed before the first sample, and then the first
+        voltage."""
         if not self.cycled:
             return np.array([self.rest])
         low, high = float(self.drive.min()), float(self.drive.max())
@@ -62,17 +66,17 @@ class Observed(NamedTuple):
 
 
 class DelayAndLag(NamedTuple):
-    """Lateness of the piezo's voltage: `delay`, s, then a first-order `lag`, s."""
+    """Lateness of the voltage at the piezo: a pure `delay` [s], then a first-order `lag` [s]."""
 
     delay: float = 0.0
     lag: float = 0.0
 
 
 class PlayGrid(NamedTuple):
-    """Grid of the columns.
+    """Grid of the model's columns.
 
-    `thresholds` of plays [V], `zones` of the square [V] and time constants of the creep [s], either of which
-    may be empty; `skew` [1/V] of the plays' input, if there are zones.
+    Fields: `thresholds` of the plays [V]; `zones` of the square [V] and time constants of the creep [s], both
+    possibly empty; `skew` [1/V] of the plays' input, if there are zones.
     """
 
     thresholds: Array
@@ -84,16 +88,17 @@ class PlayGrid(NamedTuple):
     def over(
         cls, low: float, high: float, plays: int, bent: bool, lasts: float, skew: float = 0.0
     ) -> PlayGrid:
-        """For drives from `low` to `high` [V] and recordings of `lasts` s; 0: without creep.
+        """Return the grid for drives from `low` to `high` [V] and recordings of `lasts` s; with `lasts` 0 it
+        has no creep.
 
-        A play wider than half the range never moves back, so that nothing tells its weight.
+        A play wider than half the range never moves back, so its weight cannot be determined.
         """
         zones = low + (high - low) * np.arange(ZONES if bent else 0) / ZONES
         times = spread(CREEP_BEGINS, lasts) if lasts > CREEP_BEGINS else np.zeros(0)
         return cls(0.5 * (high - low) * np.arange(plays) / plays, zones, times).skewed_by(skew)
 
     def skewed_by(self, skew: float) -> PlayGrid:
-        """The same with this skew; thresholds keep their shares of the range that plays see."""
+        """Return the grid with this skew; thresholds keep their shares of the range of the plays' input."""
         if skew == self.skew:
             return self
         low, high = self.zones[0], self.zones[0] + ZONES * (self.zones[1] - self.zones[0])
@@ -102,18 +107,18 @@ class PlayGrid(NamedTuple):
         return made._replace(thresholds=self.thresholds * (then / now))
 
     def without(self, bent: bool, creep: bool) -> PlayGrid:
-        """The same without the square (`bent`), without the creep, or both."""
+        """Return the grid without the square (`bent`), without the creep, or without both."""
         none = np.zeros(0)
         return self._replace(zones=none if bent else self.zones, times=none if creep else self.times)
 
     @property
     def bends(self) -> Array:
-        """Change of slope at each zone for a coefficient of 1, V."""
+        """Return the change of slope at each zone for a coefficient of 1, V."""
         return np.full(self.zones.size, 2.0 * (self.zones[1] - self.zones[0]) if self.zones.size else 0.0)
 
     @property
     def plays(self) -> Operators:
-        """Plays of the weight 1, without what is beside them."""
+        """Return the play operators with weights of 1, without square and creep."""
         ones, none = np.ones(self.thresholds.size), np.zeros(self.zones.size)
         return Operators(self.thresholds, ones, self.zones, none, self.skew * self.bends)
 
@@ -121,7 +126,8 @@ class PlayGrid(NamedTuple):
 class Columns(NamedTuple):
     """Columns of one recording.
 
-    `at_once` [n, k], the plays and, last, the square, if there is one; `crept` [n, k], the creep of each.
+    Fields: `at_once` [n, k], responses of the plays and, last, of the square, if there is one; `crept` [n,
+    k], the creep of each.
     """
 
     at_once: Array
@@ -129,10 +135,10 @@ class Columns(NamedTuple):
 
 
 def observe(recording: xr.Dataset, name: str, channel_name: str, rest: float | None) -> Observed:
-    """A recording's channels, checked.
+    """Return the channels of a recording after checks.
 
     Raises:
-        RecordingError: one is missing, not finite or constant.
+        RecordingError: a channel is missing, not finite or constant.
     """
     position = channel(recording, channel_name, name, varies=True)
     drive = channel(recording, "drive_voltage", name, varies=True)
@@ -141,7 +147,7 @@ def observe(recording: xr.Dataset, name: str, channel_name: str, rest: float | N
 
 
 def turns(observed: Observed) -> bool:
-    """Return whether the drive turns back by more than a small part of its range."""
+    """Return True if the drive reverses by more than a small part of its range."""
     way = np.append(observed.rest, observed.drive)
     fallen = float(np.max(np.maximum.accumulate(way) - way))
     risen = float(np.max(way - np.minimum.accumulate(way)))
@@ -149,7 +155,7 @@ def turns(observed: Observed) -> bool:
 
 
 def refuse_one_way(observed: Sequence[Observed]) -> None:
-    """Raise RecordingError if no drive turns back."""
+    """Raise RecordingError if no drive reverses."""
     if not any(turns(one) for one in observed):
         one = observed[0]
         raise RecordingError(
@@ -159,8 +165,8 @@ def refuse_one_way(observed: Sequence[Observed]) -> None:
 
 
 def repeated(drive: Array) -> tuple[float, float, float]:
-    """First sample, length and end of what a drive repeats from some sample to its own end, as `KnownNoise`
-    has it; a length of 0 if it does not."""
+    """Return the first sample, period and end (in samples) of the last part of a drive, if it repeats until
+    its end; a period of 0 if it does not. `KnownNoise` takes the result."""
     none = (0.0, 0.0, 0.0)
     half = drive[drive.size // 2 :] - drive[drive.size // 2 :].mean()
     line = int(np.argmax(np.abs(np.fft.rfft(half))[1:])) + 1
@@ -175,9 +181,9 @@ def repeated(drive: Array) -> tuple[float, float, float]:
 
 
 def at_piezo(observed: Observed, timing: DelayAndLag) -> Array:
-    """The voltage at the piezo, V, shape (n,)."""
+    """Return the voltage at the piezo, V, shape (n,), after delay and lag."""
     time, rest, late = observed.time, observed.rest, observed.drive
-    if observed.cycled:  # the drive continued before as it starts now
+    if observed.cycled:  # the drive before the recording is the one at its start
         slope = float(late[1] - late[0]) / float(time[1])
         early = time - timing.delay
         late = np.where(early < 0.0, rest + slope * early, np.interp(early, time, late))
@@ -188,14 +194,15 @@ def at_piezo(observed: Observed, timing: DelayAndLag) -> Array:
 
 
 def lagged(time: Array, values: Array, tau: Array, rest: float) -> Array:
-    """First-order lags [n, k] of what is joined by lines, all at `rest` before."""
+    """Return first-order lags, shape (n, k), of a signal that is linear between samples and equal to `rest`
+    before."""
     found = np.empty((time.size, tau.size))
     relaxed(Lags(tau), time, np.ascontiguousarray(values), np.full(tau.size, rest), found)
     return found
 
 
 def columns(observed: Observed, timing: DelayAndLag, grid: PlayGrid) -> Columns:
-    """All columns of a recording."""
+    """Return all columns of the linear model for a recording."""
     way = observed.way
     u = np.append(way, at_piezo(observed, timing))
     plays = grid.plays

@@ -1,4 +1,4 @@
-"""`identify_piezo`: hysteresis, its asymmetry, creep and lateness of a piezo, with intervals."""
+"""`identify_piezo`: fit of a piezo's hysteresis, asymmetry, creep, delay and lag, with intervals."""
 
 from __future__ import annotations
 
@@ -49,15 +49,17 @@ NOT_LATE = Lateness(
     Edges((), ()),
 )
 # Largest residuals of an explained recording: relative to its white noise, and to the standard deviation of
-# its positions, of which a straight line leaves 10 to 15 % and fits of measured stacks 1 %.
+# its positions. A straight line leaves 10 to 15 % of the latter, fits of measured stacks 1 %.
 MANY, TOO_LITTLE = 3.0, 0.05
-# Relative: what a lag must explain of parts left out, where no edge tells it.
+# Smallest relative reduction of the held-out residual that a lag must bring, if no edge of the drive shows
+# it.
 LATE = 0.1
-# Smallest motion of the drive from its first value, relative to its range.
+# Smallest change of the drive from its first value that is a motion, relative to its range.
 MOVED = 0.01
-# Difference step by delay and lag, in sampling intervals; and number of timings whose columns are kept.
+# Difference step for delay and lag, in sampling intervals; and number of delay-lag pairs whose columns are
+# cached.
 DIFFERENCE, KEPT = 0.02, 4
-# Over the range, the step of the derivative by skew.
+# Difference step of the skew, relative to the range of the drive.
 SKEWED = 1e-4
 
 Array = NDArray[np.float64]
@@ -81,14 +83,15 @@ def identify_piezo(
     .. math:: y = y_0 + S + g\,L[S], \qquad
               S = \sum_i w_i P_{r_i}[u + a\,B(u) - a\,B(0)] + \kappa\,B(u)
 
-    Slow against the stage's resonance, free of contact: the recorded displacement is the piezo's. Thresholds
-    are spread evenly over half the range of the drive: wider plays are not determined. Creep is logarithmic
-    from 0.1 s to the length of the recordings, or to ten times that if it fits better. Cross-validation
-    chooses the number of plays, and whether to include the square B(u) and creep: the smallest model that
-    predicts parts left out about as well as the best one. If that leaves more than noise, it may add the skew
-    a of the plays' input, which widens loops at one end. Delay and lag come from edges of the drive, unless
-    the model explains as much without; without edges a lag is included only if it predicts clearly better. A
-    recording starts after a rest or during a motion, whichever explains it better.
+    The recorded displacement must be the piezo's: without contact, and slow compared with the stage's
+    resonance. Thresholds are spread evenly over half the range of the drive: wider plays are not determined.
+    Creep is logarithmic from 0.1 s to the length of the recordings, or to ten times that if it fits better.
+    Cross-validation chooses the number of plays, and whether to include the square B(u) and creep: the
+    smallest model that predicts held-out parts about as well as the best one. If that leaves more than noise,
+    it may add the skew a of the plays' input, which widens loops at one end. Delay and lag come from edges of
+    the drive, unless the model explains as much without; without edges a lag is included only if it predicts
+    clearly better. A recording is taken to start after a rest or during a motion, whichever explains it
+    better.
 
     Args:
         recordings: with drive_voltage [V] and stage_position [m].
@@ -96,17 +99,19 @@ def identify_piezo(
         operators: number of plays; by default chosen.
         asymmetric: include B(u), and possibly a; by default chosen.
         creep: include creep; by default chosen.
-        time_constants: s, of creep, with equal shares; by default two per decade from 0.1 s on.
-        delay: s, of the voltage at the piezo; by default from edges.
-        lag: s, of first order: of amplifier, capacitance and sensor; by default from edges too.
-        rest_voltage: V at which the piezo rested before, come to from 0 V; by default the first position's.
+        time_constants: time constants of the creep, s, with equal shares; by default two per decade from 0.1
+            s on.
+        delay: delay of the voltage at the piezo, s; by default from edges.
+        lag: first-order time constant of amplifier, capacitance and sensor, s; by default also from edges.
+        rest_voltage: V at which the piezo rested before, reached from 0 V; by default estimated from the
+            first position.
         observed: name of the position channel.
 
     Returns:
         A fit of weight_1, ... [m/V] of the plays, curvature κ [m/V²], skew a [1/V], creep g (share per
         decade), and the offset of each recording [m]; beside them gain, their sum, delay and lag [s].
         `predict(recording)` is the position, m, at the level of the recording's own positions, if it has any.
-        `model` is the actuator, or a `Piezo`. `failures` name recordings of which much of the motion is left.
+        `model` is the actuator, or a `Piezo`. `failures` name recordings with large residuals.
 
     Raises:
         RecordingError: a channel is missing, short, not finite, clipped, constant, or falls where the voltage
@@ -144,7 +149,7 @@ def identify_piezo(
     fit, remarks = _fitted(seen, choice, unit)
     if asymmetric is not False and not _only_noise(fit, seen):
         skewed = skewed_shape(seen, late, fixed=given != (None, None))
-        # a skew shall not be chosen for what another delay explains
+        # a skew must not be chosen for an effect that another delay explains
         shapes = [skewed, *([skewed._replace(skew=0.0)] if skewed.late != late else [])]
         other = chosen(seen, shapes, operators, creep, taus)
         if other.score < (1.0 - ENOUGH) * choice.score:
@@ -174,7 +179,8 @@ def identify_piezo(
 
 
 def _explains_more(seen: Sequence[Observed], choice: Choice, other: Choice) -> bool:
-    """Return whether a choice leaves less of all samples than another, and predicts parts left out no worse.
+    """Return True if a choice has a smaller residual of all samples than another, and predicts held-out parts
+    no worse.
 
     The mean over the parts hides the effect of a lag after a single edge; all samples alone would accept a
     lag that approximates hysteresis.
@@ -184,9 +190,11 @@ def _explains_more(seen: Sequence[Observed], choice: Choice, other: Choice) -> b
 
 
 def _fitted(seen: Sequence[Observed], choice: Choice, unit: str) -> tuple[Fit, tuple[str, ...]]:
-    """The fit, and what is to be said of its timing. Delay and lag are fitted with all else where the model
-    leaves no more than noise; where it leaves more, what it lacks would bend them, and they are those of the
-    edges."""
+    """Return the fit, and sentences on its delay and lag.
+
+    Delay and lag are fitted with all other values if the residual is only noise. Otherwise the model's error
+    would bias them, and they are those of the edges.
+    """
     grid, late = choice.grid, choice.late
     if late.edges.number:
         whole = fit_least_squares(_problem(seen, grid, late.timing, unit, timed=True))
@@ -196,12 +204,12 @@ def _fitted(seen: Sequence[Observed], choice: Choice, unit: str) -> tuple[Fit, t
 
 
 def _only_noise(fit: Fit, seen: Sequence[Observed]) -> bool:
-    """Return whether the residuals are only white noise."""
+    """Return True if the residuals are only white noise."""
     return not _left(fit, seen)
 
 
 def _left(fit: Fit, seen: Sequence[Observed]) -> tuple[str, ...]:
-    """A sentence on each recording of which more is left than white noise of its positions."""
+    """Return a sentence on each recording with a residual above the white noise of its positions."""
     said = (
         more_than_white(
             *(g.rmse, white_noise(one.position), one.position),
@@ -213,7 +221,8 @@ def _left(fit: Fit, seen: Sequence[Observed]) -> tuple[str, ...]:
 
 
 def _unexplained(fit: Fit, seen: Sequence[Observed]) -> list[str]:
-    """Return a sentence on each recording with a residual far above the noise and a large part of the motion.
+    """Return a sentence on each recording with a residual that is far above the noise and a large part of the
+    motion.
 
     A residual above the noise of good sensors alone is only a remark, because real piezos leave it.
     """
@@ -229,12 +238,13 @@ def _unexplained(fit: Fit, seen: Sequence[Observed]) -> list[str]:
 
 
 def _begun(seen: Sequence[Observed], timing: DelayAndLag, assumed: float | None) -> list[Observed]:
-    """The recordings with what was before each, by a first model without creep. Where they rested, but not as
-    it was taken, that `assumed` [V], if any: the model has yet to learn how late the voltage is."""
+    """Return the recordings with their drive before the first sample, as a first model without creep shows
+    it. Recordings after a rest at another voltage than expected get the `assumed` voltage [V], if given,
+    because delay and lag are not yet known."""
     grid, _, solution = first_model(seen, timing)
     try:
         first = prediction_of(named(solution, grid), grid, timing, seen, "")
-    except QuantityError:  # noise outweighs the hysteresis: so rough a model tells no past
+    except QuantityError:  # noise exceeds the hysteresis: this rough model does not show the past
         return list(seen)
     found = [first.begun(one) for one in seen]
     if assumed is None:
@@ -258,7 +268,7 @@ def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) 
 
 
 def named(found: Solution, grid: PlayGrid) -> Values:
-    """A solution by the names of a fit."""
+    """Return the coefficients of a solution by the names of the fit's parameters."""
     values = {f"weight_{i}": float(w) for i, w in enumerate(found.weights, start=1)}
     if grid.zones.size:
         values["curvature"] = found.curvature
@@ -272,12 +282,13 @@ def named(found: Solution, grid: PlayGrid) -> Values:
 def _problem(
     seen: Sequence[Observed], grid: PlayGrid, timing: DelayAndLag, unit: str, timed: bool
 ) -> Problem:
-    """All coefficients at once, and delay and lag with them where these are `timed`."""
+    """Return the least-squares problem of all coefficients; if `timed`, also of delay and lag."""
     found = solved([columns(one, timing, grid) for one in seen], [one.position for one in seen], grid)
     begin = named(found, grid)
     plays = [f"weight_{i}" for i in range(1, grid.thresholds.size + 1)]
     low, high = range_of(seen)
-    ends = {"skew": (-0.4 / (high - low), 2.0 / (high - low))}  # the plays' voltage turns back at -0.5
+    # beyond -0.5 the plays' input would no longer be monotonic
+    ends = {"skew": (-0.4 / (high - low), 2.0 / (high - low))}
     described = _Described(seen, grid, [*plays, *(["curvature"] if grid.zones.size else [])], timed)
     units = {"curvature": f"{unit}/V²", "skew": "1/V", "creep": "", "delay": "s", "lag": "s"}
     reach = {name: 2.0 * begin["gain"] for name in plays} | {"creep": 1.0}
@@ -305,7 +316,8 @@ def _problem(
 
 
 class _Described:
-    """Residuals of a problem and their derivatives; columns are computed again only for another timing."""
+    """Residuals of the problem and their derivatives; columns are computed again only if delay, lag or skew
+    change."""
 
     def __init__(self, seen: Sequence[Observed], grid: PlayGrid, names: Sequence[str], timed: bool) -> None:
         self.seen, self.grid, self.names, self.timed = seen, grid, names, timed
@@ -313,7 +325,7 @@ class _Described:
         self.shifted = [*(["skew"] if grid.skew else []), *(DelayAndLag._fields if timed else ())]
 
     def parts(self, values: Values) -> list[Columns]:
-        """At the delay, lag and skew of these values."""
+        """Return the columns of all recordings at the delay, lag and skew in these values."""
         timing, skew = DelayAndLag(values["delay"], values["lag"]), values.get("skew", 0.0)
         if (*timing, skew) not in self.known:
             if len(self.known) > KEPT:
@@ -323,7 +335,7 @@ class _Described:
         return self.known[*timing, skew]
 
     def shown(self, values: Values, number: int) -> Array:
-        """Position without offset, m."""
+        """Return the position of recording `number` without offset, m."""
         part, x = self.parts(values)[number], np.array([values[name] for name in self.names])
         return part.at_once @ x + values.get("creep", 0.0) * (part.crept @ x)
 
@@ -336,7 +348,8 @@ class _Described:
         return of
 
     def jacobian(self, values: Values) -> Array:
-        """By weights, curvature, skew, creep, offsets, timing where it is free, and gain, by nothing."""
+        """Return the derivatives of the residuals, shape (samples, parameters): by weights, curvature, skew,
+        creep, offsets, and delay and lag if free; zero for the gain."""
         x = np.array([values[name] for name in self.names])
         low, high = range_of(self.seen)
         rows = []
@@ -361,7 +374,8 @@ class _Described:
 
 
 def _known(observed: Observed) -> KnownNoise:
-    """Return the noise of a recording: before the drive moves, and between repeated periods."""
+    """Return the noise of a recording that is known without a model: before the drive moves, and between
+    repeated periods."""
     u = observed.drive
     at_rest = first_change(u, MOVED) if observed.rest == u[0] else 0
     return KnownNoise(None, at_rest, repeated(u), resolution(observed.position))
@@ -370,7 +384,8 @@ def _known(observed: Observed) -> KnownNoise:
 def _predicting(
     fit: Fit, grid: PlayGrid, timing: DelayAndLag, seen: Sequence[Observed], observed: str
 ) -> PiezoPrediction:
-    """`prediction_of` a fit; where that is no piezo, what to change is said."""
+    """Return `prediction_of` a fit; if the fit is no possible piezo, raise an error that says what to
+    change."""
     try:
         return prediction_of(fit.values, grid, timing, seen, observed)
     except QuantityError as error:

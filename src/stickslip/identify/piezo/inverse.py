@@ -1,4 +1,4 @@
-"""The drive under which a piezo moves as wanted: the inverse of what was identified."""
+"""Inverse of an identified piezo model: the drive voltage for wanted positions."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from ...waveform import Sampled
 from .columns import DelayAndLag, Observed, at_piezo
 from .prediction import PiezoPrediction, warn_beyond
 
-# Distance beyond the fitted drives, relative to their range, above which a drive gives a warning.
+# Distance outside the fitted drives, relative to their range, above which a drive gives a warning.
 BEYOND = 0.02
-# The lag's inverse takes slopes from samples beside, and is corrected so often where there are corners.
+# Number of corrections of the inverse lag. Its slopes come from neighbouring samples, which is inaccurate at
+# corners.
 CORRECTIONS = 3
 
 Array = NDArray[np.float64]
@@ -38,9 +39,9 @@ def inverse_drive(
     Args:
         fit: fit of `identify_piezo`.
         times: s, shape (n,), ascending from 0 or later.
-        positions: m, shape (n,), as the recordings of the fit count them (`fit.values["offset_1"]`, ... is
+        positions: m, shape (n,), with the zero of the fit's recordings (`fit.values["offset_1"]`, ... is
             where 0 V is, at first).
-        rest_voltage: V at which it rests before, reached from 0 V; by default the voltage of the first
+        rest_voltage: V at which the piezo rests before, reached from 0 V; by default the voltage of the first
             position.
 
     Returns:

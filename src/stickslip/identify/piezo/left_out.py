@@ -1,14 +1,13 @@
-r"""Uncertainty of a piezo's model: the models that recordings give without a part of each (delete-a-group
-jackknife).
+r"""Uncertainty of a piezo model by the delete-a-group jackknife: models from the recordings without one part
+each.
 
-With n parts, models :math:`m_j` and whatever is computed from a model, :math:`f(m)`, the covariance of f is
+With n parts, models :math:`m_j` and a quantity :math:`f(m)` computed from a model, the covariance of f is
 
 .. math:: \frac{n - 1}{n} \sum_j (f(m_j) - \bar f)(f(m_j) - \bar f)^T
 
-It needs no derivatives by weights, of which those at zero have none; and drift of the sensor, or what the
-model lacks, is in it as far as it differs from part to part. Where one part tells what no other does (the
-only way to the greatest voltage), leaving it out tells more than the error: it says too much then, by up to
-four times in a record whose amplitude decays.
+It needs no derivatives by weights, which do not exist at zero. It includes drift of the sensor and model
+errors as far as they differ between parts. If only one part contains some information (such as the only rise
+to the greatest voltage), the covariance is too large: up to four times in a recording whose amplitude decays.
 """
 
 from __future__ import annotations
@@ -35,8 +34,7 @@ Array = NDArray[np.float64]
 def without_parts(
     fit: Fit, recordings: xr.Dataset | Sequence[xr.Dataset], parts: int = PARTS
 ) -> list[tuple[float, Piezo]]:
-    """Return gain [m/V] and piezo from the recordings of a fit of `identify_piezo`, each time without one
-    part.
+    """Return the gain [m/V] and piezo models fitted to the recordings, each without one of `parts` parts.
 
     Thresholds, time constants, delay and lag are those of the fit.
     """
@@ -66,7 +64,8 @@ def without_parts(
 
 
 def spread(values: Sequence[Array]) -> Array:
-    """A root of the covariance of what the models give: D [n, parts] with the covariance D Dᵀ."""
+    """Return a matrix D [n, parts] with D Dᵀ the jackknife covariance of the quantities [n] that the models
+    give."""
     stacked = np.column_stack(values)
     count = stacked.shape[1]
     return np.sqrt((count - 1.0) / count) * (stacked - stacked.mean(axis=1, keepdims=True))

@@ -1,4 +1,5 @@
-"""Coefficients at a given timing: weights that are not negative, the rest free, and how well they predict."""
+"""Linear fit of a piezo's coefficients at given delay and lag, with non-negative weights, and its prediction
+error."""
 
 from __future__ import annotations
 
@@ -12,16 +13,16 @@ from scipy.optimize import nnls
 
 from .columns import Columns, PlayGrid
 
-# Relative; what is added to the diagonal, for plays of neighbouring thresholds are nearly alike.
+# Relative addition to the diagonal, because plays with neighbouring thresholds are nearly alike.
 RIDGE = 1e-12
-PASSES = 2  # for the creep, whose column needs the weights
+PASSES = 2  # iterations for the creep, whose column depends on the weights
 
 Array = NDArray[np.float64]
 
 
 class Solution(NamedTuple):
-    """`weights` [m/V] of the plays, `curvature` [m/V²] or 0, `creep` per decade, `offset` [m] of each
-    recording."""
+    """Coefficients of the model: `weights` [m/V] of the plays, `curvature` [m/V²] or 0, `creep` per decade,
+    and `offset` [m] of each recording."""
 
     weights: Array
     curvature: float
@@ -30,22 +31,22 @@ class Solution(NamedTuple):
 
     @property
     def gain(self) -> float:
-        """m/V"""
+        """Return the static gain, the sum of the weights, m/V."""
         return float(self.weights.sum())
 
     def coefficients(self, of: Columns) -> Array:
-        """Return the coefficients of the columns."""
+        """Return the coefficients of the columns `at_once`: weights, and curvature if there is a square."""
         bent = of.at_once.shape[1] > self.weights.size
         return np.append(self.weights, self.curvature) if bent else self.weights
 
     def position(self, of: Columns) -> Array:
-        """m, without the offset."""
+        """Return the position without the offset, m, shape (n,)."""
         x = self.coefficients(of)
         return of.at_once @ x + self.creep * (of.crept @ x)
 
 
 class _Normal(NamedTuple):
-    """Normal equations A x = b of some samples, and their sum of squares."""
+    """Normal equations A x = b of selected samples, and the sum of squares of their positions."""
 
     a: Array
     b: Array
@@ -58,14 +59,14 @@ class _Normal(NamedTuple):
         return _Normal(self.a - other.a, self.b - other.b, self.c - other.c)
 
     def left(self, x: Array) -> float:
-        """Sum of squares that x leaves."""
+        """Return the residual sum of squares of a solution x."""
         return max(float(x @ self.a @ x - 2.0 * self.b @ x + self.c), 0.0)
 
 
 def solve(
     parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid, kept: Sequence[NDArray[np.bool_]]
 ) -> Solution:
-    """The least squares over the samples that are `kept` (a mask of each recording)."""
+    """Return the least-squares solution over the samples that are `kept` (a mask for each recording)."""
     creeping, found = bool(grid.times.size), None
     levels = np.array([y.mean() for y in positions])
     for _ in range(PASSES if creeping else 1):
@@ -80,18 +81,19 @@ def solve(
 
 
 def solved(parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid) -> Solution:
-    """The least squares over all samples."""
+    """Return the least-squares solution over all samples."""
     return solve(parts, positions, grid, [np.ones(y.size, dtype=bool) for y in positions])
 
 
 def residuals(parts: Sequence[Columns], positions: Sequence[Array], found: Solution) -> Array:
-    """Return the residuals of a solution at all samples, m."""
+    """Return the residuals of a solution at all samples of all recordings, joined, m."""
     rows = zip(parts, positions, found.offsets, strict=True)
     return np.concatenate([y - found.position(c) - offset for c, y, offset in rows])
 
 
 def held_out(parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid, folds: int) -> Array:
-    """Return the mean square [m²] that is left of each fold of each recording by the fit of all others."""
+    """Return the mean square prediction error [m²] of each fold (part) of each recording, by a fit to all
+    other folds."""
     creeping = bool(grid.times.size)
     blocks = []
     for i, (c, y) in enumerate(zip(parts, [y - y.mean() for y in positions], strict=True)):
@@ -103,10 +105,9 @@ def held_out(parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGri
 
 
 def typical(squares: Array) -> float:
-    """Return the root of the geometric mean of what is left of the folds, m.
+    """Return the root of the geometric mean of the folds' mean squares, m.
 
-    So a fold which no model explains (a first curve, which real piezos and plays take otherwise) does not
-    hide what the others tell.
+    With a geometric mean, a fold that no model explains (such as the initial curve) does not hide the others.
     """
     return float(np.exp(0.5 * np.mean(np.log(squares + 1e-300))))
 
@@ -116,7 +117,7 @@ def _design(of: Columns, before: Solution | None, creeping: bool) -> Array:
     `creeping` also the creep of their sum, weighted as in the solution `before`."""
     if not creeping:
         return of.at_once
-    # at first, that of the voltage itself
+    # in the first pass, the creep of the voltage itself
     crept = of.crept[:, 0] if before is None else of.crept @ before.coefficients(of) / before.gain
     return np.column_stack([of.at_once, crept])
 
@@ -132,7 +133,7 @@ def _normal(rows: Array, y: Array) -> _Normal:
 
 
 def _solved(of: _Normal, grid: PlayGrid, creeping: bool) -> Array:
-    """x of the least squares, plays and creep not negative."""
+    """Return the solution x of the least squares, with the coefficients of plays and creep not negative."""
     plays, bent = grid.thresholds.size, int(grid.zones.size > 0)
     k = plays + bent + int(creeping)
     free = np.ones(of.b.size, dtype=bool)
@@ -144,7 +145,7 @@ def _solved(of: _Normal, grid: PlayGrid, creeping: bool) -> Array:
     a = a + RIDGE * np.eye(len(a))
     lower = cholesky(a, lower=True)
     right = solve_triangular(lower, b, lower=True)
-    # a free one is the difference of two that are not negative
+    # a free coefficient is the difference of two non-negative ones
     doubled = np.hstack([lower.T, -lower.T[:, free]])
     x = nnls(doubled, right)[0]
     made = x[: free.size].copy()

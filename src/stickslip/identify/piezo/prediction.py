@@ -1,4 +1,4 @@
-"""Prediction of a recording by a fitted piezo."""
+"""Prediction of the position in a recording by a fitted piezo model."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from ...recording import RecordingWarning
 from ..recorded.channels import channel, names_of
 from .columns import DelayAndLag, Observed, at_piezo, lagged, observe
 
-# Largest distance, relative to the stroke, of a first position that belongs to the drive's first value.
+# Largest distance, relative to the stroke, between the first position and the one predicted for the drive's
+# first value.
 AT_REST = 0.05
-# Relative; what a motion before the recording must explain more of it than a rest.
+# Relative reduction of the residual that a motion before the recording must bring, compared with a rest.
 CLEARLY = 0.02
-# Distance beyond the fitted drives, relative to their range, above which a prediction gives a warning.
+# Distance outside the fitted drives, relative to their range, above which a prediction gives a warning.
 BEYOND = 0.1
 # Largest distance of a rest voltage outside the used voltages, relative to their range.
 FAR = 0.5
@@ -27,8 +28,8 @@ Array = NDArray[np.float64]
 
 
 class PiezoPrediction(NamedTuple):
-    """A fit's model, with its `gain` [m/V], the level `offset` [m], `delay` and `lag` [s]; `low` and `high`
-    [V] are the ends of the drives that it was fitted to."""
+    """A fitted piezo model with its `gain` [m/V], the level `offset` [m], `delay` and `lag` [s]; `low` and
+    `high` [V] are the range of the fitted drives."""
 
     piezo: Piezo
     gain: float
@@ -40,11 +41,11 @@ class PiezoPrediction(NamedTuple):
     observed: str
 
     def predict(self, recording: xr.Dataset, drive: object = None) -> Array:
-        """The position, m, shape (n,), under the recording's drive_voltage.
+        """Return the position, m, shape (n,), under the recording's drive_voltage.
 
-        Where the recording has positions, they say what a model cannot know: its level (the zero of the
-        sensor), and at what voltage the piezo rested before. Otherwise the level is that of the fit, and the
-        piezo rested at the first voltage.
+        Recorded positions, if any, determine what the model cannot know: the zero of the sensor, and the
+        voltage at which the piezo rested before. Otherwise the zero is that of the fit, and the piezo rested
+        at the first voltage.
         """
         del drive
         name = names_of([recording])[0]
@@ -58,7 +59,7 @@ class PiezoPrediction(NamedTuple):
         return shown + float(np.mean(one.position - shown))
 
     def position(self, observed: Observed) -> Array:
-        """m, without the level."""
+        """Return the position without the sensor's zero level, m, shape (n,)."""
         u = at_piezo(observed, DelayAndLag(self.delay, self.lag))
         return self.gain * after_hysteresis(self.piezo, observed, u)
 
@@ -74,9 +75,10 @@ class PiezoPrediction(NamedTuple):
         return cycled if left[1] < (1.0 - CLEARLY) * left[0] else rested
 
     def _nearer(self, observed: Observed) -> Observed:
-        """Return the recording with the rest of its first position, if that fits clearly better.
+        """Return the recording with the rest voltage that its first position shows, if that fits clearly
+        better.
 
-        A few volts beside it, slow creep would continue for the whole recording.
+        An error of a few volts would add slow creep to the whole recording.
         """
         if observed.cycled:
             return observed
@@ -87,8 +89,8 @@ class PiezoPrediction(NamedTuple):
         return other if less < (1.0 - CLEARLY) * float(np.std(left)) else observed
 
     def _rest_shown(self, observed: Observed) -> float:
-        """The voltage at which the piezo rested before, V: that assumed, or 0 V, or else the one at which it
-        is where the first position has it."""
+        """Return the voltage [V] at which the piezo rested before: the assumed one or 0 V if they fit the
+        first position, else the one that does."""
         first = 0.0
         for rest in (observed.rest, 0.0):
             shown = self.position(observed._replace(rest=rest))
@@ -102,7 +104,8 @@ class PiezoPrediction(NamedTuple):
 
 
 def warn_beyond(prediction: PiezoPrediction, drive: Array, what: str, beyond: float = BEYOND) -> None:
-    """A RecordingWarning where a drive [V] leaves the voltages that the fit is from, by a share of these."""
+    """Warn with RecordingWarning if a drive [V] leaves the fitted range of voltages by more than the share
+    `beyond`."""
     low, high = prediction.low, prediction.high
     margin = beyond * (high - low)
     if drive.min() < low - margin or drive.max() > high + margin:
@@ -115,7 +118,7 @@ def warn_beyond(prediction: PiezoPrediction, drive: Array, what: str, beyond: fl
 
 
 def after_hysteresis(piezo: Piezo, observed: Observed, u: Array) -> Array:
-    """Return hysteresis and creep of a voltage [V], shape (n,), after the recording's past."""
+    """Return hysteresis and creep of a voltage [V], shape (n,), with the recording's past drive."""
     way = observed.way
     h = piezo.hysteresis.output(np.append(way, u), way[0])
     before, h = float(h[way.size - 1]), h[way.size :]

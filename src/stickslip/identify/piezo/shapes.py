@@ -1,6 +1,6 @@
-"""Forms of a piezo's model that have a number of their own: a skew, and a lag that no edge shows.
+"""Extended forms of a piezo model with one further number: a skew, or a lag that no edge shows.
 
-Each is found by least squares over all samples; whether it is taken, cross-validation says.
+Each number is fitted by least squares over all samples; cross-validation decides whether it is included.
 """
 
 from __future__ import annotations
@@ -17,24 +17,26 @@ from .columns import Columns, DelayAndLag, Observed, PlayGrid, columns
 from .linear import Solution, residuals, solved
 from .timing import Lateness, lateness
 
-FIRST_PLAYS = 8  # of the model by which rest, lateness and skew are found
+FIRST_PLAYS = 8  # number of plays of the model that gives the first rest, delay, lag and skew
 # Largest ratio of the slopes of the plays' input at the two ends of its range.
 STEEPEST = 2.5
-# The longest lag, of the shortest mean time between reversals.
+# Longest lag, relative to the shortest mean time between reversals.
 LONGEST = 0.1
 
 
 def first_model(
     seen: Sequence[Observed], timing: DelayAndLag, skew: float = 0.0
 ) -> tuple[PlayGrid, list[Columns], Solution]:
-    """A model of plays and square, without creep, at this timing."""
+    """Fit a model of plays and square, without creep, at this delay and lag; return its grid, columns and
+    solution."""
     grid = PlayGrid.over(*range_of(seen), FIRST_PLAYS, True, 0.0, skew)
     parts = [columns(one, timing, grid) for one in seen]
     return grid, parts, solved(parts, [one.position for one in seen], grid)
 
 
 def skewed_shape(seen: Sequence[Observed], late: Lateness, fixed: bool) -> Shape:
-    """The shape with the skew that fits best, and, unless that is `fixed`, how late the voltage is by it."""
+    """Return the shape with the skew that fits best, and the delay and lag that belong to it unless these are
+    `fixed`."""
     low, high = range_of(seen)
     positions = [one.position for one in seen]
 
@@ -65,7 +67,7 @@ def skewed_shape(seen: Sequence[Observed], late: Lateness, fixed: bool) -> Shape
 
 
 def lagging_shape(seen: Sequence[Observed], choice: Choice) -> Shape:
-    """The shape of a choice with the lag that fits best, where no edge tells one."""
+    """Return the shape of a choice with the lag that fits best; used if no edge shows a lag."""
     positions = [one.position for one in seen]
 
     def left(lag: float) -> float:
@@ -84,7 +86,7 @@ def lagging_shape(seen: Sequence[Observed], choice: Choice) -> Shape:
 
 
 def _time_of_a_way(observed: Observed) -> float:
-    """Mean time from low to high voltages or back, s; noise of the voltage is no way."""
+    """Return the mean time from low to high voltages or back, s, not counting reversals by noise."""
     low, high = np.quantile(observed.drive, [0.25, 0.75])
     side = np.where(observed.drive > high, 1, np.where(observed.drive < low, -1, 0))
     ways = np.count_nonzero(np.diff(side[side != 0]))

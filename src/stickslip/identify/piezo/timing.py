@@ -1,9 +1,9 @@
 r"""Delay and lag of a piezo's voltage, from the edges of its drive.
 
 Under a slow periodic drive a lag and hysteresis both open the loop, and what a model of hysteresis lacks is
-taken up by the lag: a record of one frequency does not tell them apart. After an edge they look different:
-the lag relaxes, the hysteresis is there at once. So the delay and the lag are those that fit best after the
-edges, the rest of the model being fitted elsewhere. Where there is no edge, nothing is said of them.
+taken up by the lag: a recording of one frequency does not distinguish them. After an edge they look
+different: the lag relaxes, the hysteresis acts at once. So the delay and the lag are those that fit best
+after the edges, while the rest of the model is fitted elsewhere. Without an edge neither is estimated.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from scipy.optimize import minimize
 from .columns import Columns, DelayAndLag, Observed, PlayGrid, columns
 from .linear import Solution, solve
 
-# An edge: of the drive's range within one sample, and over its usual change.
+# Smallest change within one sample that is an edge, relative to the drive's range and to its usual change.
 EDGE, UNUSUAL = 0.05, 8.0
-# Share of an edge's height at which it is over; length of the examined time relative to that; and
+# Residual share of its height at which an edge is over; length of a window relative to the time until then;
 # smallest and largest number of samples in a window.
 OVER, LONGER, FEWEST, MOST = 0.05, 1.5, 8, 400
-# Largest share of the samples until the next edge in a window; the others show the hysteresis.
+# Largest share of the samples until the next edge in a window; the other samples show the hysteresis.
 AFTER = 0.5
-EDGES = 40  # that are looked at, evenly chosen
+EDGES = 40  # number of edges that are examined, evenly chosen
 # Initial guesses of the search: delays in samples, lags relative to the length of the windows.
 DELAYS, LAGS = (0.2, 0.8, 1.4, 2.2), (0.1, 0.2, 0.4)
 
@@ -34,19 +34,20 @@ Array = NDArray[np.float64]
 
 
 class Edges(NamedTuple):
-    """`windows`, samples (first, end) after edges; `masks` [n], the samples outside of all."""
+    """Edges of the drives: `windows`, samples (first, end) after edges; `masks` [n], True for samples outside
+    all windows."""
 
     windows: tuple[tuple[tuple[int, int], ...], ...]
     masks: tuple[NDArray[np.bool_], ...]
 
     @property
     def number(self) -> int:
-        """Number of samples in all windows."""
+        """Return the number of samples in all windows."""
         return sum(map(len, self.windows))
 
 
 class Lateness(NamedTuple):
-    """`timing`, sentences on where it is from, and the `edges` that show it."""
+    """Delay and lag (`timing`), sentences on their origin, and the `edges` that determine them."""
 
     timing: DelayAndLag
     remarks: tuple[str, ...]
@@ -54,7 +55,7 @@ class Lateness(NamedTuple):
 
 
 def edges_of(observed: Sequence[Observed], still: Sequence[Array]) -> Edges:
-    """The edges of all drives.
+    """Return the edges of all drives.
 
     Args:
         observed: the recordings.
@@ -83,8 +84,8 @@ def edges_of(observed: Sequence[Observed], still: Sequence[Array]) -> Edges:
 
 
 def _until(left: Array, first: int, end: int) -> int:
-    """The sample until which an edge is looked at: a model without lag is off [m] by its height at first, and
-    by no more than elsewhere once it is over."""
+    """Return the end sample of the window of an edge. A model without lag first has an error [m] of the
+    edge's height, and no more than elsewhere once the edge is over."""
     most = min(MOST, int(AFTER * (end - first)))
     after = left[first : first + most]
     high = np.flatnonzero(after > max(OVER * float(after.max()), float(np.median(left))))
@@ -95,7 +96,7 @@ def _until(left: Array, first: int, end: int) -> int:
 def lateness(
     observed: Sequence[Observed], grid: PlayGrid, edges: Edges, near: DelayAndLag | None = None
 ) -> Lateness:
-    """Delay and lag that fit best after the edges; searched for from those that are `near`, if given."""
+    """Return the delay and lag that fit best after the edges; the search starts at `near`, if given."""
     if not edges.number:
         said = (
             "the drive has no edges: a lag of the voltage cannot be told from hysteresis, and is taken as 0 s"
@@ -114,7 +115,7 @@ def lateness(
     step = float(np.median(np.diff(observed[0].time)))
     lengths = [end - first for windows in edges.windows for first, end in windows]
     lasts = float(np.median(lengths)) * step
-    # every sample that may contain an edge is a local minimum of its own
+    # the residual has a local minimum for every sample at which the edge may be
     starts = [np.array([d * step, share * lasts]) for d in DELAYS for share in LAGS]
     start = min(starts, key=square) if near is None else np.array(near)
     simplex = start + np.array([[0.0, 0.0], [0.3 * step, 0.0], [0.0, 0.3 * start[1]]])
@@ -136,8 +137,8 @@ def lateness(
 
 
 def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution, edges: Edges) -> Array:
-    """Return the residuals after the edges, m, each window without its mean, because earlier creep is not
-    a lag."""
+    """Return the residuals after the edges, m. The mean of each window is subtracted, because earlier creep
+    is not a lag."""
     left = []
     for of, y, windows in zip(parts, positions, edges.windows, strict=True):
         shown = found.position(of)
@@ -148,9 +149,9 @@ def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution,
 
 
 def _spread(misfit: Callable[[Array], Array], best: Array, step: float) -> DelayAndLag:
-    """Return the linearised standard errors of both; NaN if they cannot be determined."""
+    """Return the linearised standard errors of delay and lag; NaN if they cannot be determined."""
     h, r = 0.05 * step, misfit(best)
-    ends = [(np.maximum(best - d, 0.0), best + d) for d in h * np.eye(2)]  # neither is negative
+    ends = [(np.maximum(best - d, 0.0), best + d) for d in h * np.eye(2)]  # neither can be negative
     slopes = np.column_stack([(misfit(b) - misfit(a)) / float(np.sum(b - a)) for a, b in ends])
     try:
         covariance = np.linalg.inv(slopes.T @ slopes) * float(r @ r) / max(r.size - 2, 1)

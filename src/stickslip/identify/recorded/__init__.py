@@ -1,1 +1,1 @@
-"""Common needs of all identifications of a recording: channels, drive, and the noise that it shows."""
+"""Common parts of all identifications: channels, drive and noise of a recording."""

@@ -1,4 +1,4 @@
-"""Noise of a channel, from a recording of it at rest."""
+"""Noise of a channel from a recording at rest."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from ...estimate.coloured import Coloured, coloured
 from ...quantities.units import QuantityError
 
 FEWEST = 100
-# A share of one interval by which recordings may be sampled at another rate and still be of the same.
+# Largest relative difference of sampling intervals at which two recordings have the same sample rate.
 SAME_RATE = 1e-3
 
 
 class AtRest(NamedTuple):
-    """Standard deviation, `colour` (filtered, drifting), and the rate [Hz] of the samples it holds for."""
+    """Noise of a channel at rest: standard deviation, `colour` (filtered, drifting), and the sample rate [Hz]
+    at which it was recorded."""
 
     level: float
     colour: Coloured
     rate: float
 
     def check(self, rate: float, what: str) -> None:
-        """Raises QuantityError unless the other rate [Hz] is its own."""
+        """Raise QuantityError unless another sample rate [Hz] equals that of this noise."""
         if abs(rate / self.rate - 1.0) > SAME_RATE:
             raise QuantityError(
                 f"noise: the recording at rest has {self.rate:.6g} Hz, and {what} {rate:.6g} Hz, but its "
@@ -33,7 +34,7 @@ class AtRest(NamedTuple):
 
 
 def noise_at_rest(recording: xr.Dataset, channel: str) -> AtRest:
-    """Return the noise of a channel at rest.
+    """Return the noise of a channel from a recording at rest.
 
     Raises:
         QuantityError: the channel is missing, has too few samples, or shows no noise.
@@ -50,10 +51,11 @@ def noise_at_rest(recording: xr.Dataset, channel: str) -> AtRest:
 
 
 def drift_at_rest(recording: xr.Dataset, channel: str, others: Sequence[xr.Dataset]) -> float:
-    """Variance that a drift gains from sample to sample, of recordings sampled at the same rate.
+    """Return the variance that a drift adds from sample to sample, from a recording at rest with the sample
+    rate of `others`.
 
     Raises:
-        QuantityError: see `noise_at_rest`; or it is sampled at another rate than one of the others.
+        QuantityError: see `noise_at_rest`; or the sample rates differ.
     """
     rest = noise_at_rest(recording, channel)
     for other in others:

@@ -1,4 +1,4 @@
-"""The channels of recordings that an identification needs, checked."""
+"""Checked access to the channels of recordings that an identification needs."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from .levels import converter_step
 FEWEST_SAMPLES = 10
 # Number of equal extreme samples in a row that cannot be chance.
 FEWEST_CLIPPED = 5
-# A channel that stands at its greatest level passed so many levels in as long a time before: a smooth turn
-# comes from nine, from up to twelve with noise, a sawtooth's from one or two.
+# A channel that stays at its greatest level is clipped if it passed this number of levels in an equal time
+# before. A smooth reversal passes up to nine, up to twelve with noise, that of a sawtooth one or two.
 FEWEST_LEVELS = 12.5
-# A channel that settles to a level is as slow before it as dies away: by the time it passes the next one, in
-# this many times as long it passed more than twice as many of them. One that is cut off passed as many.
+# A channel that settles slows down before: in this many times as long it passed more than twice as many
+# levels. A channel that is cut off passed as many.
 BEFORE = 4
-# Steps of a channel that the drive passes unseen where it turns: two, as a piezo is half as steep after that.
+# Steps of a channel within which a reversal of the drive is hidden: two, because a piezo is half as steep
+# after it.
 HIDDEN = 3.0
 # Smallest change within one sample that is an edge, relative to the drive's range.
 EDGE = 0.05
@@ -36,7 +37,7 @@ def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Data
         RecordingError: the list is empty, an item is not a recording, or the scale of a channel has an
             uncertainty that is not a number from 0 to 1.
     """
-    if hasattr(recordings, "columns"):  # of pandas, which would be a list of names
+    if hasattr(recordings, "columns"):  # the columns of a pandas table would be taken as a list of names
         raise RecordingError(f"a {type(recordings).__name__} is no recording: make_recording makes one")
     found = [recordings] if isinstance(recordings, xr.Dataset) else list(recordings)
     if not found:
@@ -59,7 +60,8 @@ def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Data
 
 
 def _refuse_twice(recordings: Sequence[xr.Dataset]) -> None:
-    """Raise RecordingError for a recording that is there twice; those that end alike alone are compared."""
+    """Raise RecordingError for a recording that is given twice; only recordings with equal ends are
+    compared."""
     ends: dict[Any, list[int]] = {}
     for i, one in enumerate(recordings):
         end = frozenset((name, np.ravel(v.values)[-1:].tobytes()) for name, v in one.variables.items())
@@ -79,16 +81,16 @@ def names_of(recordings: Sequence[xr.Dataset]) -> list[str]:
 
 
 def channel(recording: xr.Dataset, name: str, where: str, varies: bool = False) -> NDArray[np.float64]:
-    """The values of a channel.
+    """Return the values of a channel, shape (n,).
 
     Args:
         recording: over "time".
-        name: of the channel.
-        where: what to call the recording in errors.
-        varies: refuse a channel that is constant.
+        name: name of the channel.
+        where: name of the recording in errors.
+        varies: refuse a constant channel.
 
     Raises:
-        RecordingError: it is missing, empty, too short, not finite, or constant.
+        RecordingError: the channel is missing, empty, too short, not finite, or constant.
     """
     meaning = STANDARD_NAMES.get(name)
     unit = f" [{meaning.unit}]" if meaning else ""
@@ -120,7 +122,8 @@ def channel(recording: xr.Dataset, name: str, where: str, varies: bool = False) 
 
 
 def same_number(items: Sequence[Any] | None, recordings: Sequence[xr.Dataset], what: str) -> list[Any]:
-    """The items, one for each recording; None for each if none are given."""
+    """Return the items as a list, one for each recording (None for each if no items are given); raise
+    RecordingError for another number; `what` names the items."""
     if items is None:
         return [None] * len(recordings)
     if len(items) != len(recordings):
@@ -132,16 +135,16 @@ def drives_of(
     drive: Waveform | Sequence[Waveform | None] | None, recordings: Sequence[xr.Dataset]
 ) -> list[Waveform | None]:
     """Return the waveform of each recording; a single one is for all."""
-    # A waveform is a tuple too, so it is known by its method.
+    # A waveform is also a tuple, so it is recognised by its method.
     given: Any = [drive] * len(recordings) if hasattr(drive, "drive") else drive
     return same_number(given, recordings, "drives")
 
 
 def unit_of(recordings: Sequence[xr.Dataset], name: str) -> str:
-    """The unit of a channel in all recordings, as they say it; the usual one where they do not.
+    """Return the unit of a channel in all recordings: that in its attributes, else the usual one.
 
     Raises:
-        RecordingError: they say different ones.
+        RecordingError: recordings have different units.
     """
     usual = STANDARD_NAMES[name].unit if name in STANDARD_NAMES else ""
     found = [str(r[name].attrs.get("units", "") or usual) if name in r else usual for r in recordings]
@@ -161,13 +164,13 @@ def refuse_clipped(
     step: float = 0.0,
     rests: bool = False,
 ) -> None:
-    """Raise `RecordingError` if a channel stays at its largest or smallest value like a saturated one.
+    """Raise `RecordingError` if a channel is saturated at its largest or smallest value.
 
-    A saturated channel reaches the value in full motion and stays there exactly, for `FEWEST_CLIPPED`
-    samples and longer than it takes to turn where a converter's levels are coarse; and where it follows a
-    `drive` [n], that moves meanwhile, by more than what the `step` between the channel's levels hides. What
-    `rests` at its ends, as the force of a contact that slips, is clipped if it has noise elsewhere, however
-    it comes there.
+    A saturated channel reaches the value in full motion and stays there exactly, for `FEWEST_CLIPPED` samples
+    and longer than it takes to turn where a converter's levels are coarse; If it follows a `drive` [n], the
+    drive moves meanwhile by more than one `step` between the channel's levels would hide. A channel that
+    `rests` at its ends, such as the force of a slipping contact, counts as saturated if it has noise
+    elsewhere but not there.
     """
     meaning = STANDARD_NAMES.get(name)
     unit = f" [{meaning.unit}]" if meaning else ""
@@ -179,7 +182,7 @@ def refuse_clipped(
     for end, what in ((values.max(), "greatest"), (values.min(), "least")):
         at = np.flatnonzero(np.diff(np.concatenate([[0], (values == end).astype(int), [0]])))
         for first, last in zip(at[::2], at[1::2], strict=True):
-            # The last change is cut off itself.
+            # The last change is itself cut off.
             before = change[max(first - 2, 0) : first].max(initial=0.0)
             if drive is not None and np.ptp(drive[first:last]) <= hidden:
                 continue
@@ -200,14 +203,15 @@ def refuse_clipped(
 
 
 def _settles(away: NDArray[np.float64]) -> bool:
-    """Return whether a channel comes to rest at an end, given its distance in levels before."""
+    """Return True if a channel comes to rest at an end; `away` are its distances from it before, in
+    levels."""
     further = np.flatnonzero(away > 1.5)
     last = away.size - 1 - int(further[-1]) if further.size else away.size
     return last > 1 and bool(away[max(away.size - BEFORE * last, 0)] > 2.0 * BEFORE)
 
 
 def _noisy(values: NDArray[np.float64]) -> bool:
-    """Return whether a channel has noise above its converter steps, except at its ends.
+    """Return True if a channel has noise above its converter steps, except at its ends.
 
     Fourth differences of noise alternate in sign; those of a smooth signal do not.
     """
@@ -222,5 +226,6 @@ def _noisy(values: NDArray[np.float64]) -> bool:
 
 
 def edges(drive: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """At which samples a drive [n] jumps: an edge of a step or a walk, of which a slow loop has none."""
+    """Return a mask [n] of the samples at which a drive [n] jumps. Steps and walks have such edges, slow
+    loops none."""
     return np.abs(np.diff(drive, prepend=drive[0])) > EDGE * np.ptp(drive)

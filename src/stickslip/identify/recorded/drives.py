@@ -1,4 +1,4 @@
-"""Drive at the piezo: its start in a recording, the speed of its jumps, and its periods."""
+"""Drive voltage in a recording: its waveform, its start, the slew of its jumps, and its periods."""
 
 from __future__ import annotations
 
@@ -21,18 +21,17 @@ from .channels import channel, drives_of
 
 # Largest mean difference between the channel and its waveform, relative to the drive's range.
 ALIKE = 0.1
-# The same over the worst of its periods: late, slewed and noisy as the channel may be.
+# The same for the worst of its periods, because the channel may be late, slewed and noisy.
 STRETCH = 0.25
-# Shares of a period. A walk is recognised by the slope of its slow part and the levels before and after its
-# slip: lines through a third and means over a tenth of a period (see `sawtooth`), three samples and one by
-# then.
+# Fewest samples in a period of a walk. A walk is recognised by lines through a third and means over a tenth
+# of a period (see `sawtooth`): three samples and one.
 FEWEST_PER_PERIOD = 10
 
 
 def taken_drives(
     recordings: Several[xr.Dataset], drive: Any = None, slew_rate: float | None = None
 ) -> tuple[list[xr.Dataset], list[Waveform | None]]:
-    """Return recordings with the waveform of each, in its time.
+    """Return recordings and the waveform of each, in the time of that waveform.
 
     By default the recording's own waveform is used (see `taken_drive`), in time since the first sample;
     None means the samples of drive_voltage.
@@ -52,10 +51,10 @@ def taken_drives(
 
 
 class SeenDrive(NamedTuple):
-    """Known drive of a prediction.
+    """A recording with its drive, for a prediction.
 
-    `recording` in the time of the waveforms `whole` (the drive) and `repeats` (with visible periods), and the
-    statement on the chosen drive, if none was given.
+    Fields: `recording`, in the time of the waveforms; `whole`, the drive; `repeats`, the part with recorded
+    periods; and a sentence on the chosen drive, if none was given.
     """
 
     recording: xr.Dataset
@@ -65,7 +64,8 @@ class SeenDrive(NamedTuple):
 
     @classmethod
     def of(cls, recording: xr.Dataset, waveform: Any, *, own: bool) -> SeenDrive:
-        """With the waveform that is given, else the recording's own, if that is wanted."""
+        """Return the recording with the given waveform or, without one and if `own`, with the recording's
+        own."""
         if waveform is not None:
             return cls(recording, waveform if hasattr(waveform, "drive") else None, waveform, "")
         taken = taken_drive(recording) if own else None
@@ -78,7 +78,8 @@ class SeenDrive(NamedTuple):
 def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
     """Return the start [s] of a drive in a recording, by its channel drive_voltage.
 
-    The difference is minimised: by squares for whole samples, then by the mean between them.
+    The start minimises the difference between both: the sum of squares for whole samples, then the mean
+    difference for fractions of a sample.
 
     Raises:
         RecordingError: the channel is missing, too short or constant, or it shows another drive.
@@ -95,7 +96,7 @@ def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
             f"drive_voltage [V] of {where} is not the drive that the file names: they differ by "
             f"{differ:.3g} V on average, for any start"
         )
-    asked = since <= begin + drive.duration  # what comes later may be anything
+    asked = since <= begin + drive.duration  # the waveform says nothing of later samples
     _refuse_stretch(
         since[asked], u[asked], evaluate(table, since[asked] - begin)[0], drive, float(t[0]), where
     )
@@ -110,8 +111,8 @@ def _refuse_stretch(
     start: float,
     where: str,
 ) -> None:
-    """Raise RecordingError where the channel is another drive for as long as a period, as where the waveform
-    has a period less than was driven."""
+    """Raise RecordingError if the channel differs from the waveform for a whole period, such as by a missing
+    period."""
     volts, when = greatest_difference(since, u, wanted, drive)
     low, high = drive.range()
     if volts > STRETCH * (high - low):
@@ -123,7 +124,7 @@ def _refuse_stretch(
 
 
 def warn_of_other_drive(recording: xr.Dataset, drive: Waveform | None, where: str) -> None:
-    """Warn where a recording has a channel drive_voltage, and that is not the drive that was given."""
+    """Warn if a recording has a channel drive_voltage that differs from the given drive."""
     if drive is None or "drive_voltage" not in recording:
         return
     time, u = recording["time"].values, recording["drive_voltage"].values
@@ -143,7 +144,7 @@ def greatest_difference(
 ) -> tuple[float, float]:
     """Return the largest mean difference [V] between channel and drive over a period, and its centre [s].
 
-    Without periods, over a tenth of the recording.
+    For a drive without periods, the mean is over a tenth of the recording.
     """
     _, periodic = periodic_part(drive)
     whole = float(time[-1] - time[0]) or 1.0  # a single sample
@@ -156,7 +157,8 @@ def greatest_difference(
 
 
 def periodic_part(drive: Any, begin: float = 0.0) -> tuple[float, Any]:
-    """Return the start [s] of the first part with a period, and that part or None."""
+    """Return the start [s] of the first periodic part of a drive, and that part; None if there is none. A
+    drive may be a sequence of parts."""
     if isinstance(drive, Slewed):
         return periodic_part(drive.source, begin)
     if not isinstance(drive, Sequence):
@@ -174,8 +176,8 @@ def refuse_sampling(time: NDArray[np.float64], drive: Waveform | None, where: st
 
     Args:
         time: of the recording, s.
-        drive: in that time; None, or one without a period: nothing is known of what is needed.
-        where: what to call the recording.
+        drive: in that time. None, or a drive without a period, is not checked.
+        where: name of the recording in messages.
     """
     begin, periodic = (0.0, None) if drive is None else periodic_part(drive)
     if periodic is None:
@@ -190,7 +192,8 @@ def refuse_sampling(time: NDArray[np.float64], drive: Waveform | None, where: st
 
 
 def refuse_coarse(time: NDArray[np.float64], period: float, where: str) -> float:
-    """The sampling interval [s]; raises `RecordingError` if a period [s] of the drive has too few samples."""
+    """Return the sampling interval [s]; raise `RecordingError` if a period [s] of the drive has too few
+    samples."""
     interval = float(np.median(np.diff(time)))
     if period < FEWEST_PER_PERIOD * interval * (1.0 - 1e-6):
         raise RecordingError(

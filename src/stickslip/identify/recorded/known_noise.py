@@ -1,4 +1,5 @@
-"""Noise of a recording that is known without a model: at rest, between periods, of a converter, white."""
+"""Noise of a recording that is known without a model: at rest, between periods, from a converter, or
+white."""
 
 from __future__ import annotations
 
@@ -16,37 +17,39 @@ from ...waveform.signal import Waveform, value_at
 from .drives import periodic_part
 from .levels import converter_step
 
-# Share of the samples after the drive's end that do not count as rest.
+# Share of the samples after the drive's end in which the stage may still vibrate; they do not count as rest.
 RINGS = 0.25
-# Smallest change of a drive_voltage from its first sample that is a start, relative to its range.
+# Smallest change of a drive_voltage from its first sample that starts the motion, relative to its range.
 BEGUN = 0.02
-# m (rad), to which motions are simulated in fits and verifications: no less is a lack of the model.
+# Tolerance, m (rad), of simulations in fits and verifications; smaller residuals are not a lack of fit.
 SIMULATED = 1e-10
 LEAST_STEP = math.sqrt(12.0) * SIMULATED
-# Largest residual that is only noise, relative to the white noise of the samples; and that is negligible,
-# relative to their range.
+# Largest residual that is only noise, relative to the white noise of the samples; and largest negligible
+# residual, relative to their range.
 NOISY, NOTHING = 1.3, 1e-4
 
 Array = NDArray[np.float64]
 
 
 def resolution(positions: Array) -> float:
-    """The step of positions [n], in their unit: a converter's, or what simulations make of them."""
+    """Return the resolution of positions [n], in their unit: the step of a converter, or the tolerance of
+    simulations."""
     return max(converter_step(positions), LEAST_STEP)
 
 
 def white_noise(values: Array) -> float:
-    """Standard deviation of white noise of values [n], in their unit, a converter's steps included."""
+    """Return the standard deviation of the white noise of values [n], in their unit, including converter
+    steps."""
     return max(noise_level(values), converter_step(values) / math.sqrt(12.0))
 
 
 def more_than_white(left: float, white: float, values: Array, words: tuple[str, str, str, str]) -> str:
-    """A sentence where a model leaves more of values [n] than their white noise; empty where it does not.
+    """Return a sentence if the residual of values [n] exceeds their white noise; otherwise an empty text.
 
     Args:
-        left, white: root mean squares, in the unit of the values.
-        values: measured.
-        words: the recording, the values' unit, what they are, and what the model lacks.
+        left, white: root mean squares of the residual and of the white noise, in the unit of the values.
+        values: measured values.
+        words: for the sentence: name of the recording, unit and name of the values, and what the model lacks.
     """
     if left <= max(NOISY * white, NOTHING * float(np.ptp(values))):
         return ""
@@ -61,8 +64,8 @@ def more_than_white(left: float, white: float, values: Array, words: tuple[str, 
 def said_unjudged(
     lacks: Sequence[Lack], residuals: Sequence[Array], measured: Sequence[Array], unit: str
 ) -> tuple[str, ...]:
-    """Sentences on positions [n] that show their noise neither at rest nor between periods, where a model
-    leaves more than their white noise."""
+    """Return sentences on recordings that show their noise neither at rest nor between periods, and whose
+    residuals exceed the white noise of their positions [n]."""
     words = (unit, "positions", "the model does not explain it")
     said = [
         more_than_white(float(np.sqrt(np.mean(r**2))), white_noise(x), x, (one.name, *words))
@@ -73,7 +76,8 @@ def said_unjudged(
 
 
 def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) -> KnownNoise:
-    """Return the noise of a channel's values [n] under a drive; None: its channel drive_voltage."""
+    """Return the noise of a channel's values [n] under a drive; without a drive (None), under the channel
+    drive_voltage."""
     time, step = recording["time"].values, resolution(values)
     interval = float(time[-1] - time[0]) / (time.size - 1)
     if drive is None:

@@ -1,4 +1,4 @@
-"""Levels of a converter's readings."""
+"""Detection of the levels of an analogue-to-digital converter in readings."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# A converter shows where distances of levels are whole steps within the share WHOLE. If more than the share
-# MOST_LEVELS of the samples differ, some must move by several steps: those of an even ramp move by one.
+# Readings come from a converter if the distances between levels are whole steps within the share WHOLE. If
+# more than the share MOST_LEVELS of the samples differ, some must move by several steps, because those of an
+# even ramp move by one.
 MOST_LEVELS, WHOLE = 0.25, 0.05
 
 

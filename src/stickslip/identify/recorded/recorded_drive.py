@@ -1,7 +1,8 @@
-"""The drive between its samples, from a recorded channel: smooth but for its jumps and kinks.
+"""Drive between its samples, from a recorded voltage: smooth except for jumps and kinks.
 
-A fit depends on it. Over a simulated walk at 1 kHz with a bristle stiffness of 1.40e6 N/m, the jumps of a
-5 Hz sawtooth drawn out over one interval gave 0.62e6 N/m, a 20 Hz triangle without its corners 0.84e6 N/m.
+A fit depends on it. For a simulated walk at 1 kHz with a bristle stiffness of 1.40e6 N/m, the fit found
+0.62e6 N/m if the jumps of a 5 Hz sawtooth were spread over one interval, and 0.84e6 N/m if a 20 Hz triangle
+lost its corners.
 """
 
 from __future__ import annotations
@@ -26,19 +27,21 @@ from ...waveform.signal import Waveform, breaks_within, slope_at, value_at
 from .channels import channel
 from .drives import taken_drives
 
-# A change from one sample to the next is a jump, and a change of slope a kink, if it is ABOVE times what
-# is usual on either side (the median over half of AROUND), and no less than a share of the range.
+# A change from one sample to the next is a jump, and a change of slope a kink, if it exceeds ABOVE times the
+# usual change on either side (the median over half of AROUND samples) and a share of the range.
 ABOVE, AROUND = 8.0, 21
 LEAST_JUMP, LEAST_KINK = 1e-2, 1e-4
-# Nothing else changes beside a jump; otherwise it is a flank over several intervals.
+# A jump exceeds its neighbouring changes by this factor; otherwise it is a flank over several intervals.
 ALONE = 3.0
-# Samples on either side of a jump that say how the drive goes up to it.
+# Samples on either side of a jump that show how the drive approaches it.
 BESIDE = 5
-# Deviations of the noise by which the least of many samples may be off.
+# Standard deviations by which noise may displace the smallest of many samples.
 SURELY = 5.0
-# In intervals: how far noise may move a point out of its interval, and what is no distance at all.
+# In sampling intervals: how far noise may move a point out of its interval, and the largest distance that
+# counts as zero.
 MARGIN, TOUCHING = 0.05, 1e-6
-# Largest error of a line, relative to the range, beside converter steps; and fewest samples of a line.
+# Largest deviation from a straight line, relative to the range, in addition to converter steps; fewest
+# samples of a line.
 STRAIGHT, FEWEST_STRAIGHT = 3e-3, 20
 
 TIMED = "as jumps at the instants to which the slopes beside them point"
@@ -52,8 +55,9 @@ Array = NDArray[np.float64]
 class RecordedDrive:
     """A waveform in cubic pieces: piece i is u = sum_k polynomial[i, k] (t - start[i])^k, in V.
 
-    Fields: `start` [n], s, ascending from 0; `polynomial` [n, 4]; `duration`, s; the `least` and `greatest` V
-    that it surely has, for a sample below may be noise. Before and after it, the value at its ends holds.
+    Fields: `start` [n], s, ascending from 0; `polynomial` [n, 4]; `duration`, s; the `least` and `greatest`
+    voltage that it reaches beyond doubt (single extreme samples may be noise). Before and after the
+    recording, the first and last values hold.
     """
 
     start: Array
@@ -70,19 +74,19 @@ class RecordedDrive:
         """Period: None, because a recording does not repeat."""
 
     def range(self) -> tuple[float, float]:
-        """Return the range of the samples, because measured values are checked against limits, not
-        interpolated ones."""
+        """Return the range of the samples, V. Limits are checked against measured values, not interpolated
+        ones."""
         return self.least, self.greatest
 
     def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
+        """Return the segment table of the drive for 0 <= t < duration [s]."""
         none = np.zeros(self.start.size + 1, dtype=np.int64)
         table = Drive(float(self.polynomial[0, 0]), self.start, self.polynomial, none, np.zeros((0, 4)))
         return cut(table, duration)
 
 
 class Knot(NamedTuple):
-    """A jump, a kink or an end: the time, and the values just before and after it."""
+    """A jump, a kink or an end of the drive: its time [s], and the voltages just before and after it."""
 
     time: float
     before: float
@@ -90,7 +94,7 @@ class Knot(NamedTuple):
 
 
 class StraightLine(NamedTuple):
-    """u = level + slope (t - time), which samples follow to `scatter` (rms)."""
+    """A straight line u = level + slope (t - time) through samples, with their rms deviation `scatter`, V."""
 
     time: float
     level: float
@@ -98,18 +102,18 @@ class StraightLine(NamedTuple):
     scatter: float
 
     def at(self, t: float) -> float:
-        """u at t."""
+        """Return u at time t [s]."""
         return self.level + self.slope * (t - self.time)
 
 
 def recorded_drive(recording: xr.Dataset, where: str, slew_rate: float | None = None) -> RecordedDrive:
     """Return the drive_voltage [V] of a recording as a waveform, timed from its first sample.
 
-    A cubic spline through the samples, broken at jumps and kinks. What changes within one interval is a jump:
-    at the instant at which the line on one side of it is at the level at rest (that of the first sample), or
-    at that on the other side of the other jumps, as with a sawtooth; else at the sample after it, as a
-    converter holds its value. A kink between samples is where the lines beside it meet. What is too fast for
-    either stays lines between the samples. Between them, what is straight but for a converter's steps is one
+    The waveform is a cubic spline through the samples, broken at jumps and kinks. A change within one
+    interval is a jump. Its instant is where the line on one side reaches the rest level (the first sample),
+    or the level to which the other jumps lead, as with a sawtooth; otherwise it is at the next sample,
+    because a converter holds its value. A kink between samples is where the lines on both sides meet. Faster
+    changes are straight lines between samples. A part that is straight except for converter steps is one
     line.
 
     Args:
@@ -161,8 +165,8 @@ def recorded_drive(recording: xr.Dataset, where: str, slew_rate: float | None = 
 def drive_over(
     recording: xr.Dataset, drive: Waveform | None, where: str, slew_rate: float | None = None
 ) -> tuple[Waveform, Array]:
-    """Return the drive of a recording, by itself if none is given (see `taken_drives`), and the times of its
-    samples in that."""
+    """Return the drive of a recording, and the times of the samples in the drive's own time. Without a given
+    drive, it comes from the recording (see `taken_drives`)."""
     (recording,), (drive,) = taken_drives([recording], drive, slew_rate)
     time = recording["time"].values
     if drive is not None:
@@ -171,13 +175,14 @@ def drive_over(
 
 
 def _usual(changes: Array) -> Array:
-    """Return the usual size: the larger of the medians to the left and to the right."""
+    """Return the usual size of changes at each sample: the larger of the medians to the left and to the
+    right."""
     sides = (AROUND // 2, -(AROUND // 2))
     return np.max([median_filter(changes, AROUND, mode="nearest", origin=side) for side in sides], axis=0)
 
 
 def _jumps(u: Array) -> list[int]:
-    """The intervals (i: after sample i) with a jump."""
+    """Return the intervals that contain a jump; interval i follows sample i."""
     change = np.abs(np.diff(u))
     usual, range_ = _usual(change), float(np.ptp(u))
     fast = np.pad(change > np.maximum(ALONE * usual, 0.1 * LEAST_JUMP * range_), 1)
@@ -186,18 +191,20 @@ def _jumps(u: Array) -> list[int]:
 
 
 def _rounding(u: Array) -> float:
-    """The step of a converter, V, if all samples are whole steps apart; else 0."""
+    """Return the converter step, V, if all samples are whole steps apart; otherwise 0."""
     change = np.abs(np.diff(u, 2))
     some = change[change > 1e-9 * np.ptp(u)]
     step = float(some.min()) if some.size else 0.0
-    if step < 1e-5 * np.ptp(u) or some.size < 0.05 * change.size:  # kinks of a drawn waveform are few
+    # these are kinks of a drawn waveform, which are few
+    if step < 1e-5 * np.ptp(u) or some.size < 0.05 * change.size:
         return 0.0
     steps = some / step
     return step if np.all(np.abs(steps - np.round(steps)) < 0.02) else 0.0
 
 
 def _bends(u: Array, first: int, last: int, rounding: float) -> list[list[int]]:
-    """Groups of neighbouring samples within first..last at which the slope changes more than usual."""
+    """Return groups of neighbouring samples between `first` and `last` at which the slope changes more than
+    usual."""
     if last - first < 2:
         return []
     change = np.abs(np.diff(u[first : last + 1], 2))
@@ -209,7 +216,8 @@ def _bends(u: Array, first: int, last: int, rounding: float) -> list[list[int]]:
 
 
 def _kinks(t: Array, u: Array, group: list[int]) -> list[Knot]:
-    """One kink at a sample, one between two, or two between four (a short flank); of others, none."""
+    """Return the kinks of a group: one at a sample, one between two samples, or two around four samples (a
+    short flank); an empty list for other groups."""
     if len(group) == 1:
         return [Knot(t[group[0]], u[group[0]], u[group[0]])]
     if len(group) not in (2, 4) or group[0] < 1 or group[-1] + 1 >= u.size:
@@ -227,7 +235,7 @@ def _kinks(t: Array, u: Array, group: list[int]) -> list[Knot]:
 
 
 def _line(t: Array, u: Array, first: int, last: int) -> StraightLine:
-    """The line through the samples first..last; level where that is one."""
+    """Return the straight line through the samples first..last; a constant if it has no significant slope."""
     times, values = t[first : last + 1], u[first : last + 1]
     time, level = float(times.mean()), float(values.mean())
     apart = times - time
@@ -236,9 +244,11 @@ def _line(t: Array, u: Array, first: int, last: int) -> StraightLine:
 
 
 def _straight(t: Array, u: Array, most: float) -> StraightLine | None:
-    """The line through many samples that follow it but for rounding; None if they do not.
+    """Return the straight line through samples that deviate from it only by rounding to `most`; None if they
+    do not.
 
-    What is rounded differs from a line by no more than from sample to sample; what is curved, by far more.
+    Rounded values deviate from a line by no more than they differ from sample to sample; curved ones by far
+    more.
     """
     if t.size < FEWEST_STRAIGHT:
         return None
@@ -250,8 +260,9 @@ def _straight(t: Array, u: Array, most: float) -> StraightLine | None:
 def _instants(
     t: Array, jumps: list[int], lines: list[tuple[StraightLine, StraightLine]], rest: float
 ) -> list[float | None]:
-    """When the jumps are, by the level they come from or go to: first that at rest, then the one on the other
-    side of those so found. None where a line meets neither."""
+    """Return the instants of the jumps [s] where the lines beside them meet a known level: first the level at
+    rest, then the level on the other side of the jumps already found. The instant is None if neither line
+    meets one."""
     found: list[float | None] = [None] * len(jumps)
     level: float | None = rest
     for _ in range(2):
@@ -268,7 +279,7 @@ def _instants(
 
 
 def _met(t: Array, i: int, line: StraightLine, level: float) -> float | None:
-    """When, in interval i, a line clearly goes through a level."""
+    """Return the time in interval i at which a line crosses a level beyond doubt; otherwise None."""
     interval = t[i + 1] - t[i]
     if abs(line.slope) * interval <= 10.0 * line.scatter + 1e-9 * abs(line.level):
         return None
@@ -278,7 +289,7 @@ def _met(t: Array, i: int, line: StraightLine, level: float) -> float | None:
 
 
 def _splines(t: Array, u: Array, knots: list[Knot], slew_rate: float | None) -> RecordedDrive:
-    """From knot to knot a cubic spline through the samples between them."""
+    """Return the drive as cubic splines through the samples from each knot to the next."""
     ends = [Knot(t[0], u[0], u[0]), *knots, Knot(t[-1], u[-1], u[-1])]
     touching = TOUCHING * float(np.median(np.diff(t)))
     straight = STRAIGHT * float(np.ptp(u))

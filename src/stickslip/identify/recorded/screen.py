@@ -1,6 +1,6 @@
-"""Screen of recordings before any search: nothing but noise, swapped columns, a wrong sign, a wrong size.
+"""Checks of recordings before any fit: pure noise, swapped columns, a wrong sign, a wrong unit.
 
-A search cannot explain such a recording, or explains it by values that are wrong by the same factor.
+A fit cannot explain such a recording, or explains it by values that are wrong by the same factor.
 """
 
 from __future__ import annotations
@@ -21,43 +21,46 @@ from ...waveform.signal import Waveform, value_at
 from .channels import EDGE, channel
 from .levels import converter_step
 
-# Chance of white noise to pass for a signal, for one recording.
+# Probability that white noise passes for a signal, for one recording.
 FALSE_ALARM = 1e-3
-FEWEST = 64  # samples, below which noise is not judged
-# Fewest blocks whose scatter tells noise from a signal.
+FEWEST = 64  # samples, below which noise is not tested
+# Fewest blocks of samples whose scatter distinguishes noise from a signal.
 FEWEST_BLOCKS = 8
-# m/V (rad/V); units are a factor 1000 apart. Ten times what amplified stages have; a third of what the
-# weakest piezo ceramics have (d31 of hard PZT, one layer).
+# Largest and smallest possible gain of a piezo stage, m/V (rad/V). The largest is ten times that of amplified
+# stages; the smallest a third of that of the weakest piezo ceramics (d31 of hard PZT, one layer). Wrong units
+# differ by a factor of 1000.
 LARGEST_GAIN, SMALLEST_GAIN = 1e-4, 3e-11
-# m/V: a gain above it is a column of volts taken for positions, and of positions taken for volts.
+# m/V: a larger gain means that the columns of voltage and position are swapped.
 SWAPPED_GAIN = 1.0
-# Factor between two sizes from which on a unit is wrong: the root of 1000.
+# Ratio of two sizes above which a unit is wrong: the square root of 1000.
 FACTOR = 30.0
-UNSURE = 5.0  # factor by which a gain may be off before it is identified
-# Share of the gain by which the position must go against the drive to be inverted.
+UNSURE = 5.0  # factor by which a gain may be wrong before it is identified
+# Share of the gain by which the position must move against the drive to count as inverted.
 AGAINST = 0.2
-# Correlation of the position with the opposite of its drive from which on the sensor is inverted: of a step,
-# end-effector fixed, or where the drive of a walk is slow. A contact that slides may lag by a quarter period.
+# Correlation of the position with the inverted drive above which the sensor is inverted. It is computed for a
+# step with fixed end-effector, or where the drive of a walk is slow. A sliding contact may lag by a quarter
+# period.
 INVERTED = 0.5
-# Standard errors from which on a slope is not noise.
+# Number of standard errors above which a slope is not noise.
 SURE = 5.0
-CORRELATED = 3.5  # standard errors of a correlation with the drive, from which on it is no noise
-# Changes of the drive between samples above 3 medians belong to an edge, where the contact slips.
+CORRELATED = 3.5  # number of standard errors above which a correlation with the drive is not noise
+# A change of the drive between samples above 3 medians belongs to an edge, where the contact slips.
 SLOW = 3.0
-# Natural frequency over that of a slow part of the drive, at least: a faster one the stage does not follow.
+# Smallest ratio of the natural frequency to the rate of a slow part of the drive; the stage does not follow
+# faster parts.
 SLOWER = 10.0
-# Share of a slow part, at its end, that counts: a contact settles before that.
+# Share of a slow part, at its end, that is used, because the contact settles before.
 SETTLED = 0.75
-FEWEST_IN_PART = 8  # samples of a slow part
-# Share of the force times the way that a loop's work must be below zero to be of the wrong sign.
+FEWEST_IN_PART = 8  # fewest samples of a slow part
+# Share of force times displacement by which the work of a loop must be negative to have the wrong sign.
 LOST = 0.05
 
 Array = NDArray[np.float64]
 
 
 class PositionUnderDrive(NamedTuple):
-    """Position under a drive: name of the recording and of the position channel; `unit` of the position;
-    time [n], s; position [n]; drive [n], V."""
+    """Position under a drive. Fields: name of the recording and of the position channel; `unit` of the
+    position; time [n], s; position [n]; drive [n], V."""
 
     name: str
     channel: str
@@ -68,19 +71,20 @@ class PositionUnderDrive(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Channel, unit and recording, for messages."""
+        """Return channel, unit and recording as a label for messages."""
         return f"{self.channel} [{self.unit}] of {self.name}"
 
 
 def driven(recording: xr.Dataset, drive: Waveform | None, where: str) -> Array:
-    """The drive at the samples of a recording, V: of the waveform, or of the channel drive_voltage."""
+    """Return the drive at the samples of a recording, V, shape (n,), from the waveform or, without one, from
+    the channel drive_voltage."""
     if drive is None:
         return channel(recording, "drive_voltage", where)
     return value_at(drive, recording["time"].values)
 
 
 def refuse_noise(values: Array, name: str, where: str, drive: Array | None = None) -> None:
-    """Raise RecordingError if a channel [n] is nothing but white noise, and does not follow its drive [n]."""
+    """Raise RecordingError if a channel [n] is only white noise and does not follow its drive [n]."""
     if values.size < FEWEST or _stands_out(values) or (drive is not None and _correlated(values, drive)):
         return
     meaning = STANDARD_NAMES.get(name)
@@ -92,9 +96,10 @@ def refuse_noise(values: Array, name: str, where: str, drive: Array | None = Non
 
 
 def _stands_out(values: Array) -> bool:
-    """Return whether more than white noise is in values [n]: a pulse, a line of the spectrum, slow motion.
+    """Return True if values [n] contain more than white noise: a pulse, a spectral line, or slow motion.
 
-    Means over blocks of 2, 4, 8, ... samples of white noise scatter by the root of their size less.
+    Means over blocks of 2, 4, 8, ... samples of white noise have a standard deviation smaller by the root of
+    the block size.
     """
     x = values - values.mean()
     variance = float(np.mean(x**2))
@@ -115,14 +120,14 @@ def _stands_out(values: Array) -> bool:
 
 
 def _correlated(values: Array, drive: Array) -> bool:
-    """Return whether values [n] follow a drive [n] by more than white noise does."""
+    """Return True if values [n] are correlated with a drive [n] more than white noise is."""
     u, x = drive - drive.mean(), values - values.mean()
     power = float(u @ u)
     return power > 0.0 and abs(float(u @ x)) > CORRELATED * float(np.std(x)) * math.sqrt(power)
 
 
 def refuse_swapped(one: PositionUnderDrive) -> None:
-    """Raise RecordingError if positions and volts are swapped: the position moves by more than 1 m a volt."""
+    """Raise RecordingError if positions and volts are swapped, that is if the gain exceeds 1 m/V."""
     moved, driven = float(np.ptp(one.position)), float(np.ptp(one.drive))
     if moved > SWAPPED_GAIN * driven > 0.0:
         raise RecordingError(
@@ -133,7 +138,8 @@ def refuse_swapped(one: PositionUnderDrive) -> None:
 
 
 def said_gain(gain: float, unit: str, known: float | None = None) -> tuple[str, ...]:
-    """A sentence on a gain [unit/V] that no stage has, or that is far from the one that is `known`."""
+    """Return a sentence if a gain [unit/V] is impossible for a stage or far from the `known` one; otherwise
+    an empty tuple."""
     shown = with_prefix(gain, f"{unit}/V")
     if gain < 0.0:
         return ("the position falls where the voltage rises: mirror the channel, or the drive",)
@@ -151,12 +157,12 @@ def refuse_walk(one: PositionUnderDrive, model: Any) -> None:
     """Raise RecordingError if a walk and its model (an actuator) cannot belong together.
 
     Raises:
-        RecordingError: the position is noise, swapped with the drive, beyond what the stage can carry it to,
-            a small part of what the stage moves by, or against the drive.
+        RecordingError: the position is noise, swapped with the drive, farther than the stage can carry it,
+            far smaller than the stage's motion, or against the drive.
     """
     refuse_noise(one.position, one.channel, one.name, one.drive)
     refuse_swapped(one)
-    if model.external_force != 0.0 or model.incline != 0.0:  # a load carries it anywhere
+    if model.external_force != 0.0 or model.incline != 0.0:  # a load can move the end-effector any distance
         return
     _refuse_beyond_reach(one, model)
     found = following(one, _slowest(model))
@@ -181,11 +187,12 @@ def refuse_walk(one: PositionUnderDrive, model: Any) -> None:
 def refuse_inverted(
     steps: Sequence[PositionUnderDrive], walks: Sequence[PositionUnderDrive], model: Any
 ) -> None:
-    """Raise RecordingError where steps go against their drive, and name all recordings that do.
+    """Raise RecordingError if the positions of steps move against their drive; the message names all such
+    recordings.
 
     Args:
-        steps: with the end-effector fixed to the stage.
-        walks: of the same sensor.
+        steps: step recordings, with the end-effector fixed to the stage.
+        walks: walks recorded with the same sensor.
         model: actuator, whose gain is above 0.
     """
     inverted = [one for one in steps if _correlation(one) < -INVERTED]
@@ -207,7 +214,8 @@ def refuse_against(one: PositionUnderDrive) -> None:
 
 
 def said_inverted(label: str, one: PositionUnderDrive) -> str:
-    """A sentence on positions that go against their drive, with the line that turns the sensor."""
+    """Return a sentence on positions that move against their drive, with the setting that inverts the
+    sensor."""
     return (
         f"{label} goes down where drive_voltage [V] goes up: the sensor is inverted. Say so, in the unit of "
         f'the file: units: {{{one.channel}: "-1 u{one.unit}"}}'
@@ -220,7 +228,7 @@ def _correlation(one: PositionUnderDrive) -> float:
 
 
 class Following(NamedTuple):
-    """Slope of a position by its drive [unit/V], the standard error, and their correlation, without
+    """Relation of a position to its drive: slope [unit/V], standard error, and correlation, corrected for
     white noise."""
 
     slope: float
@@ -229,14 +237,14 @@ class Following(NamedTuple):
 
 
 def following(one: PositionUnderDrive, natural_frequency: float) -> Following | None:
-    """Return how the position follows the drive where that is slow; None where it is so nowhere.
+    """Return how the position follows the slow parts of the drive; None if no part is slow.
 
-    There a contact sticks. Over whole periods a walk in long steps may go against its drive: it gains while
-    the drive falls back.
+    The contact sticks in these parts. Over whole periods a walk in long steps may move against its drive: it
+    advances while the drive falls back.
 
     Args:
         one: the walk.
-        natural_frequency: rad/s, of what carries the end-effector along.
+        natural_frequency: rad/s, of the stage.
     """
     change = np.abs(np.diff(one.drive))
     moving = change[change > 0.0]
@@ -254,7 +262,7 @@ def following(one: PositionUnderDrive, natural_frequency: float) -> Following | 
         square = float(v @ v)
         if square <= 4.0 * v.size * noise**2:
             continue
-        # rad/s: that of a sine, 3.5 over the length of a ramp
+        # rad/s: that of a sine; for a ramp 3.5 divided by its duration
         rate = math.sqrt(max(float(np.sum(np.diff(v) ** 2)) - 2.0 * v.size * noise**2, 0.0) / square)
         if rate / interval < natural_frequency / SLOWER:
             power, common = power + square, common + float(v @ x[late])
@@ -267,9 +275,10 @@ def following(one: PositionUnderDrive, natural_frequency: float) -> Following | 
 
 
 def _refuse_beyond_reach(one: PositionUnderDrive, model: Any) -> None:
-    """The stage carries the end-effector by no more than its own way, however the contact slips.
+    """Raise RecordingError if a position moves farther than the stage can carry it, however the contact
+    slips.
 
-    What resonance adds is granted, and a gain that is not yet identified.
+    The limit allows for resonance, and for a gain that is not yet identified.
     """
     resonance = max(1.0, 0.5 / model.damping_ratio) if model.damping_ratio > 0 else math.inf
     reach = UNSURE * resonance * abs(model.gain) * float(np.sum(np.abs(np.diff(one.drive, prepend=0.0))))
@@ -284,13 +293,13 @@ def _refuse_beyond_reach(one: PositionUnderDrive, model: Any) -> None:
 def refuse_loop(
     position: Array, force: Array, name: str, channels: tuple[str, str], moves: bool = False
 ) -> None:
-    """Raise RecordingError if a friction loop has the wrong sign: friction takes work, and gives none.
+    """Raise RecordingError if a friction loop has the wrong sign: friction dissipates work.
 
     Args:
-        position, force: [n], of a contact, or of what drives a body.
-        name: of the recording.
-        channels: names of both.
-        moves: the force moves a body too, whose kinetic energy changes meanwhile.
+        position, force: [n], of a contact, or the force that drives a body.
+        name: name of the recording.
+        channels: names of both channels.
+        moves: the force also accelerates a body, whose kinetic energy changes.
     """
     for values, what in zip((position, force), channels, strict=True):
         refuse_noise(values, what, name)
@@ -299,7 +308,7 @@ def refuse_loop(
     if crossed.size < 3:
         return
     x, f = (values[crossed[0] : crossed[-1] + 2] for values in (position, force))
-    f = f - f.mean()  # over a closed way, what is constant takes no work
+    f = f - f.mean()  # over a closed loop, a constant force does no work
     work = float(np.trapezoid(f, x))
     by_force = noise_level(force) * float(np.linalg.norm(np.diff(x)))
     by_position = noise_level(position) * float(np.linalg.norm(np.diff(f)))
@@ -319,11 +328,11 @@ def refuse_loop(
 
 
 def refuse_loading(grown: float, loaded: float, label: str) -> None:
-    """Raise RecordingError if the force of a pulled slider has the wrong size.
+    """Raise RecordingError if the recorded force of a pulled slider has the wrong size for its spring.
 
     Args:
         grown: mean growth of the force over weight in a stick-slip event.
-        loaded: what the spring adds while it is pulled for as long; a slider that slips takes off the rest.
+        loaded: growth of the spring force over weight in an equal time if the slider does not move.
         label: channel and recording.
     """
     if 1.0 / FACTOR < grown / loaded < FACTOR:
@@ -335,7 +344,8 @@ def refuse_loading(grown: float, loaded: float, label: str) -> None:
 
 
 def said_far(starts: Mapping[str, float], values: Mapping[str, float]) -> tuple[str, ...]:
-    """A sentence on forces and stiffnesses that end far from their starts: a unit may be wrong."""
+    """Return a sentence on forces and stiffnesses whose fitted values are far from their initial guesses: a
+    unit may be wrong."""
     far = [
         f"{name} is {abs(values[name] / start):.3g} times its start"
         for name, start in starts.items()
@@ -345,13 +355,14 @@ def said_far(starts: Mapping[str, float], values: Mapping[str, float]) -> tuple[
 
 
 def _span(values: Array) -> float:
-    """Range without a hundredth of the samples at each end, which may be spikes."""
+    """Return the range of values without one hundredth of the samples at each end, which may be spikes."""
     low, high = np.percentile(values, [1.0, 99.0])
     return float(high - low)
 
 
 def _slowest(model: Any) -> float:
-    """Natural frequency of the stage with what it carries, or of the contact: the lower one, rad/s."""
+    """Return the lower one of two natural frequencies, rad/s: of the stage with its load, and of the
+    contact."""
     carried = model.end_effector_mass / model.stage_mass if model.stage_reaction else 0.0
     stage = model.natural_frequency / math.sqrt(1.0 + carried)
     law = model.friction

@@ -1,1 +1,1 @@
-"""Steps: the stage with the end-effector fixed to it."""
+"""Step responses of the stage with the end-effector fixed to it: identification."""

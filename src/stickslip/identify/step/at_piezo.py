@@ -1,8 +1,8 @@
-r"""A step of the drive after a piezo with hysteresis and creep: ramps, and lags behind them.
+r"""Response to a step of the drive behind a piezo with hysteresis and creep: a sum of ramps and lags.
 
-While the drive moves in one direction the plays' output is linear between the voltages at which a play
-starts to move, so that a step (or the ramp that an amplifier makes of it) becomes a sum of ramps. Creep adds
-to it the answer of each of its terms, :math:`a_k / (1 + \tau_k s)`.
+While the drive moves in one direction, the plays' output is linear between the voltages at which a play
+starts to move. So a step, or the ramp that an amplifier makes of it, becomes a sum of ramps. Creep adds the
+response of each of its terms, :math:`a_k / (1 + \tau_k s)`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class VoltageRamp(NamedTuple):
-    """Part of the step: its height [V], start and duration [s]."""
+    """A linear part of the step: its height [V], start and duration [s]."""
 
     height: float
     begin: float
@@ -42,7 +42,8 @@ def check_known(piezo: Piezo | None) -> None:
 
 
 def ramps(piezo: Piezo | None, voltage: float, rest: float, slew_rate: float | None) -> list[VoltageRamp]:
-    """The step from `rest` [V], reached from 0 V, by `voltage` [V], at a slew rate [V/s] if it is known."""
+    """Return the ramps of a step from `rest` [V], reached from 0 V, by `voltage` [V], at the slew rate [V/s]
+    if it is known."""
     path, levels = np.array([rest, rest + voltage]), np.array([rest, rest + voltage])
     if piezo is not None and piezo.hysteresis is not None:
         law = piezo.hysteresis
@@ -63,9 +64,9 @@ def ramps(piezo: Piezo | None, voltage: float, rest: float, slew_rate: float | N
 def response(
     piezo: Piezo | None, slew_rate: float | None
 ) -> Callable[[Array, float, float, list[complex], list[complex]], Array]:
-    """Return the response of linear parts behind the piezo to a step.
+    """Return a function for the step response of linear dynamics behind the piezo.
 
-    A function of times [s], height [V], rest [V], poles and zeros.
+    Its arguments are times [s], height [V], rest [V], poles and zeros [rad/s].
     """
     known: dict[tuple[float, float], list[VoltageRamp]] = {}
     creep = None if piezo is None else piezo.creep
@@ -88,8 +89,8 @@ def response(
         if np.any(rising):
             t = time[rising]
             found[rising] = (height / rise * (integral(t - begin) - integral(t - begin - rise))).sum(axis=0)
-        # When all ramps are over the exponentials go on alone: each ramp is a factor to each of them. From
-        # the end on, where a pole however fast has decayed.
+        # When all ramps are over only the exponentials remain, each multiplied by one factor for each ramp.
+        # After its end, even the fastest pole has decayed.
         ramped = np.exp(p * (end - begin - rise)) * np.expm1(p * rise) / (p * rise) if end > 0.0 else 1.0
         factors = (height * ramped).sum(axis=0)
         found[later] = level * height.sum() + np.real(np.exp(np.outer(time[later] - end, p)) @ (c * factors))
@@ -99,12 +100,12 @@ def response(
 
 
 def _with_creep(creep: Creep | None, c: NDArray, p: NDArray) -> tuple[float, NDArray, NDArray]:
-    """Level, coefficients and poles of the answer to a step, with those of the lags of creep beside."""
+    """Return level, coefficients and poles of the step response, including those of the lags of creep."""
     if creep is None:
         return 1.0, c, p
     tau, shares = np.array(creep.time_constants), np.array(creep.shares)
     behind = c / (1.0 + tau[:, None] * p)
-    own = -1.0 - behind.sum(axis=1)  # each starts at 0
+    own = -1.0 - behind.sum(axis=1)  # each lag starts at 0
     return (
         1.0 + float(shares.sum()),
         np.append(c + shares @ behind, shares * own),

@@ -1,7 +1,8 @@
-"""A first estimate of a step response before it is fitted: frequency, damping and delay.
+"""First estimate of frequency, damping and delay of a step response, before it is fitted.
 
-Nothing is known of the stage. The time in which the response crosses its middle half says roughly how fast it
-is, its spectrum where it rings; of second-order responses about there, the nearest is taken.
+Nothing is known of the stage. The time in which the response crosses its middle half gives its approximate
+speed, and the spectrum its frequency if it vibrates. Of second-order responses with similar frequencies, the
+closest is taken.
 """
 
 from __future__ import annotations
@@ -20,28 +21,30 @@ from ...recording import RecordingError
 from .linear import second_order_poles, step_response
 from .recorded_step import StepTest
 
-# Angular frequency times the time in which a response goes from a quarter to three quarters: 0.6 without
-# damping, 1.7 with a critical one.
+# Angular frequency multiplied by the time from a quarter to three quarters of the rise: 0.6 without damping,
+# 1.7 with critical damping.
 CROSSED = 0.9
 # Tried multiples of the first frequency, because a slow amplifier or sensor may hide how fast the stage is.
 FACTORS = np.geomspace(0.3, 8.0, 13)
 DAMPINGS = np.geomspace(2e-3, 2.5, 12)
-# Peaks of the spectrum that are tried, and how far from the first frequency they may be.
+# Number of spectral peaks that are tried, and their range relative to the first frequency.
 PEAKS, ABOUT = 3, (0.2, 12.0)
-# Periods of the first frequency that are looked at, and samples at most: for the choice, and for its polish.
+# Periods of the first frequency that are examined, and largest number of samples: for the choice, and for its
+# refinement.
 PERIODS, CHOSEN_BY, POLISHED_BY = 60.0, 1200, 5000
-# The largest damping ratio whose period shows.
+# Largest damping ratio at which the period of the vibration is visible.
 LARGEST_RINGING = 0.8
-# Periods that a recording lasts after its rise at least: to the peak and half back.
+# Fewest periods that a recording must last after its rise: to the peak and half-way back.
 LEAST_AFTER = 0.75
-# Smallest rise, in standard deviations of the rest.
+# Smallest detectable rise, in standard deviations of the noise at rest.
 SEEN = 4.0
 
 Array = NDArray[np.float64]
 
 
 class Look(NamedTuple):
-    """A second-order response: rad/s, its damping ratio, and s after the step."""
+    """Parameters of a second-order response: natural frequency [rad/s], damping ratio, and delay after the
+    step [s]."""
 
     natural_frequency: float
     damping_ratio: float
@@ -49,32 +52,34 @@ class Look(NamedTuple):
 
     @property
     def decay(self) -> float:
-        """1/s, of what decays last."""
+        """Return the rate of the slowest decay, 1/s."""
         zeta = self.damping_ratio
         return self.natural_frequency * (zeta if zeta < 1.0 else 1.0 / (zeta + math.sqrt(zeta**2 - 1.0)))
 
     @property
     def period(self) -> float:
-        """s; where it does not ring, of a ring that can just be seen."""
+        """Return the period of the vibration, s; for a strongly damped response, that of a vibration that is
+        just visible."""
         zeta = min(self.damping_ratio, LARGEST_RINGING)
         return 2.0 * math.pi / (self.natural_frequency * math.sqrt(1.0 - zeta**2))
 
 
-# Response to a step for a guess of its parameters, with a gain of 1.
+# Function that returns the response to a step with a gain of 1, for a guess of its parameters.
 Response = Callable[[StepTest, Look], Array]
 
 
 def plain(test: StepTest, look: Look) -> Array:
-    """Return the response without piezo, amplifier and filter."""
+    """Return the second-order response with a gain of 1, without piezo, amplifier and filter, shape (n,)."""
     poles = second_order_poles(look.damping_ratio, look.natural_frequency)
     return test.voltage * step_response(test.time - look.delay, poles)
 
 
 def first_look(test: StepTest, response: Response = plain) -> Look:
-    """The second-order response that is nearest to a recorded one.
+    """Return the second-order response that is closest to a recorded one.
 
     Raises:
-        RecordingError: it has no rest before the step, does not rise out of its noise, or ends amid the rise.
+        RecordingError: the recording has no rest before the step, does not rise out of its noise, or ends
+            during the rise.
     """
     crossed, half, rise = _crossing(test)
     angular = CROSSED / crossed
@@ -96,7 +101,8 @@ def first_look(test: StepTest, response: Response = plain) -> Look:
 
 
 def common_look(tests: Sequence[StepTest], looks: Sequence[Look]) -> int:
-    """The number of the recording of a stage whose look leaves least of all recordings of it."""
+    """Return the number of the recording whose estimate has the smallest residual in all recordings of a
+    stage."""
     if len(looks) == 1:
         return 0
     levels = [_crossing(test)[2] for test in tests]
@@ -134,7 +140,7 @@ def _crossing(test: StepTest) -> tuple[float, float, tuple[float, float]]:
 
 
 def _rings(test: StepTest, half: float, rise: float, angular: float) -> list[float]:
-    """Angular frequencies of the highest peaks of the spectrum of what follows the rise, rad/s."""
+    """Return angular frequencies [rad/s] of the highest spectral peaks of the response after the rise."""
     x = test.position[test.time > half]
     interval = float(np.median(np.diff(test.time)))
     x = x[: max(int(4.0 * PERIODS * 2.0 * math.pi / (angular * interval)), 16)] - x[x.size // 2 :].mean()
@@ -147,14 +153,15 @@ def _rings(test: StepTest, half: float, rise: float, angular: float) -> list[flo
 
 
 def _thinned(test: StepTest, most: int) -> StepTest:
-    """Return every n-th sample from the step on."""
+    """Return the step with every n-th sample from the step on, `most` samples at most."""
     every = np.flatnonzero(test.time >= 0.0)
     every = every[:: max(every.size // most, 1)]
     return test._replace(time=test.time[every], position=test.position[every])
 
 
 def _aligned(look: Look, test: StepTest, half: float, response: Response) -> Look:
-    """With the delay at which it is half risen when the recorded one is."""
+    """Return the estimate with the delay at which its response and the recorded one are half risen at the
+    same time."""
     slow = 2.0 / look.natural_frequency * (1.0 + 2.0 * look.damping_ratio)
     since = np.append(np.linspace(0.0, max(slow, 2.0 * half), 40), 1e3 / look.decay)
     share = np.abs(response(test._replace(time=since), look))
@@ -171,7 +178,7 @@ def _left(look: Look, test: StepTest, response: Response) -> Array:
 
 
 def _polished(look: Look, test: StepTest, rise: float, response: Response) -> Look:
-    """The nearest response about a look."""
+    """Return the closest response in the neighbourhood of an estimate, by least squares."""
     w, zeta, delay = look
 
     def of(q: Array) -> Look:

@@ -1,4 +1,4 @@
-"""Damping, natural frequency, gain, delay and sensor lag from all samples of all step responses at once."""
+"""Fit of damping, natural frequency, gain, delay and sensor lag to all samples of all step responses."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ from .formulas import Timing, classical, second_order, timing_of
 from .linear import filter_zeros_poles, second_order_poles
 from .recorded_step import POSITION, StepTest, step_tests
 
-# The window, in peak times or in decays before and after the step, the longer of both: what comes later only
-# says how the sensor drifts.
+# Length of the fitted window after the step, in peak times or in decay times, whichever is longer; later
+# samples only show the drift of the sensor.
 WINDOW, DECAYS = 8.0, 3.0
-# Length of the rest before the step, in windows: a longer rest hardly shows the drift better.
+# Length of the rest before the step, in windows: a longer rest hardly improves the estimate of the drift.
 REST = 8.0
-# The damping ratio is at least that of a good tuning fork; at most, that of two poles a thousand times apart.
+# Range of damping ratios: from a good tuning fork to two poles a factor of a thousand apart.
 DAMPING_RATIOS = (1e-4, 30.0)
 # Shortest lag that is fitted, as a fraction of the response time.
 LEAST_LAG = 1e-6
-# Standard errors: a greater drift is said, and taken off before a first look.
+# Standard errors above which a drift is reported, and subtracted before the first estimate.
 SEEN = 3.0
 STAGE_PARAMETERS = ("damping_ratio", "natural_frequency", "gain")
 
@@ -72,23 +72,22 @@ def identify_step(
 ) -> Fit:
     """Fit a second-order system, seen through a sensor with delay and lag, to step responses.
 
-    The model is exact (a sum of exponentials). A filtered sensor has autocorrelated noise, which the
+    The model response is exact (a sum of exponentials). A filtered sensor has autocorrelated noise, which the
     intervals allow for (see `coloured`).
 
     Args:
-        recordings: with end_effector_position [m, or rad where it turns], the end-effector fixed to the
-            stage, and drive_voltage [V] unless voltages and start are given.
+        recordings: with end_effector_position [m, or rad for a rotary actuator], the end-effector fixed to
+            the stage, and drive_voltage [V] unless voltages and start are given.
         model: actuator for the result. Its `piezo`, taken as known and annealed before each step, is part of
             the model; the gain multiplies its output.
         voltages: height of each step, V.
         start: instant of the steps in the time of the recordings, s.
         filter: low-pass filter that the position went through, if it is known; its analogue counterpart is
             part of the model. Otherwise delay and lag approximate it.
-        slew_rate: V/s of the amplifier, if known: the current limit into the piezo. By default
-            the step is a jump.
+        slew_rate: slew rate of the amplifier into the piezo, V/s, if known. By default the step is a jump.
         lag: fit a first-order lag of the sensor.
-        window: s before and after the step that are fitted; left out, eight peak times, or three decays, and
-            eight times as much before it.
+        window: fitted duration before and after the step, s; by default eight peak times or three decay times
+            after it, and eight times as much before it.
         timing: times of the classical numbers, which start the fit; by default times and start come from
             the second-order response most similar to a recording.
         observed: name of the position channel.
@@ -99,13 +98,13 @@ def identify_step(
         recording the offset [m] and the drift of its sensor [m/s]; `predict(recording)` gives the position
         without these two, which `step_level` returns. The delay is the total delay of the sensor, the lag
         included, counted from the sample after the step of drive_voltage. Where the stage is overdamped,
-        nothing tells its two poles from the lag's: the intervals hold all three ways, and `other_minima`
-        tells them; without a lag (``lag=False``) there is one.
+        its two poles cannot be distinguished from the lag's: the intervals include all three assignments, and
+            `other_minima` lists them. Without a lag (``lag=False``) there is one.
 
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled;
             or the position is noise, or swapped with the drive.
-        QuantityError: an expression that ties is wrong, or a piezo model whose steps have no closed form.
+        QuantityError: an expression in `tied` is wrong, or a piezo model whose steps have no closed form.
         FitError: as `fit_least_squares`.
     """
     piezo = None if model is None else model.piezo
@@ -153,7 +152,8 @@ def identify_step(
 
 
 def _by_drive(fit: Fit) -> ByKnown:
-    """Return the derivative by the scale of the drive: all that the model shows but offsets and drifts."""
+    """Return the derivatives of a step fit by the scale of the drive: the model's response without offsets
+    and drifts."""
     assert fit.jacobian is not None
     level = [i for i, p in enumerate(fit.parameters) if p.name.startswith(("offset_", "drift_"))]
     own = fit.jacobian[:, level] @ [fit.values[fit.parameters[i].name] for i in level]
@@ -161,7 +161,7 @@ def _by_drive(fit: Fit) -> ByKnown:
 
 
 def _screen(recordings: Sequence[xr.Dataset], observed: str) -> None:
-    """Raise RecordingError where a recording is noise, or its columns are swapped."""
+    """Raise RecordingError if a recording is only noise, or its columns are swapped."""
     for one, name in zip(recordings, names_of(recordings), strict=True):
         position = channel(one, observed, name, varies=True)
         drive = channel(one, "drive_voltage", name) if "drive_voltage" in one else None
@@ -172,8 +172,8 @@ def _screen(recordings: Sequence[xr.Dataset], observed: str) -> None:
 
 
 def _with_exchanged(problem: Problem, fit: Fit) -> Fit:
-    """The fit of a step, and in its intervals what describes it as well: of three real poles any may be the
-    lag's, and the other two those of an overdamped stage."""
+    """Return the step fit with intervals that include equivalent solutions: of three real poles, any one may
+    be the lag's, and the other two those of an overdamped stage."""
     free, limits = {p.name for p in fit.parameters}, {p.name: (p.lower, p.upper) for p in fit.parameters}
     zeta, omega, delay = (fit.values[name] for name in ("damping_ratio", "natural_frequency", "delay"))
     lag = fit.values.get("lag", 0.0)
@@ -194,22 +194,20 @@ def _with_exchanged(problem: Problem, fit: Fit) -> Fit:
 
 
 def step_level(values: Values, number: int, since: Array) -> Array:
-    """Return the level of the sensor without the step, m, shape (n,).
-
-    Offset and drift of the recording with that number, from 1 on, at times after its step [s].
-    """
+    """Return the level of the sensor without the step, m, shape (n,): offset and drift of recording `number`
+    (from 1) at times after its step [s]."""
     return values[f"offset_{number}"] + values[f"drift_{number}"] * since
 
 
 def _straightened(test: StepTest) -> StepTest:
-    """Without the drift that is seen before the step."""
+    """Return the step without the drift that is visible before it."""
     rest = test.time < 0.0
     drift = drift_seen(test.time[rest], test.position[rest], SEEN)
     return test._replace(position=test.position - drift.at(test.time)) if drift else test
 
 
 def _said_drifts(fit: Fit, unit: str) -> list[str]:
-    """A sentence on each recording that drifts."""
+    """Return a sentence on each recording with a significant drift."""
     said, errors = [], fit.standard_errors
     for i, one in enumerate(fit.recordings, start=1):
         slope, error = fit.values[f"drift_{i}"], errors[f"drift_{i}"]
@@ -219,7 +217,8 @@ def _said_drifts(fit: Fit, unit: str) -> list[str]:
 
 
 class StepPrediction(NamedTuple):
-    """A step response by the values of a fit; the others as for `identify_step`, `voltage` of its step."""
+    """Prediction of a step response by the values of a fit; settings as in `identify_step`, `voltage` is the
+    height of the step."""
 
     values: Values
     filter: Filter | None
@@ -230,7 +229,8 @@ class StepPrediction(NamedTuple):
     piezo: Piezo | None = None
 
     def predict(self, recording: xr.Dataset, drive: Any = None) -> Array:
-        """m, without offset and drift; the step is the recording's own."""
+        """Return the predicted position, m, shape (n,), without offset and drift; the step is that of the
+        recording."""
         del drive
         voltages = None if self.voltage is None else [self.voltage]
         (test,) = step_tests(recording, voltages, self.start, self.observed)
@@ -250,8 +250,8 @@ def _within(test: StepTest, first: float, last: float) -> StepTest:
 def _begun(
     tests: Sequence[StepTest], timing: Timing | None, seen: Response | None
 ) -> tuple[list[dict[str, float]], Look]:
-    """The classical numbers of each step, and where the fit starts; `seen`: through what is known besides the
-    stage, None where nothing is."""
+    """Return the classical numbers of each step, and the initial guess of the fit. `seen` is the response
+    through known amplifier, piezo and filter; None if there are none."""
     tests = [_straightened(test) for test in tests]
     if timing is not None:
         first = [classical(test, timing) for test in tests]
@@ -263,10 +263,10 @@ def _begun(
 
 
 def _by_formulas(first: Sequence[dict[str, float]]) -> Look:
-    """Return the mean of the classical numbers."""
+    """Return the mean of the classical numbers as parameters of a second-order response."""
     names = ("natural_frequency", "damping_ratio", "delay", "peak_time")
     omega, zeta, delay, peak = (float(np.mean([row[name] for row in first])) for name in names)
-    if not np.isfinite(zeta):  # no overshoot: the peak is where the noise put it
+    if not np.isfinite(zeta):  # no overshoot: the time of the peak is determined by noise
         return Look(5.0 / peak, 1.0, delay)
     return Look(omega, zeta, delay)
 
@@ -277,7 +277,7 @@ def _seen(response: Callable[[StepTest, Values], Array]) -> Response:
 
 
 def _reach(first: Sequence[dict[str, float]], look: Look) -> float:
-    """s before and after the step that are fitted."""
+    """Return the fitted duration before and after the step, s."""
     return max(WINDOW * float(np.mean([row["peak_time"] for row in first])), look.delay + DECAYS / look.decay)
 
 
@@ -329,28 +329,28 @@ def step_formula_errors(
     n: int = 200,
     seed: int = 0,
 ) -> xr.Dataset:
-    """Return the errors of the classical formulas if the fit is the truth, and their causes.
+    """Return the errors of the classical formulas if the fitted response is the true one, and their causes.
 
-    The formulas are applied to the fit's own response without noise: the error then comes from the sensor
-    (lag, filter, undetected onset). Then with noise, the recordings' residuals from random starts: the
-    further mean error comes from the noise, above all at the peak, because the largest of many noisy samples
+    The formulas are first applied to the fitted response without noise: that error comes from the sensor
+    (lag, filter, undetected onset). Then noise is added, taken from the residuals at random positions. The
+    additional mean error comes from the noise, mainly at the peak, because the largest of many noisy samples
     is too large.
 
     Args:
         fit: fit of `identify_step`.
         recordings: recordings of the fit.
-        voltages, start, timing: as for the fit; left out, times and start are those of the second-order
-            response that the fit's own looks most like.
-        n: noisy repetitions.
-        seed: of them.
+        voltages, start, timing: as for the fit; by default, times and start are those of the second-order
+            response most similar to the fitted one.
+        n: number of noisy repetitions.
+        seed: seed of the random noise.
 
     Returns:
         Over "parameter" `fitted`, `by_sensor` and `by_noise` (both formula minus truth, in the parameter's
-        unit), and `scatter`, the standard deviation of the formula's result; over those repetitions in which
-        the formulas read anything, NaN where there are none.
+        unit), and `scatter`, the standard deviation of the formula's result; over the repetitions in which
+        the formulas give a result; NaN if there are none.
     """
     tests = step_tests(recordings, voltages, start, observed=fit.observed)
-    assert fit.predict is not None  # identify_step always gives it
+    assert fit.predict is not None  # identify_step always provides it
     clean = [fit.predict(r) for r in recordings_of(recordings)]
     timings = [timing] * len(tests) if timing else []
     if not timings:
@@ -365,7 +365,7 @@ def step_formula_errors(
             moved = np.roll(noise - noise.mean(), int(random.integers(noise.size))) if noisy else 0.0
             try:
                 rows.append(classical(test._replace(position=x + moved), one))
-            except RecordingError:  # noise makes a peak where none is
+            except RecordingError:  # noise makes a peak where there is none
                 return [np.nan] * len(STAGE_PARAMETERS)
         mean = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
         return [*second_order(mean["overshoot"], mean["peak_time"]), mean["gain"]]

@@ -1,4 +1,5 @@
-"""The classical numbers of step responses: peak, steady value and what follows [kang2007, app. 5]."""
+"""Classical numbers of step responses: delay, peak, steady value, and the second-order system that follows
+from them [kang2007, app. 5]."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ from .recorded_step import POSITION, StepTest, step_tests
 
 # Fewest samples from the rise to the peak.
 FEWEST_TO_PEAK = 6
-# Samples until it has settled, below which there is no rise to look at: two or three natural periods.
+# Fewest samples in the two or three natural periods until the response has settled; with fewer, the rise is
+# not resolved.
 FEWEST_IN_RISE = 8
 
 Array = NDArray[np.float64]
@@ -27,7 +29,8 @@ Array = NDArray[np.float64]
 
 @record
 class Timing(NamedTuple):
-    """Times of the classical numbers; the bias is the mean of the two samples before the rise."""
+    """Times at which the classical numbers are read; the bias is the mean of the two samples before the
+    rise."""
 
     steady_after: Annotated[
         float, Quantity("s", "", "time from the rise until the motion has settled", above=0.0)
@@ -44,13 +47,13 @@ class Timing(NamedTuple):
 
 
 THESIS = Timing()
-# Times of the decay until a response has settled (0.1 %).
+# Number of decay times until a response has settled (0.1 %).
 SETTLED = 7.0
 
 
 def timing_of(test: StepTest, look: Look) -> Timing:
-    """Return the times of the classical numbers: the peak within a period, the level over a settled
-    period."""
+    """Return the times of the classical numbers: the peak is searched within one period, and the level is the
+    mean over one period after the response has settled."""
     lasts = float(test.time[-1]) - look.delay
     over = min(look.period, 0.5 * lasts)
     after = min(SETTLED / look.decay, (1.0 - 1e-6) * (lasts - over))
@@ -58,7 +61,7 @@ def timing_of(test: StepTest, look: Look) -> Timing:
 
 
 def own_timing(test: StepTest) -> Timing:
-    """Return the times as `timing_of`, from the recording's own response.
+    """Return the times of the classical numbers from the recording's own response, as `timing_of` does.
 
     Raises:
         RecordingError: see `first_look`.
@@ -67,7 +70,8 @@ def own_timing(test: StepTest) -> Timing:
 
 
 def classical(test: StepTest, timing: Timing, delay: float | None = None) -> dict[str, float]:
-    """Delay, bias, steady value, peak time, overshoot and what follows; NaN without overshoot."""
+    """Return, by name, delay, bias, steady value, peak time, overshoot, damping ratio and natural frequency
+    of a step; NaN without overshoot."""
     t, x = test.time, test.position
     needed = timing.rise_at + timing.steady_after + timing.steady_over
     if t[-1] < needed:
@@ -114,9 +118,9 @@ def classical(test: StepTest, timing: Timing, delay: float | None = None) -> dic
 
 
 def second_order(overshoot: float, peak_time: float) -> tuple[float, float]:
-    """Damping ratio and natural frequency [rad/s] from overshoot (a fraction) and peak time [s].
+    """Return damping ratio and natural frequency [rad/s] from overshoot (a fraction) and peak time [s].
 
-    NaN without an overshoot.
+    Both are NaN without an overshoot.
     """
     if not (0.0 < overshoot < 1.0 and peak_time > 0.0):
         return math.nan, math.nan
@@ -126,7 +130,8 @@ def second_order(overshoot: float, peak_time: float) -> tuple[float, float]:
 
 
 def _onset(t: Array, x: Array, where: str, timing: Timing) -> float:
-    """Return the start of the rise: at first it is a parabola, so the times to 5 and 20 % are as 1 to 2."""
+    """Return the start of the rise [s]. The rise starts as a parabola, so the times to 5 and 20 % are in the
+    ratio 1 to 2."""
     before = x[t <= 0.0]
     settled = t - timing.rise_at - timing.steady_after
     level = x[(settled >= 0.0) & (settled <= timing.steady_over)]
@@ -144,7 +149,7 @@ def _onset(t: Array, x: Array, where: str, timing: Timing) -> float:
     share = (x - rest) / rise
     half = int(np.flatnonzero((t > 0.0) & (share >= 0.5))[0])
     times = []
-    for part in (0.2, 0.05):  # the last crossing before the rise proper, so that noise makes none
+    for part in (0.2, 0.05):  # the last crossing before the rise itself, because noise can cause earlier ones
         below = int(np.flatnonzero(share[:half] < part)[-1])
         times.append(float(np.interp(part, share[below : below + 2], t[below : below + 2])))
     return 2.0 * times[1] - times[0]
@@ -167,16 +172,16 @@ def step_features(
         recordings: with end_effector_position [m], and drive_voltage [V] unless voltages and start are given.
         voltages: height of each step, V.
         start: instant of the step in the time of the recordings, s.
-        delay: of the sensor, s; left out, each recording's own, from its rise.
+        delay: delay of the sensor, s; by default that of each recording, from the start of its rise.
         timing: where the numbers are read. By default the peak is looked for within one period of the
             vibration of each recording, and the level is the mean over one period after it has decayed.
             `Timing()` has the times of the thesis.
         observed: name of the position channel.
 
     Returns:
-        Over "recording"; in `attrs` damping_ratio, natural_frequency and gain from the mean overshoot and the
-        mean peak time, as the thesis averages them, and r_squared of that model. `r_squared` of each is over
-        `peak_within` of its own numbers.
+        A dataset of these numbers over "recording"; in `attrs` damping_ratio, natural_frequency and gain from
+        the mean overshoot and the mean peak time, as the thesis averages them, and r_squared of that model.
+        `r_squared` of each is over `peak_within` of its own numbers.
 
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled.

@@ -1,9 +1,4 @@
-r"""The exact step response of a linear system given by zeros and poles, also to a step that rises as a ramp.
-
-.. math:: y(t) = 1 + \sum_i c_i e^{p_i t}, \qquad
-          c_i = \frac{\prod_j (-p_j)}{\prod_j (-z_j)}
-                \frac{\prod_j (p_i - z_j)}{p_i \prod_{j \ne i} (p_i - p_j)}
-"""
+r"""Exact response of a linear system, given by zeros and poles, to a step or a step with a linear rise."""
 
 from __future__ import annotations
 
@@ -15,18 +10,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...physics.electronics import Filter
 
-# Poles nearer than this, relative, are taken apart by it: a double pole has no such sum.
+# Poles closer than this, relative, are separated by it, because the sum has no term for a double pole.
 APART = 1e-5
 
 
 def second_order_poles(damping_ratio: float, natural_frequency: float) -> list[complex]:
-    """The two poles, rad/s."""
+    """Return the two poles of a second-order system, rad/s."""
     root = cmath.sqrt(damping_ratio**2 - 1.0)
     return [natural_frequency * (-damping_ratio + root), natural_frequency * (-damping_ratio - root)]
 
 
 def filter_zeros_poles(low: Filter) -> tuple[list[complex], list[complex]]:
-    """Zeros and poles, rad/s, of the analogue counterpart of a low-pass filter."""
+    """Return zeros and poles, rad/s, of the analogue counterpart of a low-pass filter."""
     omega = 2.0 * np.pi * low.corner
     order = int(low.order)
     designs = {
@@ -42,13 +37,13 @@ def filter_zeros_poles(low: Filter) -> tuple[list[complex], list[complex]]:
 def step_response(
     t: ArrayLike, poles: list[complex], zeros: list[complex] | None = None, rise: float = 0.0
 ) -> NDArray[np.float64]:
-    """The response [n] at times t [s] to a unit step at 0, or to a ramp from 0 to 1 within `rise` s.
+    """Return the response [n] at times t [s] to a unit step at 0, or to a ramp from 0 to 1 within `rise` s.
 
     Args:
-        t: shape (n,).
+        t: times, s, shape (n,).
         poles: rad/s, with negative real parts.
         zeros: rad/s.
-        rise: s.
+        rise: duration of the ramp, s.
     """
     time = np.asarray(t, dtype=float)
     c, p = one_of_pairs(*residues(poles, zeros))
@@ -60,7 +55,8 @@ def step_response(
 def residues(
     poles: list[complex], zeros: list[complex] | None = None
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """c and p of the sum, with poles that are alike taken apart."""
+    """Return the coefficients c and poles p of the sum of exponentials; equal poles are slightly
+    separated."""
     p = np.array(poles, dtype=complex)
     for i in range(1, p.size):
         while np.min(np.abs(p[:i] - p[i])) < 0.5 * APART * abs(p[i]):
@@ -74,14 +70,15 @@ def residues(
 def one_of_pairs(
     c: NDArray[np.complex128], p: NDArray[np.complex128]
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """One of each conjugate pair of poles, twice its coefficient: the real part of the sum is the same."""
+    """Return one of each conjugate pair of poles with twice its coefficient; the real part of the sum stays
+    the same."""
     paired = np.isin(p, p.conj()) & (p.imag != 0.0)
     kept = ~paired | (p.imag > 0.0)
     return np.where(paired, 2.0 * c, c)[kept], p[kept]
 
 
 def _sum(t: NDArray[np.float64], c: NDArray, p: NDArray, integrals: int) -> NDArray[np.float64]:
-    """The step response, or its integral; 0 before the step."""
+    """Return the step response, or its integral if `integrals` is 1; 0 before the step."""
     later = t > 0.0
     decay = np.exp(np.outer(p, t[later]))
     found = np.zeros(t.size)

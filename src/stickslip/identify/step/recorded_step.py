@@ -1,4 +1,4 @@
-"""The step of a recording: its height, its instant, and the samples about it."""
+"""Detection of the step in a recording: its height, its instant, and the samples around it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped
 
 POSITION = "end_effector_position"
 
-# Share of a step's height by which the drive has left one level, or not yet reached the other.
+# Share of a step's height at which the drive has left one level, or not yet reached the other.
 LEFT = 0.05
 # Longest rise of a step, as a share of the recording.
 LONGEST_RISE = 0.1
@@ -24,13 +24,13 @@ Array = NDArray[np.float64]
 
 
 class StepTest(NamedTuple):
-    """One recording of a step: the step itself, and the samples."""
+    """One recording of a step: the height of the step, and the samples."""
 
     name: str
-    time: Array  # s, from the step on
+    time: Array  # s, time since the step
     position: Array  # m
     voltage: float  # V, height of the step
-    rest: float = 0.0  # V, before it, where the drive is recorded
+    rest: float = 0.0  # V, before the step, if the drive is recorded
 
 
 def step_tests(
@@ -39,11 +39,13 @@ def step_tests(
     start: float | str | None = None,
     observed: str = POSITION,
 ) -> list[StepTest]:
-    """The steps of recordings: height and instant from drive_voltage [V], unless they are given.
+    """Return the step of each recording; height and instant come from drive_voltage [V], unless they are
+    given.
 
     Raises:
-        RecordingError: a channel is missing, too short, constant or clipped, or its drive is no single step.
-        QuantityError: a voltage or the start is no number, or in another unit.
+        RecordingError: a channel is missing, too short, constant or clipped, or its drive is not a single
+            step.
+        QuantityError: a voltage or the start is not a number, or has another unit.
     """
     start = optional_si(start, "s", "start")
     if voltages is not None:
@@ -72,11 +74,10 @@ def step_tests(
 
 
 def _step_of(u: Array, time: Array, where: str) -> tuple[float, float]:
-    """Return instant [s] and height [V] of the one step.
+    """Return instant [s] and height [V] of the only step of a drive.
 
-    A jump within one interval is at the sample after it, because a converter holds its value. A rise over
-    several samples, as of an amplifier with a slew rate, starts where the line through them leaves the first
-    level.
+    A jump within one interval is at the next sample, because a converter holds its value. A rise over several
+    samples, as by an amplifier with a slew rate, starts where the line through them leaves the first level.
     """
     at = int(np.argmax(np.abs(np.diff(u)))) + 1
     first, last = float(np.median(u[:at])), float(np.median(u[at:]))

@@ -1,1 +1,2 @@
-"""Walks: an actuator's friction from its own motion; posterior, intervals, experiments and rivals."""
+"""Walks: identification of an actuator's friction from its own motion in steps, with posterior and
+intervals."""

@@ -20,14 +20,15 @@ def check_asked(
     tied: Mapping[str, str] | None = None,
     noise: float | str | None = None,
 ) -> None:
-    """Check names, starts, bounds, priors and ties of `identify_friction`, which are then not refused there.
+    """Check names, initial values, bounds, priors and ties of `identify_friction`, so that it does not refuse
+    them later.
 
     Args:
-        model: at which the fit starts.
+        model: actuator with the initial values.
         free, bounds, priors, tied, noise: as for `identify_friction`.
 
     Raises:
-        QuantityError: a name cannot be free, a parameter needs bounds of its own, or an expression or a prior
+        QuantityError: a name cannot be free, a parameter needs explicit bounds, or an expression or a prior
             is wrong.
     """
     try:

@@ -1,11 +1,11 @@
-r"""Posterior distributions of an actuator's parameters: all values that the recordings leave possible.
+r"""Posterior distributions of an actuator's parameters: all values that are compatible with the recordings.
 
-The likelihood is Gaussian at the noise level of the fit. Autocorrelated noise is allowed for
-by an effective variance in each direction: the curvature of the likelihood at the estimate is made that of
-the fit's own covariance [ribatet2012], by evaluating it at :math:`\hat q + C (q - \hat q)` with
-:math:`C = H^{-1/2} (H^{1/2} V H^{1/2})^{-1/2} H^{1/2}`, H the curvature for white noise, V the covariance.
-Delay and offset of the channel are integrated out (see `likelihood`), and drawn with the rest.
-The priors are evaluated at q itself.
+The likelihood is Gaussian at the noise level of the fit. Autocorrelated noise is allowed for by an effective
+variance in each direction [ribatet2012]: the curvature of the likelihood at the estimate is made that of the
+fit's own covariance. For this the likelihood is evaluated at :math:`\hat q + C (q - \hat q)` with :math:`C =
+H^{-1/2} (H^{1/2} V H^{1/2})^{-1/2} H^{1/2}`, H the curvature for white noise and V the covariance. Delay and
+offset of the channel are integrated out (see `likelihood`), and drawn with the other values. The priors are
+evaluated at q itself.
 """
 
 from __future__ import annotations
@@ -52,26 +52,26 @@ def posterior(
     tolerance: float | str = 3e-10,
     progress: Progress = unheard,
 ) -> Posterior:
-    """Sample the posterior distribution of what `identify_friction` fitted.
+    """Sample the posterior distribution of the parameters that `identify_friction` fitted.
 
-    The prior is flat within the bounds of the fit, in its coordinates (of a parameter on a logarithmic scale,
-    in its logarithm), but for what the fit was told of a parameter (`priors`). All proposals of a round are
-    one ensemble of simulations, on all processors.
+    The prior is flat within the bounds of the fit, in its coordinates (for a logarithmic scale, in the
+    logarithm), unless the fit had `priors`. All proposals of a round are simulated as one ensemble, on all
+    processors.
 
     Args:
-        fit: of `identify_friction`, without a robust loss.
-        recordings: those of the fit.
+        fit: result of `identify_friction`, without a robust loss.
+        recordings: recordings of the fit.
         drive, slew_rate: as for the fit.
-        stage: the fit of `identify_step` that the model's stage is from. Its damping ratio, natural frequency
-            and gain are then sampled too, with its estimate and covariance as prior, and what is said of the
-            friction holds for all of them.
-        max_simulations: of each recording; it ends sooner when it has converged (see `Posterior`).
-        seed: of the proposals.
+        stage: the fit of `identify_step` from which the model's stage comes. Its damping ratio, natural
+            frequency and gain are then sampled too, with its estimate and covariance as prior.
+        max_simulations: largest number for each recording; sampling ends earlier if it has converged (see
+            `Posterior`).
+        seed: seed of the proposals.
         tolerance: m, of the simulations.
-        progress: called after each round, with the share of the most simulations there can be.
+        progress: called after each round, with the share of `max_simulations` that is done.
 
     Raises:
-        FitError: the fit is no such one, or arviz is missing (extra ``stickslip[bayes]``).
+        FitError: the fit is of another kind, or arviz is missing (extra ``stickslip[bayes]``).
     """
     slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
     tolerance = to_si(tolerance, "m", "tolerance")
@@ -102,12 +102,12 @@ def posterior(
 
 
 class _Space(NamedTuple):
-    """Space of a posterior: the parameters of a fit, and those of the stage's fit that are `kept`, as one
+    """Space of a posterior: the parameters of a fit, then those of the stage's fit that are `kept`, in one
     list.
 
     Attributes:
-        centre: coordinates of both estimates; `power` makes the minimum straighter along each.
-        searched: coordinates of the search points; the channel's are integrated out.
+        centre: coordinates of both estimates; `power` straightens a curved minimum along each.
+        searched: coordinates of the search points; those of the channel are integrated out.
         bend: the matrix C of the module's head.
     """
 
@@ -121,7 +121,7 @@ class _Space(NamedTuple):
     bend: Array
 
     def of_stage(self) -> Array:
-        """The covariance of the stage's coordinates that are sampled too."""
+        """Return the covariance of the stage's coordinates that are sampled too."""
         if self.stage is None:
             return np.zeros((0, 0))
         return self.stage.uncertainty.covariance[np.ix_(self.kept, self.kept)]
@@ -140,8 +140,8 @@ def _space(fit: Fit, stage: Fit | None, bend: Array) -> _Space:
 
 
 class _Density:
-    """Density over the search points, in coordinates in which the minimum is straight; the q are transformed
-    back."""
+    """Posterior density at search points; they are in coordinates that straighten the minimum and are
+    transformed back to q."""
 
     def __init__(
         self, of: _Space, members: SimulatedWalks, variance: float, random: np.random.Generator
@@ -153,7 +153,7 @@ class _Density:
         self.precision, self.unbend = np.linalg.inv(of.of_stage()), np.linalg.inv(of.bend)
 
     def __call__(self, points: Array) -> tuple[Array, Array]:
-        """See `estimate.posterior.Density`."""
+        """Return the log density at points, and further drawn values; see `estimate.posterior.Density`."""
         of, bends, own = self.of, self.of.power != 0, len(self.of.fit.parameters)
         at, log = np.tile(of.centre, (len(points), 1)), np.full(len(points), -np.inf)
         there = np.all(points[:, bends] > 0.0, axis=1)
@@ -171,7 +171,7 @@ class _Density:
                 at[there, self.channel[name]] = column
                 found = found - log_prior(
                     free[name], column
-                )  # it is drawn with it at the point where it is evaluated
+                )  # a channel value is drawn together with the point at which the density is evaluated
         beside = at[there, own:] - of.centre[own:]
         found -= 0.5 * np.einsum("mi,ij,mj->m", beside, self.precision, beside) + stretched.sum(axis=1)
         at[:, :own] = of.centre[:own] + (at[:, :own] - of.centre[:own]) @ self.unbend.T
@@ -182,7 +182,7 @@ class _Density:
 
 
 def _variance(fit: Fit) -> float:
-    """Return the variance of the noise, m^2: as given, or from the residuals."""
+    """Return the variance of the noise, m^2: the given one, or that of the residuals."""
     given = fit.known[0].given if fit.known else None
     if fit.noise_known and given is not None:
         return float(np.mean(np.square(given)))
@@ -190,7 +190,7 @@ def _variance(fit: Fit) -> float:
 
 
 def _start(fit: Fit) -> Array:
-    """Return the covariance of the fit, or a part of the range where it has none."""
+    """Return the covariance of the fit; for coordinates without one, the square of a part of their range."""
     covariance = fit.uncertainty.covariance.copy()
     width = np.array([p.coordinate(p.upper) - p.coordinate(p.lower) for p in fit.parameters])
     lost = ~np.isfinite(np.diag(covariance))
@@ -201,7 +201,8 @@ def _start(fit: Fit) -> Array:
 
 
 def _begin(of: _Space, motions: Sequence[Displacement]) -> Mixture:
-    """About all minima of the fit, which go along with the stage's values as the fit would."""
+    """Return the proposal distribution of the first round: a mixture about all minima of the fit, in which
+    the values of the stage vary together with the others."""
     fit, stage, bend = of.fit, of.stage, of.bend
     first, size, covariance = fit.coordinates, len(fit.parameters), of.of_stage()
     centres, follows = [first], np.zeros((size, 0))
@@ -227,9 +228,9 @@ def _begin(of: _Space, motions: Sequence[Displacement]) -> Mixture:
 
 
 def curvature_adjustment(fit: Fit, variance: float) -> Array:
-    """The matrix C of the module's head, [parameters, parameters]; the identity for noise without memory.
+    """Return the matrix C of the module's head, [parameters, parameters]; the identity for white noise.
 
-    Coordinates at a bound, or of which the data say nothing, keep their own.
+    Coordinates at a bound, or without information in the data, are not changed.
     """
     assert fit.jacobian is not None
     bend = np.eye(len(fit.parameters))

@@ -1,6 +1,7 @@
-"""Comparison of models on walks: each fitted alike, and judged on unseen walks.
+"""Comparison of friction laws on walks: each law is fitted in the same way and judged on walks that no fit
+used.
 
-The candidates are all friction laws on the dynamic stage [kang2007, 3.2], that of Chang and Li among them
+The candidates are all friction laws on the dynamic stage [kang2007, 3.2], including that of Chang and Li
 (Coulomb friction [changli1999]), and Pohl's static model [pohl1987].
 """
 
@@ -43,14 +44,14 @@ def walk_candidates(
     starts: int = 8,
     stribeck_velocity: float | str = 1e-3,
 ) -> list[Candidate]:
-    """All models of a walk, from the same Coulomb force [N], stiffness [N/m], damping [N s/m] and Stribeck
-    velocity [m/s], where they have one; of what turns as numbers, in N m and rad.
+    """Return a candidate for each friction law, all with the same Coulomb force [N], stiffness [N/m], damping
+    [N s/m] and Stribeck velocity [m/s] as initial values (for a rotary actuator plain numbers, in N m and
+    rad).
 
-    Without a friction law of its own (`model` None): Pohl's static model.
-
-    Two laws have a sum of squares with several local minima and are searched for from several `starts`: the
-    Stribeck curve as a static law, of which a slip shows little more than one mean force, and Maxwell slip,
-    whose contact rings on until an element slips once more or once less.
+    The candidate whose `model` is None is Pohl's static model. Two laws have a sum of squares with several
+    local minima and are searched from several `starts`. They are the Stribeck curve as a static law (a slip
+    determines little more than one mean force) and Maxwell slip (its vibration continues until an element
+    slips once more or once less).
     """
     f, k = to_si(coulomb_force, "N", "coulomb_force"), to_si(sigma_0, "N/m", "sigma_0")
     sigma_1 = to_si(sigma_1, "N s/m", "sigma_1")
@@ -72,7 +73,8 @@ def walk_candidates(
         Candidate(
             "Stribeck",
             Stribeck(f, 1.1 * f, v_s),
-            ("coulomb_force", "stiction_ratio", "stribeck_velocity"),  # sigma_2 does what a longer fall does
+            # without sigma_2, which has the same effect as a longer fall
+            ("coulomb_force", "stiction_ratio", "stribeck_velocity"),
             {"coulomb_force": (f / 3.0, 3.0 * f), "stribeck_velocity": (0.1 * v_s, 10.0 * v_s)},
             starts,
         ),
@@ -80,7 +82,7 @@ def walk_candidates(
         Candidate(
             "ResetIntegrator",
             ResetIntegrator(k, f / k, 0.0, sigma_1),
-            ("sigma_0", "breakaway_deflection", "sigma_2"),  # which damps the bristle only
+            ("sigma_0", "breakaway_deflection", "sigma_2"),  # with sigma_2 to damp the bristle
             sigma_2,
         ),
         Candidate("LuGre", LuGre(k, sigma_1, 0.0, f, f), ("sigma_0", "sigma_1", "coulomb_force"), damping),
@@ -105,7 +107,7 @@ def walk_candidates(
                 **{f"strength_{i}": (0.05 * f, f) for i in (1, 2)},
                 "sigma_2": (0.0, 3.0 * sigma_1),
             },
-            -(-starts // 4),  # each takes ten times as long
+            -(-starts // 4),  # each evaluation takes ten times as long
         ),
     ]
 
@@ -122,19 +124,19 @@ def compare_walks(
     progress: Progress = unheard,
     **options: Any,
 ) -> Comparison:
-    """Fit each model to walks of an actuator and judge it on walks that it has not seen.
+    """Fit each model to walks of an actuator and judge it on walks that no fit used.
 
     Args:
-        recordings: to fit, as for `identify_friction`.
-        verification: to judge by, predicted with nothing fitted again.
+        recordings: walks to fit, as for `identify_friction`.
+        verification: walks to judge by, predicted with the fitted values.
         model: the actuator; its law is replaced.
-        laws: the candidates: `walk_candidates`, or one's own.
-        channel_free: what is free of the position channel, for all laws alike.
-        bounds: of what is free in all laws.
-        unseen_drive: waveform of each recording for verification (one: of all), if drive= gives those of
-            the others.
+        laws: the candidates, from `walk_candidates` or your own.
+        channel_free: free parameters of the position channel, the same for all laws.
+        bounds: bounds of parameters that are free in all laws.
+        unseen_drive: waveform of each recording for verification, or one for all, if `drive` is given for the
+            others.
         progress: called before each law; see `progress`.
-        options: of `identify_friction`.
+        options: further arguments of `identify_friction`.
 
     Raises:
         RecordingError, QuantityError, FitError: as `identify_friction`.

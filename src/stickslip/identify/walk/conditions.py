@@ -1,13 +1,13 @@
-r"""Dependence of parameters on conditions: a test of one common set, and how each value moves.
+r"""Dependence of parameters on conditions: a test of one common set, and the change of each value.
 
-Recordings carry what they were made under: the voltage or frequency of an experiment's matrix, a temperature
-or humidity that was noted. Those of one condition are fitted together, and all at once. If one set of values
-explains all, the sum of squares grows by no more than noise does when each condition no longer has its own:
+Recordings carry the conditions of their experiment: voltage or frequency, or a noted temperature or humidity.
+Recordings with the same condition are fitted together, and then all at once. If one set of values explains
+all, the sum of squares of the common fit exceeds that of separate fits by no more than noise causes:
 
 .. math:: F = \frac{(S - \sum_g S_g) / (k (G - 1))}{\sum_g S_g / (n - k G)}
 
-for k values in G conditions, with as many samples n as are independent. A single value moves where it
-scatters over the conditions by more than its uncertainty, by Cochran's Q.
+for k values, G conditions and n independent samples. A single value changes with the condition if it scatters
+by more than its uncertainty (Cochran's Q).
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ from .position_channel import CHANNEL
 
 # Units of usual attributes in SI; others are plain numbers.
 UNITS = {"voltage": "V", "frequency": "Hz", "temperature": "K", "humidity": "", "load": "kg"}
-# The chance of a right model below which it is said that conditions matter.
+# Probability below which the report says that conditions matter.
 SURE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """Fits under several conditions.
+    """Fits of the same model under several conditions.
 
     Attributes:
-        by: the attribute that the recordings differ in; `unit` of it, SI.
-        at: its value under each condition, ascending.
-        fits: one for each.
-        together: one to all recordings.
-        chance: that noise alone makes one set of values so much worse than one for each condition.
-        moving: the same for each parameter alone.
+        by: name of the attribute that differs; `unit` is its unit in SI.
+        at: value of the attribute in each condition, ascending.
+        fits: one fit for each condition.
+        together: one fit to all recordings.
+        chance: probability that noise alone makes one common set of values so much worse than separate sets.
+        moving: the same probability for each parameter alone.
     """
 
     by: str
@@ -63,13 +63,13 @@ class Conditions:
 
     @property
     def one_set_explains_all(self) -> bool:
-        """True if one set of values may explain all conditions."""
+        """Return True if one set of values may explain all conditions."""
         return self.chance >= SURE
 
     @property
     def table(self) -> xr.Dataset:
-        """value, low, high (of the 95 % interval) and standard_error over "condition" and "parameter", each
-        in the parameter's unit; `moves`, the chance of `moving`, over "parameter"."""
+        """Return value, low, high (of the 95 % interval) and standard_error over "condition" and "parameter",
+        in the parameter's unit; `moves`, the probability in `moving`, over "parameter"."""
         names = [p.name for p in self.together.shown]
         ends = [fit.confidence_intervals() for fit in self.fits]
         over = ("condition", "parameter")
@@ -86,7 +86,7 @@ class Conditions:
 
     @property
     def statement(self) -> str:
-        """In plain words."""
+        """Return the result of the test in one sentence."""
         if self.one_set_explains_all:
             return f"one set of values explains all {self.by} (chance {self.chance:.2g} of more by noise)"
         moves = [name for name, chance in self.moving.items() if chance < SURE]
@@ -96,7 +96,7 @@ class Conditions:
     _repr_html_ = preformatted
 
     def report(self) -> str:
-        """A text table, a line for each condition, and what follows."""
+        """Return a text table with one line for each condition, and the result of the test."""
         names = [p.name for p in self.together.shown]
         lines = ["  ".join([f"{self.by:>14}", *(f"{name:>32}" for name in names)])]
         for value, fit in zip(self.at, self.fits, strict=True):
@@ -118,16 +118,16 @@ def identify_conditions(
     unit: str | None = None,
     **options: Any,
 ) -> Conditions:
-    """Fit walks under each condition, and under all at once.
+    """Fit the walks of each condition separately, and all walks together.
 
     Args:
-        recordings: with an attribute `by`, a number in SI or a text with a unit; or with that among the
-            "variables" that an experiment file writes.
+        recordings: each with an attribute `by` (a number in SI or a text with a unit), or with a variable of
+            that name from an experiment file.
         model, free, drive: as for `identify_friction`.
         by: "voltage", "frequency", "temperature", "humidity", or any other attribute.
-        unit: of it, SI; left out, that of the names above, or none.
-        options: of `identify_friction`; `diagnose` is False if left out, for what moves with a condition is
-            asked first.
+        unit: unit of the attribute in SI; by default that of the names above, or none.
+        options: further arguments of `identify_friction`; here `diagnose` is False by default, because
+            changes with the condition are tested first.
 
     Raises:
         RecordingError: a recording has no such attribute, or all have the same.
@@ -139,7 +139,7 @@ def identify_conditions(
     if len(at) < 2:
         raise RecordingError(f"{by} is {with_prefix(at[0], unit, 4)} in all recordings: nothing differs")
     together = identify_friction(found, model, free, drive=drives, **{"diagnose": False, **options})
-    # All fits have what the recordings together asked for, or sums of squares could not be compared.
+    # All fits need the same free parameters as the common fit; otherwise sums of squares cannot be compared.
     own = [p.name for p in together.parameters if p.name not in free]
     begin = {n: together.values[n] for n in CHANNEL if n in together.values}
     settings = {**options, "channel": (), "begin": begin, "diagnose": False}
@@ -160,7 +160,7 @@ def identify_conditions(
 
 
 def _chance(together: Fit, fits: Sequence[Fit]) -> float:
-    """By the F-test of the module's head."""
+    """Return the probability of one common set of values, by the F-test of the module's head."""
     left = sum(fit.cost for fit in fits)
     k = len(together.parameters)
     share = float(np.mean([independent_samples(r) / r.size for fit in fits for r in fit.residuals]))
@@ -173,7 +173,8 @@ def _chance(together: Fit, fits: Sequence[Fit]) -> float:
 
 
 def _moves(fits: Sequence[Fit], name: str) -> float:
-    """The chance of a constant value to scatter so much, from the coordinates and their variances."""
+    """Return the probability that a constant value scatters so much between the fits, from its coordinates
+    and variances."""
     place = [p.name for p in fits[0].shown].index(name)
     q = np.array([fit.shown[place].coordinate(fit.values[name]) for fit in fits])
     spread = [fit.ties.extended(fit.values, fit.uncertainty).covariance for fit in fits]

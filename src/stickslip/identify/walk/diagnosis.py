@@ -1,8 +1,8 @@
-"""Diagnosis of a fit that does not explain its walks: which term of the model is missing.
+"""Diagnosis of a fit that does not explain its walks: which term is missing in the model.
 
-Each missing term is first tested by the effect of a small step along it on the simulated
-motion: the drop of chi-squared with everything else free beside it, linearised at the present optimum. One
-simulation with its neighbours serves all terms. The most promising few are fitted.
+Each missing term is first tested by the effect of a small step along it on the simulated motion. The test is
+the reduction of chi-squared with all other parameters free, linearised at the present optimum. One simulation
+with its neighbours serves all terms. The most promising few terms are then fitted.
 """
 
 from __future__ import annotations
@@ -37,29 +37,32 @@ from .several import from_points
 from .terms import REACTION, RIPPLE, STAGE, Term, Way, bounds_about, terms_of
 from .walks import DIFFERENCE_STEP, Walks, own_values
 
-# Terms that are fitted before one that explains the walks ends the search: others may explain them as well.
+# Number of terms that are fitted even if an earlier one explains the walks, because others may explain them
+# as well.
 FEWEST_FITTED = 4
 # CPU time [s] after which no further term is fitted.
 SECONDS = 20.0
-# Share of the sum of squares: a term that explains more of correlated residuals is missing, whatever the
-# noise.
+# Share of the sum of squares: a term that explains more of correlated residuals is missing, at any noise
+# level.
 MOST = 0.5
-# Largest residual that errors of simulations may leave, in tolerances: recordings may be simulated too.
+# Largest residual, in tolerances, that errors of simulations may cause; recordings may be simulated too.
 SIMULATED = 3.0
-# Evaluations of each such search; it starts near its end.
+# Evaluations of such a search; it starts near its end.
 EVALUATIONS = 60
-# Standard deviations of the difference of two terms' chi-squared; fewer do not tell these apart.
+# Difference of chi-squared of two terms, in standard deviations, above which they are distinguished.
 DEVIATIONS = 2.0
-# Small steps along a term, relative: of models that take the steps of the motion itself, and of others.
+# Relative size of the small steps along a term: for models that use the integration steps of the motion
+# itself, and for others.
 NEIGHBOUR = 1e-6
 
 Array = NDArray[np.float64]
-# From walks, parameters and the bounds of new ones to a fit.
+# Function that fits walks from distant initial guesses; its arguments are walks, parameters and bounds of new
+# parameters.
 Afar = Callable[[Walks, list[Parameter], Mapping[str, tuple[float, float]]], Fit]
 
 
 class Scored(NamedTuple):
-    """A term, the way in which it promises most, and what it would do."""
+    """A missing term, its most promising variant, and the expected reduction of chi-squared."""
 
     term: Term
     way: Way
@@ -67,12 +70,12 @@ class Scored(NamedTuple):
 
     @property
     def start(self) -> Values:
-        """Initial guess of a search for its parameters."""
+        """Return the initial guess of a search for the term's parameters."""
         return self.way.start(self.does.steps)
 
 
 class Tried(NamedTuple):
-    """A term that was fitted: its `cause`, the fit, and how the user has it."""
+    """A term that was fitted: the fit, the `cause` in words, and how the user can add it to the model."""
 
     cause: str
     fit: Fit
@@ -88,7 +91,7 @@ class Tried(NamedTuple):
 
 
 def lacking(fit: Fit) -> bool:
-    """Return whether a recording shows that the model does not explain it."""
+    """Return True if a recording shows that the model does not explain it."""
     return any(one.seen for one in fit.lack)
 
 
@@ -108,7 +111,7 @@ def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
     if fit.loss != "linear" or not (lacks or (correlated(fit) and fit.rmse > _error_of_simulation(walks))):
         return fit
     if lacks and not any(one.seen for one in lack_beside_faults(fit)):
-        return fit  # a fault of the instrument is the cause, and its sentence is there
+        return fit  # the cause is a fault of the instrument, which is already reported
     terms = scored(fit, walks)
     if not lacks:
         terms = [one for one in terms if one.does.share > MOST]
@@ -116,7 +119,7 @@ def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
             return fit
     advice = _advice(fit, walks, terms, reacting, afar)
     if not advice.explains and any(one.moves > MOVES for one in fit.disturbances):
-        return fit  # the cause is a fault of the instrument, which is said
+        return fit  # the cause is a fault of the instrument, which is reported
     if lacks:
         return replace(fit, advice=advice, remarks=(*fit.remarks, advice.sentence))
     if not advice.explains or advice.after > math.sqrt(1.0 - MOST) * advice.before:
@@ -139,7 +142,7 @@ def with_advice_of(fit: Fit, other: Fit) -> Fit:
 
 
 def _judged(fit: Fit) -> bool:
-    """Return whether every recording shows its noise."""
+    """Return True if every recording shows its noise separately."""
     return bool(fit.lack) and not any(math.isnan(one.ratio) for one in fit.lack)
 
 
@@ -149,7 +152,7 @@ def _error_of_simulation(walks: Walks) -> float:
 
 
 def correlated(fit: Fit) -> bool:
-    """Return whether the residuals of a recording are correlated."""
+    """Return True if the residuals of a recording are correlated."""
     return not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])
 
 
@@ -162,7 +165,7 @@ def _advice(fit: Fit, walks: Walks, terms: Sequence[Scored], reacting: Fit | Non
     reacting = reacting or with_reaction(fit, walks, EVALUATIONS)
     if reacting is not None:
         tried.append(Tried(REACTION, walks.completed(reacting), change={"stage_reaction": True}))
-    for search in (None, afar):  # from the present values, then from anywhere
+    for search in (None, afar):  # from the present values, then from distant guesses
         for one in terms if search is None else _from_afar(fit, terms):
             explained = any(other.explains for other in tried)
             if spent() > SECONDS or (explained and (search or len(tried) >= FEWEST_FITTED)):
@@ -176,15 +179,17 @@ def _advice(fit: Fit, walks: Walks, terms: Sequence[Scored], reacting: Fit | Non
 
 
 def _from_afar(fit: Fit, terms: Sequence[Scored]) -> list[Scored]:
-    """The terms that are searched for from anywhere too: the present minimum may be another one than the
-    right model's."""
+    """Return the terms that are also searched from distant guesses, because the present minimum may belong to
+    a wrong model."""
     return [one for one in terms if one.term.cause not in (STAGE, RIPPLE)] if lacking(fit) else []
 
 
 def scored(fit: Fit, walks: Walks) -> list[Scored]:
-    """Return the terms that the model does not have, the most promising first: those that would lower
-    chi-squared by more than noise does, and after them, of a fit that may be in the wrong minimum, the
-    others."""
+    """Return the terms that the model lacks, the most promising first.
+
+    First come those that would lower chi-squared by more than noise does. If the fit may be in a wrong
+    minimum, the others follow.
+    """
     exact = has_slopes(fit.model)
     terms = terms_of(fit, walks, NEIGHBOUR if exact else DIFFERENCE_STEP)
     beside = [values for term in terms for way in term.ways for values in way.beside]
@@ -208,7 +213,8 @@ def scored(fit: Fit, walks: Walks) -> list[Scored]:
 
 
 def _columns(fit: Fit, walks: Walks, beside: Sequence[Values]) -> Array:
-    """Changes of all positions, joined, with the values of each model beside, [samples, models]."""
+    """Return the changes of all positions, joined, for each changed model in `beside`, shape (samples,
+    models)."""
     delay = fit.values.get("delay", 0.0)
     model = fit.model
     if any(name in NORMAL_FIELDS for values in beside for name in values):
@@ -218,8 +224,8 @@ def _columns(fit: Fit, walks: Walks, beside: Sequence[Values]) -> Array:
 
 
 def _fitted(fit: Fit, walks: Walks, one: Scored, afar: Afar | None) -> Fit | None:
-    """The fit with a term free too, from where the linearised one says and from the present values; or from
-    anywhere."""
+    """Return the fit with a further term free, from the linearised estimate and from the present values; or
+    from distant guesses with `afar`. None if it cannot be fitted."""
     start = one.start
     bounds = one.term.bounds or bounds_about(one.term, start)
     try:
@@ -243,7 +249,7 @@ def _starts(parameters: Sequence[Parameter]) -> Values:
 
 
 def _ahead(parameters: Sequence[Parameter], moves: Array) -> Values:
-    """The values that a linearised step leads to, within the bounds."""
+    """Return the values at the end of a linearised step, within the bounds."""
     found = {}
     for p, move in zip(parameters, moves, strict=True):
         value = p.value(p.coordinate(p.start) + move)
@@ -252,7 +258,7 @@ def _ahead(parameters: Sequence[Parameter], moves: Array) -> Values:
 
 
 def _verdict(fit: Fit, tried: Sequence[Tried], seconds: float) -> Advice:
-    """Return the advice from all fits."""
+    """Return the advice from the fits of all tried terms."""
     names, stopped = tuple(dict.fromkeys(one.cause for one in tried)), seconds > SECONDS
     better = [one for one in tried if _lower(fit, one.fit) > CLEAR]
     explaining = [one for one in better if one.explains]
@@ -270,7 +276,7 @@ def _verdict(fit: Fit, tried: Sequence[Tried], seconds: float) -> Advice:
 
 
 def _advice_of(fit: Fit, one: Tried) -> Advice:
-    """The advice to add one term."""
+    """Return the advice to add one term."""
     found = one.fit
     shown = ", ".join(
         f"{p.name} = {p.shown(found.values[p.name], 3)}"
@@ -308,7 +314,7 @@ def _told_apart(fit: Fit, other: Fit) -> bool:
 
 
 def _lower(fit: Fit, other: Fit) -> float:
-    """By how much chi-squared is lower with another fit, as far as its residuals are independent."""
+    """Return the difference of chi-squared between two fits, reduced if the residuals are correlated."""
     left = np.concatenate(other.residuals)
     return independent_samples(left) / left.size * difference(fit, other)
 

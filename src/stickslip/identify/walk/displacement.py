@@ -1,6 +1,6 @@
-"""The end-effector's position in a recording as a function of the actuator: what a fit asks again and again.
+"""Position of the end-effector at a recording's samples as a function of the actuator, for fits.
 
-The drive is tabulated once, and nothing is labelled: a call costs little more than the solver.
+The drive is tabulated once and nothing is labelled, so a call costs little more than the solver.
 """
 
 from __future__ import annotations
@@ -27,15 +27,16 @@ from ...waveform.drive import evaluate
 from ...waveform.signal import Waveform
 from ..recorded.recorded_drive import drive_over
 
-# Largest number of steps for one recording; more are needed only by a trial point with a far too stiff
-# contact. Each segment of the drive takes some of its own: an amplifier's output has a hundred thousand in a
-# second.
+# Largest number of integration steps for one recording; only a trial point with a far too stiff contact needs
+# more. Each segment of the drive needs a few steps: the output of an amplifier has a hundred thousand
+# segments per second.
 MAX_STEPS, OF_SEGMENT = 200_000, 3
 LOAD = RelativeLoad()
 
 
 class Displacement:
-    """One recording's motion, from rest. A model that cannot be followed raises ArithmeticError."""
+    """Simulated motion from rest at the samples of one recording. It raises ArithmeticError for a model that
+    cannot be simulated."""
 
     def __init__(
         self,
@@ -59,7 +60,7 @@ class Displacement:
         self._slopes: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
 
     def beginning(self, samples: int, tolerance: float, max_steps: int) -> Displacement:
-        """Its first samples, simulated to another tolerance."""
+        """Return the first samples of the motion, simulated to another tolerance."""
         short = copy.copy(self)
         short.time, short.tolerance = self.time[:samples], tolerance
         short.max_steps = max_steps + OF_SEGMENT * int(np.count_nonzero(self.drive.start < short.time[-1]))
@@ -67,7 +68,7 @@ class Displacement:
         return short
 
     def stroke(self, model: Actuator) -> float:
-        """Return the motion of the stage under the drive, m, as far as the samples show it."""
+        """Return the motion of the stage under the drive, m, within the time of the samples."""
         return model.gain * float(np.ptp(evaluate(self.drive, self.time)[0]))
 
     def _times(self, delay: float) -> tuple[int, NDArray[np.float64]]:
@@ -76,7 +77,8 @@ class Displacement:
         return int(np.count_nonzero(~later)), np.append(0.0, self.time[later] - delay)
 
     def position(self, model: Actuator, delay: float) -> NDArray[np.float64]:
-        """m, at the recording's samples. The last result is kept: an offset costs no new simulation."""
+        """Return the position at the recording's samples, m. The last result is cached, so another offset
+        needs no simulation."""
         if self._known[0] != (model, delay):
             early, times = self._times(delay)
             of = LOAD.system(model)
@@ -87,15 +89,17 @@ class Displacement:
             outcome, reached, _, _ = integrate(
                 *(plant, *tables, state, span, self.tolerance, False, self.max_steps, times, samples)
             )
-            if outcome != DONE:  # to a fit, a trial point without a model
+            if outcome != DONE:  # a fit treats this as a trial point without a model
                 raise ArithmeticError(f"the motion cannot be followed beyond t = {reached:.6g} s")
             self._known = ((model, delay), _held(classic(of, samples, self.drive, times)[:, 2], early))
         return self._known[1]
 
     def slopes(self, model: Actuator, delay: float, names: list[str]) -> NDArray[np.float64]:
-        """Derivatives of `position` by values of the model, then by the delay: [samples, names + 1].
+        """Return the derivatives of `position` by values of the model, then by the delay, shape (samples,
+        names + 1).
 
-        The last are kept, and the position with them: asked for first, they make the position free.
+        The last result is cached together with the position: if the slopes are computed first, the position
+        needs no simulation.
         """
         if self._slopes[0] == (model, delay, names):
             return self._slopes[1]
@@ -112,10 +116,11 @@ class Displacement:
         return self._slopes[1]
 
     def beside(self, model: Actuator, delay: float, others: Sequence[Actuator]) -> NDArray[np.float64]:
-        """Return how far the positions of other models are from the model's, m, [samples, others].
+        """Return the differences between the positions of other models and the model's, m, shape (samples,
+        others).
 
-        The others are of the model's kind; where these have derivatives (`has_slopes`), they take the steps
-        of its motion, and may differ from it by a millionth.
+        The others are of the model's kind. If these have derivatives (`has_slopes`), they use the integration
+        steps of its motion and may differ from it by a millionth.
         """
         if not has_slopes(model):
             own = self.position(model, delay)

@@ -1,4 +1,4 @@
-"""Expected standard errors of walks that have not been made."""
+"""Expected standard errors of walks that have not been recorded yet."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from ...waveform.signal import Waveform
 from ..free import parameter
 from .displacement import Displacement
 
-# m, of the simulations.
+# m, of the simulations
 TOLERANCE = 1e-11
 
 
 @record
 class PlannedWalk(NamedTuple):
-    """An experiment: the drive, how long and at what rate the position is sampled, the noise of a sample,
-    and how often all is repeated."""
+    """A planned experiment: the drive, its duration, the sample rate of the position, the noise of a sample,
+    and the number of repetitions."""
 
     drive: Waveform
     duration: Annotated[float, Quantity("s", "", "length of the recording", above=0.0)]
@@ -33,13 +33,13 @@ class PlannedWalk(NamedTuple):
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """s, of its samples."""
+        """Return the times of the samples, s."""
         asked = f"PlannedWalk of {self.duration:g} s at {self.sample_rate:g} Hz"
         refuse_too_many(self.duration * self.sample_rate, asked)
         return np.arange(round(self.duration * self.sample_rate) + 1) / self.sample_rate
 
     def motion(self, model: Actuator, name: str) -> Displacement:
-        """The motion that it will show, as a fit to it computes it."""
+        """Return the simulation of the experiment that a fit would use."""
         blank = make_recording(self.times, {"end_effector_position": np.zeros(self.times.size)}, title=name)
         return Displacement(blank, self.drive, name, model, TOLERANCE)
 
@@ -47,19 +47,19 @@ class PlannedWalk(NamedTuple):
 def expected_errors(
     model: Actuator, free: Sequence[str], experiments: Mapping[str, PlannedWalk]
 ) -> xr.Dataset:
-    """The standard errors that experiments can be expected to leave, by their Fisher information.
+    """Return the standard errors that a fit to each experiment would have, from the Fisher information.
 
-    White noise, values near those of the model; with the offset and the delay of the position free too, as
-    they are in practice.
+    It assumes white noise and values near those of the model; offset and delay of the position are also free,
+    as in practice.
 
     Args:
         model: an actuator with a law of one internal state.
-        free: its values that are to be determined.
+        free: names of the values to be determined.
         experiments: candidates by name.
 
     Returns:
-        Over "experiment" and "parameter" `standard_error` as a share of the value; infinite where an
-        experiment says nothing.
+        Dataset over "experiment" and "parameter"; `standard_error` is relative to the value, and infinite if
+        an experiment does not determine it.
     """
     values = np.array([parameter(model, name, {}).start for name in free])
     rows = []

@@ -1,9 +1,9 @@
 """Joint test of one set of values on fitted and unseen walks.
 
-A wrong law that fits one walk within its noise seldom fits them all. But errors of the stage are no lack of
-the law, and a stage whose values are free takes up much that a wrong law leaves: so all walks are fitted with
-these values free, and with the stage as it is known. What each recording then leaves tells of the first; what
-the second leaves more, beyond what the uncertainty of the stage allows (linearised), tells of both.
+A wrong law that fits one walk within its noise seldom fits all walks. But an error of the stage is not an
+error of the law, and a stage with free values can hide a wrong law. So all walks are fitted twice: with free
+values of the stage, and with the known stage. Residuals of the first fit test the law. Additional residuals
+of the second, beyond the uncertainty of the stage (linearised), test both.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from .position_channel import CHANNEL
 from .walks import NEAR, own_values, position_slopes, stage_beside
 
 TOGETHER = "all walks together"
-# Half-widths of an interval beyond which a value that all walks have contradicts that of some walks.
+# Half-widths of an interval beyond which the value for all walks contradicts the value for some walks.
 CONTRADICTS = 2.0
 
 
 class Explained(NamedTuple):
-    """Fits to all walks: with the values of the stage `free` too, and with these as they are `known`; `lacks`
-    says of each walk, and of all together, whether the model explains it."""
+    """Two fits to all walks: with the values of the stage `free`, and with the stage as `known`. `lacks` is
+    the test of each walk, and of all together."""
 
     free: Fit
     known: Fit
@@ -48,7 +48,7 @@ class Explained(NamedTuple):
 
     @property
     def lacks_beside_faults(self) -> tuple[Lack, ...]:
-        """The same once the faults of instruments are taken off the residuals."""
+        """Return the same tests after known faults of instruments are removed from the residuals."""
         found = lack_beside_faults(self.free)
         if len(self.lacks) == len(found) or not self.lacks[-1].seen:
             return (*found, *self.lacks[len(found) :])
@@ -73,21 +73,22 @@ def explained(
 
     Args:
         fit: fit of `identify_friction`.
-        walks, drives, slew_rate: as for it.
+        walks, drives, slew_rate: all walks, and their arguments as for `identify_friction`.
         free: fitted parameters, and those of the position channel.
-        stage: fit of the model's stage; without it the stage counts as exact.
+        stage: fit of the model's stage; without it the stage is taken as exact.
         stages: stages from recordings with parts left out; see `piezo.left_out`.
-        options: of `identify_friction`.
+        options: further arguments of `identify_friction`.
     """
     begin = {name: fit.values[name] for name in CHANNEL if name in fit.values}
     free = [*free, *(name for name in begin if name not in free)]
     settings: dict[str, Any] = {"drive": drives, "channel": (), "begin": begin, "correlated": False}
     settings["diagnose"] = False
-    # Residuals are compared, not values: a tenth of a standard error is a hundredth of chi-squared.
+    # Only residuals are compared, so a tenth of a standard error (a hundredth of chi-squared) is accurate
+    # enough.
     settings |= {"averaged": False, "settled": NEAR, "slew_rate": slew_rate, "tied": fit.tied, **options}
     more = [name for name in STAGE_PARAMETERS if name not in (*free, *fit.tied) and name in fit.model._fields]
     loose = identify_friction(walks, fit.model, [*free, *more], hops=0, **settings)
-    if any(one.seen for one in loose.lack):  # or it ended in a local minimum
+    if any(one.seen for one in loose.lack):  # otherwise the fit may have ended in a local minimum
         again = identify_friction(walks, fit.model, [*free, *more], **settings)
         loose = min(loose, again, key=lambda one: one.cost)
     if not more:
@@ -98,14 +99,14 @@ def explained(
     known = identify_friction(walks, start, free, hops=0, **at)
     if (
         known.cost > loose.judgement.lack_ratio**2 * loose.cost
-    ):  # it may have ended in a local minimum of its own
+    ):  # the fit may have ended in a different local minimum
         law = loose.model.friction
         others = [
             identify_friction(walks, fit.model, free, **settings),
             identify_friction(walks, fit.model.replace(friction=law), free, hops=0, **settings),
         ]
         known = min(known, *others, key=lambda one: one.cost)
-    if known.cost < loose.cost:  # with more values free none can be worse: a local minimum too
+    if known.cost < loose.cost:  # a fit with more free values cannot be worse: it ended in a local minimum
         settings["begin"] = begin | {name: known.values[name] for name in begin}
         loose = identify_friction(walks, known.model, [*free, *more], hops=0, **settings)
     allowed = _allowed(known, walks, drives, slew_rate, stage, stages, loose.rmse)
@@ -114,8 +115,8 @@ def explained(
 
 
 def contradicted(fit: Fit, everything: Explained) -> tuple[str, ...]:
-    """Return the names of friction whose intervals are far from what the fit to all walks finds; none where
-    the model does not explain these."""
+    """Return the names of friction parameters whose intervals are far from the fit to all walks; an empty
+    tuple if the model does not explain all walks."""
     if any(one.seen for one in (*fit.lack, *everything.lacks)):
         return ()
     far = []
@@ -152,12 +153,12 @@ def diagnosed_together(
 ) -> Fit:
     """Return the fit to all walks, with the stage as it is known, with advice on what the model lacks.
 
-    One walk may hardly show the missing term, and another term then explains that walk as well.
+    All walks are needed: one walk may hardly show the missing term, so that another term explains it as well.
 
     Args:
         found: the fits to all walks.
-        walks, drives, free: what `found` is of; see `explained`.
-        options: of `identify_friction`.
+        walks, drives, free: arguments with which `found` was made; see `explained`.
+        options: further arguments of `identify_friction`.
     """
     known = found.known
     begin = {name: known.values[name] for name in CHANNEL if name in known.values}
@@ -168,10 +169,8 @@ def diagnosed_together(
 
 
 def _ahead(fit: Fit, known: Values) -> Values:
-    """Return the linearised values of the other parameters if some become known.
-
-    Empty if the fit has no derivatives.
-    """
+    """Return the linearised values of the other parameters when the `known` ones are fixed; empty if the fit
+    has no derivatives."""
     if fit.jacobian is None or not np.all(np.isfinite(fit.jacobian)):
         return {}
     moved = np.array([p.name in known for p in fit.parameters])
@@ -191,17 +190,18 @@ def _allowed(
     stages: Sequence[Actuator],
     noise: float,
 ) -> float:
-    """The sum of squares [m^2] that is left where the stage may be off as far as it is uncertain."""
+    """Return the sum of squares [m^2] that remains if the stage may deviate within its uncertainty."""
     r = np.concatenate(fit.residuals)
     if fit.jacobian is None or not has_slopes(fit.model) or (stage is None and not stages):
         return float(r @ r)
-    # In deviations of what is known of the stage: each of them costs as much as a deviation of the noise.
+    # In standard deviations of the stage's values: a deviation costs as much as one standard deviation of the
+    # noise.
     moves = np.zeros((r.size, 0))
     if stage is not None:
         moves = _by_values(fit, walks, drives, slew_rate, stage)
     if stages:
         moves = np.column_stack([moves, spread(list(moved_by(fit, stages, walks, drives, slew_rate).T))])
-    if not np.all(np.isfinite(moves)):  # a contact so stiff that derivatives cannot be followed
+    if not np.all(np.isfinite(moves)):  # derivatives fail for such a stiff contact
         return float(r @ r)
     own = fit.jacobian[:, np.linalg.norm(fit.jacobian, axis=0) > 0.0]
     own = own / np.linalg.norm(own, axis=0)
@@ -219,7 +219,8 @@ def _by_values(
     slew_rate: float | None,
     stage: Fit,
 ) -> np.ndarray:
-    """Return the derivatives of positions by the deviations of the stage's values, [samples, values]."""
+    """Return the derivatives of the positions by the stage's values, per standard deviation, shape (samples,
+    values)."""
     kept = stage_beside(stage, fit)
     parameters = [stage.parameters[i] for i in kept]
     motions = [

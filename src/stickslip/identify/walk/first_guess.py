@@ -33,14 +33,16 @@ from ..recorded.drives import periodic_part
 from .position_channel import CHANNEL
 
 NAMES = ("coulomb_force", "sigma_0", "sigma_1")
-# Ranges of forces and deflections, relative to the largest force and the stroke; the contact's damping ratio.
+# Ranges of force and deflection, relative to the largest force and the stroke; and the damping ratio of the
+# contact.
 FORCE, DEFLECTION, DAMPING = (1e-3, 1.0), (1e-3, 1.0), 0.1
-PERIODS, FEWEST = 3, 30  # number of periods, and fewest samples in them; otherwise all samples count
+# number of periods that are used, and the fewest samples in them; otherwise all samples are used
+PERIODS, FEWEST = 3, 30
 # Bounds closer to the estimate than this factor are treated as defaults, not as the user's choice.
 NEAR = 3.0
-# Points tried, how many of them are looked at closer, and for how many evaluations.
+# Number of points that are tried, number of these that are refined, and evaluations for each refinement.
 TRIED, LOOKED_AT, LOOK = 64, 20, 6
-LOOKED_AT_THERE = 2  # of each part, where there are parts
+LOOKED_AT_THERE = 2  # number of refined points in each part of the range, if it is divided
 # Number of initial guesses, and the factor by which their values must differ.
 BEGINS, APART = 6, 1.25
 
@@ -48,9 +50,10 @@ Array = NDArray[np.float64]
 
 
 def plausible(model: Actuator, stroke: float) -> Callable[[Array], dict[str, Array]]:
-    """Values of the law for points of the unit square [n, 2], each [n], in SI; `stroke` is A in m.
+    """Return a function that gives values of the law, by name, [n] each in SI, for points [n, 2] of the unit
+    square; `stroke` is A in m.
 
-    What the law does not have is left out; a stiffness is that of the deflection and the force.
+    Values that the law lacks are left out; the stiffness is the ratio of force to deflection.
     """
     law, mass = model.friction, model.end_effector_mass
     greatest = mass * stroke * model.natural_frequency**2
@@ -95,21 +98,21 @@ def first_guess(
 ) -> tuple[list[Parameter], list[Values]]:
     """Return the parameters with wide enough bounds, and initial guesses.
 
-    The first guess describes a short part of a recording best; then follow other local minima, at most
-    `BEGINS`.
+    The first guess fits a short part of a recording best; other local minima follow, at most `BEGINS` in all.
 
     Args:
-        residuals: residuals of that part, with the measured positions.
-        time: of its samples, s.
-        jacobian: its derivatives, as `fit_least_squares` takes them.
+        residuals: function for the residuals of that part, with the measured positions.
+        time: times of its samples, s.
+        jacobian: derivatives of the residuals, as `fit_least_squares` takes them.
         parameters: parameters with the user's initial guess, which is tried too.
         model: the actuator.
         stroke: stroke of the stage under the drive, m.
         given: parameters with the user's bounds; the other bounds are widened to all plausible values.
         seed: seed of the points.
-        beside: parameters that are fixed or tied to these.
+        beside: parameters that are fixed, or tied to the free ones.
         parts: number of parts of the ranges of forces and deflections; with more than one, a start in each
-            pair. The best of all may be of one kind, such as a slider that follows its stage late.
+            pair. The best points may all be of one kind, such as a slider that follows its stage with a
+            delay.
     """
     names = [p.name for p in parameters if p.name in NAMES]
     if not names or not 0.0 < stroke * model.natural_frequency < math.inf:
@@ -131,7 +134,7 @@ def first_guess(
     at = [p for p in parameters if p.name in CHANNEL]
 
     def cost(point: Values) -> tuple[float, Values]:
-        """Mean square of what is left at the best delay and offset, and the point with them."""
+        """Return the mean square of the residuals at the best delay and offset, and the point with these."""
         try:
             r = np.asarray(residuals.function(point), dtype=float)
         except (ValueError, ArithmeticError):
@@ -148,7 +151,7 @@ def first_guess(
 
     def with_slopes(values: Values) -> ArrayLike:
         if jacobian is not None:
-            jacobian(values)  # simulated together
+            jacobian(values)  # position and slopes come from the same simulation
         return residuals.function(values)
 
     def look(point: Values) -> tuple[float, Values]:
@@ -180,7 +183,7 @@ def first_guess(
 
 def far(one: Values, other: Values, names: Sequence[str]) -> bool:
     """Return whether two points are in different local minima, judged by a short search."""
-    ends = [sorted((abs(one[name]), abs(other[name]))) for name in names]  # one may be 0, at its bound
+    ends = [sorted((abs(one[name]), abs(other[name]))) for name in names]  # one value may be 0, at its bound
     return any(high > APART * low for low, high in ends)
 
 

@@ -1,5 +1,5 @@
-"""Friction parameters of an actuator from its own motion: the displacement of the end-effector under a known
-drive [kang2007, 5.3]."""
+"""Fit of an actuator's friction to its own motion: the displacement of the end-effector under a known drive
+[kang2007, 5.3]."""
 
 from __future__ import annotations
 
@@ -98,17 +98,17 @@ def identify_friction(
     report whether the recordings contradict that (see `reaction`).
 
     Args:
-        recordings: with end_effector_position [m]; or [rad], of an actuator that turns: then forces in the
-            model are torques [N m], masses moments of inertia [kg m^2], and all in units of these.
+        recordings: with end_effector_position [m]; or [rad], for a rotary actuator: then forces in the model
+            are torques [N m], and masses are moments of inertia [kg m^2].
         model: the actuator; its values are one of several initial guesses (see `first_guess`), and the fit
             describes the recordings no worse than they do.
         free: parameters to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a
             second element) and of the actuator ("end_effector_mass", "gain", ...); "stiction_ratio" (stiction
             over Coulomb friction) and "breakaway_share" (of the Coulomb deflection), which are bounded where
             the fields themselves are not; and of the position channel, one for all recordings, "delay" [s]
-            and "offset" [m]. Stiction and breakaway deflection that are not free keep their ratio. Each a
-            name, or a `Parameter` with its start, bounds and prior in SI, or fixed, or tied: those of
-            another fit (``fit.parameters``), say.
+            and "offset" [m]. Stiction and breakaway deflection that are not free keep their ratio. Each is a
+            name, or a `Parameter` with its initial value, bounds and prior in SI, fixed or tied, for example
+            from another fit (``fit.parameters``).
         drive: waveform of each recording (or one for all), in the time of the recording. By default, or None:
             the one that the recording names or its channel drive_voltage shows (see `taken_drive`), else that
             channel, with its jumps as far as the samples show them (see `recorded_drive`).
@@ -127,33 +127,33 @@ def identify_friction(
             `remarks` of the fit say so. None of them: ().
         begin: initial guess of "delay" and "offset"; by default the delay of the stage, or 0.
         noise: standard deviation of the position, m; by default estimated from the residuals. Or a
-            recording of the channel at rest: estimated from the residuals, but for its drift, which a short
-            recording does not show; in the uncertainty that makes it the less sure.
-        starts: number of starts; those after the first fill the bounds.
-        hops: see `fit_least_squares`; 0 looks for no start and no other local minimum: for a start that is
-            near; the reaction on the stage is then not tested.
-        seed: seed of the further starts.
+            recording of the channel at rest: then only its drift is used, which a short walk does not show;
+                it widens the uncertainty.
+        starts: number of initial guesses; those after the first fill the bounds.
+        hops: see `fit_least_squares`. With 0 the search uses only the given initial values and looks for no
+            other local minimum; the reaction on the stage is then not tested.
+        seed: seed of the further initial guesses.
         tolerance: m, of the simulation; by default 1e-10 for a law of one internal state, whose derivatives
             are those of `sensitivities`. For the others they are differences over half a percent of a
-            parameter, so it must be far below what that changes (a weakly determined one: some pm in steps of
-            micrometres): 1e-12.
-        correlated: True: allow for residuals correlated in time in the uncertainty, whatever they are. Left
-            out, for noise that is correlated over some samples and for a random walk (a sensor's drift), as
-            far as the residuals show them (see `coloured`), where the noise is not given.
-        averaged: False: give a hardly determined value at the lowest sum of squares too, with the
-            intervals of the curvature there.
+            parameter, so the tolerance must be far below their effect (for a weakly determined parameter some
+            pm in steps of micrometres): 1e-12.
+        correlated: True: the uncertainty allows for any residuals correlated in time. By default, if the
+            noise is not given, it allows for noise that is correlated over some samples and for a random walk
+            (a sensor's drift), as far as the residuals show them (see `coloured`).
+        averaged: False: give a weakly determined value at the lowest sum of squares, with intervals from the
+            curvature there.
         loss, loss_scale: see `fit_least_squares`: "soft_l1" or "huber" for recordings with outliers; the
             scale is in m unless the noise is given.
         settled: see `fit_least_squares`.
-        max_evaluations: of all recordings, for each start, with slopes; where these are differences, their
-            evaluations come on top. A model that still explains little after 30 s of CPU is given up, which
-            its failures say.
-        diagnose: search the missing term if the model does not explain a recording: `advice`
-            of the fit, and a remark, name it. Takes at most some 20 s of CPU time.
+        max_evaluations: largest number of evaluations of all recordings with derivatives, for each initial
+            guess; evaluations for numerical derivatives are additional. A model that still explains little
+            after 30 s of CPU is abandoned; `failures` say so.
+        diagnose: if the model does not explain a recording, search for the missing term; `advice` of the fit,
+            and a remark, name it. It takes at most some 20 s of CPU time.
         progress, each: called after each evaluation; see `fit_least_squares`.
 
     Returns:
-        A fit whose `model` is the actuator with the values put in, and whose ``predict(recording,
+        A fit whose `model` is the actuator with the fitted values, and whose ``predict(recording,
         drive=None)`` simulates a recording.
 
     Raises:
@@ -164,7 +164,7 @@ def identify_friction(
         FitError: see `fit_least_squares`.
 
     Warns:
-        RecordingWarning: a drive_voltage whose samples do not show its jumps stood in for the waveform; or a
+        RecordingWarning: the drive comes from a drive_voltage whose samples do not resolve its jumps; or a
             walk is sampled more coarsely than the stage vibrates.
     """
     slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
@@ -249,7 +249,8 @@ def identify_friction(
 def _noise(
     noise: float | str | xr.Dataset | None, found: Sequence[xr.Dataset]
 ) -> tuple[str, float | None, float]:
-    """Unit of the positions, deviation of their noise in it where that is given, and their drift at rest."""
+    """Return the unit of the positions, the standard deviation of their noise if it is given (otherwise
+    None), and the drift at rest."""
     if isinstance(noise, xr.Dataset):
         return unit_of([*found, noise], OBSERVED), None, drift_at_rest(noise, OBSERVED, found)
     unit = unit_of(found, OBSERVED)
@@ -274,14 +275,14 @@ def _parameters(
 
 
 def _check(model: Actuator, free: Sequence[str], bounds: Bounds, priors: Bounds, noise: float | None) -> None:
-    """Raise QuantityError unless all that is said of free parameters is of one that there is."""
+    """Raise QuantityError unless all bounds and priors belong to free parameters that exist."""
     own = {name: limits for name, limits in bounds.items() if name not in CHANNEL}
     check_priors(priors, free, noise, "[m], the position's deviation")
     check_names(free, [*free_names(model), *CHANNEL], own)
 
 
 def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float) -> Fit:
-    """The fit with what the converter's steps leave open, its actuator, and what that predicts."""
+    """Return the fit with the uncertainty by converter steps, its actuator, and its prediction."""
     measured = walks.measured
     simulated = np.concatenate(fit.residuals) + np.concatenate(measured)
     known = [
@@ -306,7 +307,7 @@ def _searched(
     hops: int,
     max_evaluations: int,
 ) -> Fit:
-    """From several points, to the ends."""
+    """Return the best fit of searches from several initial guesses, each continued to its end."""
     own, begins = parameters, [{p.name: p.start for p in parameters}]
     walk = longest(walks)
     if hops:
@@ -316,7 +317,7 @@ def _searched(
     if walks.budget.over:
         return fit
     if hops and not (_white(fit) and not any(one.seen for one in fit.lack)):
-        # The beginning may not tell minima apart.
+        # The start of a walk may not distinguish minima.
         parameters, found = guesses(walks, own, bounds, walk.time.size, PARTS)
         fit = lowest([fit, from_points(walks, parameters, found, bounds, max_evaluations)])
     if walks.budget.over:
@@ -332,7 +333,8 @@ def _searched(
 def _near(
     walks: Walks, parameters: Sequence[Parameter], fit: Fit, bounds: Bounds, max_evaluations: int
 ) -> Fit:
-    """From a fit of more parameters within its bounds, from its other minima, and from the user's start."""
+    """Return the best fit of searches from a fit with more parameters, from its other minima, and from the
+    user's initial values."""
     given = {p.name: p.start for p in parameters}
     own = [p.starting_at(given[p.name])._replace(power=0) for p in fit.parameters if p.name in given]
     there = [fit.values, *(m.values for m in fit.minima)]
@@ -345,10 +347,10 @@ def _white(fit: Fit) -> bool:
 
 
 def _averaged(walks: Walks, fit: Fit, given: Values, max_evaluations: int) -> Fit:
-    """The fit with one value, if it hardly determines one, at its mean over all that fits.
+    """Return the fit with a weakly determined value, if there is one, at its mean over all that fit.
 
-    Where that describes the recordings worse than the model that was given, the values are those of the
-    lowest sum of squares, and only the intervals are about the mean.
+    If that describes the recordings worse than the user's model, the values stay at the lowest sum of
+    squares, and only the intervals are about the mean.
     """
     parameters = list(fit.parameters)
     name = loosest(fit, CHANNEL) if has_slopes(walks.model) and walks.loss == "linear" else None

@@ -16,15 +16,16 @@ from .first_guess import first_guess
 from .several import from_points
 from .walks import Varied, Walks, observed, slopes_of
 
-# Tolerance relative to the stroke, and steps, of the simulations for initial guesses.
+# Tolerance relative to the stroke, and largest number of integration steps, of simulations for initial
+# guesses.
 GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
-# Parts of the range of forces, and of deflections, from which a fit that does not explain its recordings
-# begins again.
+# Number of parts of the range of forces, and of deflections, in each of which a search starts if the fit does
+# not explain its recordings.
 PARTS = 3
 
 
 def longest(walks: Walks) -> Displacement:
-    """Return the walk that goes farthest."""
+    """Return the walk with the largest motion."""
     return walks.motions[int(np.argmax([np.ptp(position) for position in walks.measured]))]
 
 
@@ -49,7 +50,7 @@ def _guessed(
     bounds: Bounds,
     parts: int,
 ) -> tuple[list[Parameter], list[Values]]:
-    """The same, by one recording or its beginning."""
+    """Return starting values as `guesses` does, from one recording or its first samples."""
     varied, position = Varied(walks.model, walks.ties), measured[: short.time.size]
     residuals = Residuals(
         lambda v: observed(short, varied, v) - position, position, walks.noise, name, walks.unit
@@ -63,7 +64,8 @@ def _guessed(
 
 
 def from_guesses(walks: Walks, parameters: list[Parameter], bounds: Bounds, max_evaluations: int) -> Fit:
-    """Return the fit from the present values and from guesses by all of a walk, without further searches."""
+    """Return the fit of searches from the present values and from guesses by a complete walk, without further
+    searches."""
     wide, found = guesses(walks, parameters, bounds, longest(walks).time.size, PARTS)
     begins = [{p.name: p.start for p in parameters}, *found]
     return from_points(walks, wide, begins, bounds, max_evaluations)

@@ -1,4 +1,4 @@
-"""Intervals that trust no linearisation: by the profile of the likelihood, and by resampled residuals."""
+"""Intervals without linearisation: by profile likelihood, and by bootstrap (resampled residuals)."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from .joint import SAID
 from .position_channel import OBSERVED
 from .prediction import Predictor
 
-# Refits at most on either side of the estimate.
+# Largest number of refits on either side of the estimate.
 MOST_STEPS = 10
-# Relative, of the threshold: how well the end of an interval is found.
+# Relative accuracy of the end of an interval, in units of the threshold.
 NEAR = 0.03
 
 
@@ -36,27 +36,29 @@ def profile_interval(
     level: float = 0.95,
     **options: Any,
 ) -> tuple[float, float]:
-    """The interval of one value by the profile likelihood: all others fitted again wherever it is fixed.
+    """Return the interval of one value by its profile likelihood: it is fixed at several values, and all
+    others are fitted again.
 
-    Right where linearised intervals are not: when another value is hardly determined, as sigma_1 is by slow
-    samples, for the curvature at the estimate then says little. Autocorrelated noise counts as in the fit.
-    By Student's t; or, if the noise is known, by chi-squared.
+    Use it where linearised intervals are wrong, such as when another value is weakly determined (sigma_1 by
+    slow samples), because the curvature at the estimate then says little. Autocorrelated noise counts as in
+    the fit. The threshold comes from Student's t or, if the noise is known, from chi-squared.
 
     Args:
-        fit: of `identify_friction`, without a robust loss. It carries its parameters, with bounds, priors and
-            ties, and the noise that it was given: these count, whatever `options` say.
-        recordings: those of the fit.
-        name: of the value.
-        level: of confidence.
-        options: others of `identify_friction` that the fit was made with: drive, and a recording of noise.
+        fit: result of `identify_friction`, without a robust loss. Its own parameters, bounds, priors, ties
+            and given noise are used, whatever `options` say.
+        recordings: recordings of the fit.
+        name: name of the value.
+        level: confidence level.
+        options: other arguments of `identify_friction` with which the fit was made: drive, and a recording of
+            noise.
 
     Returns:
-        Both ends, in the unit of the value, cut at the bounds of the fit; at the limits of the law where the
-        bounds only say where to search (see `Parameter`). They take the stage as exact.
+        Both ends, in the unit of the value, cut at the bounds of the fit, or at the limits of the law if the
+        bounds are only a search range (see `Parameter`). The stage is taken as exact.
 
     Raises:
-        FitError: the fit is not one of an actuator by `identify_friction`, has a robust loss or no other
-            value, or cannot be made again.
+        FitError: the fit is not one of an actuator by `identify_friction`, has a robust loss or only one
+            value, or cannot be repeated.
     """
     names = [p.name for p in fit.parameters]
     if name not in names:
@@ -69,7 +71,7 @@ def profile_interval(
     place = names.index(name)
     p, settings = fit.parameters[place], _settings(fit, options) | {"averaged": False}
     own = [*fit.parameters, *fit.beside]
-    # The lowest: a value that is hardly determined is given at its mean.
+    # The lowest sum of squares: a weakly determined value is given at its mean.
     coloured = None if fit.correlated and not fit.noise_known else fit.correlated
     best = _again(fit, recordings, own, fit.values, settings | {"correlated": coloured})
     t = quantiles.reach(level, None if fit.noise_known else fit.degrees_of_freedom)
@@ -98,7 +100,8 @@ def profile_interval(
 
 
 def refuse_joint(fit: Fit, what: str) -> None:
-    """Raise FitError for a fit of friction and stage at once: it has not what was known of the stage."""
+    """Raise FitError for a joint fit of friction and stage, which does not contain the prior of the stage;
+    `what` names the calculation."""
     if SAID in fit.remarks:
         raise FitError(
             f"{what} of a fit of friction and stage at once does not know the covariance of the stage: ask "
@@ -107,8 +110,8 @@ def refuse_joint(fit: Fit, what: str) -> None:
 
 
 def _end(q: float, side: float, reach: float, bound: float, t: float, distance: Any, fit: Fit) -> float:
-    """Return the crossing of the profile with t on one side, by secants, since the distance is nearly
-    linear."""
+    """Return the coordinate at which the profile crosses t on one side, by secants, because the distance is
+    nearly linear."""
     inner, d_inner, outer, d_outer = q, 0.0, math.nan, math.nan
     at, begin = q + side * t * reach, fit
     for _ in range(MOST_STEPS):
@@ -133,7 +136,7 @@ def _end(q: float, side: float, reach: float, bound: float, t: float, distance: 
 def _again(
     fit: Fit, recordings: Any, parameters: Sequence[Parameter], begin: Values, settings: dict[str, Any]
 ) -> Fit:
-    """The model of a fit to recordings with these parameters, from these values."""
+    """Return a fit to the recordings with these parameters, from these initial values."""
     if not isinstance(fit.model, Actuator):
         raise FitError("profile and bootstrap need the fit of an actuator by identify_friction")
     free = [p if p.fixed or p.tied else p.starting_at(begin[p.name]) for p in parameters]
@@ -141,8 +144,8 @@ def _again(
 
 
 def _settings(fit: Fit, options: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings of `identify_friction` for another fit; what the fit contains is taken from
-    there."""
+    """Return the settings of `identify_friction` for another fit: those that the fit contains, else the
+    options."""
     if fit.noise_known and not fit.noise:
         raise FitError("the fit does not say what noise it was given: make it again")
     predictor, told = getattr(fit.predict, "__self__", None), options.get("noise")
@@ -158,22 +161,23 @@ def _settings(fit: Fit, options: dict[str, Any]) -> dict[str, Any]:
 def bootstrap(
     fit: Fit, recordings: xr.Dataset | Sequence[xr.Dataset], n: int = 100, *, seed: int = 0, **options: Any
 ) -> xr.Dataset:
-    """Values of fits to the model with resampled residuals, in blocks, which keep their autocorrelation.
+    """Return values of fits to simulated recordings: the model plus residuals resampled in blocks, which
+    keeps their autocorrelation.
 
-    A given noise that does not count as correlated is used for the resampled residuals too. A prior is a
-    datum like others: its centre is drawn again about the estimate with the prior's deviation [bardsley2014].
-    With a fixed centre, values would scatter less than their standard errors say.
+    A given noise that does not count as correlated is used for the resampled residuals too. A prior is
+    treated as a measurement: its centre is drawn again about the estimate with the prior's deviation
+    [bardsley2014]. With a fixed centre, values would scatter less than their standard errors say.
 
     Args:
-        fit: fit of `identify_friction`. It contains its parameters, with their bounds, priors and ties, its
-            loss, and the noise that it was given: these count, whatever `options` say.
+        fit: fit of `identify_friction`. Its own parameters, bounds, priors, ties,
+            loss and given noise are used, whatever `options` say.
         recordings: recordings of the fit.
         n: number of resampled fits.
         seed: seed of the resampling.
         options: other arguments of the fit: drive.
 
     Returns:
-        Over "sample", one variable for each value, in its unit; quantiles of them are the intervals.
+        Dataset over "sample" with one variable for each value, in its unit; its quantiles are the intervals.
 
     Raises:
         FitError: the fit is not one of an actuator by `identify_friction`, or cannot be made again.
@@ -201,7 +205,8 @@ def bootstrap(
 
 
 def _drawn(p: Parameter, value: float, random: np.random.Generator) -> Parameter:
-    """The parameter with the centre of its prior, if it has one, drawn about a value; within its bounds."""
+    """Return the parameter with the centre of its prior, if any, drawn at random about a value, within the
+    bounds."""
     if p.prior is None:
         return p
     spread = p.expected[1]
@@ -210,7 +215,7 @@ def _drawn(p: Parameter, value: float, random: np.random.Generator) -> Parameter
 
 
 def _resampled(r: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
-    """Blocks [n^(1/3) long, as the rule is] of residuals, drawn at random and joined."""
+    """Return residuals resampled in random blocks of length n^(1/3), the usual rule."""
     length = max(2, round(r.size ** (1 / 3)))
     begins = random.integers(0, r.size - length, -(-r.size // length))
     return np.concatenate([r[b : b + length] for b in begins])[: r.size]
@@ -219,14 +224,15 @@ def _resampled(r: NDArray[np.float64], random: np.random.Generator) -> NDArray[n
 def prediction_band(
     fit: Fit, slopes: NDArray[np.float64], *, level: float = 0.95, observation: bool = False
 ) -> NDArray[np.float64]:
-    """Half width [n] of the band about a prediction, linearised, in the unit of the data.
+    """Return the half width [n] of the confidence band about a prediction, linearised, in the unit of the
+    data.
 
     Args:
-        fit: whose covariance counts.
+        fit: fit whose covariance is used.
         slopes: derivatives of the prediction by the coordinates q of the fit, shape (n, k); for its own
             recordings, `fit.jacobian`.
-        level: of confidence.
-        observation: of a single noisy sample, instead of the curve.
+        level: confidence level.
+        observation: the band of a single noisy sample, instead of that of the curve.
     """
     free = np.flatnonzero(fit.uncertainty.bounded == 0)
     covariance = fit.uncertainty.covariance[np.ix_(free, free)]

@@ -1,21 +1,21 @@
-r"""Joint fit of friction and stage: a walk's fit with the stage's values free under the prior of
-the steps, and with drift of the sensor as noise.
+r"""Joint fit of friction and stage: the fit of walks with the stage's values free under their prior from step
+responses, and with drift of the sensor as noise.
 
-A fit that takes the stage as known is wrong where that is, and to linearise this is not enough: an error of
-the mode by a few percent can make another minimum the lowest. So can drift, which the least squares of white
-noise follow wherever the values lead. Here the coordinates q of the stage's values have the normal
-distribution of the fit that they are from, and what is minimised is
+A fit with a fixed stage is wrong if the stage is wrong, and linearisation does not correct it: an error of
+the mode by a few percent can make another minimum the lowest. So can drift, which least squares for white
+noise follow. Here the coordinates q of the stage's values have the normal distribution of their own fit, and
+the fit minimises
 
 .. math:: r^T \Sigma^{-1} r + (q - q_0)^T V^{-1} (q - q_0), \qquad \Sigma = \sigma^2 \, (1 + \rho L L^T)
 
-with residuals r, white noise and a random walk (L sums over time), both as the residuals show them. Samples
-that jitter of the clock moves count as much less. The covariance of the estimate allows for all memory that
-the noise has beside the walk, as that of steps and of walks alone does (see `coloured`).
+with residuals r, white noise and a random walk (L sums over time), both estimated from the residuals. Samples
+that clock jitter affects have less weight. The covariance of the estimate allows for further memory of the
+noise, as in fits of steps and of walks alone (see `coloured`).
 
-There are many minima: how the contact rings on between jumps is nearly the same at other stiffnesses too, and
-if it is hardly damped, one of these can explain noise better than the truth does, as the highest of many
-lines of a periodogram. So searches start at several stiffnesses, and the intervals hold those about every
-minimum that the noise does not reject.
+There are many minima. The vibration of the contact between jumps is nearly the same at other stiffnesses, and
+if it is hardly damped, one of these can explain noise better than the true value, like the highest of many
+lines of a periodogram. So searches start at several stiffnesses, and the intervals include every minimum that
+the noise does not reject.
 """
 
 from __future__ import annotations
@@ -58,20 +58,20 @@ from .walks import NEAR, SETTLED, Varied, observed, own_values, slopes_of, stage
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-10  # m
-# Deviations of what is known of a stage's value, within which it is looked for.
+# Range of the search for a stage's value, in standard deviations of its prior.
 WIDE = 6.0
 MOST_EVALUATIONS = 200
-# Factors of the contact's stiffness at which searches start too. Nearly all that end do so
-# within the evaluations.
+# Factors of the contact's stiffness at which further searches start. Nearly all searches end within the given
+# evaluations.
 STIFFNESS, SPREAD, OF_SPREAD = "sigma_0", (0.125, 0.25, 0.5, 0.7, 0.9, 1.1, 1.4, 2.0, 4.0), 80
 SAID = "the values of the stage are free too, with what is known of them; drift counts as noise"
 
 
 class Weight(NamedTuple):
-    """Noise of a channel.
+    """Noise model of a channel.
 
-    `level` of its white part, in the unit of the data, and the variance that its random walk gains per
-    sample, relative to the squared level.
+    Fields: `level`, standard deviation of its white part, in the unit of the data; and the variance that its
+    random walk gains per sample, relative to the squared level.
     """
 
     level: float
@@ -79,19 +79,20 @@ class Weight(NamedTuple):
 
     @classmethod
     def of(cls, residuals: Sequence[Array], drift: float) -> Weight:
-        """Return the weight by what residuals show, and no less drift than this from sample to sample."""
+        """Return the noise model that residuals show, with at least this drift (variance per sample)."""
         level, walk = white_and_walk(residuals)
         return cls(level, max(walk, drift / level**2))
 
     def whitened(self, rows: Array) -> Array:
-        """Rows [n] or [n, k] of which noise like this is made white, with the deviation `level`."""
-        # Differences, and the first as it is, have a tridiagonal covariance.
+        """Return rows [n] or [n, k] transformed so that this noise becomes white with the standard deviation
+        `level`."""
+        # The first value and the differences have a tridiagonal covariance.
         band = np.full((2, len(rows)), -1.0)
         band[0] = 2.0 + self.walk
         band[0, 0] = 1.0
         root = cholesky_banded(band, lower=True)
         differences = np.concatenate([rows[:1], np.diff(rows, axis=0)])
-        # NaN stays NaN: it is where there is no model, or no derivative of one.
+        # NaN is kept: it marks points without a model or a derivative.
         return solve_banded((1, 0), root, differences, check_finite=False)
 
 
@@ -153,7 +154,7 @@ def _spread(near: Values) -> list[Values]:
 
 
 class _Known(NamedTuple):
-    """Prior of a stage: its parameters, the fit that they come from, and their places there."""
+    """Prior of a stage: its parameters, their fit, and their indices in it."""
 
     own: list[Parameter]
     fit: Fit
@@ -165,12 +166,12 @@ class _Known(NamedTuple):
 
     @property
     def root(self) -> Array:
-        """A of the squares |A (q - q_0)|^2 that deviations q - q_0 cost."""
+        """Return the matrix A; deviations q - q_0 add |A (q - q_0)|^2 to the sum of squares."""
         covariance = self.fit.uncertainty.covariance[np.ix_(self.places, self.places)]
         return np.asarray(np.linalg.cholesky(np.linalg.inv(covariance)).T, dtype=np.float64)
 
     def parameters(self) -> list[Parameter]:
-        """Free, within what is likely."""
+        """Return the stage's parameters as free ones, within a likely range."""
         made = []
         for p, place in zip(self.own, self.places, strict=True):
             q = p.coordinate(self.fit.values[p.name])
@@ -191,7 +192,7 @@ class _Known(NamedTuple):
 
 
 class _Weighted:
-    """Walks and what is known of the stage, as one problem."""
+    """Least-squares problem of walks together with the prior of the stage."""
 
     def __init__(
         self,
@@ -209,13 +210,13 @@ class _Weighted:
         self.varied, self.exchangeable = Varied(fit.model, Ties([*parameters, *fit.beside])), fit.exchangeable
 
     def left(self, values: Values) -> list[Array]:
-        """Model minus measured, m."""
+        """Return the residuals, model minus measured, m, for each recording."""
         return [
             observed(m, self.varied, values) - x for m, x in zip(self.motions, self.measured, strict=True)
         ]
 
     def narrowed(self, left: Sequence[Array]) -> list[Array]:
-        """Residuals with the same noise everywhere, whatever the jitter of the clock."""
+        """Return residuals with uniform noise: samples with clock jitter are scaled down."""
         return [one.narrowed(r) for one, r in zip(self.jitter, left, strict=True)]
 
     def problem(self, parameters: Sequence[Parameter]) -> Problem:
@@ -263,13 +264,14 @@ class _Weighted:
         return fit_least_squares(self.problem(parameters), hops=hops, settled=SETTLED, max_evaluations=most)
 
     def lowest(self, begins: Sequence[Values], hops: int) -> Fit:
-        """From all points, the first of which has a model, and with hops from the best of their ends.
+        """Return the best fit of searches from all points, with hops to other minima from the best end. The
+        first point must have a model.
 
-        Short searches are cheap beside hops, which are there for what no such point leads to.
+        Short searches are cheap compared with hops, which find minima that no point leads to.
         """
         ends = [self.search(begins[0])]
         for begin in begins[1:]:
-            with suppress(FitError):  # no model there
+            with suppress(FitError):  # this point has no model
                 ends.append(self.search(begin, most=OF_SPREAD))
         found = lowest(ends)
         if hops or not found.converged:
@@ -277,25 +279,27 @@ class _Weighted:
         return self.with_whole(self.with_noise(found))
 
     def with_whole(self, found: Fit) -> Fit:
-        """The fit with those minima whose values of the friction, taken together, the noise does not reject.
+        """Return the fit with those minima whose friction values, taken together, the noise does not reject.
 
-        Channel and stage count for nothing there: they have whatever values suit these.
+        Channel and stage are not compared, because they adapt to each minimum.
         """
         most = bound(sum(p.name not in (*CHANNEL, *self.known.values) for p in self.parameters))
         return replace(found, minima=tuple(m._replace(whole=True) for m in found.minima if m.excess <= most))
 
     def with_noise(self, found: Fit) -> Fit:
-        """The fit with the uncertainty that noise makes whose memory the weights leave."""
+        """Return the fit with the further uncertainty by memory of the noise that the weights do not
+        remove."""
         return with_coloured_noise(found, coloured(found.residuals[:-1], walks=True), known=1)
 
     def weighed(self, left: Sequence[Array], drift: float) -> _Weighted:
-        """The same problem, with the weight that residuals give it."""
+        """Return the same problem with the weights that its residuals and a drift give."""
         other = copy(self)
         other.weight = Weight.of(left, drift)
         return other
 
     def hold(self, name: str, value: float, begin: Values) -> tuple[Fit, Fit]:
-        """The fit of the others with one value fixed."""
+        """Return the fit of all other parameters with one value fixed, without and with the uncertainty by
+        noise."""
         held = [
             p._replace(start=value, fixed=True) if p.name == name else p.starting_at(begin[p.name])
             for p in self.parameters
@@ -305,7 +309,8 @@ class _Weighted:
         return alone, alone
 
     def by_known(self, fit: Fit) -> ByKnown:
-        """Derivatives for `with_scales`: values of the stage, which are free here, move as its fit says."""
+        """Return the derivatives for `with_scales`; the stage's values, which are free here, change as its
+        own fit says."""
         assert fit.jacobian is not None
         values = self.known.values
         gain = (
@@ -314,7 +319,8 @@ class _Weighted:
         return ByKnown({DRIVE: gain}, dict.fromkeys(values, np.zeros(len(fit.jacobian))))
 
     def told(self, found: Fit, before: Fit, slew_rate: float | None) -> Fit:
-        """A fit of this problem, its residuals and goodness those of the positions, as `before`."""
+        """Return a fit with the result `found`, whose residuals and goodness are those of the positions, as
+        in the fit `before`."""
         left = self.left(found.values)
         by = slopes_of(self.motions, self.varied, [p.name for p in self.parameters])(found.values)
         model = with_values(before.model, own_values(found.values))

@@ -1,10 +1,10 @@
-r"""Likelihood of recordings for many simulated actuators at once, delay and offset integrated out.
+r"""Likelihood of recordings for many simulated actuators at once, with delay and offset integrated out.
 
-A recording shows the position at a delay, and beside an offset. Residuals at a few delays, one simulation for
-all of them, are read in between along splines; so the sum of squares at any delay :math:`\delta` and offset o
-is :math:`w^T M w + 2 o\, w^T s + n o^2`, with the products M and the sums s of residuals at those delays and
-the spline's weights :math:`w(\delta)`. The integral over o is that of a normal distribution, the one over
-:math:`\delta` is summed on a grid.
+A recording shows the position with a delay and an offset. Residuals at a few delays come from one simulation
+and are interpolated by splines. So the sum of squares at any delay :math:`\delta` and offset o is :math:`w^T
+M w + 2 o\, w^T s + n o^2`, with the products M and the sums s of residuals at those delays and the spline's
+weights :math:`w(\delta)`. The integral over o is that of a normal distribution; the one over :math:`\delta`
+is summed on a grid.
 """
 
 from __future__ import annotations
@@ -26,16 +26,17 @@ from ...waveform.drive import Drive
 from .displacement import MAX_STEPS, Displacement
 from .position_channel import CHANNEL
 
-# Delays at which residuals are known, standard errors either side of the estimate, and points of the grid.
+# Number of delays at which residuals are known, range of the grid in standard errors on either side of the
+# estimate, and number of its points.
 NODES, REACH, GRID = 7, 6.0, 301
-# Positions in memory at once.
+# Largest number of positions in memory at once.
 LARGEST = 4_000_000
 
 Array = NDArray[np.float64]
 
 
 class Tabulated(NamedTuple):
-    """A drive as a waveform: ensembles ask for its table each time."""
+    """A drive with its segment table computed once, because ensembles ask for it repeatedly."""
 
     table: Drive
     duration: float
@@ -46,15 +47,15 @@ class Tabulated(NamedTuple):
         return 0.0, 0.0
 
     def drive(self, duration: float) -> Drive:
-        """The table; it holds for every shorter duration."""
+        """Return the segment table, which is also valid for shorter durations."""
         return self.table
 
 
 class Sums(NamedTuple):
-    """Sums over the residuals of members at the nodes.
+    """Sums over the residuals of members (simulations with different values) at the nodes (tabulated delays).
 
-    Products of each two nodes [members, nodes, nodes] and sums [members, nodes], over `size` samples. NaN for
-    members without a model.
+    Fields: products of each two nodes [members, nodes, nodes] and sums [members, nodes], over `size` samples;
+    NaN for members that cannot be simulated.
     """
 
     products: Array
@@ -62,22 +63,23 @@ class Sums(NamedTuple):
     size: int
 
     def chi_squared(self, weights: Array, offset: Array) -> Array:
-        """m^2 of each member, at its delay (weights [members, nodes]) and its offset [m]."""
+        """Return the sum of squares, m^2, of each member at its delay (weights [members, nodes]) and its
+        offset [m]."""
         quadratic = np.einsum("mk,mkl,ml->m", weights, self.products, weights)
         return quadratic + offset * (2.0 * np.sum(weights * self.sums, axis=1) + self.size * offset)
 
 
 class SimulatedWalks:
-    """Recordings of one actuator, simulated for many sets of its values.
+    """Recordings of one actuator, simulated for many sets of its values (members).
 
     Args:
-        motions, measured: of each recording: its simulation, and positions [m].
-        model: the actuator that the members vary.
-        delay: s, of the estimate, and its standard error; 0 where it is not free.
-        ties: what is tied to the values.
+        motions, measured: simulation and positions [m] of each recording.
+        model: the actuator whose values the members vary.
+        delay: estimated delay, s, and its standard error, which is 0 if the delay is not free.
+        ties: expressions of the tied values.
 
     Raises:
-        FitError: delay or offset are tied, or something to them: they are integrated out.
+        FitError: delay or offset are tied, or others are tied to them; they are integrated out.
     """
 
     def __init__(
@@ -108,13 +110,13 @@ class SimulatedWalks:
             self._read.append((drive, times, place[1:].reshape(wanted.shape)))
 
     def weights(self, delay: Array) -> Array:
-        """Return the weights of the nodes at delays [s], [points, nodes]."""
+        """Return the interpolation weights of the nodes at delays [s], shape (points, nodes)."""
         if self.nodes.size == 1:
             return np.ones((delay.size, 1))
         return np.asarray(make_interp_spline(self.nodes, np.eye(self.nodes.size))(delay))
 
     def __call__(self, own: Mapping[str, Array], count: int) -> Sums:
-        """Return the sums of members with these values of the actuator, [members] each."""
+        """Return the sums of `count` members with these values of the actuator, arrays [members] by name."""
         k, size = self.nodes.size, sum(x.size for x in self.measured)
         found = Sums(np.zeros((count, k, k)), np.zeros((count, k)), size)
         columns = dict(own) or {"load": np.ones(count)}
@@ -139,7 +141,8 @@ class SimulatedWalks:
 
 
 class Eliminated(NamedTuple):
-    """Logarithm of the likelihood without delay and offset [members], and both as drawn beside it."""
+    """Logarithm of the likelihood without delay and offset [members], and a random draw of both for each
+    member."""
 
     log_likelihood: Array
     delay: Array

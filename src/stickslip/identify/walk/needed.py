@@ -1,4 +1,4 @@
-"""Values of the position channel that a fit frees by default: offset and delay."""
+"""Parameters of the position channel that a fit frees by default: offset and delay."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from ..free import value_of
 from .position_channel import CHANNEL
 from .walks import Walks
 
-# Samples at rest that tell a mean, and of how many standard errors it is one.
+# Fewest samples at rest for a mean, and its smallest size in standard errors.
 FEWEST, SURE = 10, 4.0
-# Ratio of sums of squares above which a fit without delay and offset describes nothing.
+# Ratio of sums of squares above which a fit without delay and offset is useless.
 FAR = 2.0
 
 Array = NDArray[np.float64]
 
 
 def shown_at_rest(known: Sequence[KnownNoise], measured: Sequence[Array]) -> list[str]:
-    """The offset, where a position [n] is not zero on average before anything moves."""
+    """Return "offset" in a list if a position [n] is not zero on average before the motion; otherwise an
+    empty list."""
     for noise, position in zip(known, measured, strict=True):
         rest = position[: noise.at_rest]
         if rest.size >= FEWEST:
@@ -46,18 +47,18 @@ def freed(
     taken: Collection[str],
     first: Values,
 ) -> tuple[Fit, list[str]]:
-    """The fit with those of delay and offset free too that the recordings show; and which these are.
+    """Return the fit with delay and offset free if the recordings show them, and the names of those freed.
 
-    All are searched with both first: an offset that is there, and not in the model, makes minima of its own,
-    and searches end in them.
+    Both are free in the first search: a real offset that is missing in the model causes additional minima in
+    which searches end.
 
     Args:
-        searched: from anywhere.
-        near: from a fit of more parameters, and the other minima of it.
-        walks: to be described.
-        free: what else is free.
-        taken: what is free, or tied.
-        first: a delay that is known to be there is free in any case.
+        searched: function that fits with the named channel parameters from distant guesses.
+        near: function that fits them from a fit with more parameters, and from its other minima.
+        walks: recordings to describe.
+        free: names of the other free parameters.
+        taken: names that are free or tied already.
+        first: known initial values; a delay among them is always free.
     """
     others = [name for name in CHANNEL if name not in taken]
     asked = [name for name in others if name in shown_at_rest(walks.known, walks.measured)]
@@ -66,7 +67,8 @@ def freed(
         return whole, others
     if asked != others:
         less = near([*free, *asked], whole)
-        if less.cost > FAR * whole.cost:  # its slopes tell nothing; either of two that act alike would do
+        # its derivatives are not informative; either of two similar parameters would do
+        if less.cost > FAR * whole.cost:
             more = [name for name in others if name in first or rise(whole, name) > ASKED] or others
         else:
             more = _asked_for(less, walks, first, {*taken, *asked})
@@ -94,7 +96,8 @@ def freed_near(
 
 
 def _asked_for(fit: Fit, walks: Walks, first: Values, free: Collection[str]) -> list[str]:
-    """Return delay or offset if they would lower the sum of squares by more than noise does."""
+    """Return the names of delay and offset if freeing them would lower the sum of squares by more than noise
+    does."""
     pairs = zip(fit.residuals, walks.measured, walks.motions, strict=True)
     moving = [-np.gradient(r + x, motion.time) for r, x, motion in pairs]
     slopes = {"delay": np.concatenate(moving), "offset": np.ones(sum(x.size for x in walks.measured))}
@@ -104,7 +107,7 @@ def _asked_for(fit: Fit, walks: Walks, first: Values, free: Collection[str]) -> 
 
 
 def said_free(fit: Fit, names: Sequence[str]) -> str:
-    """A sentence on what is free besides what was asked for."""
+    """Return a sentence on channel parameters that were freed automatically."""
     units = {p.name: p for p in fit.parameters}
     listed = " and ".join(f"{name} = {units[name].shown(fit.values[name], 3)}" for name in names)
     verb = "is" if len(names) == 1 else "are"
@@ -112,7 +115,8 @@ def said_free(fit: Fit, names: Sequence[str]) -> str:
 
 
 def said_kept(fit: Fit, model: Actuator) -> tuple[str, ...]:
-    """A sentence on stiction that is not free, where it follows Coulomb friction at another ratio than 1."""
+    """Return a sentence if stiction is not free and follows Coulomb friction at a ratio other than 1;
+    otherwise an empty tuple."""
     free = {"stiction_force", "stiction_ratio"} & {*fit.values, *fit.tied}
     if free or "coulomb_force" not in fit.values or "stiction_ratio" not in ratios_of(model.friction):
         return ()

@@ -1,4 +1,4 @@
-"""Walks by other stages: how far the positions of a fit move with the stage as a whole."""
+"""Effect of other possible stages on the positions of a fitted walk."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ def moved_by(
         )
 
     here = positions(fit.model)
-    own = {name for name in STAGE_PARAMETERS if name in fit.values}  # what the fit has found itself, stays
+    # values that the fit has found itself are kept
+    own = {name for name in STAGE_PARAMETERS if name in fit.values}
     return np.column_stack(
         [
             positions(

@@ -1,13 +1,13 @@
-r"""Searches at the stiffnesses beside that of a fit at which the contact rings on alike.
+r"""Searches at neighbouring stiffnesses at which the contact vibrates with nearly the same phase.
 
-From one jump of the drive to the next, T later, the contact rings for n cycles, and decays:
+Between jumps of the drive, T apart, the contact vibrates for n cycles and decays:
 
 .. math:: n = \frac{T}{2 \pi} \sqrt{k / m}, \qquad
     \exp(-2 \pi \zeta_c n), \quad \zeta_c = \frac{\sigma_1 + \sigma_2}{2 \sqrt{k m}}
 
-(k the contact's stiffness, m the end-effector's mass). Where it still rings, a model with one cycle more
-or less meets the jump in the same phase: the sum of squares has a local minimum every 2 / n of the stiffness,
-as a periodogram has lines, and searches from afar end in any of them.
+(k the contact's stiffness, m the end-effector's mass). While it still vibrates, a model with one cycle more
+or less reaches the next jump with the same phase. So the sum of squares has a local minimum at every 2 / n of
+the stiffness, like the lines of a periodogram, and distant searches end in any of them.
 """
 
 from __future__ import annotations
@@ -28,19 +28,20 @@ from .displacement import Displacement
 from .several import likely, straightened
 from .walks import Walks
 
-# A decay by this power of e leaves no phase for the next jump to meet; with fewer cycles, minima are so far
-# apart that the searches from several points find them all.
+# Decay exponent above which no vibration remains at the next jump; and number of cycles below which minima
+# are so far apart that the searches from several points find them all.
 GONE, FEWEST = 3.0, 4.0
-# Searches stand half a minimum apart, up to so many on each side and to this logarithm of the stiffness, and
-# take few evaluations; anew where one led lower, at most so often.
+# Number of search points on each side, half a minimum apart; their largest distance in the logarithm of the
+# stiffness; evaluations of each; and number of repetitions from a lower point.
 RUNGS, REACH, LOOK, CLIMBS = 12, 0.5, 5, 4
-# Number of results, from the lowest, that are searched to their ends.
+# Number of results, from the lowest, whose search is completed.
 FOLLOWED = 2
 STIFFNESS = ("N/m", turned("N/m"))
 
 
 def cycles(model: Actuator, stiffness: float, motions: Sequence[Displacement]) -> float:
-    """Return the number of vibrations of the contact between jumps of the drive; 0 if they decay before."""
+    """Return the number of vibrations of the contact between jumps of the drive; 0 if they decay before the
+    next jump."""
     gaps = []
     for motion in motions:
         jumps = np.flatnonzero(np.diff(edges(evaluate(motion.drive, motion.time)[0]).astype(int)) == 1)
@@ -54,13 +55,13 @@ def cycles(model: Actuator, stiffness: float, motions: Sequence[Displacement]) -
 
 
 def with_other_phases(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
-    """The fit, or the one with the lowest sum of squares whose contact rings some cycles more or less; those
-    that the noise does not reject are among its minima.
+    """Return the fit, or a better one whose contact vibrates some cycles more or less; its minima include
+    those that the noise does not reject.
 
     Args:
-        fit: of the walks.
+        fit: fit of the walks.
         walks: the recordings.
-        max_evaluations: of a search to its end.
+        max_evaluations: limit for a search to its end.
     """
     for _ in range(CLIMBS):
         free = [p.name for p in fit.parameters if p.unit in STIFFNESS]
@@ -84,7 +85,7 @@ def with_other_phases(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
 
 
 def _looks(fit: Fit, walks: Walks, stiffnesses: Sequence[str], n: float) -> list[Fit]:
-    """Short searches at other stiffnesses, from half a minimum away to `REACH`."""
+    """Return fits of short searches at other stiffnesses, from half a minimum away to `REACH`."""
     begun = straightened(fit.parameters, fit.values)
     rungs = range(1, min(RUNGS, math.ceil(REACH * n)) + 1)
     found = []
@@ -95,6 +96,6 @@ def _looks(fit: Fit, walks: Walks, stiffnesses: Sequence[str], n: float) -> list
 
 
 def _far(one: Fit, other: Fit, stiffnesses: Sequence[str], least: float) -> bool:
-    """Return whether two stiffnesses differ by more than this [logarithm]."""
+    """Return True if the stiffnesses of two fits differ by more than `least` in the logarithm."""
     sums = [sum(fit.values[name] for name in stiffnesses) for fit in (one, other)]
     return abs(math.log(sums[0] / sums[1])) > least

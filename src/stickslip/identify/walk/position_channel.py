@@ -1,4 +1,4 @@
-"""The end-effector's position in a recording: checked, and what is free of its channel in a fit."""
+"""Checks of the end-effector's position in a recording of a walk, and parameters of its channel."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from ..recorded.drives import refuse_sampling
 OBSERVED = "end_effector_position"
 # Parameters of the channel, not of the actuator.
 CHANNEL = ("delay", "offset")
-# A delay is looked for within this share of the shortest recording.
+# Largest delay that is searched, relative to the shortest recording.
 LONGEST_DELAY = 0.02
-# In a period of the stage's own vibration; with fewer, its slips are not seen.
+# Fewest samples in a period of the stage's vibration; with fewer, slips are not resolved.
 FEWEST_SAMPLES = 1.5
 
 
 def walked(recording: xr.Dataset, drive: Waveform | None, where: str) -> NDArray[np.float64]:
-    """The positions of a walk, m.
+    """Return the positions of a walk, m, shape (n,).
 
     Raises:
-        RecordingError: they are missing, empty, constant, clipped, too few or too coarsely sampled.
+        RecordingError: the positions are missing, empty, constant, clipped, too few or too coarsely sampled.
     """
     position = channel(recording, OBSERVED, where, varies=True)
     refuse_clipped(position, OBSERVED, where)
@@ -41,7 +41,8 @@ def walked(recording: xr.Dataset, drive: Waveform | None, where: str) -> NDArray
 
 
 def warn_of_unseen_slips(recording: xr.Dataset, model: Actuator, where: str) -> None:
-    """Warn of a walk so coarsely sampled that several sets of values fit: intervals hold one of them."""
+    """Warn if a walk is sampled so coarsely that several sets of values fit; the intervals contain only one
+    of them."""
     period = 2.0 * math.pi / model.natural_frequency
     interval = float(np.median(np.diff(recording["time"].values)))
     if 0.0 < period < FEWEST_SAMPLES * interval:
@@ -57,7 +58,8 @@ def warn_of_unseen_slips(recording: xr.Dataset, model: Actuator, where: str) -> 
 def of_channel(
     name: str, recordings: Sequence[xr.Dataset], bounds: Bounds, begin: Mapping[str, float]
 ) -> Parameter:
-    """One of `CHANNEL` as a parameter of a fit to all recordings; it starts at 0 if `begin` does not say."""
+    """Return one of `CHANNEL` as a parameter of a fit to all recordings; its initial value is in `begin`,
+    else 0."""
     if name == "delay":
         reach = LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in recordings)
         return linear(name, "s", begin.get(name, 0.0), (-reach, reach), bounds)

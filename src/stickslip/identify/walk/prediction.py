@@ -1,4 +1,4 @@
-"""Prediction of a position channel, by a fit or by given values."""
+"""Prediction of a position channel by a fit or by given values."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from ..recorded.known_noise import SIMULATED
 from .displacement import Displacement
 from .position_channel import OBSERVED
 
-# Tolerance of a simulation beside a recording: far below any noise.
+# Tolerance of a simulation that is compared with a recording: far below any noise.
 TOLERANCE = SIMULATED
 
 
 @record
 class Predictor(NamedTuple):
-    """An actuator with given values, and the chain to its channel; `tolerance` [m] of the simulations."""
+    """An actuator with given values, and the chain of instruments to its position channel; `tolerance` [m] of
+    the simulations."""
 
     model: Actuator
     chain: Chain = Chain()
@@ -36,15 +37,16 @@ class Predictor(NamedTuple):
     def of(
         cls, model: Actuator, values: Values, slew_rate: float | None, tolerance: float = TOLERANCE
     ) -> Predictor:
-        """By the values of a fit, delay and offset of the channel among them."""
+        """Return the predictor with the values of a fit, including delay and offset of the channel."""
         delay, offset = values.get("delay", 0.0), values.get("offset", 0.0)
         return cls(model, Chain(delay, offset, slew_rate=slew_rate or math.inf), tolerance)
 
     def predict(self, recording: xr.Dataset, drive: Any = None) -> NDArray:
-        """The channel at the recording's samples, m; from the channel drive_voltage without a drive.
+        """Return the predicted position at the recording's samples, m, shape (n,). Without `drive`, the
+        channel drive_voltage is used.
 
         Raises:
-            RecordingError: the motion cannot be followed.
+            RecordingError: the motion cannot be simulated.
         """
         name, chain = names_of([recording])[0], self.chain
         try:

@@ -1,7 +1,8 @@
-"""Reaction of the friction on the stage, asked of the recordings where a model leaves it out [kang2007, 3.4].
+"""Test whether recordings show the reaction of the friction on the stage, if the model leaves it out
+[kang2007, 3.4].
 
-On a real stage it is there. Left out, it is made up for by other values of the contact, which may describe
-one walk nearly as well.
+A real stage has this reaction. A model without it compensates by other values of the contact, which may
+describe one walk nearly as well.
 """
 
 from __future__ import annotations
@@ -16,21 +17,22 @@ from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from .walks import NEAR, Walks
 
-# Difference of chi-squared from which one of two models with as many parameters is the better one: e^5 to 1.
+# Difference of chi-squared at which one of two models with equally many parameters is clearly better: odds of
+# e^5 to 1.
 CLEAR = 10.0
-# Where a step lowers it by less than this, the search is over: some go on for long along a value that is not
-# determined.
+# Smallest useful reduction per step; a search with smaller ones ends, because it follows an undetermined
+# value.
 SLOW = 1e-3 * CLEAR
 
 
 def with_reaction(fit: Fit, walks: Walks, max_evaluations: int) -> Fit | None:
-    """Return the fit with the reaction, searched for from there; None where the model has it, or where there
-    is no motion with it from there."""
+    """Return the fit with the reaction, starting from the fit without it; None if the model has it already,
+    or cannot be simulated with it."""
     model = walks.model
     if model.stage_reaction or model.static or model.clamped:
         return None
-    # From afar, in logarithms: along straight valleys 5 of 60 such searches did not end, so 2.
-    # To the end: what is far worse after a few evaluations may be the better one there.
+    # In logarithms from distant values: along straightened minima 5 of 60 such searches did not end, this way
+    # 2. They continue to their end, because a model that is far worse after a few evaluations may end better.
     start = [p.starting_at(fit.values[p.name])._replace(power=0) for p in fit.parameters]
     reacting = replace(walks, model=model.replace(stage_reaction=True))
     tolerance = SLOW / fit.degrees_of_freedom
@@ -41,8 +43,8 @@ def with_reaction(fit: Fit, walks: Walks, max_evaluations: int) -> Fit | None:
 
 
 def with_reaction_asked(fit: Fit, other: Fit | None) -> Fit:
-    """Return the fit with a sentence on `with_reaction`: a doubt where that describes the recordings better,
-    a remark where they do not tell and a value would be outside its interval."""
+    """Return the fit with a sentence on the test of the reaction: a doubt if the reaction describes the
+    recordings better; a remark if the recordings do not decide and a value would be outside its interval."""
     if other is None:
         return fit
     left = np.concatenate(other.residuals)
@@ -70,7 +72,8 @@ def with_reaction_asked(fit: Fit, other: Fit | None) -> Fit:
 
 
 def difference(fit: Fit, other: Fit) -> float:
-    """Of chi-squared of two fits, each where it is at its best, which a mean over all that fits is not."""
-    if math.isnan(fit.log_likelihood):  # a robust loss
+    """Return the difference of chi-squared of two fits, each at its minimum rather than at a mean over all
+    that fit."""
+    if math.isnan(fit.log_likelihood):  # the loss is robust
         return other.n_data * math.log(fit.cost / other.cost)
     return 2.0 * (other.log_likelihood - fit.log_likelihood)

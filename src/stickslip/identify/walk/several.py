@@ -1,4 +1,4 @@
-"""Searches for the friction of a walk from several points: the model that was given, and others."""
+"""Searches for the friction of a walk from several initial guesses: the given model, and others."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from .first_guess import beside
 from .position_channel import CHANNEL
 from .walks import Walks
 
-# Powers for a search along the valley: walks are nearer to linear in forces and compliances than in
-# logarithms.
+# Powers of the parameters in which the search runs: walks are more nearly linear in forces and compliances
+# than in logarithms.
 POWERS = {"N": 1, "N s/m": 1, "N/m": -1}
 POWERS |= {turned(unit): power for unit, power in POWERS.items()}
 # Assumed largest fall of chi-squared from the point where a search was stopped to its end.
@@ -31,14 +31,14 @@ def from_points(
     given: Container[str],
     max_evaluations: int,
 ) -> Fit:
-    """See `from_several`.
+    """Return the best fit of searches from several points; see `from_several`.
 
     Args:
-        walks: to be described.
-        parameters: within bounds wide enough for all points.
-        begins: the first of them is the user's.
-        given: names whose bounds are the user's; others get theirs about where the searches end.
-        max_evaluations: of each search.
+        walks: recordings to describe.
+        parameters: with bounds wide enough for all points.
+        begins: initial guesses, the user's first.
+        given: names whose bounds are the user's; others get bounds about the ends of the searches.
+        max_evaluations: limit for each search.
     """
 
     looked: list[Fit] = []
@@ -62,10 +62,10 @@ def from_points(
             there = straightened(within, fit.values)
             return followed(fit, lambda: walks.fit(there, max_evaluations=max_evaluations), enough)
 
-        # Where one value is lost, the search goes along a valley; `integrated` does that better.
+        # If a value is undetermined, the search follows a long flat minimum; `integrated` does that better.
         found = [end(fit, _lost(fit)) for fit in kept]
         best = min(found, key=lambda fit: fit.cost)
-        if not _lost(best):  # what may fit as well beside it is in its intervals only from its end
+        if not _lost(best):  # the intervals include an equally good solution only after its search has ended
             found = [end(fit, not (_lost(fit) and likely(fit, best))) for fit in found]
         return [replace(fit, parameters=tuple(straightened(within, fit.values))) for fit in found]
 
@@ -83,7 +83,7 @@ def likely(look: Fit, fit: Fit) -> bool:
 
 
 def _reaching(parameters: Sequence[Parameter], fit: Fit) -> list[Parameter]:
-    """Within bounds that hold the end of another search too."""
+    """Return the parameters with bounds that include the end of another search."""
     return [
         p._replace(lower=min(p.lower, fit.values[p.name]), upper=max(p.upper, fit.values[p.name]))
         for p in parameters
@@ -91,7 +91,7 @@ def _reaching(parameters: Sequence[Parameter], fit: Fit) -> list[Parameter]:
 
 
 def straightened(parameters: Sequence[Parameter], values: Values) -> list[Parameter]:
-    """The parameters, starting at the values, for a search along straight valleys."""
+    """Return the parameters with these initial values and with the powers that straighten curved minima."""
     return [
         p.starting_at(values[p.name])._replace(power=POWERS.get(p.unit, 0) if p.log else 0)
         for p in parameters

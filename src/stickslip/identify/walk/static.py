@@ -1,7 +1,7 @@
-r"""Walks by Pohl's static model [pohl1987; kang2007, eq. 1.1]: the piezo moves by D times the voltage.
+r"""Pohl's static model of walks [pohl1987; kang2007, eq. 1.1]: the piezo moves by D times the voltage.
 
-The end-effector is carried by all of it that is slow and left behind by all that is fast, whatever the
-friction: :math:`x = D\,w(t)`, w being the voltage without its jumps.
+The end-effector follows all slow motion of the piezo and stays behind in all fast motion, whatever the
+friction: :math:`x = D\,w(t)`, where w is the voltage without its jumps.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ Array = NDArray[np.float64]
 
 
 def slow_part(drive: Drive, end: float) -> Callable[[Array], Array]:
-    """The voltage less its jumps and fast flanks, from 0 at t = 0, as a function of time up to `end` [s]."""
+    """Return a function of time [s], up to `end`, for the voltage without its jumps and fast flanks; it is 0
+    at t = 0."""
     ends = np.append(drive.start[1:], max(end, float(drive.start[-1])))
     first = np.array([value_at(drive, i, t)[0] for i, t in enumerate(drive.start)])
     last = np.array([value_at(drive, i, t)[0] for i, t in enumerate(ends)])
@@ -46,7 +47,7 @@ def slow_part(drive: Drive, end: float) -> Callable[[Array], Array]:
     usual = float(speed[moving][order][np.searchsorted(share, 0.5 * share[-1])]) if share.size else 0.0
     fast = speed > FAST * usual
     jumps = first - np.append(drive.before, last[:-1])
-    # What has been left behind when a segment begins: all jumps so far, and the fast segments before it.
+    # Voltage that was left behind before each segment: all jumps so far, and the earlier fast segments.
     behind = np.cumsum(jumps) + np.append(0.0, np.cumsum(np.where(fast, last - first, 0.0))[:-1])
 
     def of(times: Array) -> Array:
@@ -69,9 +70,9 @@ def identify_static_walk(
 
     Args:
         recordings: with end_effector_position [m].
-        model: whose gain the search starts at.
+        model: actuator whose gain is the initial value.
         drive, slew_rate: as for `identify_friction`.
-        bounds: of gain, delay and offset, in SI.
+        bounds: bounds of gain, delay and offset, in SI.
 
     Raises:
         RecordingError: a channel is missing, too short or constant.
@@ -100,13 +101,13 @@ def identify_static_walk(
 
 
 class StaticPrediction(NamedTuple):
-    """A walk by the values of a fit; `slew_rate` as for `identify_static_walk`."""
+    """Prediction of a walk by the fitted static model; `slew_rate` as for `identify_static_walk`."""
 
     values: Values
     slew_rate: float | None
 
     def predict(self, recording: xr.Dataset, drive: Any = None) -> Array:
-        """m, at the recording's samples."""
+        """Return the position at the recording's samples, m, shape (n,)."""
         return _walk(recording, drive, names_of([recording])[0], self.slew_rate)(self.values)
 
 

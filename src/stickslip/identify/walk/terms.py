@@ -1,5 +1,5 @@
-"""Terms that a model of a walk may lack: what each frees, and small changes of the model that show what it
-does."""
+"""Terms that a model of a walk may lack: the parameters of each, and small changes of the model that show its
+effect."""
 
 from __future__ import annotations
 
@@ -28,29 +28,30 @@ RIPPLE = "friction that comes and goes along the stroke"
 REACTION = "friction that acts back on the stage"
 STAGE = "a stage with other values than the given ones"
 
-# Times the Stribeck velocity of the model: where a curve is looked for.
+# Stribeck velocities, relative to the model's, at which a Stribeck curve is searched.
 STRIBECK_VELOCITIES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
-# Waves along the whole way at which a ripple is looked for, and the most of them.
+# Spacing of the tried numbers of waves of a ripple along the whole way, and their largest number.
 WAVES_STEP, MOST_WAVES = 0.5, 8.0
-# Share of the force at the fastest motion that viscous friction may reach, over the force of the contact.
+# Largest viscous friction at the fastest motion, relative to the force of the contact.
 MOST_VISCOUS = 30.0
-# Largest change of the normal force over the whole way, and by direction.
+# Largest change of the normal force over the whole way, and between directions.
 MOST_CHANGE = 0.9
 
 Array = NDArray[np.float64]
 
 
 class Way(NamedTuple):
-    """One way in which a term may be there: values of the models `beside`, each a small step along a number
-    of it; `start`, from how many of these steps explain the residuals to the values where a search begins."""
+    """One variant of a missing term. Fields: values of the models `beside`, each with a small step along one
+    of its numbers; `start`, a function from the number of these steps that explain the residuals to initial
+    values of a search."""
 
     beside: tuple[Values, ...]
     start: Callable[[Array], Values]
 
 
 class Term(NamedTuple):
-    """A term that is not free: its `cause` in words, the parameters that it frees, the bounds of those that
-    need some, and the ways in which it may be there."""
+    """A missing term: its `cause` in words, the parameters that it frees, the bounds of those that need some,
+    and its variants."""
 
     cause: str
     names: tuple[str, ...]
@@ -60,7 +61,8 @@ class Term(NamedTuple):
 
 
 class Scales(NamedTuple):
-    """Typical sizes of a walk: force of the contact [N], speed of the end-effector [m/s], its way [m]."""
+    """Typical sizes of a walk: force of the contact [N], speed of the end-effector [m/s], total displacement
+    [m]."""
 
     force: float
     speed: float
@@ -68,7 +70,7 @@ class Scales(NamedTuple):
 
 
 def scales_of(fit: Fit, walks: Walks) -> Scales:
-    """Return sizes of a walk, by its model."""
+    """Return the typical sizes of walks, computed with the model of the fit."""
     model, law = fit.model, fit.model.friction
     found = [r + x for r, x in zip(fit.residuals, walks.measured, strict=True)]
     speeds = [np.gradient(x, motion.time) for x, motion in zip(found, walks.motions, strict=True)]
@@ -83,12 +85,12 @@ def scales_of(fit: Fit, walks: Walks) -> Scales:
 
 
 def terms_of(fit: Fit, walks: Walks, step: float) -> list[Term]:
-    """Return the terms that a fit does not have.
+    """Return the terms that the model of a fit lacks.
 
     Args:
-        fit: of `identify_friction`, with its model.
-        walks: what is described.
-        step: size of the small changes, relative to what is typical.
+        fit: result of `identify_friction`, with its model.
+        walks: recordings that it describes.
+        step: size of the small changes, relative to typical sizes.
     """
     model, size = fit.model, scales_of(fit, walks)
     taken = {p.name for p in (*fit.parameters, *fit.beside)}
@@ -102,7 +104,7 @@ def terms_of(fit: Fit, walks: Walks, step: float) -> list[Term]:
 
 
 def _linear(name: str, now: float, size: float, limits: tuple[float, float]) -> Way:
-    """A number that grows from what it is."""
+    """Return the variant in which a number changes from its present value, on a linear scale."""
     low, high = limits
     return Way(({name: now + size},), lambda steps: {name: float(np.clip(now + steps[0] * size, low, high))})
 
@@ -135,7 +137,7 @@ def _stribeck(model: Actuator, fit: Fit, step: float) -> Term | None:
         beside = {"stiction_ratio": ratio + step, "stribeck_velocity": velocity}
         return Way((beside,), start)
 
-    # Another velocity changes nothing only where stiction is no more than Coulomb friction.
+    # A different Stribeck velocity has no effect only if stiction equals Coulomb friction.
     shares = STRIBECK_VELOCITIES if abs(ratio - 1.0) < 1e-9 else (1.0,)
     ways = tuple(way(share * velocity) for share in shares)
     return Term(STRIBECK, ("stiction_ratio", "stribeck_velocity"), ways, {}, ("stiction_force",))
@@ -195,7 +197,7 @@ def _stage(model: Actuator, step: float, taken: set[str]) -> Term:
 
 
 def bounds_about(term: Term, values: Values) -> Mapping[str, tuple[float, float]]:
-    """Return the bounds of a term's parameters that need some, about where they are found."""
+    """Return the bounds of those parameters of a term that need some, about the values found."""
     if term.cause != RIPPLE:
         return term.bounds
     ripple, wavelength, phase = (values[name] for name in term.names)

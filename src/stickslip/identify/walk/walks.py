@@ -1,4 +1,4 @@
-"""Searches over simulated walks: all recordings at once, or with one value fixed."""
+"""Least-squares problems of walks: all recordings at once, also with one value fixed."""
 
 from __future__ import annotations
 
@@ -29,21 +29,20 @@ from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement, has_slopes
 from .position_channel import CHANNEL
 
-# Relative, of a law without derivatives. With its tolerance, both parts of the error are under 1 % of a
-# derivative. A contact that rings on between jumps shows a tenth of a percent of its stiffness as another
-# phase: over steps of 5e-3, the derivative by a stiffness is wrong by a quarter.
+# Relative difference step for a law without derivatives. With its tolerance, both parts of the error are
+# below 1 % of a derivative. If the contact vibrates between jumps, a tenth of a percent of its stiffness
+# changes the phase: with steps of 5e-3, the derivative by the stiffness is wrong by a quarter.
 DIFFERENCE_STEP = 5e-4
-# See `fit_least_squares`. Errors of simulated derivatives leave some thousandths anywhere; two hundredths
-# raise chi-squared by less than searches that agree differ in (`SAME_MINIMUM`). Of the average over fits
-# where one value is fixed, a tenth is far less.
+# Convergence limits, see `fit_least_squares`. Errors of simulated derivatives leave some thousandths
+# anywhere; two hundredths raise chi-squared by less than the difference between searches that agree
+# (`SAME_MINIMUM`). A tenth is accurate enough for the average over fits with one value fixed.
 SETTLED, NEAR = 2e-2, 0.1
 
 Array = NDArray[np.float64]
 
 
 class Varied:
-    """An actuator with values put in, and what is tied to them; the last is kept, for it is asked for again
-    at once."""
+    """An actuator as a function of the fitted values, including tied ones; the last result is cached."""
 
     def __init__(self, model: Actuator, ties: Ties | None = None) -> None:
         self.model, self.ties, self._last = model, ties or Ties(()), ({}, model)
@@ -57,10 +56,12 @@ class Varied:
 
 @dataclass(frozen=True)
 class Walks:
-    """Recordings of one actuator: their simulations, the positions [m] that were measured, their names, the
-    unit of the positions and what they show of their noise; the fit that the stage is from, if any; what is
-    tied to the parameters of fits, which have only those that are searched for; the rest as
-    `identify_friction`."""
+    """Recordings of one actuator as a least-squares problem.
+
+    Fields: simulation and measured positions [m] of each recording, names, unit of the positions, and their
+    known noise; the fit of the stage, if any; expressions of tied parameters. The other fields are arguments
+    of `identify_friction`.
+    """
 
     motions: Sequence[Displacement]
     measured: Sequence[Array]
@@ -89,21 +90,22 @@ class Walks:
 
     @property
     def budget(self) -> EvaluationBudget:
-        """What all searches of these recordings share, with other models too."""
+        """Return the budget of evaluations that all searches of these recordings share, also with other
+        models."""
         assert self.spent is not None
         return self.spent
 
     def fit(self, parameters: Sequence[Parameter], **options: Any) -> Fit:
-        """See `searched` and `completed`."""
+        """Return the fit of these parameters with its uncertainty; see `searched` and `completed`."""
         return self.completed(self.searched(parameters, **options))
 
     def beside(self, parameters: Sequence[Parameter]) -> list[Parameter]:
-        """What is fixed or tied beside the parameters of a fit."""
+        """Return the fixed and tied parameters that a fit needs besides these."""
         names = {p.name for p in parameters}
         return [p for p in self.ties.beside if p.name not in names]
 
     def cost(self, values: Values) -> float:
-        """The weighted sum of squares at the values; infinite where there is no model."""
+        """Return the weighted sum of squares at the values; infinite if the model cannot be simulated."""
         try:
             parts = [
                 observed(m, self.varied, values) - x for m, x in zip(self.motions, self.measured, strict=True)
@@ -115,7 +117,8 @@ class Walks:
     def hold(
         self, name: str, parameters: Sequence[Parameter], most: int, value: float, begin: Values
     ) -> tuple[Fit, Fit]:
-        """The fit of the others with one value fixed, without the uncertainty of the stage and with it."""
+        """Return the fit of all other parameters with one value fixed, without and with the uncertainty of
+        the stage."""
         fixed = [
             p._replace(start=value, fixed=True) if p.name == name else p.starting_at(begin[p.name])
             for p in parameters
@@ -124,7 +127,8 @@ class Walks:
         return alone, self._with_stage(alone)
 
     def problem(self, parameters: Sequence[Parameter]) -> Problem:
-        """Of what the position channel shows; with what is tied to the parameters."""
+        """Return the least-squares problem of these parameters and those tied to them, for the position
+        channel."""
         parameters = [*parameters, *self.beside(parameters)]
         free = [p.name for p in parameters if not p.fixed]
         own, exact = [name for name in free if name not in CHANNEL], has_slopes(self.model)
@@ -134,7 +138,7 @@ class Walks:
             def of(values: Values) -> Array:
                 if (
                     exact
-                ):  # most trial points are accepted, and then want their slopes: one simulation for both
+                ):  # accepted points need slopes, too
                     motion.slopes(varied(values), values.get("delay", 0.0), own)
                 return observed(motion, varied, values) - position
 
@@ -167,10 +171,10 @@ class Walks:
         settled: float | None = None,
         **options: Any,
     ) -> Fit:
-        """By least squares; see `completed`."""
+        """Return the least-squares fit without its final uncertainty; see `completed`."""
         problem = self.problem(parameters)
         problem.budget = self.budget
-        # A slope by differences is an evaluation for each free value.
+        # Numerical derivatives take one evaluation for each free value.
         each = 1 if problem.jacobian else 1 + len(parameters)
         return fit_least_squares(
             problem,
@@ -183,18 +187,18 @@ class Walks:
         )
 
     def completed(self, fit: Fit) -> Fit:
-        """The fit with the noise that is seen in what it leaves, and with the uncertainty of the stage."""
+        """Return the fit with the noise that its residuals show, and with the uncertainty of the stage."""
         return self._with_stage(self._with_noise(fit))
 
     def _with_noise(self, fit: Fit) -> Fit:
-        # Noise that was given is not that of a clock that jitters.
+        # A given noise does not include clock jitter.
         own = self.noise is None or any(one.independent for one in fit.jitter)
         if self.correlated is None and own and self.loss == "linear":
             fit = with_own_noise(fit)
         return fit
 
     def _with_stage(self, fit: Fit) -> Fit:
-        """The fit with the uncertainty of the stage passed on, of those of its values that are not free."""
+        """Return the fit with the propagated uncertainty of the stage's values that are not free."""
         stage = self.stage
         if stage is None:
             return fit
@@ -208,9 +212,10 @@ class Walks:
         return with_inherited(fit, by * slopes, stage.uncertainty.covariance[np.ix_(kept, kept)])
 
     def by_known(self, fit: Fit) -> ByKnown:
-        """Derivatives of all residuals of a completed fit by what it takes as known: see `with_scales`.
+        """Return the derivatives of all residuals of a completed fit by the values that it takes as known:
+        see `with_scales`.
 
-        The scale of the drive acts as the gain does.
+        The scale of the drive has the same effect as the gain.
         """
         stage = self.stage
         kept = [] if stage is None else [stage.parameters[i] for i in stage_beside(stage, fit)]
@@ -221,18 +226,18 @@ class Walks:
 
 
 def stage_beside(stage: Fit, fit: Fit) -> list[int]:
-    """Where in the fit of a stage those of its values stand that a fit of friction took as known."""
+    """Return the indices in the stage's fit of the values that a fit of friction took as known."""
     own = {p.name for p in (*fit.parameters, *fit.beside) if not p.fixed}
     return [i for i, p in enumerate(stage.parameters) if p.name in STAGE_PARAMETERS and p.name not in own]
 
 
 def own_values(values: Values) -> Values:
-    """The values that are of the actuator."""
+    """Return the values that belong to the actuator, not to the channel."""
     return {name: value for name, value in values.items() if name not in CHANNEL}
 
 
 def observed(motion: Displacement, varied: Varied, values: Values) -> Array:
-    """What the position channel shows for values of the actuator and of the channel [m]."""
+    """Return the position channel [m], shape (n,), for values of the actuator and of the channel."""
     values = varied.ties(values)
     return motion.position(varied(values), values.get("delay", 0.0)) + values.get("offset", 0.0)
 
@@ -240,7 +245,8 @@ def observed(motion: Displacement, varied: Varied, values: Values) -> Array:
 def slopes_of(
     motions: Sequence[Displacement], varied: Varied, free: Sequence[str]
 ) -> Callable[[Values], Array]:
-    """Derivatives of all recordings' residuals by the free values, [samples, free]."""
+    """Return a function for the derivatives of all recordings' residuals by the free values, shape (samples,
+    free)."""
     own = [name for name in free if name not in CHANNEL]
 
     def of(values: Values) -> Array:
@@ -254,8 +260,8 @@ def slopes_of(
 
 
 def columns_of(motion: Displacement, fit: Fit, names: Sequence[str]) -> dict[str, Array]:
-    """Derivatives [samples] of one position by each value alone: by those named, by what is tied in the fit,
-    and by the channel's."""
+    """Return the derivatives [samples] of one position by single values, by name: the named ones, those tied
+    in the fit, and those of the channel."""
     model, delay = fit.model, fit.values.get("delay", 0.0)
     names = [name for name in dict.fromkeys([*names, *fit.tied]) if name not in CHANNEL]
     if has_slopes(model):
@@ -267,24 +273,25 @@ def columns_of(motion: Displacement, fit: Fit, names: Sequence[str]) -> dict[str
 
 
 def by_values(columns: Mapping[str, Array], fit: Fit, names: Sequence[str]) -> Array:
-    """Derivatives [samples, names] by values that a fit took as known, with what is tied to them."""
+    """Return the derivatives [samples, names] by values that a fit took as known, including their tied
+    values."""
     known = {name: getattr(fit.model, name) for name in names}
     return fit.ties.follow(columns, {**known, **fit.values}, names)
 
 
 def by_coordinates(columns: Mapping[str, Array], fit: Fit) -> Array:
-    """Derivatives [samples, k] by the coordinates of a fit."""
+    """Return the derivatives [samples, k] by the coordinates of a fit."""
     slopes = [p.slope(fit.values[p.name]) for p in fit.parameters]
     return fit.ties.follow(columns, fit.values, [p.name for p in fit.parameters]) * slopes
 
 
 def position_slopes(motions: Sequence[Displacement], fit: Fit, names: Sequence[str]) -> Array:
-    """Derivatives of all positions, joined, [samples, names]; see `by_values`."""
+    """Return the derivatives of all positions, joined, [samples, names]; see `by_values`."""
     return np.concatenate([by_values(columns_of(m, fit, names), fit, names) for m in motions])
 
 
 def _difference(motion: Displacement, model: Actuator, delay: float, name: str) -> Array:
-    """Derivative of a position by a value of the model, where no exact one is to be had."""
+    """Return the numerical derivative of a position by a value of the model that has no exact one."""
     value, _ = value_of(model, name)
     sides = [
         motion.position(with_values(model, {name: value * (1.0 + h)}), delay)
