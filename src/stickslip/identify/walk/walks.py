@@ -136,9 +136,7 @@ class Walks:
 
         def residuals(motion: Displacement, position: Array) -> Callable[[Values], Array]:
             def of(values: Values) -> Array:
-                if (
-                    exact
-                ):  # accepted points need slopes, too
+                if exact:  # accepted points need slopes, too
                     motion.slopes(varied(values), values.get("delay", 0.0), own)
                 return observed(motion, varied, values) - position
 
