@@ -1,10 +1,10 @@
 """The command line: parse, call the library, print. Nothing is computed here.
 
-Imports stand inside the commands, so that ``stickslip --help`` need not wait for the solver. Exit codes:
-0 done, 1 failed, 2 wrong input, 130 interrupted; what went wrong is one line on stderr.
+Imports are inside the commands, so that ``stickslip --help`` does not load the solver. Exit codes: 0 done, 1
+failed, 2 wrong input, 130 interrupted; an error is one line on stderr.
 """
 
-from .frame import app as app  # first: it says so where typer is missing
+from .frame import app as app  # first, because it reports a missing typer
 
 # isort: split
 from . import commands as commands

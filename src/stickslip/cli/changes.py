@@ -1,4 +1,4 @@
-"""A parameter set and a waveform with the changes of --set and its fellows."""
+"""A parameter set and a waveform with the changes of the option --set and similar ones."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ if TYPE_CHECKING:
     from ..physics.actuator import Actuator, PulledSlider
     from ..waveform.signal import Waveform
 
-# Fields of waveforms that have an option of their own; the others are given with --set.
+# Fields of waveforms that have their own option; the others are set by --set.
 OPTIONS = ("amplitude", "frequency", "periods")
 _OWNERS = ("friction", "waveform")
 _LAW = "another law is --law {value}; a value of the law, --set friction.FIELD=VALUE"
-# What is no value of the model, and where it is said instead.
+# Options that are not fields of the model, and where to give them instead.
 _ELSEWHERE = {
     "friction": _LAW,
     "law": _LAW,
@@ -24,7 +24,7 @@ _ELSEWHERE = {
 
 
 def parts_of(changes: list[str]) -> dict[str, dict[str, str]]:
-    """The values of --set by what they belong to: model, friction or waveform."""
+    """Return the values of --set by what they belong to: model, friction or waveform."""
     parts: dict[str, dict[str, str]] = {"model": {}, **{owner: {} for owner in _OWNERS}}
     for change in changes:
         path, equals, value = (one.strip() for one in change.partition("="))
@@ -50,7 +50,7 @@ def model_of(name: str) -> Actuator | PulledSlider:
 def changed_model(
     parameters: str, changes: dict[str, str], friction: dict[str, str], law_name: str = ""
 ) -> Actuator | PulledSlider:
-    """The model with the changes; another law keeps the values that both have."""
+    """Return the model with the changes; another friction law keeps the values that both have."""
     from ..quantities import registry
 
     model = model_of(parameters)
@@ -67,7 +67,7 @@ def changed_model(
 
 
 def _read(text: str, record: Any, field: str) -> Any:
-    """The text as the field's record takes it, which then checks it."""
+    """Return the text as a value of the type of the record's field; the record checks it."""
     now = getattr(record, field, None)
     if isinstance(now, bool):
         return {"true": True, "yes": True, "false": False, "no": False}.get(text.lower(), text)
@@ -75,7 +75,8 @@ def _read(text: str, record: Any, field: str) -> Any:
 
 
 def shape_of(name: str) -> Any:
-    """The waveform of a name as it is written on command lines, "reverse-sawtooth", or of a user's file."""
+    """Return the waveform type with a name as on command lines, such as "reverse-sawtooth", or from a user's
+    file."""
     from ..quantities.registry import own_path
     from ..waveform.signal import shape
 
@@ -85,7 +86,7 @@ def shape_of(name: str) -> Any:
 
 
 def drive_of(name: str, model: Actuator | PulledSlider, fields: dict[str, str]) -> Waveform:
-    """The waveform with its fields; says the option of one that is missing."""
+    """Return the waveform with these fields; the error for a missing field names its option."""
     from ..physics.actuator import Actuator
     from ..quantities.records import quantities, sequences
 

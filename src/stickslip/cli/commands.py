@@ -110,7 +110,7 @@ def simulate(
         metres = to_si(tolerance, "m", "--tolerance")
         _check_samples(drive.duration if seconds is None else seconds, rate)
         with progress_bar() as progress, warnings.catch_warnings():
-            warnings.simplefilter("ignore", SimulationWarning)  # said below, in one line
+            warnings.simplefilter("ignore", SimulationWarning)  # reported below in one line
             progress("simulating", 0.0)
             charged = load_stack(stack) if stack else None
             trajectory = simulated(model, drive, seconds, sample_rate=rate, tolerance=metres, stack=charged)
@@ -127,7 +127,7 @@ def simulate(
 
 
 def _check_samples(seconds: float, rate: float) -> None:
-    """That the trajectory has room in memory, with its report."""
+    """Raise an error if the trajectory and its report do not fit into memory."""
     count = seconds * rate
     if count > MOST_SAMPLES and math.isfinite(seconds):
         raise ValueError(
@@ -170,13 +170,13 @@ def run(
         check_output(out)
         from ..jobs import run_job
 
-        def keep(finished: Document) -> None:  # what failed is said when the error arrives here
+        def keep(finished: Document) -> None:  # if the job failed, the error is reported here
             with suppress(RequirementError):
                 write(finished, out, begun)
 
         with progress_bar() as progress, arming(arm):
             document = run_job(file, out, progress, figures=figures, kept=keep, changes=changes)
-        write(document, out, begun)  # what a step has kept of it too, where somebody has asked to end
+        write(document, out, begun)  # keep also what a step has saved when the user interrupts it
 
 
 @app.command()
@@ -220,7 +220,7 @@ def campaign(
         from ..jobs.campaign import run_campaign
         from ..report import find_browser
 
-        browser = find_browser() if pdf else ""  # before the work, not after it
+        browser = find_browser() if pdf else ""  # check before the work, not after it
         with progress_bar() as progress, arming(arm):
             document = run_campaign(file, out, progress, figures=figures, changes=changes)
         write(document, out, begun, browser)
@@ -264,7 +264,7 @@ def verify(
         from ..jobs.analysis.verification import verification_analysis
 
         analysis, folder = verification_analysis(fit, recordings or [], require, column, unit, changes)
-        if recordings and analysis.notes:  # what had to be guessed
+        if recordings and analysis.notes:  # guessed columns and units
             typer.echo(analysis.notes, err=True)
         with progress_bar() as progress:
             document = run_analysis(analysis, folder, progress)
@@ -334,7 +334,7 @@ def _citation(name: str) -> str:
     from ..physics.actuator import load_actuator, load_pulled_slider
     from ..quantities import registry
 
-    if name in available_sets() or name.endswith(".toml"):  # a set says more than its key
+    if name in available_sets() or name.endswith(".toml"):  # a parameter set prints more than its citation
         found = load_set(name)
         try:
             for text in (found.law, *(part.model for part in found.piezo.values())):

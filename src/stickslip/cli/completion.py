@@ -1,4 +1,4 @@
-"""Shell completion: names that are known, where an argument takes one."""
+"""Shell completion of arguments with known names."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import typer
 
 
 def _completing(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """Return typer's completion: names that start with the text; nothing is imported before it is needed."""
+    """Return a completion function for typer: the names that start with a text. Nothing is imported before it
+    is called."""
 
     def complete(incomplete: str) -> list[str]:
         return [name for name in names() if name.startswith(incomplete)]
@@ -31,7 +32,7 @@ def _laws() -> Iterable[str]:
 
 
 def _waveforms() -> Iterable[str]:
-    """Yield waveforms that have fields, as on command lines: "reverse-sawtooth"."""
+    """Yield the names of waveforms that have fields, as on command lines: "reverse-sawtooth"."""
     from ..quantities.registry import waveforms
 
     return (
@@ -84,12 +85,13 @@ def _skeletons() -> Iterable[str]:
 
 
 def changes(context: typer.Context, incomplete: str) -> list[str]:
-    """Return what --set accepts, "NAME=", for the parameter set, law and waveform earlier on the line."""
+    """Return completions of --set, "NAME=", for the parameter set, law and waveform earlier on the line."""
     from .changes import names_to_set
 
     given = context.params
-    name = (*context.args, given["parameters"])[0]  # an option without its value leaves arguments unread
-    with suppress(ValueError):  # a name that nobody knows: the command itself says so
+    # after an option without its value, arguments are not parsed
+    name = (*context.args, given["parameters"])[0]
+    with suppress(ValueError):  # unknown name: the command itself reports it
         names = names_to_set(name, given["law"], given["waveform"])
         return [f"{name}=" for name in names if name.startswith(incomplete)]
     return []

@@ -1,4 +1,4 @@
-"""Commands of closed loops: move, hold."""
+"""Commands of closed loops: move and hold."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command on data sheets."""
+"""Command that makes an actuator from a data sheet."""
 
 from __future__ import annotations
 

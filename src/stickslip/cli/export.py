@@ -37,7 +37,7 @@ BenchName = Annotated[
 
 
 class FmuKind(StrEnum):
-    """What an FMU is."""
+    """Kind of an FMU: its inputs and outputs."""
 
     PLANT = "plant"
     OBSERVER = "observer"

@@ -21,7 +21,7 @@ _INSTALL = 'install what it needs with: pip install "stickslip[all]"'
 
 try:
     import typer
-except ModuleNotFoundError as missing:  # this module is the command's entry: nobody else could say it
+except ModuleNotFoundError as missing:  # this module is imported first: no other could report it
     raise SystemExit(f"Error: the command line needs {missing.name}; {_INSTALL}") from None
 
 if TYPE_CHECKING:
@@ -37,11 +37,11 @@ app = typer.Typer(
 )
 
 
-# What a command that is interrupted leaves.
+# What remains after a command is interrupted.
 FINISHED = "what was finished is kept"
 CONTINUES = f"{FINISHED}, and the same command continues"
-ROOM = 4_000_000  # bytes that must be there for a report before any work is done
-_TRIES = 5  # again, where other commands make and remove the same folder
+ROOM = 4_000_000  # bytes of free disk space that a report needs, checked before any work
+_TRIES = 5  # attempts while other commands make and remove the same folder
 
 Out = Annotated[
     Path, typer.Option(help="Folder for results.json and report.html; other files in it are kept.")
@@ -71,23 +71,23 @@ Arm = Annotated[
     ),
 ]
 
-_INTERRUPTIONS: list[Interruption] = []  # of the command that goes on
+_INTERRUPTIONS: list[Interruption] = []  # the running command's
 
 
 @contextmanager
 def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> Iterator[None]:
-    """Say what goes wrong in one line on stderr and by the exit code; a warning is one line too.
+    """Report errors in one line on stderr, and by the exit code; a warning is also one line.
 
-    A command that somebody ends is ended as `interruption` says.
+    An interrupted command ends as described in `interruption`.
 
     Args:
-        show_traceback: show where in the program an error arose.
-        kept: what a command that is interrupted leaves.
+        show_traceback: show where in the program an error occurred.
+        kept: what remains after an interruption, in words.
     """
 
     from .interruption import CODE, Interruption
 
-    told = set()  # each once, however many fits of a recording meet it
+    told = set()  # each warning once, even if several fits cause it
 
     def say(message: Warning | str, *where: Any, **how: Any) -> None:
         text = _in_one_line(str(message))
@@ -108,7 +108,7 @@ def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> I
         raise typer.Exit(CODE) from None
     except Exception as error:
         if isinstance(error, BrokenPipeError) and _reader_is_gone():
-            raise  # "| head": the command-line library ends quietly
+            raise  # "| head": the command-line library ends without a message
         if show_traceback:
             traceback.print_exc()
         typer.echo(f"Error: {_explained(error)}", err=True)
@@ -117,7 +117,7 @@ def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> I
 
 @contextmanager
 def arming(why: str) -> Iterator[None]:
-    """A context in which runs of real rigs are armed, where a reason was given."""
+    """Context in which runs of real rigs are armed, if the user gave a reason."""
     if not why:
         yield
         return
@@ -129,7 +129,8 @@ def arming(why: str) -> Iterator[None]:
 
 @contextmanager
 def only_reading(show_traceback: bool) -> Iterator[None]:
-    """Say errors in one line; of the user's own files, run only those of --use: for commands that read."""
+    """Report errors in one line, for commands that only read; of the user's own files, run only those of
+    --use."""
     with errors_in_one_line(show_traceback):
         from ..quantities.registry import nothing_run
 
@@ -138,16 +139,18 @@ def only_reading(show_traceback: bool) -> Iterator[None]:
 
 
 def _reader_is_gone() -> bool:
-    """Whether nobody reads what is printed; else the pipe is one of a rig, say."""
+    """Return True if the reader of the printed output is gone; otherwise a broken pipe belongs to something
+    else, such as a rig."""
     try:
-        print(flush=True)  # a flush alone writes nothing where Python does not buffer
+        print(flush=True)  # a flush alone writes nothing if Python does not buffer
     except BrokenPipeError:
         return True
     return False
 
 
 def _in_one_line(text: str) -> str:
-    """Return a text in one line; what is not printable is escaped, for a file's name may steer a terminal."""
+    """Return a text as one line, with unprintable characters escaped, because a file's name could control the
+    terminal."""
     return "".join(one if one.isprintable() else ascii(one)[1:-1] for one in " ".join(text.split()))
 
 
@@ -164,8 +167,8 @@ def _explained(error: Exception) -> str:
 
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """A bar on a terminal, otherwise one line on stderr for each thing that is begun; with it ends a command
-    that somebody has asked to end."""
+    """Show progress as a bar on a terminal, otherwise as one line on stderr per task. At each progress call,
+    a command that the user has interrupted ends."""
     with _shown_progress() as progress:
         yield _INTERRUPTIONS[-1].ending(progress) if _INTERRUPTIONS else progress
 
@@ -200,7 +203,7 @@ def _shown_progress() -> Iterator[Progress]:
 
 
 def check_output(out: Path) -> None:
-    """That a report can be made and written: found out before the work, not after it."""
+    """Check before the work that a report can be written to a folder; raise an error if not."""
     for name in ("jinja2", "matplotlib"):
         if find_spec(name) is None:
             raise ModuleNotFoundError(name=name)
@@ -210,7 +213,7 @@ def check_output(out: Path) -> None:
     for tries_left in range(_TRIES, -1, -1):
         try:
             return _try_to_write(out)
-        except FileNotFoundError as error:  # another command has tried the same new folder, and cleared up
+        except FileNotFoundError as error:  # another command has tried and removed the same new folder
             if not tries_left:
                 raise OSError(error.errno, f"{error.strerror}; name another folder", f"--out {out}") from None
         except OSError as error:
@@ -218,49 +221,49 @@ def check_output(out: Path) -> None:
 
 
 def _try_to_write(out: Path) -> None:
-    """A file with room for a report, in the folder, and away again with the folders made for it."""
+    """Write a file of a report's size in the folder; then remove it, and folders made for it."""
     probe = out / f".room.{os.getpid()}.part"
     made: list[Path] = []
     try:
         for folder in reversed((out, *out.parents)):
-            with suppress(FileExistsError):  # what another command makes meanwhile is not ours to remove
+            with suppress(FileExistsError):  # what another command makes meanwhile must not be removed
                 if not folder.exists():
                     folder.mkdir()
                     made.insert(0, folder)
-        with probe.open("wb") as file:  # what the system says of permissions is not what it then does
+        with probe.open("wb") as file:  # only writing shows whether it is permitted
             file.write(bytes(ROOM))
             file.flush()
             os.fsync(file.fileno())
     finally:
         probe.unlink(missing_ok=True)
-        for folder in made:  # nothing is there before there is something to keep
+        for folder in made:  # the folder must not exist before there is a result
             _remove_if_empty(folder)
 
 
 def _remove_if_empty(folder: Path) -> None:
     try:
         folder.rmdir()
-    except OSError as error:  # another command has begun to use it, or has removed it
+    except OSError as error:  # another command uses or has removed it
         if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOENT):
             raise
 
 
 class RequirementError(Exception):
-    """Something that the user required is not so."""
+    """Error: a requirement of the user is not met."""
 
 
 def write(document: Document, out: Path, begun: float, browser: str = "") -> None:
-    """Write the report, print what matters most; raises RequirementError if something required is not so, and
-    KeyboardInterrupt again where that has ended the work.
+    """Write the report and print the main results.
 
-    With the path of a `browser`, report.pdf too.
+    With the path of a `browser`, report.pdf is written too. Raises RequirementError if a requirement is not
+    met, and KeyboardInterrupt if that has ended the work.
     """
     from ..report import write_pdf, write_report
 
     command = shlex.join(["stickslip", *sys.argv[1:]])
     try:
         report = write_report(document, out, command=command, elapsed=time.perf_counter() - begun)
-    except OSError as error:  # a full disk names no file
+    except OSError as error:  # the error of a full disk does not name the file
         raise OSError(error.errno, error.strerror, error.filename or f"--out {out}") from error
     typer.echo(document.summary)
     for what, number in document.highlights:

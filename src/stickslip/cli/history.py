@@ -1,4 +1,4 @@
-"""The commands on a lab's history: runs, log."""
+"""Commands on a lab's history: runs, log."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def log(
 
 
 def _check_present(folder: Path, names: list[str]) -> None:
-    """Refuse missing or repeated names before the first is moved."""
+    """Refuse missing or repeated names before any file is moved."""
     from ..history.storable import real_name
 
     for name in names:
@@ -132,7 +132,7 @@ def _pair(text: str) -> tuple[str, str]:
 def _line(row: dict[str, Any]) -> str:
     try:
         when = datetime.fromtimestamp(row["changed"]).strftime("%Y-%m-%d %H:%M:%S")
-    except (OverflowError, ValueError, OSError):  # of a file with a time beyond all calendars
+    except (OverflowError, ValueError, OSError):  # the file's time is out of range
         when = "-" * 19
     said = row["problem"] or row["outcome"] or "-"
     shown = f"{when}  {row['kind']:9}  {row['name']}  {said}"

@@ -1,4 +1,4 @@
-"""Commands that look before anything is done: at a file, and at what is known by name."""
+"""Commands that inspect a file, write a first one, or list known names."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def inspect(
         found = inspect_file(file)
         typer.echo(str(found))
         if found.log is not None:
-            return  # a table, in which nothing runs over time
+            return  # a table without a time column
         if found.recording is None and found.response is None:
             raise ValueError(f"{file}: {found.problem}")
         drawn = _drawn(found)
@@ -46,7 +46,7 @@ def inspect(
 
 
 def _drawn(found: Inspection) -> str:
-    """The picture of what was found, as SVG."""
+    """Return the picture of an inspected file, as SVG."""
     from ..report.figures.style import svg
 
     if found.response is not None:
@@ -68,7 +68,8 @@ def _drawn(found: Inspection) -> str:
 
 
 def _check_picture(target: Path) -> None:
-    """That it can be replaced: only a picture as this command writes them is, and never what is looked at."""
+    """Raise an error unless the target may be replaced: only a picture that this command has written, never
+    the inspected file."""
     if target.suffix != ".svg":
         raise ValueError(f"--picture {target}: the name of a picture ends in .svg")
     above = next(one for one in target.absolute().parents if one.exists())

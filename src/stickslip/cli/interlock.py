@@ -1,4 +1,4 @@
-"""The command on the interlock of a rig."""
+"""Command on the interlock of a rig."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def interlock(
 
 
 def _place(file: Path) -> Path:
-    """The folder of the rig's process."""
+    """Return the folder of the rig's process, from an experiment file or a panel's folder."""
     if file.is_dir():
         return file / ".rig"
     from ..rig.experiment.laboratory import rigs_of

@@ -1,10 +1,10 @@
-"""The one way in which commands end: Ctrl-C, SIGTERM, SIGHUP or a closed terminal is a wish that is heard at
-the next safe moment, and cannot get lost on the way.
+"""Interruption of commands by Ctrl-C, SIGTERM, SIGHUP or a closed terminal: a request that is carried out at
+the next safe moment.
 
-While a rig is driven that moment is the next progress: what is recorded is kept, and the output ramps to 0 V.
-At all other times it is now. An exception that a signal raises somewhere in a library may be swallowed there,
-so the first one sets a flag too; the second ends the program at once, after the rig's process has been told
-to stop. A command that was ended so has the exit code 130.
+While a rig is driven, that is the next progress call: the samples are kept, and the output ramps to 0 V. At
+all other times it is now. A library may swallow an exception that a signal raises in it, so the first signal
+also sets a flag. The second ends the program at once, after the rig's process has been told to stop. An
+interrupted command has the exit code 130.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ import typer
 if TYPE_CHECKING:
     from ..quantities.progress import Progress
 
-CODE = 130  # exit code of a command that somebody ended
+CODE = 130  # exit code of an interrupted command
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 class Interruption:
-    """A context in which these signals are such wishes; those that the program was told to ignore, as nohup
-    does, are ignored."""
+    """Context in which signals to end are such requests. Signals that the program was started to ignore, as
+    by nohup, are ignored."""
 
     def __init__(self) -> None:
         self.asked = False
@@ -50,12 +50,13 @@ class Interruption:
             self.check()
 
     def check(self) -> None:
-        """Raises KeyboardInterrupt if somebody has asked to end."""
+        """Raise KeyboardInterrupt if the user has interrupted the command."""
         if self.asked:
             raise KeyboardInterrupt
 
     def ending(self, progress: Progress) -> Progress:
-        """The progress, which ends by KeyboardInterrupt once somebody has asked to."""
+        """Return a progress function that raises KeyboardInterrupt once the user has interrupted the
+        command."""
 
         def tell(doing: str, done: float) -> None:
             self.check()
@@ -68,7 +69,7 @@ class Interruption:
             _leave_terminal()
         if self.asked:
             try:
-                # Only a program that has one could have to stop it.
+                # Only a program with a rig's process must stop it.
                 if hosted := sys.modules.get("stickslip.rig.hosted"):
                     hosted.stop_all()
             finally:

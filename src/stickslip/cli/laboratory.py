@@ -100,7 +100,7 @@ def rigs(
 
 
 def _address(text: str) -> tuple[str, int | None]:
-    """Host and port of HOST[:PORT], [IPv6]:PORT or IPv6; raises ValueError for what is no address."""
+    """Return host and port of HOST[:PORT], [IPv6]:PORT or IPv6; raise ValueError for another text."""
     host, colon, port = text.rpartition(":")
     if not colon or (":" in host and not host.startswith("[")) or text.endswith("]"):
         host, port = text, ""
@@ -120,7 +120,7 @@ def _address(text: str) -> tuple[str, int | None]:
 
 
 class TwinName(StrEnum):
-    """Controllers that there is a twin of."""
+    """Controllers with a twin (a simulated controller)."""
 
     NV200 = "nv200"
     MCS2 = "mcs2"
@@ -183,7 +183,7 @@ def twin(
 
 
 def serve_pair(actuator: Actuator, travel: str, seed: int, host: str, port: int) -> None:
-    """Serve a generator and an oscilloscope, until Ctrl-C."""
+    """Serve a simulated generator and oscilloscope, until Ctrl-C."""
     from ..rig.twins import TwinServer
     from ..rig.twins.pair import make_pair
 

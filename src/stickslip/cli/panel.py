@@ -1,4 +1,4 @@
-"""The command that serves the control panel."""
+"""Command that serves the control panel."""
 
 from __future__ import annotations
 
@@ -72,7 +72,8 @@ def panel(
         listening = socket.create_server(
             (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
         )
-        # Else every answer waits 40 ms for an acknowledgement (asyncio does it for its own sockets only).
+        # Otherwise every answer waits 40 ms for an acknowledgement (asyncio does this for its own sockets
+        # only).
         listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         number = listening.getsockname()[1]
         shown = f"[{host}]" if ":" in host else host
@@ -86,19 +87,19 @@ def panel(
         if browser:
             _open(address)
         server = uvicorn.Server(server_config(served))
-        if hasattr(signal, "SIGHUP"):  # as it does itself for the others
+        if hasattr(signal, "SIGHUP"):  # as uvicorn does for the other signals
             signal.signal(signal.SIGHUP, server.handle_exit)
-        with suppress(KeyboardInterrupt):  # the way in which a panel ends
+        with suppress(KeyboardInterrupt):  # Ctrl-C is the usual end of a panel
             server.run(sockets=[listening])
-        # The rig was let go, and all processes were ended. Python would wait for the threads of requests that
-        # somebody left: a map of the steps of a law of many elements takes minutes.
+        # The rig was released, and all processes were ended. Python would still wait for threads of abandoned
+        # requests: a map of steps with a law of many elements takes minutes.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(0)
 
 
 def _open(address: str) -> None:
-    """In a moment: the server is not there yet."""
+    """Open the address in a browser after a moment, because the server is not ready yet."""
     import threading
     import webbrowser
 

@@ -1,4 +1,4 @@
-"""The command on steps of a motor."""
+"""Command that calibrates the steps of a motor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands on studies: run or go on with one, show, stop, compare, merge, export."""
+"""Commands on studies: run or resume, show, stop, compare, merge, export."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class _FileOrCommand(TyperGroup):
-    """`stickslip study FILE.yaml ...` is `stickslip study run FILE.yaml ...`."""
+    """Command group in which `stickslip study FILE.yaml ...` means `stickslip study run FILE.yaml ...`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         known = {*self.commands, "--help", "--install-completion", "--show-completion"}

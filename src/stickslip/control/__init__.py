@@ -1,4 +1,5 @@
-"""Control: discrete blocks, the state machine of a move, the estimator in open loop, tuning by model."""
+"""Control of an actuator: discrete blocks, the state machine of a move, an open-loop estimator, tuning by
+model."""
 
 from .blocks import ControlWarning as ControlWarning
 from .blocks import LowPass as LowPass

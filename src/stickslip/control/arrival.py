@@ -1,16 +1,16 @@
 r"""Arrival at a target, judged by the estimated position and its uncertainty instead of by single readings.
 
-A reading in a loop that holds is off the target by :math:`e_k = x_k - r + n_k`, with the position x, the
-target r and the sensor's noise n. While the contact sticks, the piezo moves the position by
-:math:`p_k = C\,(u_{k-1} - u_0)`, where the loop follows noise, too. Over the last B = 8 batches of ticks,
+While a loop holds, a reading differs from the target by :math:`e_k = x_k - r + n_k`, with the position x, the
+target r and the sensor's noise n. While the contact sticks, the piezo moves the position by :math:`p_k =
+C\,(u_{k-1} - u_0)`, because the loop also follows noise. Over the last B = 8 batches of ticks,
 
 .. math:: |\bar e| + \sqrt{t^2\,\frac{s_B^2}{B} + z^2\,(s_p^2 + \max(c_1, 0))} \le \varepsilon
 
 is required. The standard error of the mean is that of batch means of e - p (standard deviation s_B), so
-correlated noise counts as what it is [law2015, ch. 9]. The position itself moves by s_p, and by what
-successive readings share, :math:`c_1 = s_e^2 - \overline{(e_k - e_{k-1})^2} / 2`: vibration, and slow noise,
-which one sensor cannot distinguish. Drift of the sensor that is slower than all batches remains unseen.
-The engine's ``c/arrival.h`` evaluates this at each tick.
+correlated noise is included [law2015, ch. 9]. The position itself moves by s_p, and by the common part of
+successive readings, :math:`c_1 = s_e^2 - \overline{(e_k - e_{k-1})^2} / 2`: vibration, and slow noise, which
+one sensor cannot distinguish. Drift of the sensor that is slower than all batches remains unseen. The
+engine's ``c/arrival.h`` evaluates this at each tick.
 """
 
 from __future__ import annotations
@@ -23,28 +23,30 @@ from ..quantities.units import with_prefix
 
 
 class Arrival:
-    """Judgement of the readings at the target: a view of a mover in C, with its plan."""
+    """Statistical test whether a position is at its target, computed by a mover in C; this class shows its
+    numbers."""
 
     def __init__(self, plan: Any, mover: Any) -> None:
         self._plan, self._mover = plan, mover
 
     @property
     def offset(self) -> float:
-        """Mean of the readings from the target over the last batches, m; NaN before there are enough."""
+        """Return the mean deviation of the readings from the target over the last batches, m; NaN before
+        there are enough."""
         return self._mover.there.offset
 
     @property
     def doubt(self) -> float:
-        """Largest likely distance of the position from the target plus `offset`, m."""
+        """Return the largest likely distance of the position from the target plus `offset`, m."""
         return math.sqrt(self._mover.there.doubt2)
 
     @property
     def noise(self) -> float:
-        """Standard deviation of the part of the readings that changes from tick to tick, m."""
+        """Return the standard deviation of the part of the readings that changes from tick to tick, m."""
         return math.sqrt(self._mover.there.noise2)
 
     def remark(self, unit: str) -> str:
-        """Return the noise against the tolerance in a sentence, for positions in a unit."""
+        """Return a sentence that compares the noise with the tolerance, for positions in this unit."""
         own = self._plan.arrival
         noise, tolerance, doubt = (with_prefix(one, unit) for one in (self.noise, own.tolerance, self.doubt))
         seconds = with_prefix(library().ARRIVAL_BATCHES * own.batch / self._plan.rate, "s")

@@ -31,18 +31,19 @@ _FEEDFORWARD = Quantity("V/m", "K_f", "the voltage per wanted position")
 
 
 class ControlWarning(UserWarning):
-    """A loop that may do less than its numbers say: noise above its tolerance, a mode beyond its ticks."""
+    """Warning: a loop may perform worse than its numbers say, by noise above its tolerance or a mode above
+    half its rate."""
 
 
 def whole_number(value: Any, field: str) -> int:
-    """The value; raises QuantityError where it is no whole number >= 0."""
+    """Return the value as int; raise QuantityError unless it is a whole number >= 0."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
         raise QuantityError(f"{field} = {value!r:.60}: it must be a whole number >= 0")
     return int(value)
 
 
 def below_half(frequency: float, rate: float, field: str) -> None:
-    """Raise QuantityError for a frequency [Hz] that ticks at a rate [Hz] cannot show."""
+    """Raise QuantityError for a frequency [Hz] above half the update rate [Hz]."""
     if not frequency < 0.5 * rate:
         raise QuantityError(
             f"{field} = {with_prefix(frequency, 'Hz')} must be below half the rate, {with_prefix(rate, 'Hz')}"
@@ -51,7 +52,8 @@ def below_half(frequency: float, rate: float, field: str) -> None:
 
 @record
 class Pid(NamedTuple):
-    """Gains of a position error; `roll_off` is where its derivative ends."""
+    """Gains of a PID regulator of the position error; `roll_off` is the corner frequency of its
+    derivative."""
 
     integral: Annotated[float, Quantity("V/(m*s)", "K_i", "integral gain", minimum=0)]
     proportional: Annotated[float, Quantity("V/m", "K_p", "proportional gain", minimum=0)] = 0.0
@@ -61,34 +63,38 @@ class Pid(NamedTuple):
 
 @record
 class Notch(NamedTuple):
-    r"""(s² + 2 ζ d ω s + ω²) / (s² + 2 ζ ω s + ω²): at its frequency the signal is d times as large."""
+    r"""Notch filter (s² + 2 ζ d ω s + ω²) / (s² + 2 ζ ω s + ω²); at its frequency the signal is multiplied by
+    d."""
 
     frequency: Annotated[float, Quantity("Hz", "f_n", "frequency", above=0)]
     width: Annotated[float, Quantity("", "ζ", "half its relative width", above=0, maximum=10)] = 0.5
     depth: Annotated[float, Quantity("", "d", "what is left at its frequency", minimum=0, maximum=1)] = 0.1
 
     def coefficients(self, rate: float) -> Coefficients:
-        """b0, b1, b2, a1, a2 at a rate [Hz]; raises QuantityError for a frequency beyond half of it."""
+        """Return the coefficients b0, b1, b2, a1, a2 at an update rate [Hz]; raise QuantityError for a
+        frequency above half of it."""
         wide = 2.0 * self.width
         return _bilinear(self.frequency, rate, "Notch.frequency", (1.0, wide * self.depth, 1.0), wide)
 
 
 @record
 class LowPass(NamedTuple):
-    """ω² / (s² + 2 ζ ω s + ω²)."""
+    """Low-pass filter of second order, ω² / (s² + 2 ζ ω s + ω²)."""
 
     corner: Annotated[float, Quantity("Hz", "f_c", "corner", above=0)]
     damping: Annotated[float, Quantity("", "ζ", "damping ratio", above=0, maximum=10)] = math.sqrt(0.5)
 
     def coefficients(self, rate: float) -> Coefficients:
-        """b0, b1, b2, a1, a2 at a rate [Hz]; raises QuantityError for a corner beyond half of it."""
+        """Return the coefficients b0, b1, b2, a1, a2 at an update rate [Hz]; raise QuantityError for a corner
+        frequency above half of it."""
         return _bilinear(self.corner, rate, "LowPass.corner", (0.0, 0.0, 1.0), 2.0 * self.damping)
 
 
 def _bilinear(
     frequency: float, rate: float, name: str, above: tuple[float, float, float], middle: float
 ) -> Coefficients:
-    """(above[0] p² + above[1] p + above[2]) / (p² + middle p + 1), p = s/ω."""
+    """Return the coefficients of the discrete form of (above[0] p² + above[1] p + above[2]) / (p² + middle p
+    + 1), p = s/ω."""
     below_half(frequency, rate, name)
     k = 1.0 / math.tan(math.pi * frequency / rate)
     c2, c1, c0 = above
@@ -103,14 +109,14 @@ def _bilinear(
 
 
 class Biquad:
-    """A section of second order, tick by tick, from rest."""
+    """Second-order filter section (biquad) that is computed tick by tick, from rest."""
 
     def __init__(self, coefficients: Coefficients) -> None:
         self.coefficients = coefficients
         self._s1 = self._s2 = 0.0
 
     def step(self, value: float) -> float:
-        """The next output."""
+        """Return the output for the next input value."""
         b0, b1, b2, a1, a2 = self.coefficients
         out = b0 * value + self._s1
         self._s1 = b1 * value - a1 * out + self._s2
@@ -118,28 +124,27 @@ class Biquad:
         return out
 
     def reset(self) -> None:
-        """To rest."""
+        """Set the section to rest."""
         self._s1 = self._s2 = 0.0
 
 
 class Regulator:
-    """PID behind notches and a low-pass, with feedforward, within given voltages.
+    """PID regulator behind notches and a low-pass, with feedforward and voltage limits.
 
     At a limit of the output, the integral does not move further beyond it (anti-windup).
 
     Args:
         pid: gains.
-        rate: Hz, ticks.
+        rate: update rate, Hz.
         notches, low_pass: filters of the error.
-        feedforward: V/m, voltage per wanted position, or the inverse of a piezo; counted from the start of
-            the regulator.
-        lead: s by which the feedforward is ahead of a moving target: the actuator's lag. Not for a target
-            that jumps.
-        min_voltage, max_voltage: V.
+        feedforward: voltage per change of the target, V/m, or the inverse of a piezo.
+        lead: time by which the feedforward precedes a moving target, s: the actuator's lag. Do not use it for
+            a target that jumps.
+        min_voltage, max_voltage: limits of the output, V.
 
     Raises:
-        QuantityError: a number is out of range, a filter's frequency beyond half the rate, or one of them of
-            another kind.
+        QuantityError: a number is out of range, a filter's frequency is above half the rate, or an argument
+            has the wrong type.
     """
 
     def __init__(
@@ -181,12 +186,12 @@ class Regulator:
             section.reset()
         self._integral, self._from, self._target = voltage, target, target
         self._slope = self._last = 0.0
-        if self.inverse is not None:  # what it says now is in the voltage already
+        if self.inverse is not None:  # the voltage already contains the output of the inverse
             self._inverted_from = self.inverse.position
             self._integral -= self.inverse.volts
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """The voltage [V] for a measured and a wanted position [m]."""
+        """Return the voltage [V] for a measured and a wanted position [m]."""
         del tick
         value = target - measured
         for section in self.sections:
@@ -210,7 +215,7 @@ class Regulator:
         return given
 
     def response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
-        """Voltage per error at frequencies [Hz], V/m, of their shape."""
+        """Return the frequency response from error to voltage at frequencies [Hz], V/m, in their shape."""
         z: NDArray[np.complex128] = np.exp(
             2j * math.pi / self.rate * array_si(frequencies, "Hz", "frequencies")
         )
@@ -223,7 +228,7 @@ class Regulator:
         return found
 
     def state_space(self) -> tuple[Array, Array, Array, float]:
-        """x' = A x + B e, u = C x + D e of its linear part, with as many states as it keeps."""
+        """Return the matrices A, B, C, D of the linear part: x' = A x + B e, u = C x + D e."""
         rows = [(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)]
         rows += [_section(section.coefficients) for section in self.sections]
         a, b, c, d = rows[0]

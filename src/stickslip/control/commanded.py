@@ -1,6 +1,6 @@
-"""A mover that takes commands while its loop runs: go, steps, scan, release.
+"""Mover that takes commands while its loop runs: go, steps, scan, release.
 
-It is made of plain numbers, so that it can run in the process that owns a rig; see `rig.ControllerSpec`.
+It is built from plain numbers, so that it can run in the process that owns a rig; see `rig.ControllerSpec`.
 Until the first command the output stays at 0 V.
 """
 
@@ -19,7 +19,7 @@ from .quantised import NoiseShaped
 from .shaping import Slip
 from .steps import StepSizes
 
-_LETTING_GO = 0.05  # s of the way to 0 V
+_LETTING_GO = 0.05  # s, duration of the ramp to 0 V
 HEARTBEAT = 0.2  # s without a "jog" after which the steps end
 _MOST_STEPS, _MOST_CYCLES = 100_000, 100_000
 _FARTHEST = {"m": 1.0, "rad": 1e3}
@@ -27,16 +27,17 @@ _FARTHEST = {"m": 1.0, "rad": 1e3}
 
 @registry.controllers.add
 class Commanded:
-    """See the module; `target` is where the end-effector should be, in the `unit` of positions.
+    """Controller that executes commands (see `command`); `target` is the wanted position of the end-effector,
+    in `unit`.
 
     Args:
-        rate: Hz, of the ticks.
-        gain: m/V, of the piezo.
-        step: V, of the converter.
+        rate: update rate, Hz.
+        gain: gain of the piezo, m/V.
+        step: voltage step of the converter, V.
         walk, table, pid: fields of `Stepping`, `StepSizes`, `Pid`.
         notches, low_pass, slip: fields of `Notch`, `LowPass` and `Slip`.
-        unit: of positions: m, or rad of what turns.
-        feedforward, lead, min_voltage, max_voltage: of `Regulator`.
+        unit: unit of positions: m, or rad for a rotary actuator.
+        feedforward, lead, min_voltage, max_voltage: arguments of `Regulator`.
     """
 
     def __init__(
@@ -68,21 +69,22 @@ class Commanded:
         self._shaped = NoiseShaped(self.mover, step)
         self.target, self.done = 0.0, False
         self._wanted: float | None = None
-        self._scan: tuple[float, float, float, int] | None = None  # middle, half, frequency, ticks
+        self._scan: tuple[float, float, float, int] | None = None  # middle, half range, frequency, ticks
         self._scanned = 0
-        self._letting = -1  # ticks of the way to 0 V that were made
+        self._letting = -1  # ticks of the ramp to 0 V that are done
         self._ends = round(_LETTING_GO * rate)
         self._last = 0.0
-        self._silent, self._silence = 0, round(HEARTBEAT * rate)  # ticks since the last "jog", and the most
-        self._jogs = 0  # the way of the steps that go on while "jog" is heard, 0 for none
+        # ticks since the last "jog", and their limit
+        self._silent, self._silence = 0, round(HEARTBEAT * rate)
+        self._jogs = 0  # direction of the steps while "jog" is repeated; 0 for none
 
     def command(self, do: str, **what: Any) -> None:
         """Take a command at the next tick.
 
         "go" has `to`, from home; "steps" a `count`, negative for backward; "scan" a `range`, a `frequency`
-        [Hz] and `cycles`, about the held position, after a step or two if the piezo has no room; "jog"
-        makes steps one `way`, 1 or -1, while it is repeated within `HEARTBEAT`; "halt" ends steps after the
-        present one, and holds; "release" takes the output to 0 V and ends the loop.
+        [Hz] and `cycles`, about the held position, after a step or two if the piezo has no room; "jog" makes
+        steps in one direction `way`, 1 or -1, while it is repeated within `HEARTBEAT`; "halt" ends steps
+        after the present one, and holds; "release" takes the output to 0 V and ends the loop.
 
         Raises:
             QuantityError: the command is unknown, or impossible from the present position.
@@ -144,7 +146,7 @@ class Commanded:
         self._scan = self.mover.goal, 0.5 * span, hertz, round(cycles * self.mover.regulator.rate / hertz)
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """The voltage [V]; the target of the run is not used."""
+        """Return the voltage [V] for a measured position; the target of the run is not used."""
         del target
         if self._letting >= 0:
             self._letting += 1
@@ -166,7 +168,8 @@ class Commanded:
         return self._last
 
     def _scanning(self, middle: float, half: float, hertz: float, ticks: int) -> float:
-        """A sine that grows over its first period and fades over its last."""
+        """Return the target of a scan: a sine whose amplitude grows over its first period and decreases over
+        its last."""
         self._scanned += 1
         k, rate = self._scanned, self.mover.regulator.rate
         period = rate / hertz
@@ -177,7 +180,7 @@ class Commanded:
         return middle + half * share * math.sin(2.0 * math.pi * hertz * k / rate)
 
     def told(self) -> dict[str, Any]:
-        """State of the move, as JSON: SI, and the phase in words."""
+        """Return the state of the move, ready for JSON: numbers in SI, and the phase in words."""
         mover = self.mover
         follows = self._scanned > 0 and self._scan is not None
         phase = "release" if self._letting >= 0 else "follow" if follows else mover.phase
@@ -228,7 +231,7 @@ def commanded(
 
     Args:
         walk, table, regulator, gain, slip, unit: as for `Mover`.
-        step: V, of the converter.
+        step: voltage step of the converter, V.
 
     Raises:
         QuantityError: the regulator has a `PiezoInverse`.

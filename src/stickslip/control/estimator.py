@@ -1,18 +1,18 @@
 r"""Estimator of the position from counted steps: a Kalman filter, with or without a sensor.
 
-The states are the position, the steps forward and backward, and the load. A load that lengthens forward steps
-shortens backward ones:
+The filter's states are the position, the size of forward and backward steps, and the load. A load that
+lengthens forward steps shortens backward ones:
 
 .. math:: x_{k+1} = x_k + s_+ + c\,\ell + w \ \text{(forward)}, \qquad
           x_{k+1} = x_k - s_- + c\,\ell + w \ \text{(backward)}
 
-Between steps, both step sizes and the load drift, each as a random walk, and both sizes together
+Between steps, both step sizes and the load drift, each as a random walk, and both sizes also together
 (`common_drift`, from the temperature). w is the scatter of single steps. N steps at once equal N single ones,
-in closed form. A change of direction loses a displacement b with a known error. A measured position updates
-the filter at once [barshalom2001]. Without measurements the band grows: by scatter with the square root of
-the number of steps, by unknown step size and load in proportion to that number.
+in closed form. A change of direction loses a displacement b with a known error. A measured position corrects
+all states [barshalom2001]. Without measurements the interval of the position grows: by scatter with the
+square root of the number of steps, by unknown step size and load in proportion to that number.
 
-For another amplitude the model's steps are multiplied by a `scale`. c is the slope of the step over the load
+For another amplitude the model's steps are multiplied by a `scale`. c is the change of the step with the load
 (`of_model`).
 """
 
@@ -39,7 +39,7 @@ from .blocks import whole_number
 Array = NDArray[np.float64]
 
 _POSITION, _FORWARD, _BACKWARD, _LOAD = range(4)
-# Force of the first slope over the load, as a fraction of the contact's breakaway force. It is halved until
+# Force of the first difference quotient, as a fraction of the contact's breakaway force. It is halved until
 # the slope changes by less than a fraction, or by less than the error of a step [m].
 _PROBE, _HALVINGS, _AGREES, _STEP_ERROR = 0.01, 6, 0.01, 1e-10
 # standard deviations; a measured position further off is reported as an event
@@ -87,11 +87,11 @@ class StepModel(NamedTuple):
         Args:
             model: the actuator, with a constant `external_force` if any, but without the unknown load.
             output: converter and amplifier, ``bench.output()``; or the update rate, Hz.
-            amplitude, frequency: of the sawtooth.
-            unknown: the other fields.
+            amplitude, frequency: amplitude [V] and frequency [Hz] of the sawtooth.
+            unknown: the other fields (errors, drifts, scatter).
 
         Raises:
-            NotPeriodicError: its motion is not periodic.
+            NotPeriodicError: the model's motion is not periodic.
             QuantityError: a number is out of range, or the step is not linear in a small force.
         """
         volts, hertz = to_si(amplitude, "V", "amplitude"), to_si(frequency, "Hz", "frequency")
@@ -132,12 +132,12 @@ def _held(model: Actuator) -> float:
 
 
 class Estimator:
-    """Kalman filter for the position.
+    """Kalman filter for the position of a stepping actuator; see the module for its equations.
 
     Args:
-        model: of the steps.
-        position: m, at the start.
-        error: m, standard deviation of this position.
+        model: step sizes and their uncertainties.
+        position: initial position, m.
+        error: standard deviation of the initial position, m.
 
     Attributes:
         events: contradictions in words, each with the number of steps before it.
@@ -156,27 +156,27 @@ class Estimator:
 
     @property
     def position(self) -> float:
-        """Estimated position, m."""
+        """Return the estimated position, m."""
         return float(self._x[_POSITION])
 
     @property
     def forward(self) -> float:
-        """Step forward without load, m."""
+        """Return the estimated size of a forward step without load, m."""
         return float(self._x[_FORWARD])
 
     @property
     def backward(self) -> float:
-        """Step backward without load, m."""
+        """Return the estimated size of a backward step without load, m."""
         return float(self._x[_BACKWARD])
 
     @property
     def load(self) -> float:
-        """Estimated load, N."""
+        """Return the estimated load, N."""
         return float(self._x[_LOAD])
 
     @property
     def error(self) -> float:
-        """Standard deviation of the position, m."""
+        """Return the standard deviation of the position, m."""
         return math.sqrt(self._p[_POSITION, _POSITION])
 
     def band(self, level: float | str = 0.95) -> tuple[float, float]:
@@ -194,10 +194,10 @@ class Estimator:
         """Predict the position after `count` steps.
 
         Args:
-            direction: of all steps, 1 (towards +x) or -1.
+            direction: direction of all steps, 1 (towards +x) or -1.
             count: number of steps.
-            scale: their size over the model's, for another amplitude.
-            scatter: m, of single steps; by default the model's.
+            scale: ratio of their size to the model's, for another amplitude.
+            scatter: standard deviation of single steps, m; by default the model's.
         """
         if direction not in (1, -1):
             raise QuantityError(f"direction = {direction!r} must be 1 or -1")
@@ -208,7 +208,7 @@ class Estimator:
             self._x[_POSITION] -= direction * model.reversal
             self._p[_POSITION, _POSITION] += model.reversal_error**2
             self._way = direction
-        adds = np.zeros((4, 4))  # to the position, by one step
+        adds = np.zeros((4, 4))  # covariance that one step adds to the position
         adds[_POSITION, _FORWARD if direction > 0 else _BACKWARD] = direction * scale
         adds[_POSITION, _LOAD] = model.per_load
         move, wander = np.eye(4) + count * adds, self._wander
@@ -227,7 +227,7 @@ class Estimator:
     def measured(self, position: float | str, noise: float | str) -> None:
         """Correct the position by a measured one [m] with standard deviation `noise` [m].
 
-        A position that contradicts the filter is used too, and added to `events`.
+        A position that contradicts the filter is also used, and a sentence is added to `events`.
         """
         value, sigma = _AT.check(position, "position"), _NOISE.check(noise, "noise")
         column = self._p[:, _POSITION]

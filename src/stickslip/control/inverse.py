@@ -1,8 +1,8 @@
-"""The voltage under which a piezo with hysteresis and creep goes where it should, tick by tick.
+"""Inverse of a piezo's hysteresis and creep: the voltage for a wanted position, tick by tick.
 
-The inverse of `piezo.PrandtlIshlinskii` and `piezo.Creep` is exact (`identify.inverse_drive` does the same
-for a whole motion that is known beforehand); what is left for the loop is what the model is off, and the lag
-of the stage.
+The inverse of `piezo.PrandtlIshlinskii` and `piezo.Creep` is exact (`identify.inverse_drive` computes it for
+a complete motion known beforehand). The loop must only correct the error of the model and the lag of the
+stage.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from ..physics.piezo.operators import inverse, response
 from ..quantities.records import Quantity
 from ..quantities.units import QuantityError
 
-# Rate of everything that runs by ticks.
+# Update rate of controllers and filters.
 RATE = Quantity("Hz", "f_s", "the rate of the ticks", above=0)
 _REST = Quantity("V", "", "the voltage of rest")
 _PUT_OUT = Quantity("V", "", "the voltage that was put out")
 
 
 class PiezoInverse:
-    """Voltages for positions, from rest at a voltage.
+    """Inverse of a piezo with hysteresis and creep: voltages for positions, starting from rest at a voltage.
 
     Args:
         model: an actuator with a `piezo`; its gain.
-        rate: Hz, of the ticks.
-        voltage: V, under which it has rested for long, reached from 0 V.
+        rate: update rate, Hz.
+        voltage: V at which the piezo has rested for long, reached from 0 V.
 
     Raises:
         QuantityError: the model has no piezo, or one whose inverse is not known; a number is out of range.
@@ -57,17 +57,17 @@ class PiezoInverse:
 
     @property
     def position(self) -> float:
-        """Position of the last voltage, m from rest at 0 V."""
+        """Return the position at the last voltage, m, relative to rest at 0 V."""
         return self.gain * float(self._wanted[1])
 
     @property
     def volts(self) -> float:
-        """The last voltage."""
+        """Return the last voltage, V."""
         return self._volts
 
     def follow(self, volts: float) -> None:
-        """A tick in which another voltage [V] was put out than `step` gave: the state goes along. Raises
-        QuantityError for one that is not finite."""
+        """Update the state for a voltage [V] that differs from the one that `step` returned; raise
+        QuantityError unless it is finite."""
         volts = _PUT_OUT.check(volts, "volts")
         self._given[0], self._given[1] = self._volts, volts
         response(self._operators, self._given, self._plays, self._levels)
@@ -78,8 +78,8 @@ class PiezoInverse:
         self._wanted[0], self._wanted[1] = self._wanted[1], moved
 
     def step(self, position: float) -> float:
-        """The voltage [V] at which the free piezo is at a position [m from rest at 0 V], a tick later; raises
-        QuantityError where no voltage gives it."""
+        """Return the voltage [V] at which the free piezo reaches a position [m, relative to rest at 0 V] one
+        tick later; raise QuantityError if no voltage does."""
         self._wanted[0], self._wanted[1] = self._wanted[1], position / self.gain
         level = self._wanted[1:]
         if self._shares.size:

@@ -1,20 +1,19 @@
 r"""Learning of a repeated motion: corrections of the target that make a loop follow it.
 
-Iterative learning keeps, for each tick of the motion, a correction w of the loop's target,
-and changes it after each run by the remaining error [bristow2006]; repetitive control does so after
-each period of a continuing scan:
+Iterative learning keeps, for each tick of the motion, a correction w of the loop's target. After each run it
+changes w by the remaining error [bristow2006]; repetitive control does so after each period of a continuing
+scan:
 
 .. math:: w_{j+1} = Q\,(w_j + \lambda\,q^{m} e_j), \qquad
-          e_{j+1} = Q\,(1 - \lambda\,q^{m}\,P)\,e_j + (1 - Q)\,e_r, \qquad P = \frac{G\,(C + F)}{1 + G C}
+    e_{j+1} = Q\,(1 - \lambda\,q^{m}\,P)\,e_j + (1 - Q)\,e_r, \qquad P = \frac{G\,(C + F)}{1 + G C}
 
-with the plant G, the regulator C, its feedforward F, the error e_r without learning, a
-look ahead by m ticks, and a filter Q without a phase (binomial, of an odd number of taps). The change from
-run to run is multiplied by
+with the plant G, the regulator C, its feedforward F, the error e_r without learning, a look ahead by m ticks,
+and a zero-phase filter Q (binomial, with an odd number of taps). The change from run to run is multiplied by
 
 .. math:: \rho(\omega) = \left|Q\,(1 - \lambda\,e^{i\omega m T} P)\right|
 
-at each frequency, and learning converges if the largest factor is below 1. The remaining error is what Q
-does not pass, and what differs in the next run.
+at each frequency, and learning converges if the largest factor is below 1. The remaining error consists of
+the frequencies that Q does not pass, and of differences between the runs.
 """
 
 from __future__ import annotations
@@ -36,20 +35,20 @@ _GAIN = Quantity("", "λ", "the share of an error that is learnt", minimum=0, ma
 
 
 class Learnt:
-    """A regulator and its learned correction over the ticks of a motion.
+    """A controller: a regulator and its learned correction for each tick of a motion.
 
     Args:
         regulator: regulator of the loop.
         ticks: number of ticks in the motion or period.
         gain: λ, up to 1.
-        lead: ticks of look ahead: the delay of the loop in its band.
+        lead: look ahead, in ticks: the delay of the loop in its band.
         taps: number of taps of Q, odd; 1 passes everything.
         periodic: repetitive control: learning after each period; the loop must settle
             within one. Otherwise call `learn` after each run, and the regulator's `begin` before
             the next.
 
     Raises:
-        QuantityError: a number is out of range or not whole, or `regulator` is of another kind.
+        QuantityError: a number is out of range or not whole, or `regulator` has the wrong type.
     """
 
     def __init__(
@@ -78,7 +77,7 @@ class Learnt:
         self.history: list[float] = []  # rms of the error in each run or period, m
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """The voltage [V]."""
+        """Return the voltage [V] for a measured and a wanted position [m] at a tick."""
         size = self.correction.size
         at = tick % size if self.periodic else min(tick, size - 1)
         if self.periodic and at == 0 and tick:
@@ -87,7 +86,7 @@ class Learnt:
         return self.regulator.step(measured, target + float(self.correction[at]), tick)
 
     def learn(self) -> float:
-        """Correct by the error of the last run; its rms [m]."""
+        """Update the correction by the error of the last run; return the rms of that error [m]."""
         rms = float(np.sqrt(np.mean(self._errors**2)))
         self.history.append(rms)
         wider = self._q.size // 2
@@ -125,5 +124,6 @@ class Learnt:
 
 
 def _binomial(taps: int) -> Array:
-    """Row of Pascal's triangle, its sum 1."""
+    """Return the binomial filter with this number of taps: a row of Pascal's triangle, normalised to a sum of
+    1."""
     return scipy.stats.binom.pmf(np.arange(taps), taps - 1, 0.5)

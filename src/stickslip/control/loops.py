@@ -1,16 +1,17 @@
-r"""Loops of an actuator that sticks: sampled, their responses, and whether they are stable when closed.
+r"""Loops of a sticking actuator, sampled at the update rate: frequency responses and closed-loop stability.
 
-A resonance is as narrow as its damping, and a loop may pass -1 on its flank alone. So responses are known at
-frequencies that are evenly spaced on a logarithmic scale, and about each pole and zero p of the loop at
+A resonance is as narrow as its damping, and a loop may pass -1 on the flank of a resonance only. So responses
+are computed at frequencies that are evenly spaced on a logarithmic scale, and near each pole and zero p of
+the loop at
 
 .. math:: \omega = \omega_p \pm \sigma_p \sinh(k h), \qquad \sigma_p = -\ln|p| / T, \quad
-          \omega_p = |\arg p| / T
+    \omega_p = |\arg p| / T
 
-with which a resonance is passed in steps of h, however narrow it is [astrom2006].
+which passes a resonance in steps of h, however narrow it is [astrom2006].
 
-The response is exact for voltages that are held for a tick, aliasing included. A mode near the Nyquist
-frequency or beyond it that rings for longer than a tick appears at another frequency there, which moves by as
-much as the mode is off: what a margin says of such a loop is not to be believed.
+The response is exact for voltages that are held for a tick, including aliasing. A mode near or above the
+Nyquist frequency that vibrates for longer than a tick appears at another frequency, which changes by as much
+as the mode's frequency does. Margins of such a loop are not reliable.
 """
 
 from __future__ import annotations
@@ -33,24 +34,29 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 StateSpace = tuple[Array, Array, Array, float]
 
-_POINTS = 1200  # frequencies of the logarithmic scale
-_STEP, _TURN = 0.025, 0.1  # h, and rad of a delay's phase, from one frequency to the next
-_WIDE = 0.2  # damping over frequency, above which the logarithmic scale is dense enough
-_NARROW = 1e-9  # and what an undamped mode counts as
-_STATES = 48  # of a closed loop whose poles are computed; of more, the turns of its response are counted
-_FINER, _ROUNDS = 13, 6  # frequencies between two, where the sensitivity is greatest, and how often
-# A mode above this share of the update rate is aliased: 5 % off, it appears as much as 10 % off beside the
-# Nyquist frequency, and notches are not placed there.
+_POINTS = 1200  # number of frequencies on the logarithmic scale
+_STEP, _TURN = 0.025, 0.1  # h, and phase of a delay from one frequency to the next, rad
+_WIDE = 0.2  # damping relative to frequency, above which the logarithmic scale is dense enough
+_NARROW = 1e-9  # the same for an undamped mode
+# largest number of states of a closed loop whose poles are computed; for more, the Nyquist criterion is used
+_STATES = 48
+_FINER, _ROUNDS = 13, 6  # frequencies between two where the sensitivity is largest, and number of refinements
+# A mode above this share of the update rate is aliased: if its frequency is wrong by 5 %, the aliased
+# frequency is wrong by up to 10 %. Notches are not placed there.
 NEAR_NYQUIST = 0.4
-RINGS = 0.25  # share r of a swing left after a tick; less makes no resonance: (1 + r) / (1 - r) is below 1.7
-SEEN = 1e-3  # share of the stroke that a mode has; less cannot be seen in a response
-_EVEN = 1e-4  # of the sensitivity: less is not looked for between two frequencies
+# share r of a vibration left after a tick; less is not a resonance: (1 + r) / (1 - r) is below 1.7
+RINGS = 0.25
+SEEN = 1e-3  # smallest share of the stroke of a mode that is visible in a response
+_EVEN = 1e-4  # relative change of the sensitivity below which no frequencies are added between two
 
 
 class Loop(NamedTuple):
-    """An actuator that sticks, sampled: state transition (n, n), input (n,), output (n,), rate [Hz], ticks of
-    delay; its poles without the delay and their residues [m/V]; the zeros; its response [m/V] at
-    `frequencies` [Hz], below half the rate; and the frequency [Hz] of the lowest `aliased` mode, or 0."""
+    """A sticking actuator, sampled at the update rate, as a linear system.
+
+    Fields: state transition (n, n), input (n,), output (n,), rate [Hz], delay in ticks; poles without the
+    delay and their residues [m/V]; zeros; response [m/V] at `frequencies` [Hz] below half the rate; and the
+    frequency [Hz] of the lowest `aliased` mode, or 0.
+    """
 
     a: Array
     b: Array
@@ -65,7 +71,7 @@ class Loop(NamedTuple):
     aliased: float = 0.0
 
     def at(self, frequencies: ArrayLike) -> Complex:
-        """The response [m/V] at frequencies [Hz] (n,)."""
+        """Return the response [m/V] at frequencies [Hz] (n,)."""
         return _response(
             self.poles, self.residues, array_si(frequencies, "Hz", "frequencies"), self.rate, self.delay
         )
@@ -77,23 +83,23 @@ def _response(poles: Any, residues: Any, frequencies: Array, rate: float, delay:
 
 
 def grid(rate: float, delay: int = 0) -> Array:
-    """Frequencies [Hz], evenly on a logarithmic scale, for a rate [Hz] and ticks of delay: from where next to
-    nothing has turned yet."""
+    """Return frequencies [Hz], evenly spaced on a logarithmic scale up to half the rate [Hz]. The lowest is
+    so low that a delay in ticks causes almost no phase."""
     first = min(1.0, 1e-4 * rate, 0.01 * rate / (2.0 * math.pi * (delay + 1)))
     return np.geomspace(first, 0.499 * rate, _POINTS)
 
 
 def _about(roots: Iterable[complex], rate: float, ends: Array) -> list[Array]:
-    """Frequencies [Hz] about those of poles and zeros, dense in units of their damping."""
+    """Return frequencies [Hz] near those of poles and zeros, with a spacing relative to their damping."""
     found = []
     for root in roots:
-        if abs(root.imag) < 1e-6 * abs(root):  # no resonance
+        if abs(root.imag) < 1e-6 * abs(root):  # not a resonance
             continue
         turn = abs(float(np.angle(root)))
         fading = max(abs(math.log(max(abs(root), 1e-300))), _NARROW * turn)
         if not 0.0 < fading < _WIDE * turn:
             continue
-        # Half a step beside the root, not upon it: there an undamped one has no response.
+        # Start half a step beside the root, because an undamped one has no finite response at its frequency.
         off = fading * np.sinh(np.arange(0.5 * _STEP, math.asinh(_WIDE * turn / fading), _STEP))
         both = np.concatenate([turn - off, turn + off]) * (rate / (2.0 * math.pi))
         found.append(both[(both > ends[0]) & (both < ends[-1])])
@@ -103,7 +109,7 @@ def _about(roots: Iterable[complex], rate: float, ends: Array) -> list[Array]:
 def _frequencies(rate: float, delay: int, roots: Iterable[complex]) -> Array:
     known = grid(rate, delay)
     parts = [known, *_about(roots, rate, known)]
-    if delay:  # its phase grows evenly: the logarithmic scale becomes too coarse for a long one
+    if delay:  # its phase is linear in frequency: the logarithmic scale becomes too coarse
         apart = _TURN * rate / (2.0 * math.pi * delay)
         first = apart / (known[1] / known[0] - 1.0)
         parts.append(np.arange(first, known[-1], apart))
@@ -135,13 +141,13 @@ def sampled_loop(model: Actuator, output: OutputStage | float | str, *, delay: i
     late, into = np.zeros((size, size)), np.zeros(size)
     late[:n, :n] = a
     late[:n, n : n + 1] = b[:, None] if delay else late[:n, n : n + 1]
-    late[n:, n:] = np.eye(delay, k=1)  # what was put out, on its way
+    late[n:, n:] = np.eye(delay, k=1)  # outputs that are still delayed
     if delay:
         into[-1] = 1.0
     else:
         into[:] = b
     out = np.append(c, np.zeros(delay))
-    # Eigenvectors of the plant without its delay, which has none of its own.
+    # Eigenvectors of the plant without its delay, whose states have none.
     roots: Any = np.linalg.eig(a)
     poles, vectors = roots
     residues = (c @ vectors) * np.linalg.solve(vectors, b)
@@ -153,7 +159,7 @@ def sampled_loop(model: Actuator, output: OutputStage | float | str, *, delay: i
 
 
 def _behind(own: Sticking, lag: float) -> Sticking:
-    """Return a linear model behind an amplifier of that time constant [s]."""
+    """Return the linear model with an amplifier of this time constant [s] in front."""
     if not lag > 0.0:
         return own
     n = own.b.size
@@ -163,7 +169,8 @@ def _behind(own: Sticking, lag: float) -> Sticking:
 
 
 def _aliased(own: Sticking, rate: float) -> float:
-    """Return the frequency [Hz] of the lowest mode that updates at a rate [Hz] do not resolve, or 0."""
+    """Return the frequency [Hz] of the lowest mode that updates at this rate [Hz] do not resolve; 0 if there
+    is none."""
     roots: Any = np.linalg.eig(own.a)
     poles, vectors = roots
     shares = np.abs((own.c @ vectors) * np.linalg.solve(vectors, own.b) / poles)
@@ -184,7 +191,7 @@ def _zeros(a: Any, b: Any, c: Array) -> Complex:
 
 
 def crossings(values: Array, others: Array) -> list[tuple[int, float]]:
-    """Return the indices at which the values change sign, and the other values there."""
+    """Return the indices before which `values` change sign, with `others` interpolated there."""
     above = values > 0.0
     at = np.flatnonzero(above[1:] != above[:-1])
     share = values[at] / (values[at] - values[at + 1])
@@ -192,10 +199,10 @@ def crossings(values: Array, others: Array) -> list[tuple[int, float]]:
 
 
 class OpenLoop(NamedTuple):
-    """A regulator in front of a loop.
+    """A regulator in series with a loop: the open loop.
 
-    Response from an error to the position at `frequencies` [Hz]: logarithm of its magnitude, phase, the real
-    value at half the rate, and the magnitude where it opposes the error (`turned`).
+    Its response from error to position at `frequencies` [Hz] is stored as logarithm of its magnitude, phase,
+    the real value at half the rate, and the magnitude where it opposes the error (`turned`).
     """
 
     regulator: Regulator
@@ -210,7 +217,7 @@ class OpenLoop(NamedTuple):
 
     @classmethod
     def of(cls, regulator: Regulator, loop: Loop) -> OpenLoop:
-        """The loop is of the regulator's rate."""
+        """Return the open loop of a regulator and a loop with the same update rate."""
         own = regulator.state_space()
         a, b, c, d = own
         roots = [*np.linalg.eigvals(a), *(np.linalg.eigvals(a - np.outer(b, c) / d) if d else ())]
@@ -227,11 +234,12 @@ class OpenLoop(NamedTuple):
         return cls(regulator, loop, own, known, curve, np.log(size), np.unwrap(np.angle(curve)), real, turned)
 
     def at(self, frequencies: Array) -> Complex:
-        """The response at other frequencies [Hz]."""
+        """Return the response at other frequencies [Hz]."""
         return self.regulator.response(frequencies) * self.loop.at(frequencies)
 
     def sensitivity(self, factor: float = 1.0) -> float:
-        """Return the largest sensitivity, with the regulator's gain times `factor`."""
+        """Return the maximum of the sensitivity function, with the regulator's gain multiplied by
+        `factor`."""
         known, curve = self.frequencies, factor * self.curve
         away = np.abs(1.0 + curve)
         k, least = int(np.argmin(away)), min(float(away.min()), abs(1.0 + factor * self.real))
@@ -246,20 +254,23 @@ class OpenLoop(NamedTuple):
         return 1.0 / least if least else math.inf
 
     def stable(self, factor: float = 1.0) -> bool:
-        """Return whether all poles of the closed loop are within the unit circle."""
+        """Return True if all poles of the closed loop are inside the unit circle."""
         a, b, c, d = self.own
         if self.loop.b.size + b.size > _STATES:
             return self._turns(factor)
         closed, _ = _closed((a, b, factor * c, factor * d), self.loop)
-        if not self.regulator.per_tick:  # an integral that nothing changes is no part of the loop
+        if not self.regulator.per_tick:  # a constant integral is not part of the loop
             keep = np.arange(len(closed)) != len(closed) - 3
             closed = closed[np.ix_(keep, keep)]
         return bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0 - 1e-12)
 
     def _turns(self, factor: float) -> bool:
-        """By the principle of the argument: 1 + L, times its open loop's poles that are not within the unit
-        circle, has as many zeros beyond that as half its way around 0 has half turns. A loop that passes -1
-        too near to be counted is far from any margin."""
+        """Return True if the closed loop is stable by the Nyquist criterion.
+
+        By the argument principle, half the turns of 1 + L around 0 count the closed loop's poles outside the
+        unit circle, once the open loop's are added. A loop that passes too close to -1 for this count has no
+        margin anyway.
+        """
         rate, known = self.loop.rate, np.append(self.frequencies, 0.5 * self.loop.rate)
         later = np.exp(-2j * math.pi / rate * known)
         value = 1.0 + factor * np.append(self.curve, self.real)
@@ -275,7 +286,8 @@ class OpenLoop(NamedTuple):
 
 
 def step_response(regulator: Regulator, loop: Loop, ticks: int) -> Array:
-    """Return the response of the feedback alone to a unit jump of the target at tick 0, at `ticks` ticks."""
+    """Return the response of the closed loop without feedforward to a unit step of the target at tick 0,
+    shape (ticks,)."""
     closed, into = closed_loop(regulator, loop)
     x, found, n = np.zeros(into.size), np.empty(ticks), loop.b.size
     for k in range(ticks):
@@ -285,7 +297,8 @@ def step_response(regulator: Regulator, loop: Loop, ticks: int) -> Array:
 
 
 def closed_loop(regulator: Regulator, loop: Loop) -> tuple[Array, Array]:
-    """State transition and input, the target, of a loop that is closed; the states of the loop come first."""
+    """Return state transition and input matrix (from the target) of the closed loop; the states of the loop
+    come first."""
     return _closed(regulator.state_space(), loop)
 
 

@@ -1,20 +1,21 @@
-"""From anywhere to a position, and hold it: steps as far as they are needed, then the piezo alone.
+"""Move from any position to a target, and hold it: steps as far as needed, then the piezo alone.
 
-    return    the piezo goes, sticking, to the end of its range from which steps in this direction begin
-    step      full steps, one after the other; the last ones are chosen so that what is left is in the
-              piezo's reach, near the middle of its range
-    wait      until what the steps left has died away
+A move passes through these phases:
+
+    return    the piezo moves, sticking, to the end of its range from which steps in this direction start
+    step      full steps, one after the other; the last ones are chosen so that the remaining distance is in
+              the piezo's reach, near the middle of its range
+    wait      until the vibration of the steps has decayed
     recentre  the piezo jumps to the middle of its range, and the end-effector slips: for a target nearby
-    scan      the target moves from where it is to the wanted position, with feedforward and regulator
+    scan      the target moves from the present to the wanted position, with feedforward and regulator
     hold      the regulator alone
 
-Handing over from steps to the piezo is without a jump: the regulator begins at the voltage that is there.
-Steps forward begin at the least voltage and steps backward at the greatest, so that both come to the target
-from their own side. When holding has used up the piezo's range (creep, a load), the move begins anew. Arrival
-is judged by the mean of the readings and its uncertainty (`arrival`).
+The regulator takes over from the steps without a jump, at the present voltage. Forward steps start at the
+least voltage and backward steps at the greatest. When holding has used up the piezo's range (creep, a load),
+the move starts again. Arrival is tested by the mean of the readings and its uncertainty (`arrival`).
 
-The machine is in C, the engine's ``c/mover.h``, which `portable` exports as it is. Before and after the
-regulator, which is Python's here and may hold a piezo's inverse, each tick calls the machine once.
+The state machine is in C, the engine's ``c/mover.h``, which `portable` exports as it is. The regulator is in
+Python here and may contain the inverse of a piezo; each tick calls the state machine before and after it.
 """
 
 from __future__ import annotations
@@ -36,16 +37,16 @@ from .steps import Steps, StepSizes, StepTicks
 
 
 class MoveError(RuntimeError):
-    """A move that gets nowhere: an end stop, lost steps, a target out of reach."""
+    """Error: a move cannot succeed, because of an end stop, lost steps or a target out of reach."""
 
 
 @record
 class Stepping(NamedTuple):
-    """Parameters of stepping.
+    """Parameters of the steps of a move.
 
-    `amplitude` of full steps, their `frequency`, the `pause` after the last one, and the time of a `scan` to
-    the target or of the `return` of the piezo. `margin` is the share of the piezo's range at each end that is
-    not used to hold.
+    `amplitude` of full steps, their `frequency`, the `pause` after the last one, and the duration of a `scan`
+    to the target or of the `return` of the piezo. `margin` is the share of the piezo's range at each end that
+    is not used to hold.
     """
 
     amplitude: Annotated[float, Quantity("V", "A", "amplitude of full steps", above=0)] = 65.0
@@ -57,19 +58,19 @@ class Stepping(NamedTuple):
     dwell: Annotated[float, Quantity("s", "t_d", "time over which arrival is judged", minimum=0)] = 0.01
 
 
-# Share of the expected way below which a step is lost.
+# Share of the expected displacement below which a step is lost.
 _LOST = 0.2
-# V in one tick, up to which a target that moves is followed without a scan.
+# Largest change of the target in one tick, in V of the piezo, that is followed without a scan.
 _ALONG = 0.5
-# Share of the piezo's stroke within which a target is tried from the middle of the range before steps are.
+# Share of the piezo's stroke within which a target is reached by recentring before steps are made.
 _NEAR = 0.25
-# "rest", "return" and so on, from MOVER_REST, MOVER_RETURN.
+# Names of the phases ("rest", "return", ...) by their numbers in C (MOVER_REST, MOVER_RETURN, ...).
 _PHASES = {k: name.split("_")[1].lower() for k, name in ffi.typeof("mover_phase").elements.items()}
 _HOLD = Quantity("s", "", "the time at the target", minimum=0, maximum=math.inf)
 
 
 def _numbers(walk: Stepping, regulator: Regulator, gain: float, batches: int) -> dict[str, Any]:
-    """Return members of the plan in C: the piezo's range, and how arrival is judged."""
+    """Return members of the plan in C: the range of the piezo, and the parameters of the arrival test."""
     rate, low, high = regulator.rate, regulator.low, regulator.high
     kept = walk.margin * (high - low)
     return {
@@ -89,34 +90,35 @@ def _numbers(walk: Stepping, regulator: Regulator, gain: float, batches: int) ->
 
 
 def _member(name: str) -> Any:
-    """Return the property that is a member of the machine in C."""
+    """Return a property that reads a member of the state machine in C."""
     return property(
         lambda mover: getattr(mover._c, name), lambda mover, value: setattr(mover._c, name, value)
     )
 
 
 class Mover:
-    """A controller: `step(measured, target, tick)` gives the voltage [V]; see the module.
+    """Controller that moves to a position and holds it: `step(measured, target, tick)` returns the voltage
+    [V].
 
     Args:
         walk: parameters of stepping.
-        table: step sizes, learned during the move.
-        regulator: for the piezo; its voltages are the range.
-        gain: m/V, of the piezo, > 0: a step forward is a rise of the voltage.
-        hold: s at the target until `done`; inf: for ever.
-        learning: see `Steps`.
-        slip: slip edge of steps and of recentring; by default a jump. Give
-            it to `StepSizes.of_model` too.
-        unit: of positions: m, or rad.
+        table: step sizes, which are corrected during the move.
+        regulator: regulator of the piezo; its voltage limits are the range.
+        gain: gain of the piezo, m/V, > 0: a step forward is a rise of the voltage.
+        hold: time at the target until `done`, s; inf: never done.
+        learning: weight of new steps in the step sizes, see `Steps`.
+        slip: edge of the voltage with which steps and recentring slip; by default a jump.
+            `StepSizes.of_model` needs the same.
+        unit: unit of positions: m, or rad.
 
     Attributes:
-        phase: see the module; `history` contains the start of each, s.
-        settled_at: s, first arrival at the target, or None; `steps` is the number of steps, `lost` the number
-            of steps without motion.
-        goal: target, m; NaN before the first.
-        plan: numbers of the move, as C takes them.
-        arrival: judgement of the readings at the target; see `Arrival`.
-        remark: a sentence on noise that hides the arrival, or "".
+        phase: present phase, see the module; `history` contains the start of each phase, s.
+        settled_at: time of the first arrival at the target, s, or None; `steps` is the number of steps,
+            `lost` the number of steps without motion.
+        goal: target, m; NaN before the first one.
+        plan: parameters of the move, as C takes them.
+        arrival: test whether the position is at the target; see `Arrival`.
+        remark: a sentence if noise prevents the arrival test, otherwise "".
         steps_wanted: set to make this number of full steps at once (negative: backward), and then hold
             there, whatever the target is.
         centre_wanted: set to recentre the piezo while holding the same target.
@@ -189,44 +191,45 @@ class Mover:
 
     @property
     def plausibility(self) -> Plausibility:
-        """Thresholds beyond which a loop with this mover does not believe its sensor; those of a model are
-        narrower, see `control.plausibility`."""
+        """Return thresholds beyond which a loop with this mover does not believe its sensor; those of a model
+        are narrower, see `control.plausibility`."""
         return of_steps(self.steps_of.table, self.gain, self.regulator.high - self.regulator.low)
 
     @property
     def phase(self) -> str:
-        """See the module."""
+        """Return the present phase, such as "step" or "hold"; the module lists them."""
         return _PHASES[self._c.phase]
 
     @property
     def settled_at(self) -> float | None:
-        """When it was first at the target, s."""
+        """Return the time of the first arrival at the target, s; None before."""
         return self._c.settled_at if self._c.settled else None
 
     @property
     def room(self) -> tuple[float, float]:
-        """Free range of the piezo from here, down and up, within the share for holding, m."""
+        """Return how far the piezo can move down and up from its present position, m, within the part of its
+        range that is used to hold."""
         volts = self._c.voltage
         return (volts - self.plan.least) * self.gain, (self.plan.most - volts) * self.gain
 
     @property
     def reach(self) -> float:
-        """Range of the piezo each way from its middle, m."""
+        """Return how far the piezo can move each way from the middle of its range, m."""
         return (self.plan.most - self.plan.middle) * self.gain
 
     @property
     def fastest(self) -> float:
-        """The speed, m/s, up to which the piezo follows a target that moves."""
+        """Return the largest speed of a target that the piezo follows, m/s."""
         return _ALONG * self.gain * self.regulator.rate
 
     def reaches(self, target: float) -> bool:
-        """Return whether the piezo reaches a position [m] from rest at the start, with one slip edge at
-        most."""
+        """Return True if the piezo reaches a position [m] from rest at the start, with at most one slip."""
         needed = self._c.voltage + target / self.gain
         return self.plan.least <= needed <= self.plan.most or abs(target) <= self.plan.nearby
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """The voltage [V] for a position and a target, m; raises MoveError where it gets nowhere."""
+        """Return the voltage [V] for a measured and a wanted position [m]; raise MoveError if the move cannot
+        succeed."""
         c, regulator = self._c, self.regulator
         regulates = self._before(c, measured, target, tick)
         if c.begins:
@@ -253,7 +256,7 @@ class Mover:
         self.history.append((self.phase, tick / self.regulator.rate))
 
     def _why(self, measured: float) -> str:
-        """Return why the move is given up."""
+        """Return the reason why the move is given up."""
         lib, at = library(), with_prefix(measured, self._unit)
         if self._c.error == lib.MOVER_OUT_OF_REACH:
             goal = with_prefix(self.goal, self._unit)

@@ -1,9 +1,9 @@
 """Position without a sensor, for any positioner: dead reckoning with an interval and datums.
 
-The interval grows with every step and shrinks at a datum: an end stop, an index, a camera, a sensor for a
-moment. Some motion is not covered by the calibration: another voltage or frequency, a constant voltage, steps
-made by others. The interval is then widened by the largest possible displacement, and `doubt` gives the
-reason until the next datum.
+The interval grows with every step and shrinks at a datum, a position that is observed once: at an end stop,
+at an index, by a camera or a sensor. Some motion is not covered by the calibration: another voltage or
+frequency, a constant voltage, steps made by others. The interval is then widened by the largest possible
+displacement, and `doubt` gives the reason until the next datum.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from .estimator import Estimator
 from .step_law import StepLaw
 
 _AT = Quantity("m", "", "the position")
-_SPREAD = 1.3  # largest step of another voltage over the largest calibrated step per volt
+_SPREAD = 1.3  # ratio of the largest step at another voltage to the largest calibrated step per volt
 _SAME = 0.01  # largest relative deviation of a frequency from the calibration
 _ANYWHERE = 1.0  # m, standard deviation of an unknown position
-_UNIFORM = math.sqrt(3.0)  # half-width of a uniform distribution over its standard deviation
+_UNIFORM = math.sqrt(3.0)  # ratio of half-width to standard deviation of a uniform distribution
 
 
 class Tally(NamedTuple):
-    """Steps since the last datum, by direction, and changes of direction."""
+    """Numbers of steps in each direction since the last datum, and of changes of direction."""
 
     forward: int = 0
     backward: int = 0
@@ -37,17 +37,18 @@ class DeadReckoning:
 
     Args:
         positioner: any of `rig.positioners`.
-        axis: of the positioner.
-        law: of the steps, see `fit_steps`.
-        position: m, at the start.
-        error: m, standard deviation of the position at the start; by default the position is unknown.
-        voltage: V, of the steps; by default the largest calibrated one.
+        axis: axis of the positioner.
+        law: step sizes by voltage and direction, from `fit_steps`.
+        position: initial position, m.
+        error: standard deviation of the initial position, m; by default the position is unknown.
+        voltage: amplitude of the steps, V; by default the largest calibrated one.
 
     Attributes:
-        tally: see `Tally`.
-        doubt: why the position is not reliable before the next datum, or "".
+        tally: numbers of steps since the last datum, see `Tally`.
+        doubt: reason why the position is not reliable before the next datum, or "".
 
-    At the start the controller is only read. If it counts steps itself, steps made by others are noticed.
+    At the start the controller is only read. If the controller counts steps itself, steps made by others are
+    detected.
     """
 
     def __init__(
@@ -77,23 +78,24 @@ class DeadReckoning:
 
     @property
     def position(self) -> float:
-        """Most likely position, m."""
+        """Return the most likely position, m."""
         return self._estimator.position
 
     @property
     def error(self) -> float:
-        """Standard deviation of the position, m; infinite before the first datum of an unknown position."""
+        """Return the standard deviation of the position, m; infinite before the first datum of an unknown
+        position."""
         return self._estimator.error if self._known else math.inf
 
     def interval(self, level: float | str = 0.95) -> tuple[float, float]:
-        """Return the interval that contains the position with a probability, m."""
+        """Return the interval [m] that contains the position with probability `level`."""
         low, high = self._estimator.band(level)
         return (low, high) if self._known else (-math.inf, math.inf)
 
     def step(
         self, count: int, voltage: float | str | None = None, frequency: float | str | None = None
     ) -> None:
-        """Make `count` steps (upwards if positive), wait for their end, and count them."""
+        """Make `count` steps (upwards if positive), wait for their end, and update position and interval."""
         volts = self.voltage if voltage is None else to_si(voltage, "V", "voltage")
         hertz = self.law.frequency if frequency is None else to_si(frequency, "Hz", "frequency")
         if not count:
@@ -141,7 +143,7 @@ class DeadReckoning:
     def datum(self, position: float | str, error: float | str) -> None:
         """Correct the position by an observed one [m] with standard deviation `error` [m].
 
-        The step sizes are updated, doubts end, and tallies restart at zero. A datum that contradicts the
+        Step sizes are updated, `doubt` is cleared, and `tally` restarts at zero. A datum that contradicts the
         estimate is added to `events`.
         """
         self._estimator.measured(position, error)
@@ -150,17 +152,19 @@ class DeadReckoning:
 
     @property
     def events(self) -> list[tuple[int, str]]:
-        """Datums that contradicted the estimate, with the number of steps before each."""
+        """Return the datums that contradicted the estimate, each with the number of steps before it."""
         return self._estimator.events
 
     def held(self, voltage: float | str) -> None:
-        """Hold the piezo at a voltage [V]; the step law does not know the displacement."""
+        """Hold the piezo at a voltage [V]. The step law does not include this displacement, so `doubt` says
+        so."""
         volts = to_si(voltage, "V", "voltage")
         self.positioner.scan(self.axis, volts)
         self._doubt(1, volts, f"the piezo is held at {volts:g} V")
 
     def _doubt(self, count: int, volts: float, why: str) -> None:
-        """Widen the interval by the largest displacement of these steps, either way."""
+        """Widen the interval by the largest displacement of these steps in either direction, and note the
+        reason."""
         most = max(self.law.forward[-1], self.law.backward[-1]) / self.law.voltages[-1]
         far = abs(count) * _SPREAD * most * max(volts, self.law.voltages[-1])
         self._estimator.doubted(far / _UNIFORM)
@@ -174,5 +178,5 @@ class DeadReckoning:
             )
 
     def _counted(self) -> float:
-        """Return the controller's step counter; 0 for a controller with a sensor instead."""
+        """Return the controller's step counter; 0 if the controller has a sensor instead."""
         return 0.0 if self.positioner.ranges.sensor else self.positioner.position(self.axis)

@@ -1,4 +1,4 @@
-"""Thresholds of what a closed loop believes of its sensor, from the model of its actuator."""
+"""Thresholds beyond which a closed loop does not believe its sensor, from a model of the actuator."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from ..quantities.units import optional_si, to_si, unit_for
 from ..rig.plausibility import Plausibility
 from .steps import StepSizes
 
-_SPEED = 3.0  # over that of the stage which rings after a jump through the whole range
-_STICKS = 0.3  # share of the slope at the start of stepping up to which the contact surely sticks
-_RINGS = 4.0  # time constants of the stage until it has settled
-_SETTLING = (2e-3, 0.02)  # s, least and greatest
-_STROKE = 0.05  # share of the stroke that the drive need not explain: creep, loads
+# speed limit, relative to that of the stage when it vibrates after a jump through the whole range
+_SPEED = 3.0
+_STICKS = 0.3  # largest share of the slope at the start of stepping at which the contact certainly sticks
+_RINGS = 4.0  # settling time, in time constants of the stage
+_SETTLING = (2e-3, 0.02)  # s, smallest and largest settling time
+_STROKE = 0.05  # share of the stroke of motion that the drive need not explain: creep, loads
 _BEGINS = 0.05  # share of the largest step that counts as the start of stepping
-_SLOW, _QUICK = 1e3, 3e4  # rad/s, of stages that nothing is known of
-_ASTRAY = 5.0  # steps
+_SLOW, _QUICK = 1e3, 3e4  # rad/s, range of natural frequencies of unknown stages
+_ASTRAY = 5.0  # largest unexplained displacement, in steps
 
 
 def plausibility(
@@ -29,15 +30,15 @@ def plausibility(
     table: StepSizes | None = None,
     noise: float | str | None = None,
 ) -> Plausibility:
-    """Return the thresholds for the loop of a model.
+    """Return the thresholds beyond which a loop does not believe its sensor, from a model.
 
     Args:
-        model: identified.
+        model: identified actuator.
         output: converter and amplifier, or the rate of its updates, Hz.
-        frequency: Hz, of the steps.
-        max_voltage: V, from the least to the greatest voltage.
-        table: `StepSizes.of_model` of the same, if it is at hand.
-        noise: m, standard deviation of a reading.
+        frequency: frequency of the steps, Hz.
+        max_voltage: difference between least and greatest voltage, V.
+        table: `StepSizes.of_model` for the same arguments, if it has been computed.
+        noise: standard deviation of a reading, m.
     """
     rms = optional_si(noise, unit_for(model, "m"), "noise") or 0.0
     span = to_si(max_voltage, "V", "max_voltage")
@@ -60,15 +61,16 @@ def of_steps(
     settling: float | None = None,
     rms: float = 0.0,
 ) -> Plausibility:
-    """Return the thresholds that follow from a table of steps and the stroke per volt.
+    """Return the thresholds beyond which a loop does not believe its sensor, from a table of steps and the
+    gain.
 
     Args:
-        table: of the steps.
-        gain: m/V, of the piezo.
-        span: V, from the least to the greatest voltage.
-        omega: rad/s, natural frequency of the stage, if that is known.
-        settling: s, until stage and sensor have settled, if that is known.
-        rms: m, noise of a reading.
+        table: step sizes.
+        gain: gain of the piezo, m/V.
+        span: difference between least and greatest voltage, V.
+        omega: natural frequency of the stage, rad/s, if known.
+        settling: settling time of stage and sensor, s, if known.
+        rms: noise of a reading, m.
     """
     volts = np.array(table.voltages)
     sizes = 0.5 * (np.array(table.forward) + np.array(table.backward))

@@ -1,9 +1,8 @@
-"""A regulator, or a whole `Mover`, as C99 in one header, with the same output as in Python to the bit.
+"""Export of a regulator, or of a whole `Mover`, as one C99 header with bit-identical output.
 
-The machine of moves is the engine's own C; the regulator does the operations of Python's in the same order.
-
-That holds where doubles are IEEE 754 and products and sums are rounded one by one: ``gcc -std=c99`` does so
-(``-ffp-contract=off`` elsewhere).
+The state machine of moves is the engine's own C; the regulator does the operations of the Python code in the
+same order. Bit-identity requires IEEE 754 doubles and separately rounded products and sums: ``gcc -std=c99``
+does so (``-ffp-contract=off`` elsewhere).
 """
 
 from __future__ import annotations
@@ -86,12 +85,13 @@ _DERIVATIVE = """\
 
 
 def _number(value: float) -> str:
-    """Return a number as C takes it, to the bit; infinity for no limit."""
+    """Return a number as exact C source text; infinity for no limit."""
     return float(value).hex() if math.isfinite(value) else f"({'-' if value < 0.0 else ''}INFINITY)"
 
 
 def regulator_source(regulator: Regulator) -> str:
-    """The header; raises QuantityError for a regulator with the inverse of a piezo."""
+    """Return the C header of a regulator as text; raise QuantityError for a regulator with the inverse of a
+    piezo."""
     if regulator.inverse is not None:
         raise QuantityError("a regulator with a PiezoInverse is not translated to C: give it a gain in V/m")
     sections = [section.coefficients for section in regulator.sections]
@@ -124,7 +124,8 @@ def regulator_source(regulator: Regulator) -> str:
 
 
 def export_regulator(regulator: Regulator, path: str | os.PathLike[str]) -> Path:
-    """Write the header, regulator.h say; its path. Raises QuantityError as `regulator_source`, OSError."""
+    """Write the C header of a regulator, such as regulator.h, and return its path. Raises QuantityError as
+    `regulator_source`, and OSError."""
     target = Path(path)
     target.write_text(regulator_source(regulator), encoding="utf-8")
     return target
@@ -167,7 +168,7 @@ static inline double mover_step(mover *m, regulator *loop, double measured, doub
 
 
 def _initial(value: Any, tables: Iterator[str]) -> str:
-    """Return the initialiser of a struct of C, or of a member; its pointers lead to these tables in turn."""
+    """Return the initialiser of a C struct, or of a member; its pointers refer to these tables in turn."""
     kind = ffi.typeof(value) if isinstance(value, ffi.CData) else None
     if kind is None:
         return _number(value) if isinstance(value, float) else str(value)
@@ -180,7 +181,7 @@ def _initial(value: Any, tables: Iterator[str]) -> str:
 
 
 def mover_source(mover: Mover) -> str:
-    """Return the header of a mover at rest, with its learned step sizes.
+    """Return the C header of a mover at rest, with its learned step sizes, as text.
 
     Raises QuantityError if the regulator contains the inverse of a piezo.
 
@@ -200,7 +201,8 @@ def mover_source(mover: Mover) -> str:
 
 
 def export_mover(mover: Mover, path: str | os.PathLike[str]) -> Path:
-    """Write the header, mover.h say; its path. Raises QuantityError as `mover_source`, OSError."""
+    """Write the C header of a mover, such as mover.h, and return its path. Raises QuantityError as
+    `mover_source`, and OSError."""
     target = Path(path)
     target.write_text(mover_source(mover), encoding="utf-8")
     return target

@@ -1,12 +1,13 @@
-r"""A drive finer than its converter's step: what rounding leaves is put into the next ticks (noise shaping).
+r"""Noise shaping: a drive that is finer than the step of its converter, because each rounding error is added
+to the next outputs.
 
-With the wanted voltage u, the step q and what is left over e, first order [schreier2005]:
+With the wanted voltage u, the step q and the remaining error e, first order [schreier2005]:
 
 .. math:: y_k = q \operatorname{round}\frac{u_k + e_{k-1}}{q}, \qquad e_k = u_k + e_{k-1} - y_k
 
-The mean of y is that of u, and the error's spectrum rises with frequency: a stage that is slow against the
-ticks does not see it. Each tick is off by up to q. At a limit of the voltage y is rounded inwards, and what
-is left over does not grow beyond half a step.
+The mean of y equals that of u, and the spectrum of the error rises with frequency: a stage that is slow
+compared with the ticks does not follow it. The error in a single tick is up to q. At a limit of the voltage y
+is rounded inwards, and the remaining error does not exceed half a step.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ _INNER, _DEEPEST = ("controller", "mover", "regulator"), 10
 
 
 class NoiseShaped:
-    """A controller whose voltages are whole steps.
+    """Controller whose output voltages are whole steps of a converter, with noise shaping.
 
     Args:
-        controller: what asks for voltages; its attribute `done` is passed on. The voltages of a `Regulator`
-            within are not passed.
-        step: V, of the converter (`Capabilities.step`).
+        controller: controller of the wanted voltage; its attribute `done` is passed on. The output respects
+            the voltage limits of a `Regulator` in it.
+        step: voltage step of the converter, V (`Capabilities.step`).
     """
 
     def __init__(self, controller: Controller, step: float | str) -> None:
@@ -39,14 +40,14 @@ class NoiseShaped:
 
     @property
     def done(self) -> bool:
-        """True if the controller is done."""
+        """Return True if the inner controller is done."""
         return getattr(self.controller, "done", False)
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """The voltage [V], a whole number of steps."""
+        """Return the voltage [V], a whole number of steps."""
         wanted = self.controller.step(measured, target, tick)
         steps = (wanted + self._left) / self._q
-        if not abs(steps) < 1e15:  # no number: whoever puts it out refuses it
+        if not abs(steps) < 1e15:  # not a finite number: the caller refuses it
             return wanted
         whole = round(steps)
         given = min(max(whole, self._low), self._high) * self._q
@@ -57,9 +58,9 @@ class NoiseShaped:
 
 
 def _limits(controller: Any) -> tuple[float, float]:
-    """The voltages of the regulator within, V."""
+    """Return the voltage limits of the regulator in a controller, V."""
     one = controller
-    for _ in range(_DEEPEST):  # what holds itself has no end
+    for _ in range(_DEEPEST):  # a controller that contains itself would never end
         if isinstance(one, Regulator):
             return one.low, one.high
         one = next((getattr(one, name) for name in _INNER if hasattr(one, name)), None)
@@ -67,7 +68,7 @@ def _limits(controller: Any) -> tuple[float, float]:
 
 
 def _within(limit: float, step: float) -> float:
-    """The greatest whole number of steps that is not above a limit."""
+    """Return the greatest multiple of `step` that does not exceed `limit`, V."""
     if not abs(limit) / step < 1e15:
         return limit
     most = math.floor(limit / step)

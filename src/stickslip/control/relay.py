@@ -1,15 +1,16 @@
-r"""Autotuning on the rig by a relay before an integrator: the integral gain at which a loop just oscillates.
+r"""Autotuning on the rig by a relay in front of an integrator: it finds the integral gain at which a loop
+just oscillates.
 
-The voltage goes up by a fixed slope while the position is below the middle, and down while it is above. With
-the plant's response G, it oscillates where the phase of G is -90 degrees; the other 90 are the integrator's.
-Of the square wave :math:`\pm s` [V/s] the describing function keeps the first harmonic [astrom2006]: with the
-amplitude a of the position
+The voltage rises with a fixed slope while the position is below the middle, and falls while it is above. With
+the plant's response G, the loop oscillates at the frequency where the phase of G is -90 degrees; the
+integrator adds another -90. The describing function of the square wave :math:`\pm s` [V/s] keeps its first
+harmonic [astrom2006]. With the amplitude a of the position
 
 .. math:: K_u = \frac{\omega}{|G(i\omega)|} = \frac{4 s}{\pi a}, \qquad \frac{4 s}{\pi\omega}\,|G| = a
 
-and an integral gain of K_u / g_m has the gain margin g_m, whatever the plant. Valid where higher harmonics
-die away in the plant (a stage does so beyond its resonance), and while the contact sticks: the oscillation
-must stay below the presliding displacement.
+and an integral gain of K_u / g_m has the gain margin g_m, whatever the plant. This is valid if the plant
+attenuates higher harmonics (a stage does so above its resonance), and while the contact sticks: the
+oscillation must stay below the presliding displacement.
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ from ..quantities.records import Quantity
 from ..quantities.units import QuantityError, to_si
 from .blocks import RATE, Pid, whole_number
 
-_FORGOTTEN = 4  # periods until the oscillation is steady
-_RAMP, _REST = 0.1, 0.05  # s of the way to the middle, and of rest there
-_CLEAR = 3.0  # standard deviations of the noise at rest; a smaller band lets noise turn the relay
+_FORGOTTEN = 4  # number of periods until the oscillation is steady
+_RAMP, _REST = 0.1, 0.05  # s, duration of the ramp to the middle, and of the rest there
+# smallest band in standard deviations of the noise at rest; in a smaller one noise would switch the relay
+_CLEAR = 3.0
 _SLOPE = Quantity("V/s", "s", "the slope of the voltage", above=0)
 _MIDDLE = Quantity("V", "", "the voltage where it oscillates")
 _BAND = Quantity("m", "", "how far the position must have passed", minimum=0)
@@ -33,7 +35,7 @@ _REACH = Quantity("V", "", "how far it may go to each side", above=0)
 
 
 class Oscillation(NamedTuple):
-    """Result of a relay: the integral gain of the oscillating loop, V/(m s), its frequency, Hz, and
+    """Result of a relay test: integral gain of the oscillating loop, V/(m s), its frequency, Hz, and
     amplitude, m."""
 
     ultimate: float
@@ -41,7 +43,7 @@ class Oscillation(NamedTuple):
     amplitude: float
 
     def pid(self, gain_margin: float | str = 2.5) -> Pid:
-        """The integral controller with this gain margin."""
+        """Return the integral controller with this gain margin."""
         margin = to_si(gain_margin, "", "gain_margin")
         if not 1.0 < margin < math.inf:
             raise QuantityError(f"gain_margin = {margin:g} must be > 1 and finite")
@@ -49,17 +51,17 @@ class Oscillation(NamedTuple):
 
 
 class Relay:
-    """A controller that goes to the middle of the piezo's range, oscillates about where that leads, whatever
-    the target, is `done` after some periods, and then has `found` it.
+    """Controller for a relay test. It ramps to the middle of the piezo's range and oscillates about the
+    position reached there, whatever the target. It is `done` after some periods; `found` is then the result.
 
     Args:
-        slope: V/s, of the voltage, up and down.
-        rate: Hz, of the ticks.
-        voltage: V, where it oscillates.
-        band: m, by which the position must have passed the middle before the relay turns; at least three
-            times the noise of the sensor at rest, which is measured. It must be small against the amplitude.
-        reach: V, as far as it may go to each side.
-        periods: that are measured, a whole number above 0.
+        slope: slope of the voltage, up and down, V/s.
+        rate: update rate, Hz.
+        voltage: V about which it oscillates.
+        band: distance beyond the middle at which the relay switches, m: at least three times the noise of the
+            sensor at rest, which is measured, and small compared with the amplitude.
+        reach: largest deviation of the voltage to each side, V.
+        periods: number of measured periods, above 0.
 
     Raises:
         QuantityError: a number is out of range.
@@ -82,14 +84,15 @@ class Relay:
             raise QuantityError("periods = 0: a relay measures one at least")
         self._volts = 0.0
         self._ramp, self._rest = round(_RAMP * self._rate), round(_REST * self._rate)
-        self._sums: list[float] = []  # positions while it rests
+        self._sums: list[float] = []  # positions during the rest
         self._at, self._sign, self._count = 0.0, 1.0, 0
         self._turns: list[int] = []  # ticks at which the voltage started to rise
-        self._swing: list[float] = []  # positions from the first turn that counts
+        self._swing: list[float] = []  # positions from the first measured switch
         self.done = False
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """The voltage [V]; QuantityError where the oscillation leaves the reach."""
+        """Return the voltage [V] for a measured position [m]; raise QuantityError if the oscillation exceeds
+        the reach."""
         del target, tick
         self._count += 1
         if self._count <= self._ramp + self._rest:
@@ -118,7 +121,7 @@ class Relay:
 
     @property
     def found(self) -> Oscillation:
-        """The oscillation over the periods that were measured, with the amplitude of its first harmonic;
+        """Return the oscillation over the measured periods, with the amplitude of its first harmonic; raise
         QuantityError before the relay is `done`."""
         if not self.done:
             raise QuantityError("the relay has not oscillated for long enough yet")

@@ -1,6 +1,8 @@
-"""Settling of a move: when it was within each window of its target for good, and what it did on the way.
+"""Settling of a move: times after which it stays within each of several windows about its target, and its
+overshoot.
 
-A settling time within one's own dead band measures the dead band, so a ladder of windows is reported.
+A settling time within the dead band of the controller only measures the dead band, so a ladder of windows is
+reported.
 """
 
 from __future__ import annotations
@@ -22,10 +24,12 @@ _MEAN = 1e-3  # s over which a position is averaged before it is compared with a
 
 
 class Settling(NamedTuple):
-    """`times` [s] after which the position stays within each of the `windows` [m] (NaN: not to the end);
-    `overshoot` [m] beyond the target, in the direction of the move; `rms` [m] of what is left over the last
-    `held` seconds; `noise` [m] is the standard deviation of the sensor's noise that the running mean
-    leaves."""
+    """Settling of a move.
+
+    Fields: `times` [s] after which the position stays within each of the `windows` [m] (NaN: not until the
+    end); `overshoot` [m] beyond the target, in the direction of the move; `rms` [m] of the error over the
+    last `held` seconds; `noise` [m], standard deviation of the sensor's noise after the running mean.
+    """
 
     windows: tuple[float, ...]
     times: tuple[float, ...]
@@ -43,20 +47,20 @@ def settling(
     hold: float | str = 0.0,
     average: float | str | None = None,
 ) -> Settling:
-    """Return settling times, overshoot and hold of a recording with `end_effector_position`.
+    """Return settling times, overshoot and error while holding, of a recording with `end_effector_position`.
 
     Args:
         recording: result of `rig.regulate` or `simulate_control`.
-        target: m, or rad where the recording is in rad.
-        windows: half-widths, likewise.
-        hold: s at the end, for the rms deviation.
-        average: s, of a running mean that takes the sensor's noise out of windows, overshoot and rms, and all
-            motion that is faster. By default 1 ms for a sensor's readings, none for a simulated position
-            (beside `measured_position`), which has no noise.
+        target: target position, m, or rad if the recording is in rad.
+        windows: half-widths of the windows about the target, in the same unit.
+        hold: duration at the end over which the rms error is computed, s.
+        average: duration of a running mean, s, which removes the sensor's noise, and faster motion, from all
+            results. By default 1 ms for a sensor's readings, and no mean for a simulated position (next to
+            `measured_position`), which has no noise.
 
     Raises:
-        QuantityError: the channel is missing, the target is not finite, the hold is longer than the
-            recording or below 0, a window is not > 0, a mean not >= 0.
+        QuantityError: the channel is missing, the target is not finite, the hold is longer than the recording
+            or below 0, a window is not > 0, or `average` is negative.
     """
     if "end_effector_position" not in recording:
         raise QuantityError(
@@ -84,12 +88,12 @@ def settling(
     side = 1.0 if goal >= x[0] else -1.0
     last = max(1, round(span / between))
     rms = float(np.sqrt(np.mean(off[-last:] ** 2)))
-    # White noise by successive differences; a motion that is slow against the samples adds little.
+    # White noise from successive differences; motion that is slow compared with the samples adds little.
     noise = float(np.sqrt(0.5 * np.mean(np.diff(raw[-max(last, 2) :]) ** 2) / count)) if wide else 0.0
     return Settling(sizes, tuple(found), max(float((side * off).max()), 0.0), rms, span, noise)
 
 
 def _averaged(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """The mean of the last `count` values at each sample; before the first they were like it."""
+    """Return the mean of the last `count` values at each sample; values before the first equal the first."""
     total = np.cumsum(np.append(np.zeros(count), values - values[0]))
     return values[0] + (total[count:] - total[:-count]) / count

@@ -1,9 +1,10 @@
-r"""Input shaping: a change comes in parts, so that what each sets swinging the others stop.
+r"""Input shaping: a change of the target comes in parts that cancel each other's vibration.
 
-Of a mode with the damped period :math:`T_d = 2\pi/(\omega\sqrt{1-\zeta^2})` and
-:math:`K = e^{-\zeta\pi/\sqrt{1-\zeta^2}}` the shaper of order 1 (ZV) has the parts :math:`1/(1+K)` at once
-and :math:`K/(1+K)` half a period later; that of order n is n of them in a row (2: ZVD), n half periods long
-[singer1990]. With the frequency off by a share d what is left of the swing is about :math:`(\pi d/2)^n`.
+For a mode with the damped period :math:`T_d = 2\pi/(\omega\sqrt{1-\zeta^2})` and :math:`K =
+e^{-\zeta\pi/\sqrt{1-\zeta^2}}`, the shaper of order 1 (ZV) has the parts :math:`1/(1+K)` at once and
+:math:`K/(1+K)` half a period later. The shaper of order n is n of them in series (2: ZVD) and lasts n half
+periods [singer1990]. If the frequency is wrong by a share d, the remaining vibration is about :math:`(\pi
+d/2)^n`.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ Array = NDArray[np.float64]
 
 @record
 class Shaper(NamedTuple):
-    """See the module."""
+    """Input shaper for one vibration mode: its frequency, damping ratio and order; see the module."""
 
     frequency: Annotated[float, Quantity("Hz", "ω/2π", "natural frequency of the mode", above=0)]
     damping: Annotated[float, Quantity("", "ζ", "damping ratio of the mode", minimum=0, maximum=0.99)] = 0.0
@@ -35,7 +36,7 @@ class Shaper(NamedTuple):
             raise QuantityError(f"Shaper.order = {self.order:g} must be a whole number")
 
     def parts(self) -> tuple[Array, Array]:
-        """When [s] and how much of a change comes; the sum of the parts is 1."""
+        """Return times [s] and sizes of the parts of a change; their sum is 1."""
         root = math.sqrt(1.0 - self.damping**2)
         k = math.exp(-self.damping * math.pi / root)
         shares: Array = np.ones(1)
@@ -45,8 +46,8 @@ class Shaper(NamedTuple):
         return np.arange(float(shares.size)) * half, shares
 
     def taps(self, rate: float | str) -> Array:
-        """The shaper at a rate [Hz]: each part is split between the two ticks around its time. Raises
-        QuantityError for a mode beyond half the rate."""
+        """Return the shaper as filter taps at an update rate [Hz]; each part is split between the two ticks
+        around its time. Raises QuantityError for a mode above half the rate."""
         hertz = RATE.check(rate, "rate")
         below_half(self.frequency, hertz, "Shaper.frequency")
         times, shares = self.parts()
@@ -59,8 +60,8 @@ class Shaper(NamedTuple):
         return found[: np.flatnonzero(found)[-1] + 1]
 
     def shaped(self, values: ArrayLike, rate: float | str) -> Array:
-        """Samples [n] at a rate [Hz], shaped, in their own unit; before the first they were like it. Raises
-        QuantityError for what is no such list of finite numbers, and as `taps`."""
+        """Return samples [n] at a rate [Hz] after the shaper, in their own unit; earlier samples equal the
+        first. Raises QuantityError unless the samples are finite numbers, and as `taps`."""
         given, taps = array_si(values, own_unit(values), "values"), self.taps(rate)
         if given.ndim != 1 or not given.size or not np.all(np.isfinite(given)):
             raise QuantityError(f"values of the shape {given.shape} must be finite samples [n], one at least")
@@ -69,11 +70,11 @@ class Shaper(NamedTuple):
 
 @record
 class Slip(NamedTuple):
-    """The edge with which a step slips: over `duration` the voltage goes at a steady pace, and so with a
-    steady current; with a `frequency`, in parts that do not set that mode of the stage swinging (see the
-    module).
+    """Edge of the drive voltage with which a step slips.
 
-    The contact slides meanwhile, which no linear mode knows: less ringing of the stage is left, not none.
+    The voltage changes at a constant rate over `duration`, and so with a constant current. With a `frequency`
+    it changes in parts that do not excite that mode of the stage (see the module). The contact slides
+    meanwhile, which the linear mode does not include, so the vibration is reduced but not removed.
     """
 
     duration: Annotated[float, Quantity("s", "t_e", "time of the edge, of each part", minimum=0)] = 0.0
@@ -83,7 +84,7 @@ class Slip(NamedTuple):
 
     @classmethod
     def within(cls, current: float | str, capacitance: float | str, voltage: float | str) -> Slip:
-        """Return the edge of a voltage [V] into a capacitance [F] with a current [A]."""
+        """Return the edge of a voltage [V] into a capacitance [F] with a constant current [A]."""
         ampere, farad = to_si(current, "A", "current"), to_si(capacitance, "F", "capacitance")
         if not 0.0 < ampere < math.inf:
             raise QuantityError(f"current = {ampere:g} A must be > 0 A and finite")
@@ -94,8 +95,8 @@ class Slip(NamedTuple):
             raise QuantityError(f"Slip.order = {self.order:g} must be a whole number")
 
     def corners(self, shortest: float = 1e-9) -> tuple[Array, Array]:
-        """Times [s] after the rise, from 0, and what is left of the voltage, from 1 to 0, with lines between;
-        a jump takes `shortest` [s]."""
+        """Return times [s] after the rise, from 0, and the remaining share of the voltage, from 1 to 0,
+        linear in between; a jump takes `shortest` [s]."""
         if self.frequency:
             times, shares = Shaper(self.frequency, self.damping, self.order).parts()
         else:
@@ -110,7 +111,7 @@ class Slip(NamedTuple):
     def left(self, rate: float) -> tuple[float, ...]:
         """Return the remaining share of the voltage at the ticks after the rise, at a rate [Hz].
 
-        Raises QuantityError for a mode beyond half the rate.
+        Raises QuantityError for a mode above half the rate.
         """
         below_half(self.frequency, rate, "Slip.frequency")
         times, levels = self.corners()
@@ -119,26 +120,26 @@ class Slip(NamedTuple):
 
 
 class Shaping:
-    """A controller whose target is shaped.
+    """Controller whose target passes an input shaper.
 
     Args:
-        controller: what sees the shaped target; its attribute `done` is passed on.
-        shaper: of the mode that must not swing.
-        rate: Hz, of the ticks; more than twice the frequency of the mode.
+        controller: controller that gets the shaped target; its attribute `done` is passed on.
+        shaper: shaper of the mode that must not vibrate.
+        rate: update rate, Hz; more than twice the frequency of the mode.
     """
 
     def __init__(self, controller: Controller, shaper: Shaper, rate: float | str) -> None:
         self.controller, self.rate = controller, RATE.check(rate, "Shaping.rate")
         self._taps = shaper.taps(self.rate)
-        self._targets: Array | None = None  # the newest first
+        self._targets: Array | None = None  # latest first
 
     @property
     def done(self) -> bool:
-        """True if the controller is done."""
+        """Return True if the inner controller is done."""
         return getattr(self.controller, "done", False)
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """The voltage [V]."""
+        """Return the voltage [V] for a measured and a wanted position [m] at a tick."""
         if self._targets is None:
             self._targets = np.full(self._taps.size, target)
         self._targets[1:] = self._targets[:-1]

@@ -1,4 +1,4 @@
-"""A controller in a simulation: the actuator moves tick by tick under its voltages."""
+"""Simulation of an actuator under a controller, tick by tick."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..simulation.ticks import Motion
 from ..waveform.signal import Waveform
 from .blocks import whole_number
 
-_TOLD = 2000  # ticks between two calls of progress
+_TOLD = 2000  # ticks between two progress calls
 
 
 def simulate_control(
@@ -38,31 +38,31 @@ def simulate_control(
     """Return the trajectory of an actuator under a controller, from rest at 0 V.
 
     At each tick the controller gets the end-effector's position and returns the voltage, which is constant
-    until the next. Positions count from the rest position, which a slope or a load has moved (`simulate`
-    counts from rest without them). There are no converters, amplifier or limits here: those belong to the rig
-    (`rig.regulate`). A controller made for one rate needs that `rate`: an
-    attribute `rate` [Hz] of it, or of its `controller`, `mover` or `regulator`.
+    until the next. Positions are relative to the rest position under slope and load (in `simulate`, to rest
+    without them). There are no converters, amplifier or limits; those belong to the rig (`rig.regulate`). If
+    the controller, or its `controller`, `mover` or `regulator`, has an attribute `rate` [Hz], it must equal
+    `rate`.
 
     Args:
         model: the actuator.
         controller: object with `step(measured, target, tick)`; an attribute `done` ends the run.
-        target: m (rad), a number, or a waveform in that unit.
-        duration: s, at most.
-        rate: Hz, of the ticks.
-        delay: ticks by which a voltage comes later.
-        noise: m, standard deviation of a measured position.
+        target: wanted position, m (rad): a number, or a waveform in that unit.
+        duration: longest duration, s.
+        rate: update rate, Hz.
+        delay: delay of the voltage, in ticks.
+        noise: standard deviation of a measured position, m.
         seed: seed of the noise.
-        tolerance: m, of the simulation in each tick.
-        progress: called with the done share.
+        tolerance: tolerance of the simulation in each tick, m.
+        progress: called with the share that is done.
 
     Returns:
         Dataset over "time": end_effector_position, measured_position, target_position (m), drive_voltage (V).
 
     Raises:
-        QuantityError: a number is out of range, the target is not a position, the controller is of another
-            kind or made for another rate, or returns a voltage that is not finite or outside the actuator's
-            range, or a static stage would jump with it.
-        SimulationError: the motion could not be followed.
+        QuantityError: a number is out of range; the target is not a position; the controller has the wrong
+            type or another rate; it returns a voltage that is not finite or outside the actuator's range; or
+            a static stage would jump.
+        SimulationError: the motion could not be simulated.
     """
     unit = unit_for(model, "m")
     hertz, seconds = SAMPLE_RATE.check(rate, "rate"), DURATION.check(duration, "duration")
@@ -89,7 +89,7 @@ def simulate_control(
         position = motion.position - start
         measured = position + read[tick]
         volts = _volts(step(measured, wanted[tick], tick), tick)
-        if not model.min_voltage <= volts <= model.max_voltage:  # NaN is neither
+        if not model.min_voltage <= volts <= model.max_voltage:  # also true for NaN
             raise QuantityError(
                 f"the controller asks for {volts:g} V at tick {tick}; {model.name or 'the actuator'} takes "
                 f"{model.min_voltage:g} V to {model.max_voltage:g} V"
@@ -115,10 +115,10 @@ def simulate_control(
 
 
 def _volts(said: Any, tick: int) -> float:
-    """Return the controller's output, V; raises QuantityError if it is not a number."""
-    if isinstance(said, float):  # at nearly every tick
+    """Return the controller's output as a number, V; raise QuantityError if it is not one."""
+    if isinstance(said, float):  # the usual case
         return said
     field = f"what the controller returned at tick {tick}"
-    if isinstance(said, str):  # a controller computes: "5 V" is a mistake here
+    if isinstance(said, str):  # a controller computes numbers: "5 V" is an error here
         raise QuantityError(f"{field} = {said!r:.60} is not a number (expected V)")
     return to_si(said, "V", field)

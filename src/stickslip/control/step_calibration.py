@@ -1,9 +1,9 @@
 """Calibration of the steps of any positioner: bursts of steps, measured by a sensor or from limit to limit.
 
 A sensor is a function that returns the position in metres: from a camera, a gauge, or ``lambda:
-controller.position(0)`` for a controller with a sensor. Without a sensor, two limits with a known distance
-are enough, and a function that tells whether the axis is at a limit (from a switch, an image, the
-controller's status). `step_law.fit_steps` computes the law from the measurements.
+controller.position(0)`` for a controller with a sensor. Without a sensor, two limits at a known distance are
+enough, with a function that returns whether the axis is at a limit (from a switch, an image, the controller's
+status). `step_law.fit_steps` computes the law from the measurements.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from ..rig.protocols import RigError
 _LIMIT = Quantity("m", "", "the distance between the limits", above=0)
 _NOISE = Quantity("m", "", "the standard deviation of a measured way", minimum=0)
 _COLUMNS = {"voltage": "V", "direction": "", "steps": "", "displacement": "m", "noise": "m"}
-_MOST_BYTES = 10_000_000  # of a file of bursts
-_MOST_STEPS = 10_000_000  # from limit to limit
+_MOST_BYTES = 10_000_000  # largest size of a file of bursts
+_MOST_STEPS = 10_000_000  # largest number of steps from limit to limit
 
 
 @record
 class Bursts(NamedTuple):
-    """Bursts of steps for a calibration.
+    """Plan of bursts (groups of equal steps) for a calibration.
 
     For each voltage, `bursts` of `steps` each are made forward and then backward; all of it `repeats` times.
     `settle` is the rest before each reading. The first burst after a change of direction is too short, so
@@ -59,7 +59,7 @@ class Bursts(NamedTuple):
 
     @property
     def plan(self) -> Iterator[tuple[float, int, bool]]:
-        """Voltage, direction, and whether the direction changes before it.
+        """Yield voltage [V] and direction of each burst, and True if the direction changes before it.
 
         Every other repeat takes the voltages in reverse order.
         """
@@ -85,10 +85,10 @@ def measure_steps(
 
     Args:
         positioner: any of `rig.positioners`; it is stopped at the end and after an error.
-        axis: of the positioner.
-        sensor: returns the position in metres, increasing with steps up.
+        axis: axis of the positioner.
+        sensor: function that returns the position in metres, increasing with steps up.
         bursts: the bursts to make.
-        noise: m, standard deviation of a reading.
+        noise: standard deviation of a reading, m.
         progress: called with the finished fraction.
 
     Returns:
@@ -128,10 +128,10 @@ def measure_travel(
 
     Args:
         positioner, axis, progress: as for `measure_steps`.
-        at_limit: returns 1 at the upper limit, -1 at the lower, 0 in between.
-        travel: m, between the limits.
-        bursts: `steps` are made between two looks at the limit; half of the last ones count.
-        error: m, standard deviation of the limits' positions.
+        at_limit: function that returns 1 at the upper limit, -1 at the lower, 0 in between.
+        travel: distance between the limits, m.
+        bursts: plan; its `steps` are made between two checks of the limit, and half of the last ones count.
+        error: standard deviation of the limits' positions, m.
 
     Raises:
         RigError: a limit is not reached; or from the positioner.
@@ -206,8 +206,8 @@ def read_bursts(path: str | os.PathLike[str], frequency: float | str) -> xr.Data
     is the standard deviation of the displacement.
 
     Args:
-        path: of the file.
-        frequency: Hz, of the steps.
+        path: path of the file.
+        frequency: frequency of the steps, Hz.
 
     Raises:
         QuantityError: the file is not as described; the message names file and line.

@@ -43,17 +43,18 @@ from .steps import StepSizes
 
 Array = NDArray[np.float64]
 
-_MOST_BYTES = 1_000_000  # of a law's file
+_MOST_BYTES = 1_000_000  # largest size of a file of a law
 FEWEST = 8  # fewest bursts beyond the number of step sizes
-_BOUNDS = ((1e-4, 1.0), (1e-3, 1.0), (1e-7, 0.05), (1e-7, 0.05))  # of sigma, tau over the mean step, q_c, q_s
+# bounds of sigma, of tau relative to the mean step, of q_c and q_s
+_BOUNDS = ((1e-4, 1.0), (1e-3, 1.0), (1e-7, 0.05), (1e-7, 0.05))
 _STARTS = ((0.05, 0.05, 1e-4, 1e-4), (0.2, 0.01, 2e-3, 1e-5), (0.02, 0.2, 1e-5, 2e-3))
-_FALLS = 0.25  # of the log-likelihood, at the upper end of a drift; study: docs/benchmarks/open-loop.md
+_FALLS = 0.25  # fall of the log-likelihood at the upper end of a drift; study: docs/benchmarks/open-loop.md
 _STEPPING = 0.05  # fraction of the largest step, below which a voltage makes no steps
 
 
 @record
 class StepLaw(NamedTuple):
-    """Steps by voltage, as distances, their standard errors, scatter and drift.
+    """Step sizes of a motor by voltage and direction, with their standard errors, scatter and drift.
 
     `scatter` is the scatter of single steps relative to their size, `threshold_scatter` the part independent
     of the size. `common_drift` and `own_drift` are random walks, relative to a step and per square root of a
@@ -86,11 +87,12 @@ class StepLaw(NamedTuple):
         return self.voltages[0] <= voltage <= self.voltages[-1]
 
     def size(self, voltage: float, direction: int) -> float:
-        """Return the distance [m] of a step of an amplitude [V] in a direction, 1 or -1."""
+        """Return the size [m] of a step with this amplitude [V] in a direction, 1 or -1."""
         return float(np.interp(voltage, self.voltages, self.forward if direction > 0 else self.backward))
 
     def step_scatter(self, voltage: float, direction: int) -> float:
-        """Return the standard deviation [m] of a single step."""
+        """Return the standard deviation [m] of a single step with this amplitude [V] in a direction, 1 or
+        -1."""
         return math.hypot(self.scatter * self.size(voltage, direction), self.threshold_scatter)
 
     def threshold(self, direction: int) -> tuple[float, float]:
@@ -110,7 +112,7 @@ class StepLaw(NamedTuple):
         return float(-at_zero / slope), float(slope)
 
     def model(self, voltage: float) -> StepModel:
-        """Return the steps of an amplitude [V] for an `Estimator`."""
+        """Return the step sizes and uncertainties at an amplitude [V] for an `Estimator`."""
         forward, backward = self.size(voltage, 1), self.size(voltage, -1)
         worst = max(
             error / size
@@ -135,12 +137,13 @@ class StepLaw(NamedTuple):
         return max((v for v in self.voltages if v <= voltage), default=self.voltages[0])
 
     def table(self) -> StepSizes:
-        """Return the steps as the table of a `Mover`."""
+        """Return the step sizes as the table of a `Mover`."""
         up, down = (tuple(np.maximum.accumulate(one).tolist()) for one in (self.forward, self.backward))
         return StepSizes(self.voltages, up, down)
 
     def equal_steps(self, rows: int = 16) -> Array:
-        """Return a table for a controller [rows, 3]: distance [m], amplitudes [V] forward and backward."""
+        """Return a table for a controller with amplitudes [V] for equally spaced step sizes; shape (rows, 3):
+        distance [m], amplitude forward and backward."""
         of = self.table()
         volts = [np.array(self.voltages)] * 2
         low = max(of.forward[0], of.backward[0])
@@ -158,7 +161,8 @@ class StepLaw(NamedTuple):
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the law as JSON, or the table of `equal_steps` as CSV, by the ending of the name."""
+        """Write the law as JSON, or the table of `equal_steps` as CSV, depending on the file name's
+        ending."""
         path = Path(path)
         if path.suffix == ".csv":
             rows = [
@@ -171,7 +175,7 @@ class StepLaw(NamedTuple):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> StepLaw:
-        """Return what `save` wrote as JSON; raises QuantityError for another file."""
+        """Return the law that `save` wrote as JSON; raise QuantityError for another file."""
         try:
             found: dict[str, Any] = json.loads(decoded(read_file(Path(path), _MOST_BYTES), str(path)))
             given: dict[str, Any] = {
@@ -183,7 +187,7 @@ class StepLaw(NamedTuple):
 
 
 def fit_steps(bursts: xr.Dataset) -> StepLaw:
-    """Fit the steps of a motor to bursts; see the module and `measure_steps`.
+    """Fit step sizes, scatter and drift of a motor to bursts; see the module and `measure_steps`.
 
     Args:
         bursts: over "burst", in chronological order: voltage [V], direction (1 or -1), number of steps,
@@ -197,7 +201,7 @@ def fit_steps(bursts: xr.Dataset) -> StepLaw:
 
 
 class _Fit:
-    """The bursts as arrays, and the likelihood of their noise."""
+    """Fit of a step law: the bursts as arrays, and the likelihood of the noise parameters."""
 
     def __init__(self, bursts: xr.Dataset) -> None:
         names = ("voltage", "direction", "steps", "displacement", "noise", "after_reversal")
@@ -227,18 +231,19 @@ class _Fit:
         self.x = np.zeros((self.y.size, sizes + 1))
         self.x[np.arange(self.y.size), self.column] = self.count
         self.x[:, -1] = -reversed_
-        if not np.ptp(reversed_):  # alike in all bursts: it cannot be distinguished
+        if not np.ptp(reversed_):  # the same in all bursts: it cannot be distinguished
             self.x = self.x[:, :-1]
-        later = np.cumsum(self.count[::-1])[::-1] - 0.5 * self.count  # from the middle of a burst to the end
+        # steps from the middle of a burst to the end
+        later = np.cumsum(self.count[::-1])[::-1] - 0.5 * self.count
         self.shared = np.minimum.outer(later, later)
         self.same = np.equal.outer(self.way, self.way)
         self.means = np.linalg.lstsq(self.x, self.y, rcond=None)[0]
 
     def law(self) -> StepLaw:
-        """Return the fit."""
+        """Return the fitted law."""
         low, high = np.log(_BOUNDS).T
         starts, noise = [np.log(start) for start in _STARTS], np.log(_STARTS[0])
-        for _ in range(2):  # the sizes enter the covariance
+        for _ in range(2):  # the covariance depends on the step sizes
             found = [
                 scipy.optimize.minimize(
                     self._unlikely, start, method="L-BFGS-B", bounds=list(zip(low, high, strict=True))
@@ -272,7 +277,7 @@ class _Fit:
 
     @property
     def _mean(self) -> float:
-        """Mean step, m."""
+        """Return the mean step, m."""
         return float(np.abs(self.means[: 2 * self.voltages.size]).mean())
 
     def _covariance(self, logs: Array) -> Array:
@@ -285,14 +290,15 @@ class _Fit:
         return made
 
     def _solved(self, logs: Array) -> tuple[Array, Array]:
-        """Return the step sizes, with the displacement lost at a reversal, and their covariance."""
+        """Return step sizes and the displacement lost at a reversal, with their covariance, for noise
+        parameters (logarithms)."""
         factor = scipy.linalg.cho_factor(self._covariance(logs))
         weighted = scipy.linalg.cho_solve(factor, self.x)
         covariance = np.linalg.inv(self.x.T @ weighted)
         return covariance @ (weighted.T @ self.y), covariance
 
     def _unlikely(self, logs: Array) -> float:
-        """Return the restricted negative log-likelihood of noise parameters (logarithms)."""
+        """Return the negative restricted log-likelihood of noise parameters (logarithms)."""
         factor = scipy.linalg.cholesky(self._covariance(logs), lower=True)
         x, y = (scipy.linalg.solve_triangular(factor, one, lower=True) for one in (self.x, self.y))
         normal = x.T @ x
@@ -301,7 +307,8 @@ class _Fit:
         return half + 0.5 * float(np.linalg.slogdet(normal)[1]) + 0.5 * float(left @ left)
 
     def _upper(self, best: Array, least: float, k: int, most: float) -> float:
-        """Return the logarithm of a drift at which the log-likelihood has fallen by `_FALLS`."""
+        """Return the logarithm of drift number `k` at which the log-likelihood has fallen by `_FALLS`, at
+        most `most`."""
 
         def fallen(value: float) -> float:
             other = best.copy()

@@ -1,11 +1,9 @@
-"""Sizes of single steps over the voltage, from a model, corrected by what is measured while it walks.
+"""Table of step sizes by voltage from a model, corrected by steps measured during a move.
 
-A table of a model is that of the voltages that reach the piezo: each step as a `Mover` asks for it at its
-ticks, behind converter and amplifier (`OutputStage`).
-
-Forward and backward are learnt apart: under a load, on an incline, or with a piezo that has hysteresis they
-differ. The equaliser is the table read backwards: `voltage_for` gives the amplitude with which a step goes as
-far as wanted in either direction.
+The voltages of a model's table are those at the piezo: each step is simulated as a `Mover` asks for it at its
+ticks, behind converter and amplifier (`OutputStage`). Forward and backward steps are learned separately,
+because they differ under a load, on an incline, or with a piezo that has hysteresis. `voltage_for` inverts
+the table: it gives the amplitude for a wanted step in either direction.
 """
 
 from __future__ import annotations
@@ -28,17 +26,19 @@ from .shaping import Slip
 
 Array = NDArray[np.float64]
 
-# Share of a step in which the voltage rises; in the rest, after the slip edge, the slip dies away.
+# Share of a step in which the voltage rises; in the rest, after the slip edge, the vibration decays.
 RISING = 0.8
-_EDGE = 1e-5  # of a step that the slip edge takes in the model
-_VOLTAGES = 16  # of a table that is made of a model
-_PRIOR = 0.1  # of the greatest step: as which a table counts beside what is measured
-_LEAST = 0.05  # of the greatest voltage
-_FEWEST = 8  # ticks of a step
+_EDGE = 1e-5  # share of a step that the slip edge takes in the model
+_VOLTAGES = 16  # number of voltages in a table that is made from a model
+# standard deviation of the table relative to its largest step, when it is combined with measured steps
+_PRIOR = 0.1
+_LEAST = 0.05  # smallest voltage of a table, relative to the largest
+_FEWEST = 8  # fewest ticks of a step
 
 
 class StepTicks(NamedTuple):
-    """Ticks of one step: its period, its rise, and what is left of its voltage at those after the rise."""
+    """One step in ticks: its period, its rise, and the remaining shares of the voltage at the ticks after the
+    rise."""
 
     period: int
     rise: int
@@ -46,28 +46,32 @@ class StepTicks(NamedTuple):
 
     @classmethod
     def of(cls, rate: float, frequency: float, slip: Slip) -> StepTicks:
-        """Return the ticks at a rate [Hz] of steps of a frequency [Hz]; raises QuantityError for too few."""
+        """Return a step of this frequency [Hz] at an update rate [Hz]; raise QuantityError if it has too few
+        ticks."""
         period = round(rate / frequency)
         if period < _FEWEST:
             raise QuantityError(
                 f"Stepping.frequency = {frequency:g} Hz leaves {period} ticks a step; {_FEWEST} are needed"
             )
-        # At least one tick, in which nothing is left any more.
+        # At least one tick without voltage.
         return cls(period, round(RISING * period), slip.left(rate) or (0.0,))
 
     def left(self, count: int) -> float:
-        """Return the remaining share of a voltage a number of ticks after its rise."""
+        """Return the remaining share of the voltage `count` ticks after its rise."""
         return self.slipping[count - 1] if count <= len(self.slipping) else 0.0
 
     def share(self, count: int) -> float:
-        """Return the share of the amplitude at a tick of the step, counted from 1."""
+        """Return the share of the amplitude at tick `count` of the step, counted from 1."""
         return count / self.rise if count <= self.rise else self.left(count - self.rise)
 
 
 @record
 class StepSizes(NamedTuple):
-    """Net steps forward (towards +x) and backward, as distances, of these voltages: a rise over `RISING` of
-    the step, back at once, and rest. They do not become less with the voltage."""
+    """Net step sizes (distances, m) forward (towards +x) and backward at several voltages [V].
+
+    In a step the voltage rises over the share `RISING` of its period, returns at once, and rests. Step sizes
+    do not decrease with the voltage.
+    """
 
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes, ascending", above=0)]
     forward: Annotated[tuple[float, ...], Quantity("m", "s₊", "step forward", minimum=0)]
@@ -83,7 +87,7 @@ class StepSizes(NamedTuple):
         if list(self.voltages) != sorted(set(self.voltages)):
             raise QuantityError(f"StepSizes.voltages [V] must ascend: {list(self.voltages)}")
         for name, steps in (("forward", self.forward), ("backward", self.backward)):
-            if list(steps) != sorted(steps):  # a voltage is looked up by its step
+            if list(steps) != sorted(steps):  # a voltage is searched by its step size
                 raise QuantityError(
                     f"StepSizes.{name} [m] must not become less with the voltage: {list(steps)}"
                 )
@@ -97,18 +101,18 @@ class StepSizes(NamedTuple):
         max_voltage: float | str,
         slip: Slip | None = None,
     ) -> StepSizes:
-        """Return the steps of the periodic walks of a model behind an output stage.
+        """Return the step sizes of a model's periodic walks behind an output stage.
 
         Args:
             model: the actuator.
-            output: converter and amplifier, ``bench.output()``; or the rate of its updates, Hz, that of the
-                mover's ticks.
-            frequency: Hz, of the steps.
-            max_voltage: V, the largest amplitude.
-            slip: the edge with which each step slips; at once, if left out.
+            output: converter and amplifier, ``bench.output()``; or its update rate, Hz, which is that of the
+                mover.
+            frequency: frequency of the steps, Hz.
+            max_voltage: largest amplitude, V.
+            slip: edge with which each step slips; by default a jump.
 
         Raises:
-            QuantityError: the model does not walk at the greatest voltage, or the edge takes too long.
+            QuantityError: the model does not step at the greatest voltage, or the edge takes too long.
         """
         hertz, most = to_si(frequency, "Hz", "frequency"), to_si(max_voltage, "V", "max_voltage")
         volts, stage = np.linspace(_LEAST * most, most, _VOLTAGES), output_of(output)
@@ -128,14 +132,15 @@ class StepSizes(NamedTuple):
 
 
 def _walks(model: Actuator, output: OutputStage, hertz: float, volts: Array, slip: Slip) -> tuple[Array, str]:
-    """Return the net steps [m] of walks of these amplitudes [V], and why the last one has none."""
+    """Return the net steps [m] of walks with these amplitudes [V], and the reason if the last one has
+    none."""
     if not (output.updates or output.amplifier or np.isfinite(output.slope)):
         drive, shares = _knots(hertz, float(volts[-1]), slip)
         varied = {f"value_{k + 2}": volts * share for k, share in enumerate(shares[:-1].tolist())}
         found = steady_steps(model, drive, parameters=varied)
         return found["net_step"].values, str(found["reason"].values[-1])
     steps, why = np.full(volts.size, np.nan), ""
-    base = max(-float(volts[-1]), 0.0)  # steps backward start at the highest voltage, as a mover's
+    base = max(-float(volts[-1]), 0.0)  # as in a mover, steps backward start at the highest voltage
     for k, amplitude in enumerate(volts.tolist()):
         if output.updates:
             drive = _ticks(output, hertz, amplitude, base, slip)
@@ -150,7 +155,8 @@ def _walks(model: Actuator, output: OutputStage, hertz: float, volts: Array, sli
 
 
 def _knots(hertz: float, amplitude: float, slip: Slip) -> tuple[PeriodicKnots, Array]:
-    """Return a walk of an output without updates, and what is left of its voltage along the edge."""
+    """Return the waveform of a walk for an output without updates, and the remaining shares of its voltage
+    along the edge."""
     after, left = slip.corners(_EDGE / hertz)
     if not after[-1] < (1.0 - RISING) / hertz:
         raise _too_long(float(after[-1]), (1.0 - RISING) / hertz)
@@ -164,7 +170,8 @@ def _too_long(edge: float, left: float) -> QuantityError:
 
 
 def _ticks(output: OutputStage, hertz: float, amplitude: float, base: float, slip: Slip) -> Sampled:
-    """Return a walk from a voltage as a `Mover` asks for it, at the converter's updates and nearest steps."""
+    """Return the waveform of a walk from the voltage `base` as a `Mover` asks for it: at the converter's
+    updates, rounded to its steps."""
     ticks = StepTicks.of(output.update_rate, hertz, slip)
     if len(ticks.slipping) > ticks.period - ticks.rise:
         raise _too_long(
@@ -178,12 +185,12 @@ def _ticks(output: OutputStage, hertz: float, amplitude: float, base: float, sli
 
 
 class Steps:
-    """A table and what was learnt since: `forward` and `backward` are factors on its steps, by least squares
-    over the steps that were made, each with its own scatter. The engine's ``c/mover.h`` computes them.
+    """A table of step sizes with factors `forward` and `backward`, learned by least squares over the steps
+    that were made, each with its own scatter. The engine's ``c/mover.h`` computes them.
 
     Args:
-        table: as made; it counts as one step of a tenth of its greatest.
-        learning: share of what was learnt that each step takes the place of; 0 learns nothing.
+        table: initial table; it has the weight of one step of a tenth of its largest.
+        learning: weight of each new step; 0 learns nothing.
     """
 
     def __init__(self, table: StepSizes, learning: float | str = 0.05) -> None:
@@ -198,26 +205,26 @@ class Steps:
 
     @property
     def rows(self) -> list[tuple[float, ...]]:
-        """Voltages [V], steps forward and backward [m], from 0 on."""
+        """Return rows of voltage [V], step forward and backward [m], starting with 0."""
         return [(0.0, *one) for one in self.table[:3]]
 
     def continue_in(self, mover: Any) -> None:
-        """Copy the table into a mover in C; from then on show and teach the mover's own."""
+        """Copy the table into a mover in C; from then on this object shows and updates that table."""
         mover.table = self.of[0]
         self._mover, self.of = mover, ffi.addressof(mover, "table")
 
     @property
     def forward(self) -> float:
-        """Factor on the steps forward."""
+        """Return the factor on forward steps."""
         return self.of.ways[0].factor
 
     @property
     def backward(self) -> float:
-        """Factor on the steps backward."""
+        """Return the factor on backward steps."""
         return self.of.ways[1].factor
 
     def size(self, voltage: float, direction: int) -> float:
-        """Return the distance [m] of a step with that amplitude [V], direction 1 (towards +x) or -1."""
+        """Return the size [m] of a step with that amplitude [V] in a direction, 1 (towards +x) or -1."""
         return self._lib.mover_size(self.of, voltage, direction)
 
     def voltage_for(self, distance: float, direction: int) -> float:
@@ -225,5 +232,6 @@ class Steps:
         return self._lib.mover_voltage_for(self.of, distance, direction)
 
     def learn(self, voltage: float, direction: int, distance: float) -> None:
-        """Learn from a step with that amplitude [V], which moved that distance [m] in its direction."""
+        """Update the factors by a step with that amplitude [V], which moved that distance [m] in its
+        direction."""
         self._lib.mover_learn(self.of, voltage, direction, distance)

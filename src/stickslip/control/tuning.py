@@ -1,15 +1,16 @@
-r"""Gains from models: the quickest regulator that keeps its margins on every model of a posterior.
+r"""Tuning of a regulator by models: the fastest one that keeps its stability margins for every model of a
+posterior.
 
-The loop is that of the sticking actuator (`simulation.sticking`), held voltages, a delay of whole ticks and
+The loop consists of the sticking actuator (`simulation.sticking`), held voltages, a delay of whole ticks and
 the regulator. With the loop's response L, the largest sensitivity measures the distance to instability
 [astrom2006]
 
 .. math:: M_S = \max_\omega \left|\frac{1}{1 + L(i\omega)}\right|, \qquad
           g_m \ge \frac{M_S}{M_S - 1}, \qquad \varphi_m \ge 2 \arcsin\frac{1}{2 M_S}
 
-The stability of the closed loop follows from the poles of its discrete system, or with a long delay from how
-often its response turns about -1 (`loops`), not by its margins. Friction that slides, hysteresis and creep
-are not in these models.
+Stability of the closed loop follows from the poles of its discrete system, or with a long delay from the
+Nyquist criterion (`loops`), not from its margins. These models do not contain sliding friction, hysteresis
+and creep.
 """
 
 from __future__ import annotations
@@ -32,16 +33,17 @@ from ..simulation.sticking import sticking
 from .blocks import RATE, ControlWarning, LowPass, Notch, Pid, Regulator
 from .loops import NEAR_NYQUIST, Loop, OpenLoop, crossings, sampled_loop
 
-_MEMBERS = 40  # of a posterior
+_MEMBERS = 40  # largest number of draws of a posterior that are used
 
 
 class MarginError(ValueError):
-    """Gains that a model of the posterior does not stand; names the margin."""
+    """Error: a loop does not keep a required margin for some model of the posterior; the message names the
+    margin."""
 
 
 @record
 class MarginRequirement(NamedTuple):
-    """Margins that the loop must keep on every model."""
+    """Stability margins that the loop must keep for every model."""
 
     max_sensitivity: Annotated[float, Quantity("", "M_S", "greatest sensitivity", above=1, maximum=100)] = 1.7
     gain_margin: Annotated[float, Quantity("", "g_m", "gain margin", minimum=1)] = 2.0
@@ -52,9 +54,12 @@ DEFAULT = MarginRequirement()
 
 
 class Margins(NamedTuple):
-    """Margins of a loop, the worst of several models: whether all are stable, the greatest sensitivity, gain
-    margin, phase margin [rad], and the least crossover [Hz]; and the frequency [Hz] of the lowest mode that
-    the updates do not resolve (`aliased`, 0 without one), with which they are not to be believed."""
+    """Stability margins of a loop, the worst of several models.
+
+    Fields: whether all loops are stable, largest sensitivity, gain margin, phase margin [rad], lowest
+    crossover [Hz]; and the frequency [Hz] of the lowest mode that the updates do not resolve (`aliased`, 0
+    without one). With an aliased mode the margins are not reliable.
+    """
 
     stable: bool
     sensitivity: float
@@ -64,7 +69,7 @@ class Margins(NamedTuple):
     aliased: float = 0.0
 
     def report(self) -> str:
-        """In one line."""
+        """Return the margins in one line of text."""
         if not self.stable:
             return "unstable"
         said = (
@@ -77,12 +82,12 @@ class Margins(NamedTuple):
 
 
 class Tuning(NamedTuple):
-    """Gains and filters of a regulator, and the margins that it keeps on all models.
+    """Gains and filters of a regulator, and the margins that it keeps for all models.
 
     Attributes:
         margins: worst margins over all models.
-        feedforward: V/m.
-        lag: s, delay of the actuator behind the feedforward.
+        feedforward: voltage per wanted position, V/m.
+        lag: delay of the actuator behind the feedforward, s.
         models: number of models.
         loops: loop of each model without the regulator, for `dataset`.
         requirement: margins that were required.
@@ -138,14 +143,15 @@ class Tuning(NamedTuple):
         return hash(self._numbers())
 
     def _numbers(self) -> tuple[Any, ...]:
-        """All fields except the loops, whose arrays cannot be compared."""
+        """Return all fields except the loops, whose arrays cannot be compared."""
         return tuple(value for name, value in self._asdict().items() if name != "loops")
 
 
 def models_of(
     model: Actuator, posterior: Posterior | Sequence[Actuator] | None, members: int = _MEMBERS
 ) -> list[Actuator]:
-    """The model, and those of a posterior's draws, evenly taken, or of a list."""
+    """Return the model, followed by up to `members` models with evenly chosen draws of a posterior, or by
+    those of a list."""
     if posterior is None:
         return [model]
     if not isinstance(posterior, Posterior):
@@ -162,7 +168,7 @@ def models_of(
 
 
 def margins(regulator: Regulator, loops: Iterable[Loop]) -> Margins:
-    """The worst over the loops, whose rate is the regulator's."""
+    """Return the worst margins of a regulator over the loops, which have the same update rate."""
     return _worst([_margins(OpenLoop.of(regulator, loop)) for loop in loops])
 
 
@@ -190,7 +196,7 @@ def _warn_of_aliasing(found: Margins, rate: float) -> None:
 
 
 def _margins(opened: OpenLoop, factor: float = 1.0) -> Margins:
-    """Return the margins with the regulator's gain times `factor`."""
+    """Return the margins with the regulator's gain multiplied by `factor`."""
     found = _from_curve(opened, factor)
     stable, sensitivity = opened.stable(factor), opened.sensitivity(factor)
     return found._replace(stable=stable, sensitivity=sensitivity, aliased=opened.loop.aliased)
@@ -201,7 +207,8 @@ def _from_curve(opened: OpenLoop, factor: float) -> Margins:
     level = opened.level + math.log(factor)
     least = float(np.abs(1.0 + factor * opened.curve).min())
     at = [factor * one for one in opened.turned]
-    # A curve below 1 from the first frequency on has its crossover before, with the phase of that frequency.
+    # If the magnitude is below 1 from the first frequency on, the crossover lies below, with the phase of
+    # that frequency.
     crossed = [p for _, p in crossings(level, opened.phase)] or [float(opened.phase[0])]
     turned = min(abs(math.remainder(p + math.pi, 2.0 * math.pi)) for p in crossed)
     first = int(np.argmax(level < 0.0))
@@ -219,12 +226,12 @@ def check_margins(
     output: OutputStage | None = None,
     delay: int = 1,
 ) -> Margins:
-    """Return the margins of a regulator on a model and a posterior, behind an output stage (left out: one of
-    the regulator's rate, without a lag). A `ControlWarning` says where a mode is aliased.
+    """Return the worst margins of a regulator over a model and a posterior, behind an output stage (by
+    default with the regulator's rate and no lag). A `ControlWarning` names an aliased mode.
 
     Raises:
-        MarginError: the loop is unstable on one of them, or keeps less than is required.
-        QuantityError: an argument is of another kind, or the output of another rate than the regulator; see
+        MarginError: the loop is unstable for one of the models, or has less than a required margin.
+        QuantityError: an argument has the wrong type, or the output another rate than the regulator; see
             `simulation.sticking`.
     """
     of_kind(regulator, Regulator, "regulator")
@@ -262,23 +269,24 @@ def tune(
     posterior: Posterior | Sequence[Actuator] | None = None,
     delay: int = 1,
 ) -> Tuning:
-    """Integral gain, notch and low-pass for the quickest loop that keeps what is required on all models.
+    """Return integral gain, notch and low-pass of the fastest loop that keeps the required margins for all
+    models.
 
-    Tried are no notch and notches at the frequencies of the model's modes, each with several low-passes; of
-    each the greatest gain is found by bisection, and the quickest is taken.
+    Candidates are no notch, and notches at the frequencies of the model's modes, each with several
+    low-passes. For each the largest gain is found by bisection; the fastest loop is returned.
 
     Args:
-        model: identified.
-        output: converter and amplifier, ``bench.output()``, whose updates are the loop's ticks; or their
-            rate alone, Hz. A `ControlWarning` says where a mode is near the Nyquist frequency.
-        requirement: margins.
-        posterior: of `ss.posterior`, or other actuators that the loop must suit too.
-        delay: whole ticks between a measured position and its voltage, the sensor's delay among them.
+        model: identified actuator.
+        output: converter and amplifier, ``bench.output()``, whose updates are the loop's ticks; or their rate
+            alone, Hz. A `ControlWarning` names a mode near the Nyquist frequency.
+        requirement: required margins.
+        posterior: result of `ss.posterior`, or other actuators for which the loop must be stable too.
+        delay: number of ticks between a measured position and its voltage, including the sensor's delay.
 
     Raises:
         MarginError: no gain keeps them.
-        QuantityError: the rate or the delay is out of range, the actuator's gain is not above 0 (those of a
-            `Pid` are not below), or the requirement none; see `simulation.sticking`.
+        QuantityError: the rate or the delay is out of range, the actuator's gain is not above 0, or the
+            requirement has the wrong type; see `simulation.sticking`.
     """
     of_kind(requirement, MarginRequirement, "requirement")
     stage, models = output_of(output), models_of(model, posterior)
@@ -291,7 +299,7 @@ def tune(
     filters: list[tuple[Notch, ...]] = [()]
     filters += [(Notch(f, width),) for f in resonances if f < NEAR_NYQUIST * hertz for width in (0.4, 0.8)]
     least, most = 0.3 * min(resonances, default=1e3), 0.2 * hertz
-    # A loop that is slow against the stage has no place for a low-pass, and needs none.
+    # A loop that is slow compared with the stage does not need a low-pass.
     corners = [None, *(np.geomspace(least, most, 5) if least < most else ())]
     best: tuple[float, Any] = (0.0, None)
     for notches in filters:
@@ -320,7 +328,7 @@ def _greatest(
     loops: list[Loop],
     requirement: MarginRequirement,
 ) -> float:
-    """The greatest integral gain, V/(m s), that keeps the margins; 0 if none does."""
+    """Return the largest integral gain, V/(m s), that keeps the margins; 0 if none does."""
     unit = Regulator(Pid(1.0), rate, notches=notches, low_pass=low_pass)
     opened = [OpenLoop.of(unit, loop) for loop in loops]
     low, high = 0.0, 2.0 * math.pi * 0.1 * rate / model.gain
@@ -334,7 +342,8 @@ def _greatest(
 
 
 def _keeps(opened: OpenLoop, gain: float, requirement: MarginRequirement) -> bool:
-    """Whether a loop does with so much gain; most that do not are told by the response that is at hand."""
+    """Return True if the loop keeps the margins with this gain. Most gains that fail are found from the known
+    response alone."""
     if _wrong(_from_curve(opened, gain), requirement):
         return False
     return not _wrong(_margins(opened, gain), requirement)

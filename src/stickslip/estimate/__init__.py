@@ -1,4 +1,5 @@
-"""From residuals to a fit: least squares, noise, uncertainty, what the data do not determine. No physics."""
+"""Estimation: from residuals to a fit with its noise, uncertainty and identifiability. It knows no
+physics."""
 
 from .._lazy import attach
 

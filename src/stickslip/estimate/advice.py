@@ -1,4 +1,5 @@
-"""Advice after a fit that does not explain its recordings: what the model lacks, and the line to add."""
+"""Advice after a fit that does not explain its recordings: the term that the model lacks, and how to add
+it."""
 
 from __future__ import annotations
 
@@ -13,19 +14,19 @@ class Advice(NamedTuple):
     """A term that the model lacks, and how to add it.
 
     Attributes:
-        cause: what is missing, "viscous friction"; empty if nothing that was tried helps.
-        explains: whether the recordings show no lack of fit with it.
-        before, after: residual without it and with it: the greatest over its noise or, with a `unit`, the
-            root mean square.
-        free: names of all free parameters with it; `added` are the new ones.
+        cause: missing term, such as "viscous friction"; empty if no tried term helps.
+        explains: True if the recordings show no lack of fit with the term.
+        before, after: residual without and with the term: the greatest ratio to the noise or, with a `unit`,
+            the root mean square.
+        free: names of all free parameters including the term's; `added` are the new ones.
         bounds: of the added parameters that need some, in SI.
         change: fields of the actuator to change.
-        untied: parameters whose tie must go.
-        values: estimates with it, in SI.
+        untied: parameters whose tie must be removed.
+        values: estimates with the term, in SI.
         shown: the added values as text.
-        tried: causes that were fitted; `seconds` of CPU time were spent, and `stopped` says whether the limit
-            of them ended the search.
-        equal: advice on other terms that describe the recordings as well, as far as the noise tells.
+        tried: causes that were fitted; `seconds`: CPU time spent; `stopped`: True if its limit ended the
+            search.
+        equal: advice on other terms that describe the recordings equally well within the noise.
     """
 
     cause: str
@@ -47,7 +48,7 @@ class Advice(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Return what is missing, what it would change, and what to write."""
+        """Return a sentence with the missing term, its effect, and the setting that adds it."""
         if not self.cause:
             return f"nothing that was tried explains the recordings: {', '.join(self.tried)}{self._limit}"
         left = [with_prefix(x, self.unit, 3) if self.unit else f"{x:.3g}" for x in (self.after, self.before)]
@@ -77,7 +78,7 @@ class Advice(NamedTuple):
         return f"{self.line} in the file, or {self.argument} in Python"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return every field, ready for JSON, with what to write."""
+        """Return every field, ready for JSON, with the setting that adds the term."""
         found = {k: dict(v) if isinstance(v, Mapping) else v for k, v in self._asdict().items()}
         found["equal"] = [one.to_dict() for one in self.equal]
         return {**found, "sentence": self.sentence, "line": self.line, "argument": self.argument}
@@ -88,7 +89,7 @@ class Advice(NamedTuple):
 
     @property
     def line(self) -> str:
-        """Return what to write in a campaign or identification file."""
+        """Return the line for a campaign or identification file that adds the term."""
         said = [f"`free: [{', '.join(self.free)}]`"] if self.added else []
         if self.bounds:
             limits = ", ".join(f"{name}: [{low!r}, {high!r}]" for name, (low, high) in self.bounds.items())
@@ -99,7 +100,7 @@ class Advice(NamedTuple):
 
     @property
     def argument(self) -> str:
-        """Return what to give to `identify_friction`."""
+        """Return the arguments of `identify_friction` that add the term."""
         said = [f"model.replace({', '.join(f'{k}={v!r}' for k, v in self.change.items())})"] * bool(
             self.change
         )

@@ -1,11 +1,11 @@
-r"""Distributions along a curved minimum, used as proposals for a posterior that is known at points.
+r"""Distributions along a curved minimum, used as proposals for a posterior that can be evaluated at points.
 
 Each coordinate is a polynomial of second order of the previous coordinates plus a Student's t residual:
 
 .. math:: z_k = p_k(z_1, \dots, z_{k-1}) + s_k e_k .
 
-Such a map is triangular [parno2018]: its density is exact, for no volume changes but by :math:`\prod s_k`.
-Several of them, one for each minimum, make a mixture.
+Such a map is triangular [parno2018]: its density is exact, because it changes volumes only by :math:`\prod
+s_k`. Several of them, one for each minimum, make a mixture.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 
 # Degrees of freedom of Student's t. Its tails exceed the tails of any posterior of Gaussian noise.
 FREEDOM = 7.0
-# Rests are drawn a little more widely than they were found; a share of the points much more, for tails that
-# are longer on one side.
+# Residuals are drawn with a slightly larger standard deviation than fitted; a share of the points with a much
+# larger one, for tails that are longer on one side.
 WIDER, FAR_SHARE, FAR = 1.1, 0.15, 2.0
 # Weight, in points, that shrinks the second-order terms; fewest points for these terms.
 HELD_BACK, FEWEST = 3.0, 60.0
@@ -32,10 +32,10 @@ LEAST_SHARE = 1e-3
 
 
 class Bent(NamedTuple):
-    """One component.
+    """One component of a mixture: a distribution along a curved minimum.
 
-    Centre [k], axes as rows [k, k], coefficients of each polynomial in the previous coordinates, and standard
-    deviations of the residuals [k].
+    Fields: centre [k], axes as rows [k, k], coefficients of each polynomial in the previous coordinates, and
+    standard deviations of the residuals [k].
     """
 
     centre: Array
@@ -44,7 +44,7 @@ class Bent(NamedTuple):
     left: Array
 
     def drawn(self, count: int, random: np.random.Generator) -> Array:
-        """Points, [count, k]."""
+        """Return random points, shape (count, k)."""
         k = self.centre.size
         t = random.standard_normal((count, k)) / np.sqrt(random.chisquare(FREEDOM, (count, 1)) / FREEDOM)
         t *= np.where(random.random((count, 1)) < FAR_SHARE, FAR, 1.0)
@@ -54,7 +54,7 @@ class Bent(NamedTuple):
         return self.centre + z @ self.axes
 
     def log_density(self, points: Array) -> Array:
-        """At points [n, k]."""
+        """Return the log density at points [n, k], shape (n,)."""
         k, z = self.centre.size, _along(self.axes, points - self.centre)
         squared = np.zeros(len(points))
         for i, c in enumerate(self.coefficients):
@@ -73,13 +73,13 @@ class Bent(NamedTuple):
 
 
 class Mixture(NamedTuple):
-    """Valleys with the share of each, [parts]."""
+    """Mixture of several components (`Bent`), with the share of each, [parts]."""
 
     shares: Array
     parts: tuple[Bent, ...]
 
     def drawn(self, count: int, random: np.random.Generator) -> Array:
-        """Points, [count, k], in no order."""
+        """Return random points, shape (count, k), in random order."""
         counts = random.multinomial(count, self.shares)
         points = [part.drawn(int(n), random) for part, n in zip(self.parts, counts, strict=True)]
         return random.permutation(np.concatenate(points))
@@ -90,7 +90,7 @@ class Mixture(NamedTuple):
         return np.array([s + part.log_density(points) for s, part in zip(shares, self.parts, strict=True)])
 
     def log_density(self, points: Array) -> Array:
-        """At points [n, k]."""
+        """Return the log density at points [n, k], shape (n,)."""
         return np.asarray(logsumexp(self.log_parts(points), axis=0))
 
     def fitted(self, points: Array, weights: Array) -> Mixture:
@@ -125,7 +125,8 @@ def bent(points: Array, weights: Array) -> Bent:
 
 
 def _in_axes(points: Array, weights: Array, axes: Array) -> Bent:
-    """In such an order that the last coordinate is explained best by the others, and so on to the first."""
+    """Return a component along these axes. The coordinates are ordered so that the last one is explained best
+    by the others, and so on to the first."""
     centre = weights @ points
     z = _along(axes, points - centre)
     before, order = list(range(centre.size)), []
@@ -133,19 +134,20 @@ def _in_axes(points: Array, weights: Array, axes: Array) -> Bent:
         left_of = {i: _explained(z[:, [j for j in before if j != i]], z[:, i], weights)[1] for i in before}
         order.insert(0, min(before, key=left_of.__getitem__))
         before.remove(order[0])
-    # Again, with those before in this order.
+    # Fitted again, with the previous coordinates in this order.
     found = [_explained(z[:, order[:n]], z[:, i], weights) for n, i in enumerate(order)]
     left = WIDER * np.array([rest for _, rest in found])
     return Bent(centre, axes[order], tuple(c for c, _ in found), left)
 
 
 def _along(axes: Array, away: Array) -> Array:
-    """Coordinates along axes (rows) of points [n, k]."""
+    """Return the coordinates along axes (rows) of points [n, k]."""
     return np.asarray(np.linalg.solve(axes.T, away.T).T, dtype=np.float64)
 
 
 def _principal(covariance: Array) -> Array:
-    """Rows of which a covariance is the sum of squares; none has no length."""
+    """Return the principal axes of a covariance, scaled by their standard deviations, as rows [k, k]; none
+    has length zero."""
     scale = np.sqrt(np.diag(covariance))
     scale = np.where(scale > 0.0, scale, np.finfo(float).tiny ** 0.5)
     variances, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
@@ -154,7 +156,8 @@ def _principal(covariance: Array) -> Array:
 
 
 def _explained(others: Array, z: Array, weights: Array) -> tuple[Array, float]:
-    """Coefficients of the polynomial of others [n, i] that explains z [n]; the deviation it leaves."""
+    """Return the coefficients of the second-order polynomial of others [n, i] that fits z [n], and the
+    standard deviation of its residual."""
     effective, i = 1.0 / float(np.sum(weights**2)), others.shape[1]
     size = 1 + i + i * (i + 1) // 2 if effective > FEWEST else 1
     terms = _terms(others, size)
@@ -166,7 +169,8 @@ def _explained(others: Array, z: Array, weights: Array) -> tuple[Array, float]:
 
 
 def _terms(z: Array, size: int) -> Array:
-    """1, each coordinate, each product of two: the first `size` of them, [n, size]."""
+    """Return the first `size` terms of a second-order polynomial at points z: 1, each coordinate, each
+    product of two; shape (n, size)."""
     columns = [np.ones(len(z)), *z.T]
     pairs = itertools.combinations_with_replacement(range(z.shape[1]), 2)
     columns += [z[:, a] * z[:, b] for a, b in pairs] if size > len(columns) else []

@@ -1,8 +1,8 @@
 """Linear algebra on one thread.
 
 The matrices of a fit are small, hundreds of rows by tens of columns, and are solved thousands of times. BLAS
-libraries hand even those to all cores and then wait for them: on two busy cores, the fits of a mirror's
-piezos took 37 s like that and 1 s like this.
+libraries distribute even those over all cores and then wait: on two busy cores, the fits of a mirror's piezos
+took 37 s with all cores and 1 s with one thread.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def _controller() -> ThreadpoolController:
 
 
 def single_threaded(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorator: BLAS uses one thread while the function runs."""
+    """Decorate a function so that BLAS uses one thread while it runs."""
 
     @functools.wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> T:

@@ -1,4 +1,4 @@
-"""CPU budget of a search that explains little: it ends early, and says so."""
+"""CPU budget of a search whose model explains little: the search ends early and reports it."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 # s of CPU, after which a search of a model that explains little ends.
 SECONDS = 30.0
-# Share of the motion beyond its noise that a model explains at least after the first short searches: a right
-# model, and a wrong friction law too.
+# Share of the motion above its noise that a model explains at least after the first short searches; even
+# wrong friction laws explain more.
 LITTLE = 0.8
 # Fewest evaluations before the budget can end a search, so that a slow machine does not stop it at once.
 FEWEST = 60
@@ -28,9 +28,9 @@ class EvaluationBudget:
     """Computing budget that all searches of one identification share.
 
     Attributes:
-        total: sum of squares of the recordings about their means, weighted as the residuals are.
+        total: weighted sum of squares of the recordings about their means.
         noise: part of `total` that is white noise.
-        over: whether the budget was spent.
+        over: True if the budget is spent.
     """
 
     total: float
@@ -47,8 +47,8 @@ class EvaluationBudget:
         """Return the budget for recordings.
 
         Args:
-            measured: [n] of each recording.
-            white: standard deviation of the white noise of each.
+            measured: measured values [n] of each recording.
+            white: standard deviation of the white noise of each recording.
             unit: standard deviation that residuals are weighted by.
         """
         total = sum(float(np.var(x)) * x.size for x in measured)
@@ -57,12 +57,12 @@ class EvaluationBudget:
 
     @property
     def explained(self) -> float:
-        """Share of the motion beyond its noise that the best model explains."""
+        """Return the share of the motion above its noise that the best model explains."""
         left = max(self._lowest - self.noise, 0.0)
         return max(1.0 - left / (self.total - self.noise), 0.0) if self.total > self.noise else 1.0
 
     def spend(self, cost: float) -> bool:
-        """Count an evaluation, and return whether the budget is spent.
+        """Count an evaluation; return True if the budget is spent.
 
         Args:
             cost: lowest weighted sum of squares of this search.
@@ -76,12 +76,13 @@ class EvaluationBudget:
         return self.over
 
     def told(self, fit: Fit) -> Fit:
-        """Return a fit that is not converged, and says why, if the budget was spent."""
+        """Return the fit marked as not converged, with the reason, if the budget was spent; otherwise the fit
+        itself."""
         return replace(fit, converged=False, message=self.said) if self.over else fit
 
     @property
     def said(self) -> str:
-        """Sentence on a search that ended early."""
+        """Return a sentence on a search that ended early."""
         share = f"{100.0 * self.explained:.2g} %"
         return (
             f"stopped after {SECONDS:g} s of CPU, because the model explains only {share}"

@@ -1,10 +1,10 @@
-r"""Autocorrelated noise: least squares stays right, its uncertainty does not.
+r"""Uncertainty of a least-squares fit under autocorrelated noise.
 
-Noise of a filtered, drifting sensor is an autoregressive part and a random walk. The estimate by least
-squares is unbiased under both; its covariance is the sandwich
-:math:`(J^TJ)^{-1} J^T \Sigma J (J^TJ)^{-1}` with the covariance :math:`\Sigma` of a model of the noise, whose
-few numbers come from the residuals. Weighting by :math:`\Sigma^{-1}` would gain little and trust the model at
-frequencies where the filter leaves no noise.
+Noise of a filtered, drifting sensor is the sum of an autoregressive part and a random walk. The least-squares
+estimate is unbiased under both; its covariance is the sandwich :math:`(J^TJ)^{-1} J^T \Sigma J (J^TJ)^{-1}`
+with the covariance :math:`\Sigma` of a model of the noise, whose few numbers come from the residuals.
+Weighting by :math:`\Sigma^{-1}` would gain little and trust the model at frequencies where the filter leaves
+no noise.
 """
 
 from __future__ import annotations
@@ -32,19 +32,24 @@ Array = NDArray[np.float64]
 
 
 class Coloured(NamedTuple):
-    """Noise of one channel: autocovariance [lags] of its stationary part, in the unit of the data squared, 0
-    beyond them; and the variance that its random walk gains from sample to sample."""
+    """Noise model of one channel.
+
+    Fields: autocovariance [lags] of the stationary part, in the squared unit of the data, 0 at longer lags;
+    and the variance that the random walk gains from sample to sample.
+    """
 
     autocovariance: Array
     walk: float = 0.0
 
 
 def autoregression(pieces: Sequence[Array], most: int = MOST_ORDER) -> tuple[Array, float]:
-    """The filter 1, -a_1, ..., -a_p that whitens residuals, and the variance of what is then left.
+    """Return the filter 1, -a_1, ..., -a_p that whitens residuals, and the variance of the whitened
+    residuals.
 
-    By the Yule-Walker equations from the autocovariance of all pieces, the order by Schwarz's criterion
-    [schwarz1978]: Akaike's takes an order above 0 for white noise in one case of four, however long the
-    record, and what it then fits are the dips that the fit itself has made in the spectrum.
+    The filter solves the Yule-Walker equations for the autocovariance of all pieces (arrays of residuals).
+    Its order is chosen by Schwarz's criterion [schwarz1978]. Akaike's would take an order above 0 for white
+    noise in one case of four, at any length, and then describe the dips that the fit itself has made in the
+    spectrum.
     """
     size = sum(r.size for r in pieces)
     most = min(most, min(r.size for r in pieces) // 4)
@@ -55,7 +60,7 @@ def autoregression(pieces: Sequence[Array], most: int = MOST_ORDER) -> tuple[Arr
     if variance <= 0.0:
         return best, 0.0
     lowest, left, a = size * math.log(variance), variance, np.zeros(0)
-    for order in range(1, most + 1):  # Levinson's recursion: each order from the one before
+    for order in range(1, most + 1):  # Levinson's recursion: each order from the previous one
         reflection = (covariance[order] - float(a @ covariance[order - 1 : 0 : -1])) / left
         a = np.append(a - reflection * a[::-1], reflection)
         left *= 1.0 - reflection**2
@@ -68,21 +73,21 @@ def autoregression(pieces: Sequence[Array], most: int = MOST_ORDER) -> tuple[Arr
 
 
 def noise_of(fit: Fit) -> Coloured:
-    """Return the noise that the residuals of a fit show, jitter of the clock taken out of them.
+    """Return the noise model that the residuals of a fit show, without clock jitter.
 
-    Its drift is no less than is known of the recordings: one that moves a short recording by less than its
-    noise is not to be seen in it.
+    Its drift is at least the known drift of the recordings, because a short recording does not show a drift
+    smaller than its noise.
     """
     found = coloured([one.narrowed(r) for one, r in zip(fit.jitter, fit.residuals, strict=True)], walks=True)
     return found._replace(walk=max([found.walk, *(known.drift for known in fit.known)]))
 
 
 def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
-    """The noise that residuals show, one array for each recording.
+    """Return the noise model that residuals show.
 
     Args:
-        pieces: residuals, each shape (n,), evenly sampled.
-        walks: look for a random walk too. Model error that changes slowly is counted as one.
+        pieces: residuals of each recording, shape (n,), evenly sampled.
+        walks: include a random walk. Slowly changing model error counts as one.
     """
     filter, variance, steps = filter_and_walk(pieces, walks)
     if filter.size == 1:
@@ -109,8 +114,8 @@ def white_and_walk(pieces: Sequence[Array]) -> tuple[float, float]:
 
 
 def filter_and_walk(pieces: Sequence[Array], walks: bool = True) -> tuple[Array, float, float]:
-    """Return the filter that whitens the stationary part of residuals, the variance of what is then left, and
-    the variance that a random walk beside it gains from sample to sample.
+    """Return the filter that whitens the stationary part of residuals, the variance of the whitened
+    residuals, and the variance that an additional random walk gains from sample to sample.
 
     Args:
         pieces, walks: see `coloured`.
@@ -121,20 +126,22 @@ def filter_and_walk(pieces: Sequence[Array], walks: bool = True) -> tuple[Array,
         left = [_without_walk(r, walk) for r in pieces]
         beside = autoregression(left)
         level = walk * float(np.mean(np.concatenate(left) ** 2))
-        # Memory that ends looks like a walk, and a walk like memory that ends late.
+        # Noise with a short memory resembles a random walk, and a random walk resembles noise with a long
+        # memory.
         if _criterion(pieces, *beside, level) < _criterion(pieces, *found):
             found, steps = beside, level
     return *found, steps
 
 
 def spectrum_of_differences(angles: Array, filter: Array, variance: float, walk: float) -> Array:
-    """Return the power of the differences of such noise at angular frequencies [rad per sample]."""
+    """Return the power spectrum of the differences of noise (this filter, variance and random walk) at
+    angular frequencies [rad per sample]."""
     passed = np.abs(np.polyval(filter[::-1], np.exp(-1j * angles))) ** 2
     return np.asarray(walk + (2.0 - 2.0 * np.cos(angles)) * variance / passed)
 
 
 def _criterion(pieces: Sequence[Array], filter: Array, variance: float, walk: float = 0.0) -> float:
-    """Schwarz's, of an autoregression and the variance of a walk's steps, by Whittle's likelihood of the
+    """Return Schwarz's criterion of an autoregression plus a random walk, by Whittle's likelihood of the
     differences [whittle1953]."""
     size, total = 0, 0.0
     for r in pieces:
@@ -146,7 +153,8 @@ def _criterion(pieces: Sequence[Array], filter: Array, variance: float, walk: fl
 
 
 def _walk(pieces: Sequence[Array]) -> float:
-    """Variance of a random walk's steps over that of white noise, by maximum likelihood; 0 without one."""
+    """Return the ratio of the variance of a random walk's steps to that of white noise, by maximum
+    likelihood; 0 without a random walk."""
     if not all(np.ptp(r) for r in pieces):
         return 0.0
     found = walk_and_white(pieces)
@@ -154,13 +162,13 @@ def _walk(pieces: Sequence[Array]) -> float:
     best: Any = minimize_scalar(
         lambda x: found(x)[0], bounds=range_, method="bounded", options={"xatol": 0.05}
     )
-    # Half of the chi-squared of a quantity that cannot be negative: 5 % by chance.
+    # Half of the chi-squared of a quantity that cannot be negative: 5 % false alarms.
     return math.exp(best.x) if found(range_[0])[0] - best.fun > 2.7 else 0.0
 
 
 def _without_walk(r: Array, ratio: float) -> Array:
     """Return the residuals without their most likely random walk."""
-    # (1/ratio) D'D x + x = r, D the differences.
+    # Solves (1/ratio) D'D x + x = r, where D takes differences.
     band = np.full((2, r.size), -1.0 / ratio)
     band[0] = 1.0 + 2.0 / ratio
     band[0, [0, -1]] = 1.0 + 1.0 / ratio
@@ -168,7 +176,8 @@ def _without_walk(r: Array, ratio: float) -> Array:
 
 
 def scores(jacobians: Sequence[Array], noise: Coloured) -> Array:
-    r""":math:`J^T \Sigma J`, shape (k, k), of recordings with independent noise; jacobians [n, k] of each."""
+    r"""Return :math:`J^T \Sigma J`, shape (k, k), for recordings with independent noise and Jacobians [n,
+    k]."""
     total = np.zeros((jacobians[0].shape[1],) * 2)
     for j in jacobians:
         lags = noise.autocovariance[: len(j)]
@@ -181,19 +190,20 @@ def scores(jacobians: Sequence[Array], noise: Coloured) -> Array:
 
 
 def with_own_noise(fit: Fit) -> Fit:
-    """See `with_coloured_noise`, of the noise that it shows."""
+    """Return the fit with the covariance that follows from the noise of its residuals; see
+    `with_coloured_noise`."""
     return with_coloured_noise(fit, noise_of(fit))
 
 
 def with_coloured_noise(fit: Fit, noise: Coloured, known: int = 0) -> Fit:
     """Return the fit with the covariance that follows from the noise in its residuals.
 
-    Values at a bound do not narrow the other intervals: these have the covariance without the bound.
+    A value at a bound does not narrow the other intervals: their covariance is the one without the bound.
 
     Args:
-        fit: by least squares.
+        fit: least-squares fit.
         noise: noise of its recordings.
-        known: number of entries at the end that are not recordings but priors.
+        known: number of residuals at the end that belong to priors, not recordings.
     """
     assert fit.jacobian is not None
     in_time = len(fit.recordings) - known
@@ -203,7 +213,8 @@ def with_coloured_noise(fit: Fit, noise: Coloured, known: int = 0) -> Fit:
     of_data, of_priors = np.split(directions, [count])
     wide = np.concatenate([one.widening for one in fit.jitter[:in_time]]) / noise_of_data(fit)[:count]
     power = scores(np.split(of_data * wide[:, None], ends), noise)
-    power *= fit.n_data / fit.degrees_of_freedom  # exact for white noise: residuals are smaller than noise
+    # exact for white noise, because residuals are smaller than the noise
+    power *= fit.n_data / fit.degrees_of_freedom
     spread = root @ (power + of_priors.T @ of_priors) @ root.T
     spread[lost, :] = spread[:, lost] = 0.0
     spread[lost, lost] = np.inf
@@ -220,7 +231,8 @@ def with_coloured_noise(fit: Fit, noise: Coloured, known: int = 0) -> Fit:
 
 
 def _of_coloured(fit: Fit, spread: Array) -> tuple[Minimum, ...]:
-    """The other minima, their variances raised as much as those at the lowest; so much less is an excess."""
+    """Return the other minima with variances increased like those at the lowest, and with excesses reduced
+    accordingly."""
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.diag(spread) / np.diag(fit.uncertainty.covariance)
     ratio = np.where(np.isfinite(ratio), np.maximum(ratio, 1.0), 1.0)
@@ -235,12 +247,12 @@ def _of_coloured(fit: Fit, spread: Array) -> tuple[Minimum, ...]:
 
 
 def with_inherited(fit: Fit, jacobian: Array, covariance: Array) -> Fit:
-    """The fit with the uncertainty of quantities that it took as known.
+    """Return the fit with the added uncertainty of quantities that it took as known.
 
     Args:
-        fit: by least squares.
+        fit: least-squares fit.
         jacobian: derivatives of its residuals by those quantities, shape (n, m).
-        covariance: of those quantities, shape (m, m).
+        covariance: covariance of those quantities, shape (m, m).
     """
     moved = moves(fit, jacobian)
     added = moved @ covariance @ moved.T
@@ -250,7 +262,8 @@ def with_inherited(fit: Fit, jacobian: Array, covariance: Array) -> Fit:
 
 
 def inflation(fit: Fit, place: int) -> float:
-    """By how much coloured noise makes the variance of the value greater than white noise would."""
+    """Return the factor by which coloured noise increases the variance of parameter number `place`, compared
+    with white noise."""
     if fit.jacobian is None or not fit.correlated or fit.uncertainty.bounded[place]:
         return 1.0
     j = tangent(fit)

@@ -1,4 +1,4 @@
-"""Convergence: a search is as close to its end as the noise lets anyone see."""
+"""Convergence criterion: a search ends when the next step is small compared with the uncertainty by noise."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from numpy.typing import NDArray
 def relative_offset(
     jacobian: NDArray[np.float64], residuals: NDArray[np.float64], variance: float | None = None
 ) -> float:
-    r"""The next Gauss-Newton step over the radius of the confidence region [bates1981].
+    r"""Return the length of the next Gauss-Newton step relative to the radius of the confidence region
+    [bates1981].
 
     .. math:: \sqrt{\frac{|P r|^2 / k}{|r - P r|^2 / (n - k)}}, \qquad P = J (J^T J)^+ J^T
 
-    Unlike a relative change of the sum of squares or of the values, it does not ask more of a value that the
-    data hardly determine than of the others.
+    Unlike a relative change of the sum of squares or of the values, this criterion is not stricter for weakly
+    determined values.
 
     Args:
         jacobian: d residuals / d coordinates, shape (n, k), n > k.
-        residuals: over their noise, shape (n,).
-        variance: of the noise, in the unit of the residuals squared; left out, that of what no step explains.
+        residuals: divided by their noise, shape (n,).
+        variance: variance of the weighted residuals; by default that of the part that no step explains.
     """
     gram = jacobian.T @ jacobian
     if not np.all(np.isfinite(gram)):

@@ -1,7 +1,7 @@
 r"""Uncertainty of a least-squares estimate, from the residuals and the Jacobian at its end.
 
-White noise: :math:`s^2 (J^T J)^{-1}`; under a robust loss that of the M-estimator [huber1981]; for residuals
-correlated in time the sandwich with Bartlett's window [newey1987].
+The covariance is, for white noise, :math:`s^2 (J^T J)^{-1}`; under a robust loss, that of the M-estimator
+[huber1981]; and for residuals correlated in time, the sandwich with Bartlett's window [newey1987].
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class NoiseLevel(NamedTuple):
     Attributes:
         degrees_of_freedom: number of data minus number of parameters.
         known: True if the variance is 1; otherwise it is estimated.
-        loss: as the fit used it, with its `scale`.
+        loss: loss function of the fit, with its `scale`.
         correlated: lengths of the recordings whose residuals are correlated; empty for white noise.
     """
 
@@ -51,10 +51,11 @@ class Uncertainty(NamedTuple):
     """Covariance of the fitted coordinates, and bounds that act on them.
 
     Attributes:
-        covariance: shape (k, k); NaN in the rows of coordinates that a bound holds back (all others are then
-            conditional on the bound), infinite on the diagonal where the data say nothing.
-        bounded: for each coordinate 0, or -1 / +1 where its lower / upper bound holds it back.
-        push: for these, the derivative of half the chi-squared on moving into the range.
+        covariance: shape (k, k); NaN in the rows of coordinates at an active bound (all others are then
+            conditional on the bound), infinite on the diagonal for coordinates that the data do not
+            determine.
+        bounded: for each coordinate 0, or -1 / +1 if its lower / upper bound is active.
+        push: for these, the derivative of half the chi-squared when the coordinate moves into the range.
         released: for these, the variance without the bound.
         centre: centre of the intervals, shape (k,), if it is the mean of a long minimum and not the
             estimate.
@@ -79,15 +80,16 @@ def uncertainty(
     Args:
         jacobian: d residuals / d coordinates, shape (n, k).
         residuals: divided by their noise, shape (n,).
-        coordinates: where the fit ended, shape (k,).
+        coordinates: coordinates at the end of the fit, shape (k,).
         bounds: lower and upper, each of shape (k,); may be infinite.
-        noise: see `NoiseLevel`.
+        noise: assumptions on the noise of the residuals.
     """
     lower, upper = bounds
     slope = jacobian.T @ (residuals * noise.loss((residuals / noise.scale) ** 2)[1])
     unbounded = covariance(jacobian, residuals, noise)
     deviation = np.sqrt(np.diag(unbounded))
-    # The optimiser stops just short of a bound: "at" it is within a hundredth of the standard error.
+    # The optimiser stops just short of a bound, so a distance of a hundredth of the standard error counts as
+    # "at" it.
     span = upper - lower
     least = 1e-6 * np.where(np.isfinite(span), span, np.maximum(1, abs(coordinates)))
     near = np.maximum(np.minimum(0.01 * deviation, 1e-3 * span), least)
@@ -108,9 +110,9 @@ def uncertainty(
 
 
 def covariance(jacobian: np.ndarray, residuals: np.ndarray, noise: NoiseLevel) -> np.ndarray:
-    """Covariance of the coordinates if none has a bound, shape (k, k); arguments as in `uncertainty`.
+    """Return the covariance of the coordinates without bounds, shape (k, k); arguments as in `uncertainty`.
 
-    A direction in which the data say nothing gives the coordinates in it an infinite variance.
+    Coordinates with a part in a direction that the data do not determine have infinite variance.
     """
     z = (residuals / noise.scale) ** 2
     _, first, second = noise.loss(z)
@@ -134,10 +136,10 @@ def covariance(jacobian: np.ndarray, residuals: np.ndarray, noise: NoiseLevel) -
 def decomposed(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the singular directions of the residuals.
 
-    Three results: orthonormal directions U [n, m] in which the coordinates move the residuals; the root R [k,
-    m] of (J'J)^-1 = R R' with J R = U; and the coordinates with a part in the null space of J. Sums over
-    samples are taken along U, because nearly parallel coordinates would otherwise leave differences of large
-    numbers.
+    It returns three arrays: orthonormal directions U [n, m] in which the coordinates move the residuals; the
+    root R [k, m] of (J'J)^-1 = R R' with J R = U; and the coordinates with a part in the null space of J.
+    Sums over samples are taken along U, because nearly parallel coordinates would otherwise leave differences
+    of large numbers.
     """
     norms = np.linalg.norm(jacobian, axis=0)
     norms[norms == 0] = 1.0
@@ -148,10 +150,10 @@ def decomposed(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def _long_run(terms: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """Sum over all lags of the windowed autocovariance of the terms, shape (n, k)."""
+    """Return the sum over all lags of the windowed autocovariance of the terms [n, k], shape (k, k)."""
     power = scipy.signal.fftconvolve(residuals, residuals[::-1])[residuals.size - 1 :]
     negative = np.flatnonzero(power <= 0)
-    # The window must be wide against the time in which the residuals forget, and short against the data.
+    # The window must be longer than the correlation time of the residuals, and short compared with the data.
     lags = min(4 * int(negative[0]) if negative.size else residuals.size, max(1, residuals.size // 4))
     window = 1 - np.abs(np.arange(-lags, lags + 1)) / (lags + 1)
     return terms.T @ scipy.signal.fftconvolve(terms, window[:, None], mode="same", axes=0)

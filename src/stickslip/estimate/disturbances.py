@@ -15,13 +15,13 @@ from .jumps import events
 from .lack import KnownNoise
 from .outliers import TO_DEVIATION, spikes
 
-# Samples in a row that are the same, from which on a channel may have been frozen; and how far the model
-# moves meanwhile, in steps of the converter or standard deviations of the noise.
+# Fewest equal samples in a row that may be a frozen channel; and smallest change of the model meanwhile, in
+# converter steps or standard deviations of the noise.
 FEWEST_FROZEN, MOVED = 5, 4.0
-# Parts of a recording whose means show drift, fewest samples in one, and the share of the root mean square of
-# all from which on they do; it is at least so many times that of white noise.
+# Number of parts of a recording whose means are tested for drift; fewest samples in a part; smallest drift as
+# a share of the total rms, and relative to white noise.
 PARTS, LEAST_PART, WANDERS, ABOVE_WHITE = 16, 8, 0.3, 3.0
-# Standard errors: a fault that moves a value of a fit by more is a reason not to trust its interval.
+# Change of a fitted value, in standard errors, above which a fault makes its interval unreliable.
 MOVES = 1.0
 ADVICE = {
     "jump": "end the recording before it, or record again",
@@ -30,7 +30,7 @@ ADVICE = {
     "freeze": "end the recording before it, or record again",
     "hum": "find its source, or record with a drive whose frequency does not divide it",
 }
-# Share of the range of a channel below which an event is an error of simulations.
+# Share of the range of a channel below which an event is a simulation error.
 NEGLIGIBLE = 1e-4
 
 Array = NDArray[np.float64]
@@ -41,19 +41,18 @@ class Disturbance(NamedTuple):
 
     Attributes:
         kind: "jump", "burst", "spikes", "freeze", "hum", "jitter" or "drift".
-        name: of the recording.
-        when: start [s], in the time of the recording; that of the first sample where it
-            lasts throughout.
-        lasts: how long [s].
-        size: how far the channel is off, in `unit`: the change of its level (measured less model), the
-            largest spike, the motion that a freeze hides, amplitude of a hum, root mean square of a drift; of
-            jitter, the standard deviation of the sampling instants [s].
-        unit: of the size.
-        frequency: of a hum [Hz]; 0 otherwise.
-        samples: number of them that are off; of jitter, hum and drift all.
+        name: name of the recording.
+        when: start [s], in the time of the recording; the first sample if the fault lasts throughout.
+        lasts: duration [s].
+        size: error of the channel, in `unit`: change of level (measured minus model), largest spike, motion
+            hidden by a freeze, amplitude of a hum, or root mean square of a drift; for jitter, the standard
+            deviation of the sampling instants [s].
+        unit: unit of the size.
+        frequency: frequency of a hum [Hz]; 0 otherwise.
+        samples: number of affected samples; all of them for jitter, hum and drift.
         spikes: instants of spikes [s].
-        moved, moves: value of a fit that the fault moves most, and by how many standard errors of the noise
-            without it; "" and NaN where that is not known.
+        moved, moves: name of the fitted value that the fault changes most, and this change in standard errors
+            (without the fault); "" and NaN if unknown.
     """
 
     kind: str
@@ -70,7 +69,7 @@ class Disturbance(NamedTuple):
 
     @property
     def statement(self) -> str:
-        """Return the fault in words: what, where, and how large."""
+        """Return a sentence on kind, time and size of the fault."""
         size, when = with_prefix(abs(self.size), self.unit, 3), f"{self.when:.4g} s"
         lasts = with_prefix(self.lasts, "s", 3)
         match self.kind:
@@ -97,7 +96,7 @@ class Disturbance(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The same, with what it does to a fit, and what to do."""
+        """Return the statement together with the effect on a fit, and what to do."""
         if self.kind == "jitter":
             return f"{self.statement}; the intervals allow for it"
         if self.kind == "drift":
@@ -110,7 +109,8 @@ class Disturbance(NamedTuple):
         return f"{by}; the intervals are not to be trusted: {ADVICE[self.kind]}"
 
     def shapes(self, times: Array) -> Array:
-        """Return columns that describe the disturbance at the times, [n, k]; none for jitter and drift."""
+        """Return the time courses that describe the fault at the times [n], shape (n, k); no column for
+        jitter and drift."""
         if self.kind == "jump":
             return (times >= self.when).astype(float)[:, None]
         if self.kind == "hum":
@@ -134,18 +134,18 @@ def disturbances(
     name: str = "the recording",
     unit: str = "m",
 ) -> tuple[Disturbance, ...]:
-    """Return disturbances of one recording, at most one in 200 where there is only noise, of any colour.
+    """Return the faults of instruments that the residuals of one recording show.
 
     Args:
         residuals: model minus measured, at equal intervals, in the unit of the data, [n].
         times: s, [n].
-        slope: speed of the model, in the unit of the data per s, [n]; without it jitter is not looked for.
-        measured: in the unit of the data, [n]; without it freezes are not looked for.
-        jacobian: derivatives of the residuals by what was fitted, [n, k]: what other values could describe is
-            no disturbance.
-        known: steps, rest and periods of the recording.
-        name: of the recording.
-        unit: of the data.
+        slope: speed of the model, in the unit of the data per s, [n]; without it jitter is not searched for.
+        measured: measured values, in the unit of the data, [n]; without it freezes are not searched for.
+        jacobian: derivatives of the residuals by the fitted coordinates, [n, k]; changes that other values
+            could describe are not a fault.
+        known: converter step, rest and periods of the recording.
+        name: name of the recording.
+        unit: unit of the data.
     """
     known = known or KnownNoise()
     r = np.array(residuals, dtype=float)
@@ -191,11 +191,12 @@ def disturbances(
 
 
 def frozen(measured: Array, residuals: Array, step: float) -> list[tuple[int, int, float]]:
-    """Return first sample, sample after the last, and motion of the model of each part that stands still.
+    """Return for each frozen part of a recording the first sample, the sample after the last, and the model's
+    change meanwhile.
 
     Args:
         measured, residuals: measured, and model minus measured, [n].
-        step: of the converter, in their unit; 0: none.
+        step: converter step, in their unit; 0: none.
     """
     model, same = residuals + measured, np.diff(measured) == 0.0
     noise = TO_DEVIATION * float(np.median(np.abs(np.diff(measured, 2)))) / math.sqrt(6.0)
@@ -209,13 +210,14 @@ def frozen(measured: Array, residuals: Array, step: float) -> list[tuple[int, in
 
 
 def _bridged(r: Array, wrong: NDArray[np.bool_]) -> Array:
-    """Residuals with a straight line in place of those that are wrong."""
+    """Return the residuals with straight lines in place of the wrong samples."""
     right = np.flatnonzero(~wrong)
     return np.asarray(np.interp(np.arange(r.size), right, r[right])) if right.size else r
 
 
 def _wander(r: Array, columns: Array) -> float:
-    """Root mean square of the means of parts of the residuals, in their unit; 0 where it is little of all."""
+    """Return the root mean square of the means of parts of the residuals, in their unit; 0 if it is a small
+    share of the total."""
     ones = np.column_stack([columns, np.ones(r.size)])
     norms = np.linalg.norm(ones, axis=0)
     ones = ones[:, norms > 0.0] / norms[norms > 0.0]

@@ -1,4 +1,4 @@
-"""Fits whose recordings hold faults of instruments: what these are, and what they do to the values."""
+"""Faults of instruments in the recordings of a fit, and their effect on the values."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .lack import Lack, lacks_of
 from .moves import moves
 from .result import Fit
 
-# Kinds that happen once: hum and spikes are noise, which the intervals allow for.
+# Kinds that occur at one time. Hum and spikes are noise, for which the intervals allow.
 SINGLE = ("jump", "burst", "freeze")
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 def with_disturbances(fit: Fit) -> Fit:
     """Return the fit with the faults of instruments that its residuals show, in `disturbances`.
 
-    Those that move a value are among its `failures`, the others among its `remarks`.
+    Those that change a value significantly are also in its `failures`, the others in its `remarks`.
     """
     fit = _without(fit)
     if fit.jacobian is None or not all(t.size == r.size == x.size for t, r, x in _parts(fit)):
@@ -55,7 +55,7 @@ def with_disturbances(fit: Fit) -> Fit:
 
 
 def lack_beside_faults(fit: Fit) -> tuple[Lack, ...]:
-    """Return what each recording says of the model once the faults of instruments are taken off."""
+    """Return the lack-of-fit test of each recording after known faults of instruments are removed."""
     if len(fit.known) != len(fit.residuals):
         return fit.lack
     left = left_beside_faults(fit)
@@ -63,13 +63,13 @@ def lack_beside_faults(fit: Fit) -> tuple[Lack, ...]:
     parts = np.split(left, np.cumsum(sizes)[:-1])
     names = [one.name for one in fit.recordings]
     found = lacks_of(parts, fit.known, names, len(fit.parameters) / left.size, fit.judgement)
-    # Less than all is left: what was explained before is explained still.
+    # Removing faults only lowers residuals, so a recording that was explained before is still explained.
     return tuple(now if was.seen else was for was, now in zip(fit.lack, found, strict=True))
 
 
 def left_beside_faults(fit: Fit) -> Array:
-    """Return the residuals of all recordings, joined, less the faults of instruments and what the values of
-    the fit do beside them, linearised."""
+    """Return the residuals of all recordings, joined, after removal of the faults of instruments and of their
+    effect on the values, linearised."""
     r = np.concatenate(fit.residuals)
     ends = np.cumsum([part.size for part in fit.residuals])
     columns = [] if fit.jacobian is None else [np.where(np.isfinite(fit.jacobian), fit.jacobian, 0.0)]
@@ -87,7 +87,7 @@ def left_beside_faults(fit: Fit) -> Array:
 
 
 def _without(fit: Fit) -> Fit:
-    """The fit without what was said of disturbances before."""
+    """Return the fit without earlier statements on faults."""
     old = {one.sentence for one in fit.disturbances}
     doubts, remarks = (tuple(s for s in said if s not in old) for said in (fit.doubts, fit.remarks))
     return replace(fit, disturbances=(), doubts=doubts, remarks=remarks)
@@ -98,7 +98,8 @@ def _parts(fit: Fit) -> list[tuple[Array, Array, Array]]:
 
 
 def _with_moves(fit: Fit, found: Sequence[Disturbance], rows: slice, times: Array) -> list[Disturbance]:
-    """The disturbances of one recording with the value that each moves most, in standard errors."""
+    """Return the faults of one recording, each with the value that it changes most, and the change in
+    standard errors."""
     assert fit.jacobian is not None
     shapes = [one.shapes(times) for one in found]
     if fit.loss != "linear" or not sum(s.shape[1] for s in shapes):
@@ -110,7 +111,7 @@ def _with_moves(fit: Fit, found: Sequence[Disturbance], rows: slice, times: Arra
     norms[norms == 0.0] = 1.0
     sizes = np.linalg.lstsq(every / norms, r, rcond=1e-9)[0] / norms
     errors = np.sqrt(np.diag(fit.uncertainty.covariance))
-    # An event in the residuals is not noise, so it must not widen the error by which it is judged.
+    # A fault is not noise, so it must not widen the error by which it is judged.
     left = max(float(np.linalg.norm(r - every @ sizes) / np.linalg.norm(r)), 1e-9)
     start, made = fit.jacobian.shape[1] + 1, []
     for one, shape in zip(found, shapes, strict=True):

@@ -1,4 +1,4 @@
-"""Drift of a sensor, a random walk and a slope: how far samples at which nothing moves let it go."""
+"""Drift of a sensor (a random walk and a slope), as samples at rest show it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from scipy.linalg import block_diag
 
 from ..quantities.units import with_prefix
 
-# The random walk's step, over the deviation of the rest: looked for in this range.
+# Range of the random walk's step that is tried, relative to the standard deviation of the samples at rest.
 LEAST_WALK, MOST_WALK = 1e-4, 1.0
-# Walks that are tried; lines of each spectrum, the lowest: a filter does to the others what a walk does.
+# Number of random walks that are tried; number of spectral lines used, the lowest, because a filter affects
+# the others like a random walk.
 TRIED, LINES = 33, 16
 _LOGS = np.linspace(2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK), TRIED)
 # Fewest samples at rest that distinguish a slope from a random walk.
@@ -34,7 +35,7 @@ def walk_and_white(
     as eigenvectors.
 
     Args:
-        pieces: samples [n] that show both.
+        pieces: arrays of samples [n] with both kinds of noise.
         lines: number of spectral lines used, from the lowest; None: all.
     """
     angles, powers = (
@@ -51,7 +52,8 @@ def walk_and_white(
 
 
 def sine_powers(r: Array) -> tuple[Array, Array]:
-    """Angular frequencies, rad per sample, and the power of the differences in sines of them."""
+    """Return angular frequencies [rad per sample] and the power of the differences of r in a sine basis at
+    them."""
     return np.pi * np.arange(1, r.size) / r.size, _sines(np.diff(r)) ** 2
 
 
@@ -60,13 +62,15 @@ def _sines(x: Array) -> Array:
 
 
 def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Array, Array, float]:
-    """Mean squares of the drift at later times, as far as samples at rest tell: their chances [k], these mean
-    squares [k], and the likely one.
+    """Return the expected mean squares of the drift at later times, as far as samples at rest determine it.
+
+    The result is: the probability of each tried random walk [k], its mean square at those times [k], and the
+    most likely mean square.
 
     Args:
-        pieces: samples [n] at rest, at least one of them not all the same; their levels may differ.
-        times: samples after the level that drift is counted from.
-        walks: variance that a random walk gains from sample to sample at least.
+        pieces: samples [n] at rest, not all equal in every array; their levels may differ.
+        times: samples after the level from which the drift is counted.
+        walks: smallest variance that a random walk gains from sample to sample.
     """
     sizes = np.array([float(r.size) for r in pieces])
     weights = sizes**3 / 12.0
@@ -75,7 +79,8 @@ def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Ar
     criterion, white = np.array([*map(walk_and_white(pieces, LINES), _LOGS)]).T
     chances = _chances(criterion)
     walk = np.maximum(white * np.exp(_LOGS), walks)
-    # The slope of white noise, and that of a walk: 6/5 of its variance per sample, over the samples.
+    # Variance of the slope by white noise and by a random walk: 6/5 of its variance per sample, divided by
+    # the number of samples.
     unsure = white / weights.sum() + walk * 1.2 * float(weights**2 @ (1.0 / sizes)) / weights.sum() ** 2
     ahead, squares = float(np.mean(np.abs(times))), float(np.mean(times**2))
     far = walk * ahead + (slope**2 + unsure) * squares
@@ -85,7 +90,8 @@ def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Ar
 
 
 class Drift(NamedTuple):
-    """A slope of a channel, in its unit per s, its standard error, and the time [s] about which it is one."""
+    """Linear drift of a channel: slope in its unit per s, standard error, and the time [s] at which the drift
+    is zero."""
 
     slope: float
     error: float
@@ -107,9 +113,9 @@ def said_drift(slope: float, error: float, unit: str) -> str:
 
 
 def drift_seen(time: Array, samples: Array, surely: float) -> Drift | None:
-    """Return the drift of samples [n] at rest, at even times [s].
+    """Return the linear drift of samples [n] at rest at equidistant times [s].
 
-    None if it is below `surely` standard errors, or if there are too few samples.
+    It is None if the drift is below `surely` standard errors, or if there are too few samples.
     """
     if samples.size < FEWEST or not np.ptp(samples) > 0.0:
         return None
@@ -119,7 +125,8 @@ def drift_seen(time: Array, samples: Array, surely: float) -> Drift | None:
 
 
 def off_by_drifts(times: Sequence[Array], drifts: Sequence[Drift | None]) -> Array:
-    """Return the effect of one standard error of each removed drift on all samples, [samples, recordings]."""
+    """Return the change of all samples by one standard error of each subtracted drift, shape (samples,
+    recordings)."""
     parts = [
         np.zeros_like(time) if drift is None else drift.unsure(time)
         for time, drift in zip(times, drifts, strict=True)
@@ -128,8 +135,8 @@ def off_by_drifts(times: Sequence[Array], drifts: Sequence[Drift | None]) -> Arr
 
 
 def slope_at_rest(samples: Array) -> tuple[float, float]:
-    """Slope of samples [n] at rest, per sample, and its standard error: that of white noise, and of a random
-    walk beside it as far as the samples show one."""
+    """Return the slope of samples [n] at rest, per sample, and its standard error, from white noise and from
+    a random walk as far as the samples show one."""
     differences = np.diff(samples)
     found, by_slope = (_sines(x)[:LINES] for x in (differences, np.ones(differences.size)))
     of_white = 2.0 - 2.0 * np.cos(np.pi * np.arange(1, found.size + 1) / samples.size)
@@ -137,7 +144,7 @@ def slope_at_rest(samples: Array) -> tuple[float, float]:
     told = np.sum(by_slope**2 / variances, axis=1)
     slopes = np.sum(by_slope * found / variances, axis=1) / told
     left = np.sum((found - slopes[:, None] * by_slope) ** 2 / variances, axis=1)
-    # Restricted likelihood: what the slope takes tells nothing of the noise.
+    # Restricted likelihood: the part of the samples that the slope absorbs is not information on the noise.
     criterion = (found.size - 1) * np.log(left) + np.sum(np.log(variances), axis=1) + np.log(told)
     chances = _chances(criterion)
     slope = float(chances @ slopes)

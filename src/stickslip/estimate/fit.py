@@ -1,8 +1,8 @@
-"""Least squares over anything that can be simulated: several recordings, bounds, logarithms, many starts.
+"""Least-squares fits of simulations: several recordings, bounds, logarithmic scales, several initial guesses.
 
-This room adds to the optimiser what fits of simulations need: difference steps above the simulator's error,
-residuals of any unit, trial points where the simulation fails, a budget, the uncertainty (see `Fit`), and
-other minima that fit as well.
+This module adds to SciPy's optimiser: difference steps above the simulator's error, residuals of any unit,
+trial points at which the simulation fails, a budget, the uncertainty (see `Fit`), and other minima that fit
+as well.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from .problem import FitError, Problem, Residuals
 from .result import Fit
 from .search import End, Options, SearchResults, SearchState
 
-# Largest number of moves of a search limit outwards, by a factor `REACH` each: 30^4 in all.
+# Largest number of times that a search range is extended, by a factor `REACH` each: 30^4 in all.
 WIDENED = 3
 # Smallest change of chi-squared beyond a search limit that determines the parameter.
 NOTHING_GAINED = 0.1
-NEAR_END = 1e-3  # of the range that is searched: nearer, a search has ended at its end
+NEAR_END = 1e-3  # share of the search range; a search that ends closer to an end of the range has reached it
 
 
 @single_threaded
@@ -48,16 +48,16 @@ def fit_least_squares(
     each: Callable[[SearchState], None] | None = None,
     **about: Any,
 ) -> Fit:
-    """Minimise the sum of squared residuals, each over its noise, within the bounds of the parameters.
+    """Minimise the sum of squared residuals, each divided by its noise, within the bounds of the parameters.
 
     Args:
         described: a `Problem`; or its recordings, parameters and further arguments (`about`).
         begin: initial guess, if it differs from the parameters' own.
-        starts: total number of starts; those after the first fill the bounds by a Latin hypercube.
-        hops: basin hopping: how many times at most to look for a lower minimum than the best one found: from
-            the best of many points within the bounds, then beside it, with each parameter times 4, 2, 1/2 and
-            1/4 in turn. It ends when none of that leads lower, or nothing but white noise is left to explain.
-        seed: seed of that hypercube.
+        starts: total number of initial guesses; those after the first fill the bounds by a Latin hypercube.
+        hops: largest number of basin hops, that is of searches for a lower minimum: from the best of many
+            points within the bounds, then near the best minimum, with each parameter multiplied by 4, 2, 1/2
+            and 1/4 in turn. Hopping ends when it finds no lower minimum, or when only white noise is left.
+        seed: seed of the hypercube.
         central: two-sided differences during all of the search; without, only towards its end.
         tolerance: relative change of the sum of squares, and of the parameters, at which the search ends.
         settled: share of the radius of the confidence region; the search ends if the next step is below it
@@ -67,7 +67,7 @@ def fit_least_squares(
         each: called after each evaluation with the state of the search.
 
     Raises:
-        FitError: see `Problem`; or no start.
+        FitError: see `Problem`; or the model fails at all initial guesses.
     """
     if starts < 1:
         raise FitError(f"starts = {starts} must be at least 1")
@@ -81,7 +81,8 @@ def fit_least_squares(
 
 
 def _search_beyond(searches: SearchResults) -> None:
-    """Search on beyond those ends of the search that are no limits, while one holds the best fit back."""
+    """Continue the searches beyond ends of the search range that are not limits, while such an end is active
+    at the best fit."""
     problem = searches.problem
     for _ in range(WIDENED):
         best = searches.best
@@ -89,7 +90,7 @@ def _search_beyond(searches: SearchResults) -> None:
         before = problem.lower.copy(), problem.upper.copy()
         if not [place for place, side in sides.items() if problem.widen(place, side)]:
             return
-        # Ends without a minimum are left out.
+        # Ends of searches that are not minima are left out.
         searches.ends = [
             end
             for end in searches.ends
@@ -102,8 +103,8 @@ def _search_beyond(searches: SearchResults) -> None:
 
 
 def _held_back(problem: Problem, end: End) -> dict[int, int]:
-    """Return the search limits that hold parameters back: index -> -1 or 1. Bounds of the law are not
-    limits."""
+    """Return the active ends of the search range: parameter index -> -1 or 1. Limits of the law do not
+    count."""
     span = problem.upper - problem.lower
     ends = {-1: end.q - problem.lower < NEAR_END * span, 1: problem.upper - end.q < NEAR_END * span}
     found = {
@@ -128,12 +129,13 @@ def _assumed(problem: Problem) -> NoiseLevel:
 
 
 def _variance(problem: Problem, best: End) -> float:
-    """Return the variance of the weighted residuals: 1 if known, else from the best fit."""
+    """Return the variance of the weighted residuals: 1 if the noise is known, otherwise from the best fit."""
     return (1.0 if problem.noise_known else best.cost / problem.degrees_of_freedom) or 1.0
 
 
 def _described(searches: SearchResults) -> Fit:
-    """The lowest end of the searches as a fit, with the others that the data do not reject."""
+    """Return the lowest end of the searches as a fit, including the other minima that the data do not
+    reject."""
     problem, best = searches.problem, searches.best
     assumed = _assumed(problem)
     tangent = problem.slope(best.q) * problem.scale
@@ -199,7 +201,7 @@ def _minimum(end: End, excess: float, searches: SearchResults, assumed: NoiseLev
 
 
 def _log_likelihood(chi_squared: float, noise: np.ndarray, noise_known: bool) -> float:
-    """Return the log-likelihood of Gaussian noise, at its most likely level unless the level is known."""
+    """Return the log-likelihood of Gaussian noise, at its known level or else at the most likely one."""
     n, constant = noise.size, float(np.sum(np.log(noise)))
     if noise_known:
         return -0.5 * (chi_squared + n * math.log(2 * math.pi)) - constant

@@ -22,30 +22,32 @@ class Goodness(NamedTuple):
 
     @property
     def r_squared(self) -> float:
-        """(SST - SSE)/SST [kang2007, appendix 6]; NaN where the measured values are unknown or constant."""
+        """Return (SST - SSE)/SST [kang2007, appendix 6]; NaN if the measured values are unknown or
+        constant."""
         return (self.sst - self.sse) / self.sst if self.sst > 0 else math.nan
 
     @property
     def rmse(self) -> float:
-        """Root mean square of the residuals, in the unit of the data."""
+        """Return the root mean square of the residuals, in the unit of the data."""
         return math.sqrt(self.sse / self.n_data)
 
 
 def pooled_r_squared(parts: Sequence[Goodness]) -> float:
-    """(SST - SSE)/SST over all recordings, each about its own mean [kang2007, appendix 6]."""
+    """Return (SST - SSE)/SST over all recordings, each about its own mean [kang2007, appendix 6]."""
     sst = sum(g.sst for g in parts)
     return (sst - sum(g.sse for g in parts)) / sst if sst > 0 else math.nan
 
 
 def pooled_rmse(parts: Sequence[Goodness]) -> float:
-    """Root mean square of all residuals, in the unit of the data."""
+    """Return the root mean square of all residuals, in the unit of the data."""
     return math.sqrt(sum(g.sse for g in parts) / sum(g.n_data for g in parts))
 
 
 def goodness(
     residuals: ArrayLike, measured: ArrayLike | None = None, name: str = "", unit: str = ""
 ) -> Goodness:
-    """The goodness of residuals (model minus measured) against the measured values, both of shape (n,)."""
+    """Return the goodness of fit of residuals (model minus measured), with the measured values for r^2; both
+    have shape (n,)."""
     r = np.asarray(residuals, dtype=float)
     y = np.full(r.size, math.nan) if measured is None else np.asarray(measured, dtype=float)
     sst = float(np.sum((y - y.mean()) ** 2))

@@ -1,4 +1,4 @@
-"""Hum in residuals: single lines of their spectrum, such as those of the mains."""
+"""Hum in residuals: single lines of their spectrum, such as those of mains voltage."""
 
 from __future__ import annotations
 
@@ -11,43 +11,44 @@ from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
 from scipy.special import fdtrc
 
-# Chance of noise without a line to show one, for one recording.
+# Probability that noise shows a line, for one recording.
 FALSE_ALARM = 1e-3
-# Lines on each side that a line is compared with (odd), those next to it that its window widens it to, and
-# the most lines that are looked for.
+# Number of lines on each side with which a line is compared (odd); number of neighbours to which its window
+# spreads it; largest number of lines that are searched.
 BESIDE, WIDE, MOST = 9, 3, 4
-# Lines this near to a harmonic of the drive, in lines, may be what the model lacks.
+# Distance from a harmonic of the drive, in lines, within which a line may be model error.
 NEAR = 2.0
-# The median of squares of Gaussian noise, over their mean.
+# Ratio of the median to the mean of squares of Gaussian noise.
 OF_MEDIAN = math.log(2.0)
 
 Array = NDArray[np.float64]
 
 
 class HumLine(NamedTuple):
-    """Cycles per sample, and amplitude in the unit of the residuals."""
+    """A sinusoidal disturbance: frequency in cycles per sample, and amplitude in the unit of the
+    residuals."""
 
     frequency: float
     amplitude: float
 
     def shape(self, count: int) -> Array:
-        """Return cosine and sine of the line, [count, 2]."""
+        """Return cosine and sine at its frequency for `count` samples, shape (count, 2)."""
         return self.shape_at(np.arange(count, dtype=float))
 
     def shape_at(self, times: Array) -> Array:
-        """Return the same at times in the inverse unit of the frequency, [n, 2]."""
+        """Return cosine and sine at its frequency for times [n] in samples, shape (n, 2)."""
         angle = 2.0 * np.pi * self.frequency * times
         return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def lines(residuals: Array, period: float = 0.0, at_rest: int = 0) -> list[HumLine]:
-    """Return the spectral lines that exceed the noise beside them.
+    """Return the spectral lines that exceed the neighbouring noise.
 
     Args:
         residuals: residuals of one recording, at equal intervals, [n].
-        period: samples in a period of the drive; 0: not periodic. What the model lacks repeats with it, so a
-            line at one of its harmonics counts only where the samples at rest show it too.
-        at_rest: samples before any motion.
+        period: samples in a period of the drive; 0: not periodic. Model errors repeat with the drive, so a
+            line at one of its harmonics counts only if the samples at rest contain it too.
+        at_rest: number of samples before any motion.
     """
     r, found = np.asarray(residuals, dtype=float), []
     r = r - r.mean()
@@ -68,7 +69,8 @@ def _strongest(r: Array, period: float, at_rest: int) -> HumLine | None:
         return None
     usual = _usual(power)[number]
     ratio = power[number] / np.where(usual > 0.0, usual, np.inf)
-    # The window makes neighbours alike, and medians scatter like means of half as many: a quarter counts.
+    # The window correlates neighbours, and medians scatter like means of half as many, so a quarter of them
+    # count.
     chance = np.asarray(fdtrc(2, BESIDE, ratio)) * number.size
     synchronous = np.zeros(number.size, dtype=bool)
     if period > 0.0:
@@ -85,14 +87,15 @@ def _strongest(r: Array, period: float, at_rest: int) -> HumLine | None:
 
 
 def _usual(power: Array) -> Array:
-    """Mean of the power beside each line, by medians on either side: their geometric mean follows a slope."""
+    """Return the mean power next to each line, from medians on either side; their geometric mean follows a
+    sloping spectrum."""
     medians = median_filter(np.log(np.maximum(power, 1e-300)), BESIDE, mode="nearest")
     shift = WIDE + BESIDE // 2
     return np.asarray(np.exp(0.5 * (np.roll(medians, shift) + np.roll(medians, -shift))) / OF_MEDIAN)
 
 
 def _refined(r: Array, number: int) -> HumLine:
-    """The line near this number of cycles in the residuals that describes most of them."""
+    """Return the line near `number` cycles that explains most of the residuals."""
 
     def left(cycles: float) -> tuple[float, Array]:
         basis = HumLine(cycles / r.size, 0.0).shape(r.size)
@@ -107,7 +110,7 @@ def _refined(r: Array, number: int) -> HumLine:
 
 
 def _shown(rest: Array, line: HumLine) -> bool:
-    """Return whether samples at rest contain at least half of a line."""
+    """Return True if the samples at rest contain at least half of a line."""
     if rest.size * line.frequency < 2.0:
         return False
     basis = np.column_stack([line.shape(rest.size), np.ones(rest.size)])

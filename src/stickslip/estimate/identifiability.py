@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from .parameter import Parameter
     from .result import Fit
 
-# Largest ratio of an interval over which the model may be linearised.
+# Largest ratio, and largest share of the range, of an interval within which the model may be linearised.
 LOOSE_RATIO, LOOSE_SHARE = 3.0, 0.2
 
 
 def loosest(fit: Fit, apart: Collection[str]) -> str | None:
-    """Return the one parameter that the data hardly determine, or None.
+    """Return the name of the one parameter that the data hardly determine, or None.
 
-    Only parameters outside `apart` count. None also if several are undetermined, if no other parameter
-    depends on it, or if it has a prior.
+    Parameters in `apart` do not count. The result is also None if several are undetermined, if no other
+    parameter depends on it, or if it has a prior.
     """
     among = [p.name for p in fit.parameters if p.name not in apart]
     known = {p.name for p in fit.parameters if p.prior is not None}
@@ -33,7 +33,7 @@ def loosest(fit: Fit, apart: Collection[str]) -> str | None:
 
 
 def _wider(fit: Fit, ratio: float, share: float) -> list[str]:
-    """The parameters whose 95 % interval is wider: the greatest over the least value, or of the range."""
+    """Return the parameters whose 95 % interval exceeds a ratio of its ends, or a share of its range."""
     found, intervals = [], fit.confidence_intervals()
     for p in fit.parameters:
         low, high = intervals[p.name]
@@ -45,7 +45,7 @@ def _wider(fit: Fit, ratio: float, share: float) -> list[str]:
 
 
 def _between(p: Parameter, low: float, high: float) -> str:
-    """The range in words: above or below where its other end is no bound that was given."""
+    """Return an interval in words: only "above" or "below" if its other end is not a given bound."""
     if p.limits is not None and low <= p.least and high >= p.most:
         return "that it may have"
     if p.limits is not None and high == np.inf:
@@ -56,9 +56,9 @@ def _between(p: Parameter, low: float, high: float) -> str:
 
 
 def undetermined(fit: Fit) -> tuple[str, ...]:
-    """A sentence for each parameter, and each group of them, that the data of the fit do not determine.
+    """Return a sentence for each parameter, and each group of parameters, that the data do not determine.
 
-    From the 95 % intervals and correlations, so linearised; empty if all is well.
+    It uses the linearised 95 % intervals and correlations; the tuple is empty if all are determined.
     """
     sentences, named = [], _wider(fit, fit.judgement.wide_ratio, fit.judgement.wide_share)
     intervals = fit.confidence_intervals()

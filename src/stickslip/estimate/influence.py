@@ -1,14 +1,15 @@
-r"""Effect of a prior on a fit: two fits of the same recordings, without and with it.
+r"""Effect of a prior on a fit, from two fits of the same recordings, without and with the prior.
 
-In the coordinate q of a parameter (its logarithm, where it is searched for on that scale), with the estimate
-and deviation without the prior q_a, σ_a, with it q, and those of the prior q_0, s:
+Let q be the coordinate of a parameter (its logarithm on a logarithmic scale): q_a and σ_a are estimate and
+standard deviation without the prior, q is the estimate with it, q_0 and s are mean and standard deviation of
+the prior. Then
 
 .. math:: \mathrm{moved} = \frac{q - q_a}{\sigma_a}, \qquad
           \mathrm{off} = \frac{q_a - q_0}{\sqrt{s^2 + \sigma_a^2}}
 
-`off` beyond ±1.96 means that recordings and prior disagree, at 5 % of all right priors. It is computed
-without the prior, for the fit with it lies where the prior says. Where the recordings leave a value open (σ_a
-above s), little can disagree, and a wrong prior is not noticed.
+`off` beyond ±1.96 means that recordings and prior disagree; this happens for 5 % of correct priors. It uses
+the fit without the prior, because the fit with it follows the prior. If the recordings determine a value less
+well than the prior (σ_a above s), a wrong prior is not noticed.
 """
 
 from __future__ import annotations
@@ -47,12 +48,12 @@ class PriorInfluence(NamedTuple):
 
     @property
     def disagrees(self) -> bool:
-        """True if recordings and prior disagree."""
+        """Return True if recordings and prior disagree."""
         return abs(self.off) > DISAGREES
 
     @property
     def sentence(self) -> str:
-        """Sentence on the effect of the prior, and on a contradiction."""
+        """Return a sentence on the effect of the prior, and on a contradiction."""
         p, digits = self.parameter, 3
         expected = p.shown(self.prior[0], digits)
         if self.disagrees:

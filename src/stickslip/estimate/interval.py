@@ -10,10 +10,11 @@ from .parameter import Parameter
 
 
 def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: float) -> tuple[float, float]:
-    """Return the interval of one parameter about a minimum, t standard errors either way, cut at its limits.
+    """Return the interval of parameter p (number i) about a minimum: t standard errors on either side, cut at
+    its limits.
 
-    Where the bounds only say where to search, none is an end. About an estimate that is no further from zero
-    than that, the interval is symmetric: the logarithm says nothing about zero.
+    Ends of a mere search range do not cut it. If the estimate is closer to zero than the shift of its
+    logarithm, the interval is symmetric, because the logarithm is then not meaningful.
     """
     spread, bounded, push, released, centre = uncertain
     slope = p.slope(value)
@@ -32,7 +33,8 @@ def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: floa
     q = p.coordinate(value) if centre is None else float(centre[i])
     low, high = max(p.value(q - below), p.least), min(p.value(q + above), p.most)
     if p.limits is not None:
-        # Linearised over so much, or held back there, an end says only that the data give none.
+        # For such a wide linearised interval, or at an active end of the search range, the data give no
+        # bound.
         wide = high >= DEFAULT.wide_ratio * low if p.log else high - low >= p.upper - p.lower
         low = p.least if bounded[i] < 0 or (wide and low < p.lower) else low
         high = p.most if bounded[i] > 0 or (wide and high > p.upper) else high
@@ -40,7 +42,7 @@ def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: floa
 
 
 def _inwards(t: float, push: float, released: float) -> float:
-    """Return the distance inwards of a bound at which the cost has risen by t^2/2.
+    """Return the distance from a bound into the range at which the cost has risen by t^2/2.
 
     The cost over a distance d is push d + d^2 / (2 released).
     """

@@ -1,8 +1,8 @@
-r"""Clock jitter in residuals: samples that are taken early or late are off in proportion to the speed.
+r"""Clock jitter in residuals: samples taken early or late have errors in proportion to the speed.
 
-The residuals r of a right model have the variance :math:`s^2 + \tau^2 v^2` with the noise s, the speed v of
-the model and the jitter :math:`\tau`. A model that is wrong is off where it is fast, too, but by as much in
-the next sample and in the next period: jitter is not.
+Residuals of a correct model have the variance :math:`s^2 + \tau^2 v^2` with the noise s, the speed v of the
+model and the jitter :math:`\tau`. Errors of a wrong model are also large at high speed, but similar in
+neighbouring samples and in the next period. Jitter is independent in these.
 """
 
 from __future__ import annotations
@@ -16,31 +16,31 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
 
-# Samples whose scatter is below this times the noise show the level, the median of so many; standard
-# deviations of noise that no sample exceeds.
+# Samples below this multiple of the noise are quiet; number of neighbours in the median; largest deviation of
+# noise, in standard deviations.
 QUIET, BESIDE, FAR = 1.4, 5, 30.0
-# Twice the logarithm of the likelihood that scatter in proportion to the speed gains at least: 5 standard
-# errors of one number, times two as neighbours share samples.
+# Smallest gain of twice the log-likelihood by scatter in proportion to the speed: 5 standard errors of one
+# number, doubled because neighbours share samples.
 GAINED = 50.0
-# The share of the squares that neighbours, and periods, have in common, from which on it is no jitter; and
-# standard errors of that share.
+# Correlated share of the squares, between neighbours or between periods, above which the scatter is not
+# jitter; and the standard errors of that share.
 COMMON, ERRORS = 0.3, 3.0
 # Fewest samples in which the jitter is as large as the noise.
 FEWEST = 12
-# Sampling intervals: the range of jitter that is looked for.
+# Range of jitter that is searched, in sampling intervals.
 LEAST, MOST = 1e-4, 3.0
 
 Array = NDArray[np.float64]
 
 
 class Scatter(NamedTuple):
-    """Residuals that scatter with the speed.
+    """Scatter of residuals that increases with the speed.
 
     Attributes:
-        delay: standard deviation of the delay of single samples, in sampling intervals; 0: none.
-        widening: standard deviation of the residuals over that at rest, [n].
-        independent: whether the delays of neighbours and of the same samples in other periods differ: then
-            it is jitter of the clock.
+        delay: standard deviation of the timing error of single samples, in sampling intervals; 0: none.
+        widening: standard deviation of the residuals relative to rest, [n].
+        independent: True if timing errors of neighbouring samples and of other periods are independent: then
+            it is clock jitter.
     """
 
     delay: float
@@ -48,7 +48,7 @@ class Scatter(NamedTuple):
     independent: bool
 
     def narrowed(self, residuals: Array) -> Array:
-        """Return the residuals [n] with the same scatter everywhere, about the level of those beside."""
+        """Return the residuals [n] scaled to uniform scatter about the level of their neighbours."""
         if self.delay == 0.0:
             return residuals
         level = _level(residuals, self.widening < QUIET)
@@ -56,14 +56,14 @@ class Scatter(NamedTuple):
 
 
 def calm(count: int) -> Scatter:
-    """Return the scatter of `count` samples that do not scatter with the speed."""
+    """Return a `Scatter` without jitter for `count` samples."""
     return Scatter(0.0, np.ones(count), False)
 
 
 def jitter_of(
     residuals: Sequence[Array], measured: Sequence[Array], times: Sequence[Array], periods: Sequence[float]
 ) -> tuple[Scatter, ...]:
-    """Return the scatter with the speed of each recording, where it is jitter of its clock."""
+    """Return the scatter of each recording with the speed, if it is clock jitter."""
     found = [calm(r.size) for r in residuals]
     for i, (r, x, t, period) in enumerate(zip(residuals, measured, times, periods, strict=True)):
         if t.size == r.size == x.size and r.size > 1:
@@ -73,24 +73,24 @@ def jitter_of(
 
 
 def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
-    """Return how the residuals scatter with the speed.
+    """Return the scatter of residuals as a function of the speed.
 
     Args:
-        residuals: of one recording, at equal intervals, [n].
-        change: of the model within a sampling interval, in their unit, [n].
+        residuals: residuals of one recording, at equal intervals, [n].
+        change: change of the model within a sampling interval, in the unit of the residuals, [n].
         period: samples in a period of the drive; 0: not periodic.
     """
     speed, none = np.abs(change), calm(residuals.size)
     if residuals.size < 4 * FEWEST or not speed.max() > 0.0:
         return none
-    # About the mean of both neighbours, noise of any colour scatters alike everywhere.
+    # About the mean of both neighbours, noise of any spectrum scatters evenly.
     off = residuals[1:-1] - 0.5 * (residuals[:-2] + residuals[2:])
     square = speed**2
     square = square[1:-1] + 0.25 * (square[:-2] + square[2:])
     noise = 1.4826 * float(np.median(np.abs(off)))
     if noise <= 0.0:
         return none
-    # Spikes and jumps are no scatter.
+    # Spikes and jumps are not scatter.
     off = np.minimum(np.abs(off), FAR * noise + MOST * np.sqrt(square))
 
     def likely(log: float) -> float:
@@ -103,7 +103,7 @@ def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
     over = 1.0 + ratio**2 * square
     alike, here = float(np.mean(off**2)), float(np.mean(off**2 / over))
     gained = np.sort(off**2 / alike - off**2 / (here * over) + np.log(alike / (here * over)))
-    if float(np.sum(gained[: -FEWEST // 2])) < GAINED:  # a jump is in two samples, and scatter in many
+    if float(np.sum(gained[: -FEWEST // 2])) < GAINED:  # a jump affects two samples, scatter many
         return none
     level = math.sqrt(here / 1.5)
     delay = ratio * level * math.sqrt(1.5)
@@ -113,7 +113,7 @@ def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
 
 
 def _level(r: Array, slow: NDArray[np.bool_]) -> Array:
-    """Level of the residuals, by those where the model is slow."""
+    """Return the level of the residuals from the samples at which the model is slow."""
     if np.count_nonzero(slow) < BESIDE:
         return np.zeros(r.size)
     at = np.flatnonzero(slow)
@@ -121,7 +121,8 @@ def _level(r: Array, slow: NDArray[np.bool_]) -> Array:
 
 
 def _independent(off: Array, change: Array, fast: NDArray[np.bool_], period: float) -> bool:
-    """Say whether the delays of fast samples differ from those of the next samples and of other periods."""
+    """Return True if the timing errors of fast samples are independent of those of the next samples and of
+    other periods."""
     if np.count_nonzero(fast) < FEWEST:
         return False
     late = np.where(fast, off * np.sign(change), 0.0)

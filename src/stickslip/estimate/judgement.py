@@ -1,4 +1,4 @@
-"""Thresholds by which a fit is judged: when a model lacks something, when a value is not determined."""
+"""Thresholds of the statements on a fit: lack of fit, and undetermined values."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from ..quantities.records import Quantity, record
 class Judgement(NamedTuple):
     """Thresholds of the statements on a fit.
 
-    ``fit.judgement`` holds those that were used, ``fit.judged(false_alarm=0.001)`` judges again by others.
-    How often statements with these values are right is measured in the benchmarks "Detection of a wrong
-    model" and "Coverage of the intervals".
+    ``fit.judgement`` contains the thresholds of a fit; ``fit.judged(false_alarm=0.001)`` applies others. The
+    benchmarks "Detection of a wrong model" and "Coverage of the intervals" measure how often the statements
+    are right.
     """
 
     false_alarm: Annotated[

@@ -1,8 +1,10 @@
-r"""Jumps and bursts in residuals, under noise of any colour and beside what a fit can still describe.
+r"""Detection of jumps and bursts in residuals, with noise of any spectrum, apart from changes that other
+parameter values could describe.
 
 A jump is one impulse in the differences of the residuals, a burst two opposite ones. Sines make the
 differences of noise independent (see `drift`), each with the power S of the noise's spectrum. So with
-residuals r, the columns J that parameters move them by, and a jump h, both as sines over :math:`\sqrt{S}`,
+residuals r, their derivatives J by the parameters, and a jump h, all in a sine basis divided by
+:math:`\sqrt{S}`,
 
 .. math:: z = \frac{h^T P r}{\sqrt{h^T P h}}, \qquad P = 1 - J (J^T J)^{-1} J^T
 
@@ -24,27 +26,28 @@ from .coloured import filter_and_walk, spectrum_of_differences
 from .drift import sine_powers
 from .outliers import TO_DEVIATION
 
-# Size over its standard error, above which a jump or a burst is one. White noise reaches 5 in 1e5 samples,
-# noise of power 1/f 7.5 in 1800.
+# Smallest size of a jump or burst, in standard errors. White noise reaches 5 in 1e5 samples, 1/f noise 7.5 in
+# 1800.
 SURE = 8.0
-# Events in one recording, above which they are the noise or the model.
+# Largest number of events in one recording; more are noise or model error.
 MOST = 6
-# Samples in a burst: the longest is a part of the recording, and a longer one is two jumps.
+# Numbers of samples in a burst that are tried; a longer burst is two jumps.
 WIDTHS = (1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 90)
 LONGEST_PART = 10
-# Smallest share of the information on a jump beside the parameters; with less, the two are not distinguished.
+# Smallest share of the information on a jump that is independent of the parameters; with less, both cannot be
+# distinguished.
 LEAST_LEFT = 1e-3
-# Samples in which to search: a longer recording is averaged over neighbours.
+# Fewest samples for a search; and largest number: a longer recording is averaged over neighbours.
 FEWEST, LONGEST = 32, 10_000
-FIRST_BAND = 8  # lines of the lowest octave of the spectrum
+FIRST_BAND = 8  # number of lines in the lowest octave of the spectrum
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
 
 
 class Event(NamedTuple):
-    """Part of the residuals that is off by `size`, in their unit: samples `first` to before `last`, all that
-    follow if that is their number. `score` is the size over its standard error."""
+    """A jump or burst: the residuals from sample `first` to before sample `last` are shifted by `size`, in
+    their unit; a jump lasts to the end. `score` is the size divided by its standard error."""
 
     first: int
     last: int
@@ -52,23 +55,24 @@ class Event(NamedTuple):
     score: float
 
     def shape(self, count: int) -> Array:
-        """Return 1 where it is off and 0 elsewhere, [count]."""
+        """Return 1 for the shifted samples and 0 elsewhere, shape (count,)."""
         at = np.arange(count)
         return ((at >= self.first) & (at < self.last)).astype(float)
 
     @property
     def certainty(self) -> float:
-        """Score over the least that counts."""
+        """Return the score divided by the smallest significant score."""
         return abs(self.score) / SURE
 
 
 def events(residuals: Array, columns: Array, floor: float = 0.0, least: float = 0.0) -> list[Event]:
-    """Return jumps and bursts of residuals; none where there are too many for single events.
+    """Return jumps and bursts in residuals; an empty list if there are too many to be single events.
 
     Args:
-        residuals: of one recording, at equal intervals, [n].
-        columns: by which parameters move them, and what else is known to be in them, [n, k].
-        floor: standard deviation of white noise that there is at least, in their unit.
+        residuals: residuals of one recording, at equal intervals, [n].
+        columns: derivatives of the residuals by the parameters, and time courses of other known faults, [n,
+            k].
+        floor: smallest standard deviation of white noise, in their unit.
         least: size below which an event does not matter, in their unit.
     """
     r = np.asarray(residuals, dtype=float)
@@ -84,7 +88,8 @@ def events(residuals: Array, columns: Array, floor: float = 0.0, least: float = 
     if white <= 0.0:
         return []
     angles = np.pi * np.arange(1, r.size) / r.size
-    # White noise as far as neighbours differ: the first look must not take a jump for noise.
+    # First white noise, from differences of neighbours, so that the estimate of the noise does not include a
+    # jump.
     look = (2.0 - 2.0 * np.cos(angles)) * white**2
     found: list[Event] = []
     while len(found) < MOST:
@@ -115,9 +120,10 @@ def _means(rows: Array, many: int) -> Array:
 def _confirmed(
     r: Array, columns: Array, found: list[Event], noise: Array, floor: float
 ) -> tuple[list[Event], Array]:
-    """Return the events that make noise more likely than any noise is without them, and the noise's spectrum.
+    """Return the events that make the residuals more likely than any noise without them, and the noise's
+    spectrum.
 
-    What is left without an event has a noise of its own: a small jump is a random walk as well.
+    The noise is estimated again without an event, because a small jump resembles a random walk.
     """
     while True:
         noise, likely = _spectrum(_Whitened(r, columns, found, noise).left(), floor)
@@ -137,13 +143,13 @@ def _confirmed(
 
 
 def _spectrum(left: Array, floor: float) -> tuple[Array, float]:
-    """The spectrum of the noise in residuals, and minus twice the logarithm of its likelihood, with what the
-    numbers that describe it cost [schwarz1978]."""
+    """Return the spectrum of the noise in residuals, and minus twice its log-likelihood plus the penalty for
+    its parameters [schwarz1978]."""
     angles, powers = sine_powers(left)
     filter, variance, walk = filter_and_walk([left])
     white = (2.0 - 2.0 * np.cos(angles)) * floor**2
     found = np.maximum(spectrum_of_differences(angles, filter, variance, walk), white)
-    # Noise of power 1/f is neither: its octaves have powers of their own.
+    # 1/f noise is neither white nor a random walk: each octave gets its own power.
     ends = [FIRST_BAND * 2**i for i in range(64) if FIRST_BAND * 2 ** (i + 1) < powers.size]
     for band in np.split(np.arange(powers.size), ends):
         found[band] *= max(float(np.mean(powers[band] / found[band])), 1.0)
@@ -153,8 +159,8 @@ def _spectrum(left: Array, floor: float) -> tuple[Array, float]:
 
 
 class _Whitened:
-    """Differences of residuals as sines over the root of their spectrum, without what columns and the events
-    that were found describe."""
+    """Differences of residuals in a sine basis, divided by the root of their spectrum, without the part that
+    columns and known events describe."""
 
     def __init__(self, r: Array, columns: Array, found: Sequence[Event], spectrum: Array) -> None:
         shapes = [e.shape(r.size)[:, None] for e in found]
@@ -172,7 +178,7 @@ class _Whitened:
         self.lags = np.fft.irfft(half, 2 * r.size)
 
     def left(self) -> Array:
-        """Residuals without the columns and the events, [n]."""
+        """Return the residuals without the columns and the events, [n]."""
         coefficients = np.linalg.lstsq(self.sines, self.data, rcond=1e-9)[0]
         return np.asarray(self.r - self.columns @ coefficients)
 
@@ -183,7 +189,8 @@ class _Whitened:
         return own - np.einsum("kc,kc->k", by[k - 1], by[m - 1])
 
     def _made(self, k: Places, width: int | None) -> tuple[Array, Array]:
-        """Sizes and scores of jumps before the samples k, or of bursts from these on."""
+        """Return sizes and scores of jumps before the samples k; with a `width`, of bursts that start
+        there."""
         numerator, information = self.numerator[k - 1], self._information(k, k)
         whole = self.lags[0] - self.lags[2 * k]
         if width is not None:
@@ -197,7 +204,7 @@ class _Whitened:
         return numerator / information, numerator / np.sqrt(information)
 
     def at(self, one: Event) -> Event:
-        """The event judged by this noise."""
+        """Return the event with its size and score for this noise."""
         n = self.r.size
         size, score = self._made(np.array([one.first]), None if one.last == n else one.last - one.first)
         return Event(one.first, one.last, float(size[0]), float(score[0]))

@@ -1,16 +1,16 @@
-r"""Lack of fit: whether a model leaves more than noise, judged by noise that is known otherwise.
+r"""Lack of fit: tests whether a model leaves more than the noise, where the noise is known independently.
 
-Five comparisons, each where a recording allows it:
+There are up to five tests, each if a recording allows it:
 
-* the noise that was given: the reduced chi-squared;
-* samples at rest, before anything moves and after, or else what differs from period to period: all of the
-  residuals in motion, about the level at rest, against that noise and as much drift as it shows (`drift`);
-* samples at rest before: residuals in motion against these, by their differences over the same times,
-  :math:`D(k) = \frac{1}{2} \langle (r_{i+k} - r_i)^2 \rangle`, so that drift is no misfit;
-* the same samples: the largest change of the level in motion, from some samples to as many a little later,
-  as a slip that is off leaves it, against the changes at rest;
-* periods of the drive: what repeats from one to the next is the model's, what does not is noise. The power of
-  the mean over the periods against that of the scatter about it, line by line of their spectra.
+* given noise: the reduced chi-squared;
+* samples at rest before and after the motion, or else differences between periods: all residuals in motion,
+  about the level at rest, against that noise and the drift that it shows (`drift`);
+* samples at rest before the motion: residuals in motion against these, by their differences over equal times,
+    :math:`D(k) = \frac{1}{2} \langle (r_{i+k} - r_i)^2 \rangle`, so that drift is not a misfit;
+* the same samples: the largest change of the level in motion between neighbouring groups of samples, as a
+  wrong slip causes it, against the changes at rest;
+* periods of the drive: the part that repeats is model error, the part that does not is noise. The power of
+  the mean over the periods is compared with that of the scatter about it, at each frequency.
 
 Correlated noise has fewer independent samples (`independent`).
 """
@@ -30,14 +30,14 @@ from scipy.special import chdtrc, fdtrc, ndtri
 from .drift import drift
 from .judgement import DEFAULT, Judgement
 
-# Noise that leaves a level of the converter more often than this shows its whole variance at rest.
+# Share of samples off the usual converter level above which the noise at rest shows its full variance.
 MOST_HIDDEN = 0.3
 # Fewest samples at rest; differences are taken over up to an eighth of them.
 FEWEST_AT_REST = 40
 FEWEST_PERIODS = 3
-# Lines of the spectrum that are averaged over, and bands of them that are looked at.
+# Number of spectral lines in a running mean, and number of bands that are tested.
 SMOOTHED, BANDS = 5, 4
-# Largest ratio of a part's power to the usual power for the part to count as rest.
+# Largest ratio of a part's power to the usual power at which the part still counts as rest.
 MOST_POWER = 2.0
 AT_REST, BETWEEN = "before it moves", "by what does not repeat from period to period"
 
@@ -48,11 +48,11 @@ class KnownNoise(NamedTuple):
     """Noise of a recording, known independently of the residuals.
 
     Attributes:
-        given: standard deviation, one number or shape (n,), in the unit of the data; None: not known.
+        given: standard deviation, one number or shape (n,), in the unit of the data; None: unknown.
         at_rest: number of samples before any motion.
-        period: first sample that repeats, how many samples a period has, and how many repeat in all; the
-            second 0: nothing repeats.
-        step: of the converter, in the unit of the data; 0: none.
+        period: first sample of the periodic part, samples per period, and number of samples in the part; the
+            second is 0 if nothing repeats.
+        step: converter step, in the unit of the data; 0: none.
         drift: variance that a random walk gains from sample to sample, in the unit of the data squared.
         rest_again: number of samples after any motion.
         straightened: True if a drift was fitted to all samples and may hide a misfit; then the drift of the
@@ -75,10 +75,10 @@ class Lack(NamedTuple):
         name: name of the recording.
         ratio: rms residual divided by the noise, including the drift that the rest shows; if a comparison of
             a part (see the module) shows a lack, the largest of these ratios. NaN if the noise is not known.
-        chance: probability that a right model leaves as much, times the number of comparisons; the smallest
-            of the comparisons that show a lack.
-        against: noise of the comparison, in words.
-        judgement: thresholds beyond which the model lacks something.
+        chance: probability that a correct model has such a residual, multiplied by the number of tests; the
+            smallest of the tests that show a lack.
+        against: noise with which the residual is compared, in words.
+        judgement: thresholds of the tests.
     """
 
     name: str
@@ -89,12 +89,12 @@ class Lack(NamedTuple):
 
     @property
     def seen(self) -> bool:
-        """True if the model does not explain the recording."""
+        """Return True if the model does not explain the recording."""
         return self.chance < self.judgement.false_alarm and self.ratio >= self.judgement.lack_ratio
 
     @property
     def statement(self) -> str:
-        """In plain words; empty where nothing is seen."""
+        """Return a sentence on the lack of fit; an empty text if none is seen."""
         if not self.seen:
             return ""
         return (
@@ -103,7 +103,7 @@ class Lack(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The same, of a fit."""
+        """Return the sentence on the lack of fit for the report of a fit."""
         return f"{self.statement}; its intervals are not to be trusted" if self.seen else ""
 
 
@@ -123,7 +123,7 @@ def lack_of_fit(
         known: noise of the recording.
         name: name of the recording.
         n_fitted: number of parameters fitted to it.
-        judgement: thresholds beyond which the model lacks something.
+        judgement: thresholds of the tests.
     """
     r = np.asarray(residuals, dtype=float)
     if known.straightened and known.at_rest >= FEWEST_AT_REST:
@@ -152,12 +152,13 @@ def lacks_of(
     share: float,
     judgement: Judgement = DEFAULT,
 ) -> tuple[Lack, ...]:
-    """Return what each recording says of the model, with the chance that any of them does; see `lack_of_fit`.
+    """Return the lack-of-fit test of each recording, with probabilities corrected for the number of
+    recordings; see `lack_of_fit`.
 
     Args:
-        residuals, known, names: of each recording.
-        share: how many parameters were fitted, over the number of data.
-        judgement: thresholds beyond which the model lacks something.
+        residuals, known, names: residuals [n], known noise and name of each recording.
+        share: number of fitted parameters divided by the number of data.
+        judgement: thresholds of the tests.
     """
     parts = zip(residuals, known, names, strict=True)
     found = [lack_of_fit(r, one, name, share * r.size, judgement) for r, one, name in parts]
@@ -165,17 +166,17 @@ def lacks_of(
 
 
 def _straightened(r: Array, at_rest: int) -> Array:
-    """About the line of the samples at rest."""
+    """Return the residuals minus the straight line through the samples at rest."""
     at = np.arange(r.size, dtype=float)
     return np.asarray(r - np.polyval(np.polyfit(at[:at_rest], r[:at_rest], 1), at), dtype=float)
 
 
 def independent(rows: Array) -> float:
-    r"""Return the number of independent samples with the same information on the variance as each row [rows,
-    n].
+    r"""Return the number of independent samples that determine a variance as well as one row of
+    autocorrelated samples [rows, n].
 
-    From the common spectrum P: :math:`2 (\sum P)^2 / \sum P^2`, corrected for the scatter of P itself, which
-    makes the denominator too large by 1 + 1/rows.
+    It is :math:`2 (\sum P)^2 / \sum P^2` for the common spectrum P, corrected for the scatter of P itself,
+    which makes the denominator too large by 1 + 1/rows.
     """
     power = np.mean(np.abs(np.fft.rfft(rows - rows.mean(axis=1, keepdims=True))[:, 1:]) ** 2, axis=0)
     square = float(power @ power)
@@ -203,8 +204,8 @@ def _by_given(r: Array, known: KnownNoise, n_fitted: float) -> _Compared | None:
 
 
 def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
-    # Without rest, a slope of the sensor cannot be distinguished from wrong steps. A right fit must not be
-    # called wrong for it; a prediction is held to what it says.
+    # Without rest, a slope of the sensor looks like wrong steps. A fit must not fail for it, but a prediction
+    # must.
     if fitted and known.at_rest < FEWEST_AT_REST:
         return None
     n = known.at_rest if known.at_rest >= FEWEST_AT_REST else 0
@@ -220,7 +221,7 @@ def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
     if shown:
         chances, far, likely = drift(quiet, 0.5 * n + np.arange(moved.size, dtype=float), known.drift)
     square, count = float(np.mean(moved**2)), independent_samples(every)
-    # Drift is one sample, however long: so few are independent where it outweighs the noise.
+    # A drift counts as one sample, however long it is: few samples are independent if it dominates the noise.
     freedom = (noise + far) ** 2 / (noise**2 * every.size / (count * moved.size) + far**2)
     chance = float(chances @ fdtrc(freedom, count, square / (noise + far)))
     return _Compared(
@@ -229,10 +230,10 @@ def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
 
 
 def _quiet(r: Array, known: KnownNoise) -> list[Array]:
-    """Return the parts that show noise and drift alone: rest before and after the motion.
+    """Return the parts of the residuals that show only noise and drift: rest before and after the motion.
 
-    Without rest before, the changes from period to period. Parts that are far noisier than the others are
-    left out, because something moves there.
+    Without rest before, these are the changes from period to period. Parts that are far noisier than the
+    others are left out, because something moves there.
     """
     n = known.at_rest
     if n >= FEWEST_AT_REST:
@@ -268,8 +269,11 @@ def _by_rest(r: Array, known: KnownNoise) -> _Compared | None:
 
 
 def _by_levels(r: Array, known: KnownNoise) -> _Compared | None:
-    """A slip that is off and is made good in the next ones is drift to the root mean square, and rare to
-    differences."""
+    """Test the largest change of the level between slips; None if it cannot be tested.
+
+    A wrong slip that the next ones correct is hidden in drift for the rms test, and too rare for the test of
+    differences.
+    """
     n = known.at_rest
     noise = _in_motion(float(np.var(r[:n])), known.step, n) if n >= FEWEST_AT_REST else 0.0
     sizes = [m for m in _lengths(4, n // 16) if 8 * m <= n and 4 * m + 8 <= r.size - n]
@@ -283,34 +287,36 @@ def _by_levels(r: Array, known: KnownNoise) -> _Compared | None:
 
 
 def _of_largest_change(r: Array, n: int, m: int, noise: float) -> float:
-    """The chance that levels of m samples, twice as many apart for a slip between, change as much as in
-    motion: by how they do in n samples at rest, or would at least, were noise of this variance white."""
+    """Return the probability that, at rest, the mean level of m samples changes as much within 2 m samples as
+    it does in motion. It is estimated from n samples at rest, or from white noise of this variance if that is
+    larger."""
     level = np.convolve(r, np.full(m, 1.0 / m), mode="valid")
     change = (level[3 * m :] - level[: -3 * m]) ** 2
     quiet, moving = change[: n - 4 * m + 1], change[n - 2 * m :]
     usual = max(float(quiet.mean()), 2.0 * noise / m)
-    # Changes less than 1.5 m apart are no independent ones.
+    # Changes less than 1.5 m apart are not independent.
     count = max((n - 3 * m) / (1.5 * m), 1.0)
     return float(fdtrc(1.0, count, float(moving.max()) / usual)) * 1.5 * moving.size / m
 
 
 def _lengths(least: int, most: int, count: int = 3) -> list[int]:
-    """So many, in proportion to one another."""
+    """Return `count` lengths in geometric progression from `least` to `most`."""
     return np.unique(np.geomspace(least, max(most, least), count).astype(int)).tolist()
 
 
 def _independent_differences(r: Array, lag: int) -> float:
-    """`independent_samples` of differences, no more than those of white noise are: each sample is in two of
-    them, and the spectrum of a few says so only roughly."""
+    """Return `independent_samples` of the differences over a lag, but at most the number for white noise.
+    Each sample is in two differences, and a short spectrum shows this only roughly."""
     found = r[lag:] - r[:-lag]
     return min(independent_samples(found, lag), found.size / 1.5)
 
 
 def _in_motion(quiet: float, step: float, samples: int) -> float:
-    """The variance in motion of noise whose variance at rest, seen through a converter's steps, is `quiet`.
+    """Return the variance in motion of noise whose variance at rest, through converter steps, is `quiet`.
 
-    At rest the converter may stand on one level and show nothing. In motion its error is that of its step,
-    beside the noise before it: at most what would leave the middle of a step as often as is seen at rest.
+    At rest the converter may stay on one level and show no noise. In motion the error is that of a step plus
+    the noise before it. That noise is at most the one that would leave the middle of a step as often as
+    observed.
     """
     if step <= 0.0:
         return quiet
@@ -326,14 +332,14 @@ def _by_periods(r: Array, known: KnownNoise) -> _Compared | None:
     count, size = folded.shape
     about = np.column_stack([np.ones(size), np.linspace(-1.0, 1.0, size)])
     q, _ = np.linalg.qr(about)
-    folded = folded - (folded @ q) @ q.T  # drift is no shape
+    folded = folded - (folded @ q) @ q.T  # drift does not belong to the repeated shape
     mean = folded.mean(axis=0)
     spread = _spectrum(folded - mean, count - 1)
     spread = np.maximum(spread, size * known.step**2 / 12.0)
     if not np.all(spread > 0.0):
         return None
     excess = 2.0 * count * np.abs(np.fft.rfft(mean)[1 : spread.size + 1]) ** 2 / spread
-    # Compare the lowest lines alone, more lines, and all: a smooth misfit shows in few.
+    # Compare the lowest lines alone, then more, then all: a smooth misfit is in few lines.
     bands = _lengths(min(4, spread.size), spread.size, BANDS)
     freedom = 2.0 * (count - 1) * SMOOTHED
     chances = [float(fdtrc(2 * k, freedom, np.mean(excess[:k]) / 2.0)) for k in bands]
@@ -343,10 +349,10 @@ def _by_periods(r: Array, known: KnownNoise) -> _Compared | None:
 
 
 def _folded(r: Array, known: KnownNoise) -> Array | None:
-    """The periods but the first [count, size]; None where there are too few."""
+    """Return the periods after the first as rows [count, size]; None if there are too few."""
     first, length, lasts = known.period
     size = math.floor(length)
-    # The first period comes from rest: no other is like it.
+    # The first period starts from rest and differs from all others.
     count = math.floor(min(r.size - first, lasts) / length + 1e-6) - 1 if size >= 8 else 0
     if count < FEWEST_PERIODS:
         return None
@@ -356,19 +362,19 @@ def _folded(r: Array, known: KnownNoise) -> Array | None:
 
 
 def _spectrum(rows: Array, freedom: int) -> Array:
-    """The power of the noise of each row at each line but the first and the last, smoothed."""
+    """Return the power of each row at each line except the first and the last, smoothed."""
     lines = (rows.shape[1] - 1) // 2
     power = np.sum(np.abs(np.fft.rfft(rows)[:, 1 : lines + 1]) ** 2, axis=0) / freedom
     return uniform_filter1d(power, min(SMOOTHED, lines), mode="nearest")
 
 
 def left_over(name: str, left: float, least: Array, more: int, fitted: int) -> Lack:
-    """Compare the residual of a model with the residual of a richer one.
+    """Return a lack-of-fit test of a model against a model with more free values.
 
     Args:
         name: name of the recordings.
-        left: sum of squares of the model.
-        least: residuals [n] with `more` further free values; taken as noise.
+        left: residual sum of squares of the model.
+        least: residuals [n] of the model with `more` further free values; taken as noise.
         fitted: number of values of the richer model.
     """
     noise, freedom = float(least @ least), least.size - fitted
@@ -381,8 +387,7 @@ def left_over(name: str, left: float, least: Array, more: int, fitted: int) -> L
 
 
 def said(lacks: Sequence[Lack]) -> tuple[str, ...]:
-    """The sentences of those that are seen; of several on one recording, as of more than one fit, the
-    first."""
+    """Return the sentences of the tests that show a lack of fit, only the first for each recording."""
     seen: dict[str, Lack] = {}
     for one in lacks:
         if one.seen:

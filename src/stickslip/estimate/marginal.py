@@ -1,10 +1,9 @@
-r"""Marginal ranges of the other parameters where one is not determined.
+r"""Marginal intervals of the other parameters if one parameter is undetermined.
 
 If the data hardly determine a value :math:`\psi` (the damping of the contact in slow samples), the minimum of
 the sum of squares is long and curved, and its curvature at the lowest point is not typical: the estimate and
-its linearised intervals follow whatever noise put that point there. So the others are fitted with
-:math:`\psi` fixed at points all over its bounds, and these fits are averaged with the weights that the data
-give them,
+its linearised intervals depend on the noise. So the others are fitted with :math:`\psi` fixed at points all
+over its bounds, and these fits are averaged with their weights
 
 .. math:: w_i \propto e^{-\chi^2_i / 2} \, |C_i|^{1/2} \, \Delta\psi_i,
 
@@ -33,16 +32,16 @@ from .result import Fit
 Array = NDArray[np.float64]
 
 POINTS = 10
-# Fewest points that share the weight; number of refinements without success after which the value counts as
-# determined.
+# Fewest points that must share the weight; number of refinements without success after which the value counts
+# as determined.
 ENOUGH_SHARING, REFINEMENTS = 2.0, 3
-# Largest difference of log weight to the best point; points beyond are ignored.
+# Largest difference of the log weight from the best point; points beyond are ignored.
 NEGLIGIBLE = 5.0
 
 
 class Held(NamedTuple):
-    """A fit with one value fixed: where (its coordinate), the coordinates of the others [k], their covariance
-    [k, k], and the logarithm of its weight, up to a constant."""
+    """A fit with one value fixed. Fields: coordinate of the fixed value, coordinates of the others [k], their
+    covariance [k, k], and the log weight, up to a constant."""
 
     at: float
     others: Array
@@ -51,7 +50,8 @@ class Held(NamedTuple):
 
 
 class WeightedPoints(NamedTuple):
-    """Mean and covariance of all coordinates, the fixed one last; and how many points share the weight."""
+    """Weighted average over fits: mean and covariance of all coordinates, the fixed one last; and the
+    effective number of points."""
 
     mean: Array
     covariance: Array
@@ -59,14 +59,15 @@ class WeightedPoints(NamedTuple):
 
 
 def points(parameter: Parameter) -> Array:
-    """Coordinates at which to hold a value, the greatest first; closer together towards a bound of zero."""
+    """Return the coordinates at which a value is fixed, the greatest first; they are closer together towards
+    a bound of zero."""
     low, high = parameter.coordinate(parameter.lower), parameter.coordinate(parameter.upper)
     share = np.linspace(1.0, 0.0, POINTS)
     return low + (high - low) * (share if parameter.log else share**2)
 
 
 def mixture(fits: Sequence[Held]) -> WeightedPoints:
-    """The average over fits whose fixed coordinates go one way."""
+    """Return the weighted average over fits, ordered by their fixed coordinates."""
     at = np.array([fit.at for fit in fits])
     widths = np.abs(np.gradient(at)) if at.size > 1 else np.ones(1)
     widths[[0, -1]] *= 0.5
@@ -88,9 +89,9 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
 
     Args:
         fit: fit of all values, with white or coloured noise.
-        name: parameter that the data hardly determine.
-        hold: fits the others, given the fixed value and their initial guess; returns the fit with the
-            uncertainty from the noise, and the fit that includes the uncertainty of known values.
+        name: name of the weakly determined parameter.
+        hold: function that fits the others, given the fixed value and their initial guess. It returns the fit
+            with the uncertainty from the noise, and the fit that includes the uncertainty of known values.
 
     Returns:
         The fit without its Jacobian; or, if the data do determine the value, the initial guess for a
@@ -111,7 +112,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
         return values_at([p, *others], np.append(best.at, best.others))
     value = p.value(float(found.mean[-1]))
     alone, _ = hold(value, values_at(others, found.mean[:-1]))
-    # `alone` has the fixed one beside the others.
+    # `alone` contains the fixed coordinate among the others.
     order, none = np.insert(np.arange(len(others)), place, len(others)), np.zeros(len(others) + 1)
     return replace(
         alone,
@@ -126,7 +127,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
             np.array([q.coordinate(alone.values.get(q.name, value)) for q in fit.parameters]),
         ),
         degrees_of_freedom=fit.degrees_of_freedom,
-        log_likelihood=path.log_likelihood,  # criteria compare models where each is at its best
+        log_likelihood=path.log_likelihood,  # criteria compare models at their minima
         n_evaluations=fit.n_evaluations + path.evaluations + alone.n_evaluations,
         message=f"{alone.message}; {name}, which is hardly determined, at its mean over all that fits",
         starts=fit.starts,
@@ -137,7 +138,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
 
 
 class _Path:
-    """Fits with one value fixed at points from one of its bounds to the other."""
+    """Fits with one value fixed at points across its range, from one bound to the other."""
 
     def __init__(self, fit: Fit, place: int, others: Sequence[Parameter], hold: Hold) -> None:
         self.parameter, self.others, self.hold = fit.parameters[place], others, hold
@@ -153,7 +154,8 @@ class _Path:
         return [self.found[at] for at in sorted(self.found)]
 
     def add(self, at: float, begin: Array, beside: float) -> Held | None:
-        """Fit from where a fit beside leads to; the best is kept. None where there is no model."""
+        """Fit with the value fixed at `at`, starting from `begin`, which a neighbouring fit predicts; keep
+        the better result. Returns None if the model cannot be computed."""
         self.tried.add((at, beside))
         try:
             alone, whole = self.hold(self.parameter.value(at), values_at(self.others, begin))
@@ -170,7 +172,7 @@ class _Path:
         return one.log_weight > max(f.log_weight for f in self.found.values()) - NEGLIGIBLE
 
     def outwards(self) -> None:
-        """From near the estimate to either side, as far as the fits have weight."""
+        """Fit at points from the estimate outwards on either side, as far as the fits have weight."""
         at = points(self.parameter)
         middle = int(np.argmin(np.abs(at - self.middle)))
         first = self.add(
@@ -189,7 +191,8 @@ class _Path:
                 last, slope = one, self.secant(last, one)
 
     def mend(self) -> None:
-        """Again from a neighbour with weight, where a fit without ended in another local minimum."""
+        """Repeat fits without weight from a neighbour with weight, because they may be in another local
+        minimum."""
         pairs = [(a, b) for one in itertools.pairwise(self.fits()) for a, b in (one, one[::-1])]
         for one, other in pairs:
             if self.counts(one) and not self.counts(other) and (other.at, one.at) not in self.tried:
@@ -197,7 +200,7 @@ class _Path:
                 return self.mend()
 
     def refine(self) -> None:
-        """Halfway between neighbours of which one has weight."""
+        """Fit half-way between neighbouring points if one of them has weight."""
         fits = self.fits()
         for one, other in itertools.pairwise(fits):
             if self.counts(one) or self.counts(other):
@@ -235,7 +238,7 @@ class _Path:
 
 
 def values_at(parameters: Sequence[Parameter], coordinates: Array) -> Values:
-    """The values at coordinates, none of them beyond its bounds."""
+    """Return the values at the coordinates, cut at their bounds."""
     return {
         p.name: min(max(p.value(float(q)), p.lower), p.upper)
         for p, q in zip(parameters, coordinates, strict=True)
@@ -243,7 +246,7 @@ def values_at(parameters: Sequence[Parameter], coordinates: Array) -> Values:
 
 
 def _held(at: float, alone: Fit, whole: Fit, variance: float) -> Held:
-    # A coordinate at its bound adds nothing to either.
+    # A coordinate at its bound contributes to neither.
     free = np.flatnonzero(alone.uncertainty.bounded == 0)
     inside = np.ix_(free, free)
     ranges = np.array([p.coordinate(p.upper) - p.coordinate(p.lower) for p in alone.parameters])[free]
@@ -256,6 +259,7 @@ def _held(at: float, alone: Fit, whole: Fit, variance: float) -> Held:
 
 
 def _bounded(covariance: Array, ranges: Array) -> Array:
-    """A covariance that is no wider than the bounds: beside each coordinate, one that is flat within them."""
+    """Return a covariance reduced so that it is not wider than the bounds: it is combined with a flat
+    distribution within them."""
     flat = np.diag(12.0 / ranges**2)  # the variance of a flat distribution is a twelfth of its range squared
     return np.asarray(np.linalg.inv(np.linalg.inv(covariance) + flat), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Several minima of one sum of squares: which others fit as well as the lowest, as far as the noise tells."""
+"""Several minima of one sum of squares: those that fit as well as the lowest within the noise."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Minimum(NamedTuple):
     """Another minimum that the data do not reject.
 
     Attributes:
-        values: there, in SI.
-        uncertainty: of the coordinates there.
-        excess: its chi-squared above that of the lowest, in variances of the noise.
+        values: values at the minimum, in SI.
+        uncertainty: uncertainty of the coordinates there.
+        excess: chi-squared above the lowest minimum, in variances of the noise.
         whole: whether the fit's intervals include the whole interval about this minimum, as if it were the
             lowest. That is so where one of many minima is the lowest by chance. Otherwise they include
             less of it, the greater its excess.
@@ -41,17 +41,17 @@ def bound(n_parameters: int, level: float = LEVEL) -> float:
 
 
 def still_fits(excess: float, n_parameters: int) -> bool:
-    """Return whether a minimum with that excess of chi-squared fits as well as the lowest."""
+    """Return True if a minimum with that excess of chi-squared fits as well as the lowest."""
     return excess <= bound(n_parameters)
 
 
 def relabelled(
     one: Minimum, parameters: Sequence[Parameter], like: Values, groups: Sequence[Sequence[str]]
 ) -> Minimum:
-    """A minimum with its exchangeable groups of parameters in the order that is nearest to other values; as
-    it is, where that would lead out of bounds.
+    """Return a minimum with its exchangeable groups of parameters (such as alike elements) in the order
+    closest to `like`; unchanged if that order would violate bounds.
 
-    A sum of alike elements has each of its minima once for every order of these, which are no different ones.
+    A sum of alike elements has each minimum once for every order of the elements.
     """
     place = {p.name: i for i, p in enumerate(parameters)}
 

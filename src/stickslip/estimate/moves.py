@@ -1,11 +1,11 @@
-r"""Sensitivity of a fit's estimate to what it took as known.
+r"""Sensitivity of a fit's estimate to quantities that it took as known.
 
 Data whose residuals r change by :math:`\partial r/\partial k` with a quantity k, and priors that do not, give
 
 .. math:: \frac{d\hat q}{dk} = -(J^T W J + P)^{-1} J^T W \frac{\partial r}{\partial k}
 
-with the weights W of the data by their noise and P of the priors by their deviations: what is known of a
-parameter otherwise holds it against errors of k too.
+with the weights W of the data by their noise, and P of the priors by their standard deviations. A prior also
+reduces the effect of errors of k.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 
 
 def noise_of_data(fit: Fit) -> Array:
-    """The noise that each datum was weighted with, shape (n,), in the unit of the data; 1 where the level was
-    not given."""
+    """Return the noise with which each datum was weighted, shape (n,), in the unit of the data; 1 if the
+    level was not given."""
     levels = fit.noise or [1.0] * len(fit.residuals)
     return np.concatenate(
         [np.broadcast_to(level, r.shape) for level, r in zip(levels, fit.residuals, strict=True)]
@@ -29,7 +29,8 @@ def noise_of_data(fit: Fit) -> Array:
 
 
 def of_priors(fit: Fit) -> Array:
-    """Derivatives of the deviations from priors, each over its own, by the searched q: shape (priors, k)."""
+    """Return the derivatives of the deviations from priors, in standard deviations, by the searched q, shape
+    (priors, k)."""
     known = [(i, p.expected[1]) for i, p in enumerate(fit.parameters) if p.prior is not None]
     rows = np.zeros((len(known), len(fit.parameters)))
     for row, (place, deviation) in zip(rows, known, strict=True):
@@ -38,21 +39,22 @@ def of_priors(fit: Fit) -> Array:
 
 
 def tangent(fit: Fit) -> Array:
-    """Derivatives of all that the fit made least, weighted residuals and then priors, by the searched q:
-    shape (n + priors, k)."""
+    """Return the derivatives of all weighted residuals, then of the priors, by the searched q, shape (n +
+    priors, k)."""
     assert fit.jacobian is not None
     of_data = fit.jacobian / noise_of_data(fit)[:, None]
     return np.concatenate([of_data, of_priors(fit)[:, : of_data.shape[1]]])
 
 
 def over_noise(fit: Fit, columns: Array) -> Array:
-    """Derivatives [n, m] of the residuals by quantities that the fit took as known, as rows of `tangent`."""
+    """Return derivatives [n, m] of the residuals by known quantities, weighted and with zero rows for the
+    priors, as rows of `tangent`."""
     none = np.zeros((len(of_priors(fit)), columns.shape[1]))
     return np.concatenate([columns / noise_of_data(fit)[:, None], none])
 
 
 def moves(fit: Fit, columns: Array) -> Array:
-    """Return the derivatives of the searched q by such quantities, shape (k, m); columns as for
+    """Return the derivatives of the searched q by known quantities, shape (k, m); columns as for
     `over_noise`."""
     directions, root, _ = decomposed(tangent(fit))
     return -root @ (directions.T @ over_noise(fit, columns))

@@ -1,4 +1,4 @@
-"""Single samples far outside the noise: spikes of a sensor, which least squares gives too much weight."""
+"""Detection of spikes: single samples far outside the noise, to which least squares gives too much weight."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-# Standard deviations of noise beyond both neighbours, which no sample of Gaussian noise is.
+# Distance from both neighbours, in standard deviations of the noise, that no sample of Gaussian noise has.
 FAR = 8.0
-# More than this share of the samples are no spikes, but noise with long tails, or the model.
+# Largest share of samples that are spikes; more are noise with long tails, or model error.
 MOST = 0.01
-# From a median of sizes to the standard deviation of Gaussian noise.
+# Ratio of the standard deviation to the median size of Gaussian noise.
 TO_DEVIATION = 1.4826
 
 
 def spikes(residuals: NDArray[np.float64], step: float = 0.0) -> NDArray[np.intp]:
-    """Return the indices of residuals [n] that differ from both neighbours; empty if there are too many.
+    """Return the indices of spikes: residuals [n] that differ from both neighbours by far more than the
+    noise; empty if there are too many.
 
     Args:
         residuals: at equal intervals.

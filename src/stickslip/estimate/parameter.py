@@ -1,4 +1,4 @@
-"""A quantity that a fit looks for, and the coordinate that it is looked for in."""
+"""A parameter of a fit: its bounds, prior and scale, and the coordinate in which it is searched."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from ..quantities.units import QuantityError
 
 Values = dict[str, float]
 
-# First search range of a parameter: this factor either way of its initial guess.
+# First search range of a parameter: this factor below and above its initial guess.
 REACH = 30.0
-# Relative, of the logarithm of value plus shift: what is left of it where the value is 0.
+# Relative rounding error of the logarithm of value plus shift, which limits values near 0.
 ROUNDING = 1e-12
 
 
 @record
 class Parameter(NamedTuple):
-    """A parameter to fit: start and bounds in its (SI) unit.
+    """A parameter to fit: initial value (`start`) and bounds in its SI unit.
 
     `log` fits its logarithm: for positive parameters of unknown order of magnitude. False keeps the value
     linear in all fits, as for an offset. With `log`, a `lower` of 0 means no lower bound. `square` fits its
-    square: for parameters that act by it, and may be 0. With `log`, a search may go along the value (`power`
-    1) or its inverse (-1): where the data are closer to linear in that, the minimum is less curved.
+    square, for parameters that act by their square and may be 0. With `log`, a search may go along the value
+    (`power` 1) or its inverse (-1): if the data are closer to linear in that, the minimum is less curved.
 
     `prior` is independent knowledge: value and standard deviation, in its unit. In the coordinate
     that is fitted it is a normal distribution of that width.
 
-    With `limits` (those of the law), `lower` and `upper` are only the first search range. A search
-    that ends at one of them continues beyond it, and no interval ends there. With `log` and a `shift`, the
-    logarithm of value plus shift is fitted: the logarithm over decades, and linear towards 0, which it has.
+    With `limits` (those of the law), `lower` and `upper` are only the first search range. A search that ends
+    at one of them continues beyond it, and no interval ends there. With `log` and a `shift`, the logarithm of
+    value plus shift is fitted: logarithmic over decades, and linear towards 0, which is included.
 
-    A `fixed` parameter keeps its start; a `tied` one is an expression of others (see `tied`) without start
-    and bounds: ``Parameter("coulomb_force", unit="N", tied="0.8 * stiction_force")``.
+    A `fixed` parameter keeps its initial value; a `tied` one is an expression of others (see `tied`) without
+    start and bounds: ``Parameter("coulomb_force", unit="N", tied="0.8 * stiction_force")``.
     """
 
     name: str
@@ -80,7 +80,7 @@ class Parameter(NamedTuple):
             )
 
     def _check_beside(self) -> None:
-        """Raise QuantityError unless it may be fixed, or tied."""
+        """Raise QuantityError unless the settings allow the parameter to be fixed, or tied."""
         if self.fixed and self.tied:
             raise QuantityError(f"{self.name} is fixed, and tied to {self.tied!r}: it can be one of both")
         if self.prior is not None:
@@ -95,25 +95,24 @@ class Parameter(NamedTuple):
 
     @property
     def least(self) -> float:
-        """The least value that an interval may hold."""
+        """Return the least value that an interval may contain."""
         return self.lower if self.limits is None else self.limits[0]
 
     @property
     def most(self) -> float:
-        """The greatest value that an interval may hold."""
+        """Return the greatest value that an interval may contain."""
         return self.upper if self.limits is None else self.limits[1]
 
     def starting_at(self, value: float) -> Parameter:
-        """Return the parameter with another start, cut at its bounds.
-
-        Where the bounds only say where to search, they are moved to hold it.
-        """
+        """Return the parameter with another initial value, cut at its bounds. A mere search range is extended
+        to contain it."""
         start = min(max(value, self.least), self.most)
         return self._replace(start=start, lower=min(self.lower, start), upper=max(self.upper, start))
 
     def widened(self, side: int) -> Parameter:
-        """Return the parameter with its lower (-1) or upper (+1) end of the search moved, by a factor `REACH`
-        or over as much again where the scale is linear; itself where that end is a limit."""
+        """Return the parameter with its lower (-1) or upper (+1) end of the search range moved outwards, by a
+        factor `REACH` or, on a linear scale, by the width of the range; the parameter itself if that end is a
+        limit."""
         if self.limits is None:
             return self
         span = self.upper - self.lower
@@ -125,7 +124,7 @@ class Parameter(NamedTuple):
 
     @property
     def expected(self) -> tuple[float, float]:
-        """Mean and standard deviation of the prior, in the coordinate q.
+        """Return mean and standard deviation of the prior, in the coordinate q.
 
         Raises:
             QuantityError: there is no prior.
@@ -142,11 +141,11 @@ class Parameter(NamedTuple):
 
     @property
     def state(self) -> str:
-        """State in brackets: fixed or tied; empty for a free parameter."""
+        """Return the state in brackets, fixed or tied; empty for a free parameter."""
         return "(fixed)" if self.fixed else f"(tied: {self.tied})" if self.tied else ""
 
     def coordinate(self, value: float) -> float:
-        """The fitted coordinate q of a physical value."""
+        """Return the search coordinate q of a physical value, such as its logarithm."""
         if self.square:
             return float(value) ** 2
         if not self.log:
@@ -154,7 +153,7 @@ class Parameter(NamedTuple):
         return math.log(value + self.shift) if value + self.shift > 0 else -math.inf
 
     def value(self, coordinate: float) -> float:
-        """The physical value at the coordinate q."""
+        """Return the physical value at the coordinate q."""
         if self.square:
             return math.sqrt(max(coordinate, 0.0))
         if not self.log:
@@ -163,13 +162,13 @@ class Parameter(NamedTuple):
         return value if not self.shift or value > ROUNDING * self.shift else 0.0
 
     def values(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the values at many coordinates."""
+        """Return the physical values at coordinates [n]."""
         if self.log:
             return np.maximum(np.exp(coordinates) - self.shift, 0.0)
         return np.sqrt(np.maximum(coordinates, 0.0)) if self.square else coordinates
 
     def slope(self, value: float) -> float:
-        """Derivative of the physical value by the coordinate q."""
+        """Return the derivative of the physical value by the coordinate q, at the value."""
         if self.square:
             return 0.5 / value if value > 0 else math.inf
         return value + self.shift if self.log else 1.0
@@ -180,16 +179,16 @@ class Parameter(NamedTuple):
         return math.exp(self.power * (coordinate - math.log(begin))) if self.power else coordinate
 
     def from_search(self, at: float) -> float:
-        """The coordinate q at `to_search`."""
+        """Return the coordinate q of a search variable: the inverse of `to_search`."""
         if not self.power:
             return at
         begin = math.log(self.start + self.shift)
         return begin + math.log(at) / self.power if at > 0 else -self.power * math.inf
 
     def search_slope(self, at: float) -> float:
-        """Derivative of the coordinate q by `to_search`."""
+        """Return the derivative of the coordinate q by the search variable of `to_search`."""
         return 1.0 / (self.power * at) if self.power else 1.0
 
     def shown(self, value: float, digits: int = 6) -> str:
-        """The value with its unit."""
+        """Return the value with its unit as text."""
         return f"{value:.{digits}g} {self.unit}".strip()

@@ -1,4 +1,4 @@
-r"""Samples of a posterior distribution by independent proposals that are fitted to it.
+r"""Samples of a posterior distribution from independent proposals, whose distribution is fitted to it.
 
 Adaptive importance sampling [cornuet2012] fits a `Mixture` to the density, starting from the covariance of a
 least-squares fit. The mixture is then fixed, and chains of independence Metropolis draw from it. They are
@@ -33,8 +33,8 @@ LEVEL = 0.95
 CHAINS, ROUND = 4, 256
 # Share of each chain that is discarded; fewest rounds that must remain after a mixture is fitted.
 FORGOTTEN, ROOM = 0.1, 8
-# Effective share of proposals with which a mixture is good enough, and the effective points that are wanted
-# to fit one: with fewer, the density is flattened.
+# Effective share of proposals at which a mixture is good enough; and effective number of points needed to fit
+# one: with fewer, the density is flattened.
 EFFICIENT, WANTED = 0.3, 150.0
 # Limits of [vehtari2021] and, for the weights, [vehtari2024].
 R_HAT, ENOUGH, HEAVY = 1.01, 400.0, 0.7
@@ -42,15 +42,14 @@ R_HAT, ENOUGH, HEAVY = 1.01, 400.0, 0.7
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Samples of a posterior distribution, and what they say.
+    """Samples of a posterior distribution, their summary and their convergence.
 
     Attributes:
-        samples: over "chain" and "draw", a variable for each parameter, SI; `log_posterior` too, of what was
-            searched.
+        samples: dataset over "chain" and "draw" with a variable for each parameter, SI, and `log_posterior`.
         summary: over "parameter": mean, sd, low and high (of the 95 % interval of highest density), r_hat
             (rank-normalised), ess and ess_tail (effective number of samples, in the bulk and in the tails).
-        converged: whether R-hat is below 1.01 and both effective numbers above 400, of every parameter, and
-            the weights of the proposals are not heavy; `message` says how it is.
+        converged: True if, for every parameter, R-hat is below 1.01 and both effective numbers are above 400,
+            and the weights of the proposals are not heavy-tailed; `message` gives the reason.
         acceptance: share of accepted proposals.
     """
 
@@ -71,7 +70,7 @@ class Posterior:
     _repr_html_ = preformatted
 
     def report(self) -> str:
-        """A text table of the summary, and whether it may be relied on."""
+        """Return the summary as a text table, and whether the sampling has converged."""
         head = f"{'parameter':20}{'mean':>12}{'sd':>11}   {'95 % interval of highest density':34}"
         lines = [f"{head}{'R-hat':>6}{'ESS':>7}"]
         for name in self.summary["parameter"].values:
@@ -102,10 +101,11 @@ def sample(
     seed: int = 0,
     progress: Progress = unheard,
 ) -> Posterior:
-    """Sample a density.
+    """Return samples of a posterior density, by adaptive importance sampling and then chains.
 
     Args:
-        log_density: log density of points, up to a constant, and the coordinates q of all parameters.
+        log_density: function from points to their log densities, up to a constant, and the coordinates q of
+            all parameters.
         parameters: parameters of the samples.
         begin: first mixture.
         ties: tied values, added to the samples.
@@ -145,8 +145,8 @@ def sample(
 
 
 def _fitted(mixtures: Sequence[Mixture], rounds: Sequence[_Draws]) -> Mixture:
-    """The last mixture, fitted to all points so far, as if they were of one mixture of all mixtures: a weight
-    that is too great in one is put right by the others."""
+    """Return the last mixture, fitted again to the points of all rounds. They are weighted as points of the
+    combined mixture, so a weight that is too large in one mixture is corrected by the others."""
     points = np.concatenate([r.points for r in rounds])
     densities = np.concatenate([r.log_densities for r in rounds])
     points, densities = points[np.isfinite(densities)], densities[np.isfinite(densities)]
@@ -181,7 +181,7 @@ def _described(
     log_chance = np.log(np.random.default_rng(seed).random(weights.shape))
     at, path = np.zeros(CHAINS, int), np.zeros(weights.shape, int)
     for i in range(1, weights.shape[1]):
-        with np.errstate(invalid="ignore"):  # of two points without a model, the first stays
+        with np.errstate(invalid="ignore"):  # of two points without a model, the first is kept
             at = np.where(log_chance[:, i] < weights[:, i] - weights[chains, at], i, at)
         path[:, i] = at
     accepted = float(np.mean(path == np.arange(weights.shape[1])))
@@ -194,7 +194,7 @@ def _described(
     samples = xr.Dataset(columns, attrs={"simulations": done})
     summary = summary_of(samples.drop_vars("log_posterior"))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of its own arithmetic, where there are few
+        warnings.simplefilter("ignore")  # warnings of arviz for few samples
         heavy = float(arviz.psislw(weights[np.isfinite(weights)])[1])
     worst, least = float(summary["r_hat"].max()), float(summary[["ess", "ess_tail"]].to_array().min())
     converged = worst < R_HAT and least > ENOUGH and heavy < HEAVY
@@ -232,7 +232,7 @@ def summary_of(samples: xr.Dataset) -> xr.Dataset:
 def _arviz() -> Any:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # its own, once a day, on a version to come
+            warnings.simplefilter("ignore", FutureWarning)  # a daily notice of arviz on a future version
             import arviz
     except ImportError as error:
         raise FitError('a posterior needs arviz: pip install "stickslip[bayes]"') from error

@@ -1,6 +1,6 @@
 """The fit problem: recordings, the parameters that describe them, and the assumed noise.
 
-Every identification builds a `Problem`; `fit_least_squares` makes a `Fit` of any.
+Every identification builds a `Problem`; `fit_least_squares` solves it and returns a `Fit`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class FitError(ValueError):
-    """A fit that cannot start or has too few data. The message contains the values of the parameters."""
+    """Error: a fit cannot start or has too few data. The message contains the values of the parameters."""
 
 
 class Residuals(NamedTuple):
@@ -31,14 +31,15 @@ class Residuals(NamedTuple):
 
     Attributes:
         function: from the values of all parameters to model minus measured, shape (n,), in the unit of the
-            data. It may raise ValueError or ArithmeticError, or return NaN, where there is no model.
-        measured: the measured values, shape (n,); only r^2 needs them.
+            data. It may raise ValueError or ArithmeticError, or return NaN, where the model cannot be
+            computed.
+        measured: measured values, shape (n,); only r^2 needs them.
         noise: standard deviation of the noise, in the unit of the data: one number or shape (n,). None for
             all recordings: equal in all of them.
-        name: what to call it in reports.
+        name: name of the recording in reports.
         unit: unit of the data.
-        known: what the recording shows of its noise besides; `given` is taken from `noise`.
-        time: of the data, s, shape (n,); only figures need it.
+        known: noise of the recording known independently; its `given` is taken from `noise`.
+        time: times of the data, s, shape (n,); only figures need them.
     """
 
     function: Callable[[Values], ArrayLike]
@@ -55,27 +56,28 @@ class Problem:
 
     Args:
         recordings: recordings to describe; a bare function is a single recording.
-        parameters: start, bounds, unit and scale of each; fixed and tied ones are in
-            the values that residuals get, but `parameters` of the problem are those that are searched for.
-        jacobian: derivatives of the residuals of all recordings, joined, by the values of all parameters but
-            the fixed ones, shape (n, k); without it they are differenced.
+        parameters: initial value, bounds, unit and scale of each. Residual functions also get the values of
+            fixed and tied ones; the attribute `parameters` contains only the searched ones.
+        jacobian: function for the derivatives of all residuals, joined, by the values of all parameters
+            except the fixed ones, shape (n, k); by default differences are used.
         noise_known: take the noise of the recordings as it is. By default only its ratios are trusted, and
             its level is estimated from the residuals.
         correlated: allow for residuals correlated in time when computing the uncertainty: model error nearly
-            always is. Wants recordings much longer than the correlation.
+            always is. It needs recordings much longer than the correlation time.
         loss: "linear", "soft_l1", "huber", "cauchy" or "arctan", as in SciPy.
-        loss_scale: weighted residual above which a robust loss discounts: in noise deviations if the noise is
-            given, else in the unit of the data.
-        difference_step: relative step of the derivatives. Must stay far above the relative error of
-            an adaptive simulator; 1e-4 suits tolerances of 1e-8 and below.
+        loss_scale: weighted residual above which a robust loss reduces its influence: in standard deviations
+            if the noise is given, otherwise in the unit of the data.
+        difference_step: relative step of the derivatives. It must be far above the relative error of an
+            adaptive simulator; 1e-4 suits tolerances of 1e-8 and below.
         n_eliminated: number of further parameters that the residual functions fit inside (see `separable`).
-        exchangeable: groups of names that may change places without a change of the model, as the parameters
+        exchangeable: groups of names that may change places without changing the model, such as the
+            parameters
             of each of several alike elements: minima in other orders of them are the same.
         completed: function from a fit to the fit with the eliminated parameters.
 
     Raises:
-        FitError: the residuals cannot be computed at the start, there are fewer data than parameters, or what
-            the statements on the noise contradict each other.
+        FitError: the residuals cannot be computed at the initial guess, there are fewer data than parameters,
+            or the statements on the noise contradict each other.
     """
 
     def __init__(
@@ -108,7 +110,7 @@ class Problem:
         span = np.where(np.isfinite(self.upper - self.lower), self.upper - self.lower, 1.0)
         self.typical = np.where(self.start != 0, np.abs(self.start), span)
         self.evaluations = 0
-        self.budget: EvaluationBudget | None = None  # what searches of the same recordings share
+        self.budget: EvaluationBudget | None = None  # shared by searches of the same recordings
         self.after: Callable[[], None] = lambda: None  # called after each evaluation
         self.last: tuple[bytes, np.ndarray] = (b"", np.empty(0))
         self.best_cost, self.best = math.inf, self.start
@@ -128,7 +130,7 @@ class Problem:
         )
         if not np.all(self.noise > 0):
             raise FitError("the noise of a recording must be > 0 everywhere")
-        # Brings residuals of any unit to order 1, where the optimiser's tolerances make sense.
+        # Brings residuals of any unit to order 1, for which the optimiser's tolerances are made.
         self.scale = float(np.linalg.norm(np.concatenate(parts) / self.noise)) or 1.0
         n_parameters = len(parameters) + n_eliminated
         self.degrees_of_freedom = self.noise.size - n_parameters
@@ -144,7 +146,7 @@ class Problem:
 
     @property
     def given(self) -> tuple[float | np.ndarray, ...]:
-        """The noise of each recording; empty where none is given."""
+        """Return the noise of each recording; empty if none is given."""
         found = [np.asarray(r.noise, dtype=float) for r in self.recordings if r.noise is not None]
         return tuple(noise if noise.ndim else float(noise) for noise in found)
 
@@ -157,14 +159,15 @@ class Problem:
             raise FitError(f"there is no loss {self.loss!r}; there are {', '.join(LOSSES)}")
 
     def widen(self, place: int, side: int) -> bool:
-        """Move one end of the search outwards, for all later searches; whether there was anywhere to go."""
+        """Move one end of a parameter's search range outwards, for all later searches; return False if it is
+        at its limit."""
         p = self.parameters[place]
         wider = p.widened(side)
         self._set_ends(place, wider)
         return wider != p
 
     def begin_at(self, values: Values) -> np.ndarray:
-        """Return the coordinates of values to start from; limits of the search are moved to contain them."""
+        """Return the coordinates of values to start from; search ranges are extended to contain them."""
         for place, p in enumerate(self.parameters):
             held = p.starting_at(values[p.name])
             self._set_ends(place, p._replace(lower=held.lower, upper=held.upper))
@@ -178,25 +181,25 @@ class Problem:
             self.lower[place], self.upper[place] = p.coordinate(p.lower), p.coordinate(p.upper)
 
     def values(self, q: np.ndarray) -> Values:
-        """Return the values of all parameters, the searched ones first."""
-        # Rounding of the logarithm must not lead out of the bounds.
+        """Return the values of all parameters at the coordinates q, the searched ones first."""
+        # Rounding of the logarithm must not exceed the bounds.
         return self.ties(
             {p.name: min(max(p.value(x), p.lower), p.upper) for p, x in zip(self.parameters, q, strict=True)}
         )
 
     def to_search(self, q: np.ndarray) -> np.ndarray:
-        """See `Parameter.to_search`."""
+        """Return the search variables at the coordinates q, see `Parameter.to_search`."""
         return np.array([p.to_search(x) for p, x in zip(self.parameters, q, strict=True)])
 
     def from_search(self, at: np.ndarray) -> np.ndarray:
-        """See `Parameter.from_search`."""
+        """Return the coordinates q of search variables, see `Parameter.from_search`."""
         return np.array([p.from_search(x) for p, x in zip(self.parameters, at, strict=True)])
 
     def shown(self, q: np.ndarray) -> str:
         return ", ".join(f"{p.name} = {p.shown(p.value(x))}" for p, x in zip(self.parameters, q, strict=True))
 
     def raw(self, q: np.ndarray) -> list[np.ndarray]:
-        """The residuals of each recording, in the unit of its data."""
+        """Return the residuals of each recording at the coordinates q, in the unit of its data."""
         values = self.values(q)
         for p in self.ties.beside:
             if not math.isfinite(values[p.name]):
@@ -208,13 +211,14 @@ class Problem:
         return parts
 
     def residuals(self, q: np.ndarray) -> np.ndarray:
-        """Weighted and scaled, those of the priors at the end; NaN where the model fails (the optimiser then
-        shortens its step)."""
+        """Return the weighted and scaled residuals at the coordinates q, those of the priors last; NaN where
+        the model fails (the optimiser then shortens its step)."""
         key = q.tobytes()
         if key == self.last[0]:
             return self.last[1]
         self.evaluations += 1
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # trial points may be absurd
+        # trial points may have absurd values
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             try:
                 r = np.concatenate(self.raw(q)) / (self.noise * self.scale)
             except (ValueError, ArithmeticError):
@@ -230,24 +234,26 @@ class Problem:
         return r
 
     def slope(self, q: np.ndarray, two_sided: bool = True) -> np.ndarray:
-        """d weighted residuals / d q, shape (n + priors, k)."""
+        """Return the derivatives of the weighted residuals by q, shape (n + priors, k)."""
         if self.jacobian is None:
             return self.differences(q, two_sided)
         of_data = self.by_coordinates(self.values(q)) / (self.noise * self.scale)[:, None]
-        if not np.all(np.isfinite(of_data)):  # the model works there, its derivatives do not
+        if not np.all(np.isfinite(of_data)):  # the model can be computed there, its derivatives cannot
             return self.differences(q, two_sided)
         if not self._known.size:
             return of_data
         return np.concatenate([of_data, np.eye(len(q))[self._known] / (self._spread * self.scale)[:, None]])
 
     def by_coordinates(self, values: Values) -> np.ndarray:
-        """d residuals / d q, shape (n, k), in the unit of the data, by the given `jacobian`."""
+        """Return the derivatives of the residuals by q, shape (n, k), in the unit of the data, from the given
+        `jacobian`."""
         assert self.jacobian is not None
         slopes = [p.slope(values[p.name]) for p in self.parameters]
         return self.ties.total(self.jacobian(values), values) * slopes
 
     def differences(self, q: np.ndarray, central: bool) -> np.ndarray:
-        """d r / d q, shape (n, k); one-sided next to a bound and where the model fails on one side."""
+        """Return numerical derivatives of the residuals by q, shape (n, k); one-sided next to a bound and
+        where the model fails on one side."""
         r = self.residuals(q)
         columns = []
         for i, p in enumerate(self.parameters):

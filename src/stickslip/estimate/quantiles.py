@@ -1,5 +1,5 @@
-"""Quantiles that intervals are made with, of one number each: the classes of `scipy.stats` take thirty times
-as long for it."""
+"""Quantiles of distributions for intervals, of single numbers; the classes of `scipy.stats` take thirty times
+as long."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from scipy.special import chdtri, ndtri, stdtrit
 
 
 def reach(level: float, degrees_of_freedom: float | None = None) -> float:
-    """Return the number of standard errors of an interval with this level: Student's t, or normal."""
+    """Return the half width, in standard errors, of an interval with this level: by Student's t, or the
+    normal distribution without degrees of freedom."""
     p = 0.5 + 0.5 * level
     return float(ndtri(p) if degrees_of_freedom is None else stdtrit(degrees_of_freedom, p))
 

@@ -42,37 +42,38 @@ class Fit:
 
     Attributes:
         parameters: searched parameters.
-        values: estimates, in SI, of them and of the parameters `beside` them.
+        values: estimates in SI of the searched parameters and of those in `beside`.
         uncertainty: uncertainty of the coordinates q.
-        recordings: the goodness of each recording.
+        recordings: goodness of fit of each recording.
         degrees_of_freedom: number of data minus number of parameters.
-        reduced_chi_squared: weighted sum of squares over degrees of freedom; about 1 if the noise was given
-            and the model is right.
+        reduced_chi_squared: weighted sum of squares divided by the degrees of freedom; about 1 if the noise
+            was given and the model is right.
         log_likelihood: for Gaussian noise; NaN with a robust loss.
-        noise_known: whether the noise was taken as given; if not, its level was estimated from the residuals.
-        correlated: whether the uncertainty allows for residuals that are correlated in time.
-        converged: whether the optimiser met its tolerance; `message` says how it ended.
+        noise_known: True if the noise was given; otherwise its level was estimated from the residuals.
+        correlated: True if the uncertainty allows for residuals that are correlated in time.
+        converged: True if the optimiser met its tolerance; `message` says how it ended.
         starts: number of searches; `starts_agreeing` ended at this minimum.
         minima: other minima that fit as well; the intervals contain them.
         model: model with the values, if the identification builds one (an actuator, a law, a modal model).
         observed: name of the channel that was fitted.
         residuals: model minus measured of each recording, in the unit of the data.
-        measured, times: of each recording, in the unit of the data and s; empty where there is none.
+        measured, times: measured values, in the unit of the data, and times [s] of each recording; empty if
+            not given.
         jacobian: derivatives of all residuals, joined, by the searched coordinates q, shape (n, k).
         known: noise of each recording, known independently of the residuals.
         remarks: sentences on automatic decisions, such as additional free parameters.
         disturbances: faults of instruments that the residuals show; see `with_disturbances`.
         doubts: sentences of other checks against the values; part of `failures`.
-        advice: term that the model lacks, if it does not explain its recordings.
-        predict: function from any recording to the predicted values of that channel, shape (n,).
-        systematics: errors common to all data, such as the scale of a sensor, as far as they are
-            known; `report` and `to_dict` show the intervals that allow for them too.
-        unpredicted: why there is no `predict`, and what to use instead.
+        advice: missing term of the model, if it does not explain its recordings.
+        predict: function from any recording to the predicted values of the observed channel, shape (n,).
+        systematics: known errors common to all data, such as the scale of a sensor; `report` and `to_dict`
+            also show intervals that include them.
+        unpredicted: reason why there is no `predict`, and what to use instead.
         beside: parameters that are fixed or tied to others.
-        noise: standard deviation that each recording's data were weighted with, one number or shape (n,), in
-            their unit; empty where none was given.
+        noise: standard deviation with which each recording's data were weighted, one number or shape (n,), in
+            their unit; empty if none was given.
         loss, loss_scale, exchangeable: see `Problem`.
-        judgement: thresholds by which the values are doubted.
+        judgement: thresholds of the statements in `failures`.
     """
 
     parameters: tuple[Parameter, ...]
@@ -112,7 +113,7 @@ class Fit:
     judgement: Judgement = DEFAULT
 
     def judged(self, **thresholds: float) -> Fit:
-        """The same fit, judged by other thresholds: see `Judgement`.
+        """Return the same fit with other thresholds for its statements: see `Judgement`.
 
         Raises:
             QuantityError: there is no such threshold, or it is out of range.
@@ -124,43 +125,44 @@ class Fit:
 
     @cached_property
     def ties(self) -> Ties:
-        """Relation of the parameters `beside` to the searched ones."""
+        """Return the relation of the parameters in `beside` to the searched ones."""
         return Ties((*self.parameters, *self.beside))
 
     @property
     def tied(self) -> dict[str, str]:
-        """The expression of each tied parameter."""
+        """Return the expression of each tied parameter, by name."""
         return {p.name: p.tied for p in self.beside if p.tied}
 
     @property
     def shown(self) -> tuple[Parameter, ...]:
-        """All parameters, those that were searched for first."""
+        """Return all parameters, the searched ones first."""
         return self.ties.shown(self.values)
 
     @property
     def cost(self) -> float:
-        """The weighted sum of squares."""
+        """Return the weighted sum of squares."""
         return self.reduced_chi_squared * self.degrees_of_freedom
 
     @property
     def coordinates(self) -> np.ndarray:
-        """Coordinates of the values, shape (k,)."""
+        """Return the search coordinates q of the values, shape (k,)."""
         return np.array([p.coordinate(self.values[p.name]) for p in self.parameters])
 
     @property
     def n_data(self) -> int:
-        """Number of data in all recordings."""
+        """Return the number of data in all recordings."""
         return sum(g.n_data for g in self.recordings)
 
     @property
     def covariance(self) -> np.ndarray:
-        """Covariance of the values, shape (k, k), linearised."""
+        """Return the covariance of the values, shape (k, k), linearised."""
         slopes = np.array([p.slope(self.values[p.name]) for p in self.parameters])
         return self.uncertainty.covariance * np.outer(slopes, slopes)
 
     @property
     def standard_errors(self) -> Values:
-        """Standard error of each value, in its unit; NaN for a parameter at its bound, 0 for a fixed one."""
+        """Return the standard error of each value, in its unit; NaN for a parameter at its bound, 0 for a
+        fixed one."""
         spread = np.sqrt(np.diag(self.ties.extended(self.values, self.uncertainty).covariance))
         return {
             p.name: float(deviation * p.slope(self.values[p.name]))
@@ -169,7 +171,7 @@ class Fit:
 
     @property
     def correlation(self) -> xr.DataArray:
-        """Correlation of the estimates, over the dimensions "parameter" and "other"."""
+        """Return the correlation of the estimates, over the dimensions "parameter" and "other"."""
         deviations = np.sqrt(np.diag(self.uncertainty.covariance))
         with np.errstate(invalid="ignore", divide="ignore"):
             matrix = self.uncertainty.covariance / np.outer(deviations, deviations)
@@ -177,9 +179,9 @@ class Fit:
         return xr.DataArray(matrix, dims=("parameter", "other"), coords={"parameter": names, "other": names})
 
     def confidence_intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Lower and upper end for each parameter, in its unit, cut at its bounds.
+        """Return lower and upper end of the interval of each parameter, in its unit, cut at its bounds.
 
-        By Student's t, or the normal distribution if the noise is known.
+        They come from Student's t distribution, or from the normal distribution if the noise is known.
         """
         if not 0 < level < 1:
             raise QuantityError(f"level = {level!r} is out of range: a probability must be > 0 and < 1")
@@ -196,13 +198,13 @@ class Fit:
         }
 
     def _near(self, values: Values, known: Uncertainty, t: float) -> dict[str, tuple[float, float]]:
-        """Intervals about one minimum."""
+        """Return the intervals about one minimum, t standard errors wide on either side."""
         ties = Ties([p for p in (*self.parameters, *self.beside) if p.name in values])
         spread = ties.extended(values, known)
         return {p.name: interval(p, i, values[p.name], spread, t) for i, p in enumerate(ties.shown(values))}
 
     def with_minima(self, others: Sequence[Minimum]) -> Fit:
-        """The fit with those of the other minima that are not the same as its own, or as one before."""
+        """Return the fit with other minima added, except those that equal its own minimum or each other."""
         kept: list[Minimum] = []
         own = Minimum(self.values, self.uncertainty, 0.0)
         if self.exchangeable:
@@ -224,22 +226,22 @@ class Fit:
 
     @property
     def r_squared(self) -> float:
-        """Coefficient of determination over all recordings; each is taken about its own mean."""
+        """Return the coefficient of determination over all recordings, each about its own mean."""
         return pooled_r_squared(self.recordings)
 
     @property
     def rmse(self) -> float:
-        """Root mean square of all residuals, in the unit of the data."""
+        """Return the root mean square of all residuals, in the unit of the data."""
         return pooled_rmse(self.recordings)
 
     @property
     def n_estimated(self) -> int:
-        """Number of estimated quantities, the level of the noise among them if it was not known."""
+        """Return the number of estimated quantities, including the level of the noise if it was unknown."""
         return self.n_data - self.degrees_of_freedom + (not self.noise_known)
 
     @property
     def doubt(self) -> str:
-        """Why this may not be the best fit there is; empty where the searches show nothing against it."""
+        """Return the reason why this may not be the best fit; empty if the searches show none."""
         if not self.converged:
             return f"not converged: {self.message}"
         if self.starts_agreeing < self.starts:
@@ -249,7 +251,7 @@ class Fit:
 
     @property
     def other_minima(self) -> str:
-        """Sentence on the minima that fit as well, with their values; empty without one."""
+        """Return a sentence on the other minima that fit as well, with their values; empty without one."""
         if not self.minima:
             return ""
         listed = "; ".join(
@@ -263,18 +265,18 @@ class Fit:
 
     @property
     def aic(self) -> float:
-        """Akaike's information criterion."""
+        """Return Akaike's information criterion."""
         return 2 * self.n_estimated - 2 * self.log_likelihood
 
     @property
     def bic(self) -> float:
-        """Schwarz's Bayesian information criterion."""
+        """Return Schwarz's Bayesian information criterion."""
         return math.log(self.n_data) * self.n_estimated - 2 * self.log_likelihood
 
     def derived(self, quantity: Callable[[Values], float]) -> tuple[float, float]:
-        """Value and standard error of a quantity computed from the values, linearised.
+        """Return value and standard error of a quantity computed from the values, linearised.
 
-        Parameters at a bound count as exact.
+        Parameters at a bound are taken as exact.
         """
         gradient = np.zeros(len(self.parameters))
         for i, p in enumerate(self.parameters):
@@ -288,13 +290,13 @@ class Fit:
 
     @cached_property
     def jitter(self) -> tuple[Scatter, ...]:
-        """Scatter of each recording's residuals with the speed, if jitter of the clock causes it."""
+        """Return the scatter of each recording's residuals with the speed, if clock jitter causes it."""
         periods = [one.period[1] for one in self.known] or [0.0] * len(self.residuals)
         return jitter_of(self.residuals, self.measured, self.times, periods)
 
     @cached_property
     def lack(self) -> tuple[Lack, ...]:
-        """Comparison of each recording's residuals with its noise, see `lacks_of`."""
+        """Return the lack-of-fit test of each recording, see `lacks_of`."""
         if not self.known:
             return ()
         share = (self.n_data - self.degrees_of_freedom) / max(self.n_data, 1)
@@ -303,7 +305,8 @@ class Fit:
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
-        """Parameters at a bound of the search; zero does not count if it is the least possible value."""
+        """Return the names of parameters at a bound of the search; zero does not count if it is the least
+        possible value."""
         sides = self.uncertainty.bounded
         return tuple(
             p.name
@@ -313,7 +316,7 @@ class Fit:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Sentences on why the values are not to be trusted; empty if nothing shows against them."""
+        """Return sentences on the reasons not to trust the values; empty if there are none."""
         found = [one.sentence for one in self.lack if one.seen]
         if self.r_squared < 0.0:
             found.append(f"the fit is worse than a constant: r^2 = {self.r_squared:.3g}")
@@ -324,13 +327,13 @@ class Fit:
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """A plain sentence for each parameter, or group of them, that the data do not determine."""
+        """Return a sentence for each parameter, or group of parameters, that the data do not determine."""
         return undetermined(self)
 
     @property
     def table(self) -> xr.Dataset:
-        """value, standard_error, low and high (of the 95 % interval) over "parameter", with its unit as a
-        coordinate; ``fit.table.to_dataframe()`` is pandas'."""
+        """Return value, standard_error, low and high (of the 95 % interval) over "parameter", with the unit
+        as a coordinate; ``fit.table.to_dataframe()`` makes a pandas table."""
         ends, errors, names = self.confidence_intervals(), self.standard_errors, [p.name for p in self.shown]
         columns = {
             "value": [self.values[name] for name in names],
@@ -342,12 +345,14 @@ class Fit:
         return xr.Dataset({name: ("parameter", column) for name, column in columns.items()}, coords=coords)
 
     def report(self, level: float = 0.95) -> str:
-        """A text table of values with units and intervals, goodness of fit, and what is not determined."""
+        """Return a text table of values with units and intervals, goodness of fit, and undetermined
+        parameters."""
         return as_text(self, level)
 
     @property
     def summary(self) -> str:
-        """A sentence with every value and its 95 % interval, and why the fit is not to be trusted, if so."""
+        """Return a sentence with every value and its 95 % interval, and the reasons not to trust the fit, if
+        any."""
         ends = self.confidence_intervals()
         values = ", ".join(
             f"{p.name} = {p.shown(self.values[p.name], 4)} [{ends[p.name][0]:.3g}, {ends[p.name][1]:.3g}] "
@@ -363,5 +368,5 @@ class Fit:
     _repr_html_ = preformatted
 
     def to_dict(self, level: float = 0.95) -> dict[str, Any]:
-        """Every number with its unit, ready for JSON; None where a number does not exist."""
+        """Return every number with its unit, ready for JSON; None if a number does not exist."""
         return as_dict(self, level)

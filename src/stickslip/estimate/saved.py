@@ -1,4 +1,4 @@
-"""Fits as JSON: any record of numbers, texts and records, with the name of its type."""
+"""Fits as JSON: conversion of records of numbers, texts and records, with the names of their types."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ TYPE = "type"
 
 
 def packed(item: Any) -> Any:
-    """Return the item as JSON can hold it.
+    """Return an item in a form that JSON can represent.
 
     Records get the name of their type, arrays and datasets become lists, a bound method becomes its owner.
 
     Raises:
-        TypeError: the item contains another type.
+        TypeError: the item contains an unsupported type.
     """
     if item is None or isinstance(item, bool | int | str):
         return item
@@ -52,11 +52,11 @@ def packed(item: Any) -> Any:
 
 
 def unpacked(item: Any, types: Mapping[str, type]) -> Any:
-    """Return what was packed, made again of the types that are known by name; no code of the content is run.
+    """Return the item that `packed` has converted, with records of the given types by name. Nothing in the
+    content is executed.
 
     Raises:
-        TypeError: a type is not known, or a field is of another kind than its type says. Other damage may
-            raise other errors.
+        TypeError: a type is unknown, or a field has the wrong kind. Other damage may raise other errors.
     """
     if isinstance(item, list):
         return tuple(unpacked(one, types) for one in item)
@@ -86,7 +86,8 @@ def unpacked(item: Any, types: Mapping[str, type]) -> Any:
 
 
 def _array(item: dict[str, Any]) -> Any:
-    """An array of numbers; of texts, as long as they are: a length that the content gives could be any."""
+    """Return an array of numbers or texts. The length of texts is taken from them, not from the content,
+    which could give any."""
     kind = np.dtype(str(item["dtype"]))
     if kind.kind not in "biufcU":
         raise TypeError(f"an array of {kind} is not one of numbers or texts")
@@ -101,7 +102,7 @@ def _method(owner: Any, name: Any) -> Any:
 
 
 def _kinds_of(made: type, types: Mapping[str, type]) -> Mapping[str, Any]:
-    """Return the kinds of a record's fields; unknown kinds are left out."""
+    """Return the kinds of a record's fields by name; unknown kinds are left out."""
     try:
         return get_type_hints(made, localns={**types, "np": np, "xr": xr})
     except (NameError, TypeError):
@@ -109,7 +110,7 @@ def _kinds_of(made: type, types: Mapping[str, type]) -> Mapping[str, Any]:
 
 
 def _is_of(value: Any, kind: Any) -> bool:
-    """Return whether a value is of an annotated kind, lists and mappings with all in them."""
+    """Return True if a value is of an annotated kind, including the items of lists and mappings."""
     of, inner = get_origin(kind), get_args(kind)
     if kind is Any or isinstance(kind, TypeVar | str):
         return True
@@ -148,7 +149,7 @@ def _variables(items: Any, types: Mapping[str, type]) -> dict[str, Any]:
 
 
 def _rows(rows: Any) -> Any:
-    """Nested lists of numbers, those that are not finite among them."""
+    """Return nested lists of numbers, in which texts for NaN and infinity are converted."""
     if isinstance(rows, list):
         return [_rows(row) for row in rows]
     return float(rows["text"]) if isinstance(rows, dict) else rows

@@ -1,4 +1,4 @@
-"""Score test: evidence for one more parameter, before it is fitted."""
+"""Score test: the evidence for one more parameter before it is fitted."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 from .lack import independent_samples
 from .result import Fit
 
-# Chi-squared of one parameter that chance exceeds once in a thousand.
+# Chi-squared with one degree of freedom that chance exceeds once in a thousand.
 ASKED = 10.83
-# Samples over which residuals are taken to remember.
+# Assumed correlation length of residuals, in samples.
 MEMORY = 8
 
 Array = NDArray[np.float64]
 
 
 def gain(fit: Fit, slopes: Array) -> float:
-    """By how much a further parameter would lower chi-squared, in variances of what would be left.
+    """Return the reduction of chi-squared by one further parameter, in variances of the remaining residuals.
 
     Args:
-        fit: by least squares, with its Jacobian.
+        fit: least-squares fit with its Jacobian.
         slopes: derivatives of all residuals, joined, by the further parameter, shape (n,).
     """
     own, r = _own(fit.jacobian, slopes), np.concatenate(fit.residuals)
@@ -39,7 +39,7 @@ class Together(NamedTuple):
     Attributes:
         gain: decrease of chi-squared, in variances of the remaining residuals.
         share: share of the sum of squares that they explain.
-        steps: estimates from 0 on, in their units, shape (m,).
+        steps: estimates of the further parameters, relative to 0, in their units, shape (m,).
         moves: changes of the coordinates of the fit, shape (k,).
     """
 
@@ -50,10 +50,10 @@ class Together(NamedTuple):
 
 
 def together(fit: Fit, slopes: Array) -> Together:
-    """Return what further parameters do, with all that is fitted free beside them.
+    """Return the linearised effect of further parameters, with all fitted parameters free.
 
     Args:
-        fit: by least squares, with its Jacobian.
+        fit: least-squares fit with its Jacobian.
         slopes: derivatives of all residuals, joined, by the further parameters, shape (n, m).
     """
     r = np.concatenate(fit.residuals)
@@ -74,12 +74,12 @@ def together(fit: Fit, slopes: Array) -> Together:
 
 
 def rise(fit: Fit, name: str) -> float:
-    """By how much chi-squared would rise were one of the parameters zero, linearised, in variances of what
-    is left.
+    """Return the increase of chi-squared if one of the parameters were zero, linearised, in variances of the
+    residuals.
 
     Args:
-        fit: by least squares, with its Jacobian.
-        name: of a parameter on a linear scale.
+        fit: least-squares fit with its Jacobian.
+        name: name of a parameter on a linear scale.
     """
     if fit.jacobian is None:
         return 0.0
@@ -91,21 +91,22 @@ def rise(fit: Fit, name: str) -> float:
 
 
 def step(fit: Fit, slopes: Array) -> float:
-    """Return the linearised estimate of a further parameter, from 0 on, in its unit."""
+    """Return the linearised estimate of a further parameter, relative to 0, in its unit."""
     own = _own(fit.jacobian, slopes)
     length = float(own @ own)
     return -float(own @ np.concatenate(fit.residuals)) / length if length > 0.0 else 0.0
 
 
 def _in_variances(squares: float, left: Array, parameters: int) -> float:
-    """A sum of squares over the variance of residuals [n], as far as these are independent of each other."""
+    """Return a sum of squares divided by the variance of residuals [n], reduced if these are correlated."""
     share = independent_samples(left, MEMORY) / left.size
     variance = float(left @ left) / max(left.size - parameters, 1)
     return share * squares / variance if variance > 0.0 else 0.0
 
 
 def _own(jacobian: Array | None, slopes: Array) -> Array:
-    """The part [n] of the slopes that the fitted parameters cannot do; zeros where they can do it all."""
+    """Return the part [n] of the slopes that is orthogonal to the fitted parameters; zeros if nothing is
+    left."""
     column = np.asarray(slopes, dtype=float)
     if jacobian is None:
         return np.zeros(column.size)

@@ -1,4 +1,4 @@
-"""Searches for the lowest sum of squares: from one point after another, each to its end.
+"""Searches for the lowest sum of squares, each from one initial guess to its end.
 
 The optimiser is SciPy's trust-region reflective method [branch1999].
 """
@@ -21,11 +21,11 @@ from .parameter import Values
 from .problem import FitError, Problem
 from .whiteness import white
 
-# Searches of `LOOK` evaluations check for a lower minimum: from the best few of
-# many points that fill the bounds, and from a parameter times or over these factors (of its range, where its
-# scale is linear).
+# Short searches of `LOOK` evaluations look for a lower minimum: from the best LOOKED_AT of SCREENED points
+# within the bounds, and from the best minimum with one parameter multiplied by each of HOPS (on a linear
+# scale, shifted by shares of its range).
 LOOK, SCREENED, LOOKED_AT, HOPS = 12, 64, 4, (0.25, 0.5, 2.0, 4.0)
-# Starts whose cost is within this many noise variances of the best are statistically the same answer.
+# Difference of cost, in noise variances, below which two searches have found the same minimum.
 SAME_MINIMUM = 0.01
 
 Array = np.ndarray
@@ -37,8 +37,8 @@ class SearchState(NamedTuple):
     evaluations: int
     start: int
     starts: int
-    sum_of_squares: float  # the lowest so far from this start, weighted
-    values: Values  # where that was
+    sum_of_squares: float  # lowest so far from this initial guess, weighted
+    values: Values  # values at which it was found
 
 
 class Options(NamedTuple):
@@ -57,7 +57,7 @@ class Options(NamedTuple):
 
 
 class End(NamedTuple):
-    """End of one search: the cost divided by the noise; the coordinates; the reason."""
+    """End of one search: its cost, weighted by the noise; the coordinates; the reason."""
 
     cost: float
     q: Array
@@ -66,15 +66,15 @@ class End(NamedTuple):
 
 
 class _OutOfBudget(Exception):
-    """With a sentence."""
+    """Signal that the budget is spent, with a sentence."""
 
 
 class _Settled(Exception):
-    """At the coordinates that it carries."""
+    """Signal that a search has converged, with its coordinates."""
 
 
 class SearchResults:
-    """The searches of one fit, and where each of them `ends`."""
+    """All searches of one fit, and their `ends`."""
 
     def __init__(self, problem: Problem, options: Options) -> None:
         self.problem, self.options = problem, options
@@ -83,7 +83,7 @@ class SearchResults:
 
     @property
     def best(self) -> End:
-        """The lowest end."""
+        """Return the end with the lowest cost."""
         return min(self.ends, key=lambda end: end.cost)
 
     def agreeing(self) -> int:
@@ -92,7 +92,8 @@ class SearchResults:
         return sum(end.cost <= most for end in self.ends)
 
     def run(self) -> None:
-        """From all starts; then hop by hop, while a look around leads lower."""
+        """Search from all initial guesses, then hop from the best end as long as that finds a lower
+        minimum."""
         problem, options = self.problem, self.options
         first = problem.start
         if options.begin is not None:
@@ -107,18 +108,18 @@ class SearchResults:
                 break
             if best.converged and white(problem.residuals(best.q)[: problem.noise.size], problem.sizes):
                 break
-            # The points that fill the bounds are the same each time: once is enough.
+            # The points within the bounds are the same each time, so they are tried once.
             if not (hop == 0 and self._improved(_screened(problem))) and not self._improved(
                 _beside(problem, best.q)
             ):
                 break
 
     def go_on(self, end: End) -> None:
-        """Search from where a search has ended, within the present bounds."""
+        """Continue a search from its end, within the present bounds."""
         self.ends.append(self.search(self.options.starts, end.q, self.options.max_evaluations))
 
     def _closing(self, at: Array, two_sided: bool) -> Array:
-        """The slope along the search, unless it is at its end."""
+        """Return the derivatives during a search; raise `_Settled` if it has converged."""
         problem, options = self.problem, self.options
         q = problem.from_search(at)
         found, r = problem.slope(q, two_sided), problem.residuals(q)
@@ -137,7 +138,8 @@ class SearchResults:
         problem.best_cost, problem.best = math.inf, q
         problem.after = partial(self._after, number, problem.evaluations)
         converged, message = False, ""
-        # One-sided differences find the place at half the price, two-sided ones settle it.
+        # One-sided differences are sufficient at first and cost half as much; two-sided ones finish the
+        # search.
         sided = (False, True)[: 1 + (most == options.max_evaluations)]
         try:
             for two_sided in (True,) if options.central or problem.jacobian is not None else sided:
@@ -185,7 +187,8 @@ class SearchResults:
             raise _OutOfBudget(problem.budget.said)
 
     def _improved(self, begins: Sequence[Array]) -> bool:
-        """Look around from these points; where the best look leads lower, search on from there."""
+        """Search briefly from these points, continue from the best one if it is lower than the present best,
+        and return True then."""
         starts, lowest = self.options.starts, self.best.cost
         looks = [self.search(starts, q, LOOK) for q in begins]
         look = min(looks, key=lambda end: end.cost, default=None)
@@ -196,7 +199,7 @@ class SearchResults:
 
 
 def scattered(problem: Problem, n: int, seed: int) -> Array:
-    """Points that fill the bounds by a Latin hypercube, shape (n, k)."""
+    """Return n points that fill the bounds by a Latin hypercube, shape (n, k)."""
     if n < 1:
         return np.empty((0, problem.start.size))
     if not np.all(np.isfinite(problem.upper - problem.lower)):
@@ -206,7 +209,7 @@ def scattered(problem: Problem, n: int, seed: int) -> Array:
 
 
 def _screened(problem: Problem) -> list[Array]:
-    """The best of many points that fill the bounds: some of them stand near the lowest minimum."""
+    """Return the best of many points within the bounds; some are near the lowest minimum."""
     if not np.all(np.isfinite(problem.upper - problem.lower)):
         return []
     found = []

@@ -1,10 +1,9 @@
-r"""Least squares where most parameters are linear: they are solved for, not searched.
+r"""Separable least squares: most parameters are linear and are solved for, not searched.
 
-The residuals :math:`B_c(\theta)\, x_c - y_c` of each recording c depend linearly on coefficients
-:math:`x_c` of its own. For every :math:`\theta` the best x is a linear solution, so the search runs over
-:math:`\theta` alone [golub1973], with Kaufman's derivative :math:`(1 - QQ^T)\, \partial B\, x` [kaufman1975]:
-its gradient is exact, and its :math:`J^TJ` is what the full problem leaves for :math:`\theta`, so no
-uncertainty is lost either.
+The residuals :math:`B_c(\theta)\, x_c - y_c` of each recording c depend linearly on coefficients :math:`x_c`
+of its own. For every :math:`\theta` the best x is a linear solution, so the search runs over :math:`\theta`
+alone [golub1973], with Kaufman's derivative :math:`(1 - QQ^T)\, \partial B\, x` [kaufman1975]: its gradient
+is exact, and its :math:`J^TJ` gives the same uncertainty of :math:`\theta` as the full problem.
 """
 
 from __future__ import annotations
@@ -30,9 +29,9 @@ class SeparableRecording(NamedTuple):
     Attributes:
         measured: shape (n,).
         noise: standard deviation, one number or shape (n,), in the unit of the data; None: equal everywhere.
-        coefficients: name and unit of each, K of them.
-        name: of the recording.
-        unit: of the data.
+        coefficients: name and unit of each of the K coefficients.
+        name: name of the recording.
+        unit: unit of the data.
     """
 
     measured: np.ndarray
@@ -71,14 +70,14 @@ def separable(
     parameters: Sequence[Parameter],
     **about: Any,
 ) -> Problem:
-    """The problem with its linear coefficients solved for; its fit has the searched parameters first, then
-    all coefficients.
+    """Return the problem in which linear coefficients are solved for. Its fit contains the searched
+    parameters first, then all coefficients.
 
     Args:
         recordings: data, and coefficients by name.
-        designs: from the values of the searched parameters to the design of each recording.
-        parameters: those that are searched.
-        about: noise_known or correlated of `Problem`.
+        designs: function from the values of the searched parameters to the design of each recording.
+        parameters: the searched parameters.
+        about: arguments `noise_known` or `correlated` of `Problem`.
     """
     known: dict[tuple[float, ...], list[_Solved]] = {}
 
@@ -118,8 +117,8 @@ def separable(
 
 
 def _solve(recording: SeparableRecording, design: Design, before: _Solved | None) -> _Solved:
-    """The factors of the recording before are kept if its weighted design is the same, as of channels that
-    count alike."""
+    """Return the best coefficients of one recording. The factors of the previous recording are used if its
+    weighted design is the same, as for channels with equal weights."""
     noise = 1.0 if recording.noise is None else recording.noise
     weights = np.broadcast_to(1 / np.asarray(noise, dtype=float), recording.measured.shape)
     if before and before.design.matrix is design.matrix and np.array_equal(before.weights, weights):
@@ -132,7 +131,7 @@ def _solve(recording: SeparableRecording, design: Design, before: _Solved | None
 def _with_coefficients(
     fit: Fit, ties: Ties, recordings: Sequence[SeparableRecording], solutions: list[_Solved]
 ) -> Fit:
-    """The fit with its coefficients and all covariances among them and the searched parameters."""
+    """Return the fit with the coefficients and all covariances."""
     added = [
         Parameter(name, float(x), -math.inf, math.inf, unit, log=False)
         for recording, s in zip(recordings, solutions, strict=True)
@@ -161,7 +160,8 @@ def _with_coefficients(
 def _white(
     fit: Fit, recordings: Sequence[SeparableRecording], solutions: list[_Solved], tangents: list[np.ndarray]
 ) -> np.ndarray:
-    """Covariance of everything, block by block: no matrix of all data by all coefficients is made."""
+    """Return the covariance of searched parameters and coefficients for white noise, block by block, without
+    a matrix of all data by all coefficients."""
     k = len(fit.parameters)
     searched = np.where(np.isfinite(fit.uncertainty.covariance), fit.uncertainty.covariance, 0.0)
     inverses = [np.linalg.inv(s.r) for s in solutions]
@@ -176,8 +176,8 @@ def _white(
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:
-    """A of covariance = A A', shape (k, k): no variance that is formed with it can be negative, as one formed
-    with the covariance of two nearly equal modes could, by its rounding."""
+    """Return a matrix A with covariance = A A', shape (k, k). Variances computed with A cannot become
+    negative by rounding, such as for two nearly equal modes."""
     scale = np.sqrt(np.diag(covariance))
     safe = np.where(scale > 0.0, scale, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(safe, safe))
@@ -187,7 +187,8 @@ def _root(covariance: np.ndarray) -> np.ndarray:
 def _correlated(
     fit: Fit, recordings: Sequence[SeparableRecording], solutions: list[_Solved], tangents: list[np.ndarray]
 ) -> np.ndarray:
-    """Covariance of everything from the full Jacobian, the residuals correlated within each recording."""
+    """Return the covariance of searched parameters and coefficients from the full Jacobian, for residuals
+    correlated within each recording."""
     linear = np.asarray(block_diag(*[s.weights[:, None] * s.design.matrix for s in solutions]))
     full = np.concatenate([np.concatenate(tangents), linear], axis=1)
     residuals = [

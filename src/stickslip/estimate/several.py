@@ -1,5 +1,5 @@
-"""Searches from several points: short ones from all, the best of them to their ends; and what they found as
-one fit, with the other minima that fit as well."""
+"""Searches from several points: short ones from all, the best continued to their ends; the result is one fit
+with the other minima that fit as well."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from .problem import FitError
 from .result import Fit
 from .search import SAME_MINIMUM
 
-# Evaluations after which a search that comes from afar has come near a local minimum.
+# Evaluations after which a search from a distant point is near a local minimum.
 ENOUGH = 12
-# Number of searches, from the lowest, that are followed to their ends.
+# Number of searches, from the lowest, that are completed.
 FOLLOWED = 3
 
 
 def raised_by_noise(best: Fit) -> float:
-    """Return by how much the excess of another minimum counts less than in white noise."""
+    """Return the factor by which the excess of another minimum counts less than for white noise."""
     return float(np.median([inflation(best, i) for i in range(len(best.parameters))]))
 
 
@@ -36,9 +36,10 @@ def from_several(
 
     Args:
         begins: initial guesses; the first is the user's, whose search is always completed.
-        look: short search from a point, of some `ENOUGH` evaluations.
-        ends: the lowest of these, the best first, and the user's, searched to their ends.
-        raised: see `lowest`.
+        look: function for a short search from a point, of some `ENOUGH` evaluations.
+        ends: function that completes the searches of the lowest of these fits, the best first, and of the
+            user's.
+        raised: factor for an excess of chi-squared, see `lowest`.
 
     Raises:
         FitError: no search can start.
@@ -59,7 +60,7 @@ def from_several(
 
 
 def followed(fit: Fit, on: Callable[[], Fit], enough: bool = False) -> Fit:
-    """A search that has come near, to its end, unless it is there, or that is `enough`."""
+    """Return a short search continued to its end by `on`, unless it has converged or is `enough`."""
     if fit.converged or enough:
         return fit
     end = on()
@@ -67,15 +68,16 @@ def followed(fit: Fit, on: Callable[[], Fit], enough: bool = False) -> Fit:
 
 
 def lowest(fits: Sequence[Fit], raised: Callable[[Fit], float] = raised_by_noise) -> Fit:
-    """The fit with the lowest sum of squares; in its intervals, the others that the noise does not reject.
+    """Return the fit with the lowest sum of squares; its intervals include the others that the noise does not
+    reject.
 
     Args:
-        fits: of the same parameters to the same data. Those that have not converged are no minima.
-        raised: from the best fit to what an excess of chi-squared over it is divided by.
+        fits: fits of the same parameters to the same data. Those that have not converged are not minima.
+        raised: function from the best fit to the factor by which an excess of chi-squared is divided.
     """
     best = min(fits, key=lambda fit: fit.cost)
     variance = 1.0 if best.noise_known else best.cost / best.degrees_of_freedom
-    # The other minima of a single fit have no excess over it.
+    # If there is only one fit, its other minima have no excess.
     less = raised(best) if len(fits) > 1 else 1.0
     others, agreeing, searches = [], 0, 0
     for fit in fits:

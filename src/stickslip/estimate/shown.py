@@ -1,4 +1,4 @@
-"""A fit for people and for programs to read: as a text table, and as numbers with units."""
+"""A fit as a text table, and as numbers with units."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 
 def as_text(fit: Fit, level: float) -> str:
-    """A text table of values with units and intervals, goodness of fit, and what is not determined."""
+    """Return a text table of values with units and intervals, goodness of fit, and undetermined
+    parameters."""
     intervals, errors = fit.confidence_intervals(level), fit.standard_errors
     wider = systematic_numbers(fit, level)
     more = ("with systematic errors",) if wider else ()
@@ -51,12 +52,12 @@ def as_text(fit: Fit, level: float) -> str:
 
 
 def preformatted(result: Any) -> str:
-    """The `_repr_html_` of what has a `report`: what a notebook shows."""
+    """Return the `report` of a result as HTML for a notebook (`_repr_html_`)."""
     return f"<pre>{html.escape(result.report())}</pre>"
 
 
 def as_dict(fit: Fit, level: float) -> dict[str, Any]:
-    """Every number with its unit, ready for JSON; None where a number does not exist."""
+    """Return every number with its unit, ready for JSON; None if a number does not exist."""
     intervals, errors = fit.confidence_intervals(level), fit.standard_errors
     wider = systematic_numbers(fit, level)
     found = {
@@ -123,7 +124,7 @@ def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
 
 
 def _finite(item: Any) -> Any:
-    """JSON knows neither NaN nor infinity."""
+    """Return the item with None in place of NaN and infinity, which JSON does not have."""
     if isinstance(item, dict):
         return {key: _finite(value) for key, value in item.items()}
     if isinstance(item, list):

@@ -1,12 +1,12 @@
-"""Systematic errors of a fit, which no statistics of its data show, and intervals that allow for them.
+r"""Systematic errors of a fit, which the scatter of its data does not show, and intervals that include them.
 
-The scale of a sensor is wrong by the same share in all samples. A quantity like this moves the searched
+The scale of a sensor is wrong by the same share in all samples. Such an error changes the searched
 coordinates q by
 
-.. math:: \\Delta q = u \\, d\\hat q / d\\ln s
+.. math:: \Delta q = u \, d\hat q / d\ln s
 
-with its relative standard uncertainty u. The squares of all such moves and of the half of the statistical
-interval add up: the errors have nothing in common.
+where u is its relative standard uncertainty. The errors are independent, so the squares of all such changes
+and of the half width of the statistical interval are added.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ Interval = tuple[float, float]
 
 
 class Systematic(NamedTuple):
-    """Error that all data have in common: its `cause`, its relative standard `uncertainty`, and by how much
-    the searched coordinates q move with one standard uncertainty (`moves`, by parameter; others stay)."""
+    """Error common to all data: its `cause`, its relative standard `uncertainty`, and the changes of the
+    searched coordinates q by one standard uncertainty (`moves`, by parameter; others do not change)."""
 
     cause: str
     uncertainty: float
@@ -33,12 +33,13 @@ class Systematic(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Sentence with the cause and its relative standard uncertainty."""
+        """Return a sentence with the cause and its relative standard uncertainty."""
         return f"{self.cause} has a relative standard uncertainty of {100 * self.uncertainty:.2g} %"
 
 
 def systematic_errors(fit: Fit) -> dict[str, float]:
-    """Return the standard deviation of each coordinate q by systematic errors alone; empty without any."""
+    """Return the standard deviation of each coordinate q by systematic errors alone; empty if there are
+    none."""
     if not fit.systematics:
         return {}
     squares = {p.name: 0.0 for p in fit.shown}
@@ -78,8 +79,8 @@ def intervals_with_systematics(
 
 
 def systematic_numbers(fit: Fit, level: float = 0.95) -> dict[str, dict[str, Interval]]:
-    """Return for each parameter `systematic`, the interval for systematic errors alone, and `both`, for these
-    and the statistical ones; empty without systematic errors."""
+    """Return for each parameter the intervals `systematic` (systematic errors alone) and `both` (with
+    statistical errors); empty without systematic errors."""
     errors, both = systematic_errors(fit), intervals_with_systematics(fit, level)
     t, found = reach(level, None), {}
     for p in fit.shown if errors else ():

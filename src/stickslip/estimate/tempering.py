@@ -19,17 +19,17 @@ from .posterior import CHAINS, Posterior, summary_of
 from .problem import FitError
 
 Array = NDArray[np.float64]
-# From points [n, k] and bounds [n] to log likelihoods [n]: -inf for an impossible point, or one whose log
-# likelihood is below its bound, which may be known before all of it is computed.
+# Function from points [n, k] and bounds [n] to log likelihoods [n]. The result is -inf for an impossible
+# point, or for one whose log likelihood is below its bound, which may be known early.
 LogLikelihood = Callable[[Array, Array], Array]
 
-KEPT = 0.6  # effective fraction of the points that a level keeps
+KEPT = 0.6  # effective fraction of the points that remains at each level
 MOVES, LAST_MOVES = 4, 40  # Metropolis steps at each level, and at the last one
 MOST_LEVELS = 60
 WANTED_ACCEPTANCE = 0.25  # for random walks in several dimensions [gelman1997]
-START = 4  # points of the prior per draw
-AGREEING = 1.1  # R-hat of independent runs, below which they agree [gelman1992]
-FARTHEST = 6.0  # standard deviations of the prior, beyond which no point is tried
+START = 4  # number of prior points per draw
+AGREEING = 1.1  # largest R-hat at which independent runs agree [gelman1992]
+FARTHEST = 6.0  # standard deviations of the prior beyond which no point is tried
 
 
 def sample_tempered(
@@ -45,12 +45,12 @@ def sample_tempered(
     """Sample the posterior of a likelihood with a standard normal prior.
 
     Args:
-        log_likelihood: of points, up to a constant, at most 0.
+        log_likelihood: function for the log likelihood of points, up to a constant, at most 0.
         size: number of coordinates.
-        columns: returns values by name at points [n, k].
+        columns: function that returns values by name at points [n, k].
         units: name and unit of each column.
         draws: number of points of all runs together.
-        seed: of the draws.
+        seed: seed of the draws.
         progress: called after each level.
 
     Raises:
@@ -97,7 +97,7 @@ def _weights(log_weights: Array) -> Array:
 
 
 def _next(beta: float, found: Array) -> float:
-    """Return the next level of one run, at which a fraction `KEPT` of its points is effective."""
+    """Return the next exponent β of one run, at which a fraction `KEPT` of its points is effective."""
     possible = found[np.isfinite(found)]
 
     def effective(to: float) -> float:
@@ -114,7 +114,8 @@ def _next(beta: float, found: Array) -> float:
 
 
 def _systematic(weights: Array, count: int, random: np.random.Generator) -> NDArray[np.int64]:
-    """Return indices [count] of points by systematic resampling: each as often as its weight requires."""
+    """Return indices [count] of points by systematic resampling: each index is repeated as its weight
+    requires."""
     wanted = (np.arange(count) + random.random()) / count
     return np.minimum(np.searchsorted(np.cumsum(weights), wanted), weights.size - 1)
 
@@ -155,7 +156,7 @@ def _described(
     levels: int,
     random: np.random.Generator,
 ) -> Posterior:
-    for run in range(CHAINS):  # the order has no meaning, but copies lie side by side
+    for run in range(CHAINS):  # the order is meaningless, but copies are neighbours
         order = random.permutation(z.shape[1])
         z[run], found[run] = z[run][order], found[run][order]
     values = columns(z.reshape(-1, z.shape[2]))

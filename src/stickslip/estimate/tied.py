@@ -1,7 +1,7 @@
-"""Parameters that follow from others: arithmetic over their names, read by `ast` and never executed.
+"""Tied parameters: arithmetic expressions of other parameters, parsed by `ast` and never executed.
 
 An expression has numbers, names, ``+ - * / **``, sqrt, exp, log and pi, and quantities with a unit in quotes:
-``"'0.1 ms' * sigma_0"``. All of them are analytic, so a complex step gives derivatives without error
+``"'0.1 ms' * sigma_0"``. All of them are analytic, so a complex step gives derivatives without rounding error
 [squire1998].
 """
 
@@ -37,14 +37,14 @@ _CONSTANTS = {"pi": np.pi}
 _LONGEST = 300
 # Complex step of the derivatives, relative to the value.
 _STEP = 1e-30
-_NOTHING = 1e-200  # of which a step would be 0
+_NOTHING = 1e-200  # smallest value that a complex step can change
 
 
 def names_in(expression: str, of: str) -> list[str]:
-    """The parameters that an expression is made of; `of` is what is tied to them.
+    """Return the names of the parameters in an expression; `of` is the parameter that it defines.
 
     Raises:
-        QuantityError: it cannot be read, or has what none may have.
+        QuantityError: the expression cannot be read, or contains something that is not allowed.
     """
     found: dict[str, None] = {}
     for node in ast.walk(_read(expression, of)):
@@ -67,7 +67,7 @@ def _read(expression: str, of: str) -> ast.expr:
 
 
 def _check(node: ast.expr) -> None:
-    """Raise ValueError unless it is arithmetic."""
+    """Raise ValueError unless the node is allowed arithmetic."""
     match node:
         case ast.BinOp(left, op, right) if type(op) in _OPERATORS:
             parts = [left, right]
@@ -106,14 +106,14 @@ def _in_si(text: str) -> float:
 
 
 class Ties:
-    """Relation of all values of a fit to the searched ones.
+    """Function from the searched values of a fit to all values, including fixed and tied ones.
 
     Args:
         parameters: all parameters.
 
     Raises:
-        QuantityError: an expression cannot be read, contains an unknown name or a cycle, or has
-            another unit than its parameter.
+        QuantityError: an expression cannot be read, contains an unknown name or a cycle, or has another unit
+            than its parameter.
     """
 
     def __init__(self, parameters: Sequence[Parameter]) -> None:
@@ -127,7 +127,7 @@ class Ties:
     def _check_units(self, known: Mapping[str, Parameter]) -> None:
         for name, tree in self._order:
             p = known[name]
-            # Any numbers will do, but for those whose difference is 0.
+            # Any numbers will do, except those whose difference is 0.
             needs = enumerate(names_in(p.tied, name))
             units = {n: with_unit(f"{1.37 + 0.11 * i} {known[n].unit}") for i, n in needs}
             said = f"{name} is tied to {p.tied!r}, "
@@ -145,11 +145,12 @@ class Ties:
                 )
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """All values; numbers, or arrays of them. Those that are there already stay, but for tied ones."""
+        """Return all values, numbers or arrays, given the searched ones. Given values are kept, except tied
+        ones."""
         found = {**values, **{n: x for n, x in self._fixed.items() if n not in values}}
         if not self._order:
             return found
-        with np.errstate(all="ignore"):  # trial points may be absurd, and then are not finite
+        with np.errstate(all="ignore"):  # trial points may give absurd values that are not finite
             for name, tree in self._order:
                 made = _value(tree, {n: np.asarray(x)[()] for n, x in found.items()}, _in_si)
                 found[name] = made if isinstance(made, np.ndarray) else float(made)
@@ -158,7 +159,8 @@ class Ties:
     def slopes(
         self, values: Mapping[str, float], by: Sequence[str], of: Sequence[str] | None = None
     ) -> Array:
-        """Derivatives of values by others, shape (of, by), at given ones; by default of `varying`."""
+        """Return the derivatives of values by others, shape (of, by), at the given values; by default of all
+        `varying` ones."""
         rows = list(of or self.varying)
         found = np.zeros((len(rows), len(by)))
         with np.errstate(all="ignore"):
@@ -173,25 +175,27 @@ class Ties:
         return found
 
     def total(self, columns: Array, values: Mapping[str, float]) -> Array:
-        """Derivatives [n, k] by the values that are searched for, from those [n, ...] by all `varying`."""
+        """Return the derivatives [n, k] by the searched values, given derivatives [n, ...] by all `varying`
+        values."""
         return columns @ self.slopes(values, [p.name for p in self.searched]) if self._order else columns
 
     def follow(self, columns: Mapping[str, Array], values: Mapping[str, float], by: Sequence[str]) -> Array:
-        """Derivatives [n, by] by values, with what is tied to them, from those by each value alone [n]."""
+        """Return the derivatives [n, by] by values including those tied to them, given the derivatives [n] by
+        each value alone."""
         moved = [*by, *(name for name, _ in self._order if name not in by)]
         alone = np.column_stack([columns[name] for name in moved])
         return alone @ self.slopes(values, by, moved) if self._order else alone
 
     def shown(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
-        """Return the searched parameters, then the others, on a linear scale if they are not positive."""
+        """Return the searched parameters, then the others, with a linear scale if they are not positive."""
         others = (p._replace(log=p.log and bool(p.tied) and values[p.name] > 0.0) for p in self.beside)
         return (*self.searched, *others)
 
     def extended(self, values: Mapping[str, float], known: Uncertainty) -> Uncertainty:
-        """The uncertainty of all `shown` coordinates, linearised, from that of the searched ones.
+        """Return the uncertainty of all `shown` coordinates, linearised, from that of the searched ones.
 
-        What depends on one value at its bound, and nothing else, ends there too; other values at their bounds
-        count as exact.
+        A parameter tied to only one value, which is at its bound, is also at a bound; other values at their
+        bounds are taken as exact.
         """
         if not self.beside:
             return known
@@ -228,7 +232,8 @@ class Ties:
 
 
 def _ordered(tied: Mapping[str, str], known: Sequence[str]) -> list[tuple[str, ast.expr]]:
-    """Each tied parameter with its expression, after those that it needs."""
+    """Return the tied parameters with their expressions, in an order in which each follows those that it
+    needs."""
     needs = {}
     for name, expression in tied.items():
         needs[name] = names_in(expression, name)

@@ -1,4 +1,4 @@
-"""Whiteness of residuals: autocorrelation that other values of the parameters could describe."""
+"""Whiteness test of residuals: autocorrelation that other parameter values could explain."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-# Largest deviation of a cumulative periodogram, times the root of its length; exceeded by one of a
-# hundred recordings of white noise.
+# Largest deviation of a cumulative periodogram, multiplied by the root of its length; one in a hundred
+# recordings of white noise exceeds it.
 CRITICAL = 1.63
 FEWEST = 64  # samples, below which the test has no power
 
 
 def white(residuals: NDArray[np.float64], sizes: Sequence[int]) -> bool:
-    """Return whether the residuals of every recording pass the test of the cumulative periodogram
+    """Return True if the residuals of every recording pass the test of the cumulative periodogram
     [durbin1969].
 
     The share of the power below each frequency is compared with the share for white noise, as in the
@@ -22,7 +22,7 @@ def white(residuals: NDArray[np.float64], sizes: Sequence[int]) -> bool:
 
     Args:
         residuals: residuals of all recordings, joined, shape (n,).
-        sizes: number of samples per recording, equally spaced.
+        sizes: number of equally spaced samples in each recording.
     """
     return all(_white(part) for part in np.split(residuals, np.cumsum(sizes)[:-1]))
 

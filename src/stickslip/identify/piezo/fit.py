@@ -51,13 +51,11 @@ NOT_LATE = Lateness(
 # Largest residuals of an explained recording: relative to its white noise, and to the standard deviation of
 # its positions. A straight line leaves 10 to 15 % of the latter, fits of measured stacks 1 %.
 MANY, TOO_LITTLE = 3.0, 0.05
-# Smallest relative reduction of the held-out residual that a lag must bring, if no edge of the drive shows
-# it.
+# Smallest relative reduction of the held-out residual by a lag that no edge of the drive shows.
 LATE = 0.1
 # Smallest change of the drive from its first value that is a motion, relative to its range.
 MOVED = 0.01
-# Difference step for delay and lag, in sampling intervals; and number of delay-lag pairs whose columns are
-# cached.
+# Difference step for delay and lag, in sampling intervals; number of cached delay-lag pairs.
 DIFFERENCE, KEPT = 0.02, 4
 # Difference step of the skew, relative to the range of the drive.
 SKEWED = 1e-4
@@ -83,15 +81,13 @@ def identify_piezo(
     .. math:: y = y_0 + S + g\,L[S], \qquad
               S = \sum_i w_i P_{r_i}[u + a\,B(u) - a\,B(0)] + \kappa\,B(u)
 
-    The recorded displacement must be the piezo's: without contact, and slow compared with the stage's
-    resonance. Thresholds are spread evenly over half the range of the drive: wider plays are not determined.
-    Creep is logarithmic from 0.1 s to the length of the recordings, or to ten times that if it fits better.
-    Cross-validation chooses the number of plays, and whether to include the square B(u) and creep: the
-    smallest model that predicts held-out parts about as well as the best one. If that leaves more than noise,
-    it may add the skew a of the plays' input, which widens loops at one end. Delay and lag come from edges of
-    the drive, unless the model explains as much without; without edges a lag is included only if it predicts
-    clearly better. A recording is taken to start after a rest or during a motion, whichever explains it
-    better.
+    The recorded displacement must be the piezo's: without contact, slower than the stage's resonance.
+    Thresholds are spread evenly over half the range of the drive: wider plays are not determined. Creep is
+    logarithmic from 0.1 s to the length of the recordings, or to ten times that if it fits better.
+    Cross-validation chooses the number of plays, the square B(u) and creep: the smallest model that predicts
+    held-out parts about as well as the best one. If that leaves more than noise, it may add the skew a, which
+    widens loops at one end. Delay and lag come from edges of the drive, if they explain more; without edges a
+    lag must predict clearly better. A recording starts after a rest or in motion, whichever fits better.
 
     Args:
         recordings: with drive_voltage [V] and stage_position [m].
@@ -99,23 +95,21 @@ def identify_piezo(
         operators: number of plays; by default chosen.
         asymmetric: include B(u), and possibly a; by default chosen.
         creep: include creep; by default chosen.
-        time_constants: time constants of the creep, s, with equal shares; by default two per decade from 0.1
-            s on.
+        time_constants: of the creep, s, with equal shares; by default two per decade from 0.1 s on.
         delay: delay of the voltage at the piezo, s; by default from edges.
-        lag: first-order time constant of amplifier, capacitance and sensor, s; by default also from edges.
-        rest_voltage: V at which the piezo rested before, reached from 0 V; by default estimated from the
-            first position.
+        lag: time constant of amplifier, capacitance and sensor, s; by default from edges.
+        rest_voltage: V before, reached from 0 V; by default estimated from the first position.
         observed: name of the position channel.
 
     Returns:
-        A fit of weight_1, ... [m/V] of the plays, curvature κ [m/V²], skew a [1/V], creep g (share per
-        decade), and the offset of each recording [m]; beside them gain, their sum, delay and lag [s].
-        `predict(recording)` is the position, m, at the level of the recording's own positions, if it has any.
-        `model` is the actuator, or a `Piezo`. `failures` name recordings with large residuals.
+        A fit of the plays' weight_1, ... [m/V] and their sum gain, curvature κ [m/V²], skew a [1/V], creep g
+        (share per decade), delay and lag [s], and the offset of each recording [m]. `predict(recording)` is
+        the position, m, at the level of the recording's own positions, if it has any. `model` is the
+        actuator, or a `Piezo`. `failures` name recordings with large residuals.
 
     Raises:
         RecordingError: a channel is missing, short, not finite, clipped, constant, or falls where the voltage
-            rises; the drive never turns back; the fit is no piezo.
+            rises; the drive never reverses; the fit is not a piezo.
         QuantityError: a number out of range.
         FitError: see `fit_least_squares`.
     """
@@ -179,22 +173,17 @@ def identify_piezo(
 
 
 def _explains_more(seen: Sequence[Observed], choice: Choice, other: Choice) -> bool:
-    """Return True if a choice has a smaller residual of all samples than another, and predicts held-out parts
-    no worse.
+    """Return True if a choice has a smaller total residual than another, and predicts no worse.
 
-    The mean over the parts hides the effect of a lag after a single edge; all samples alone would accept a
-    lag that approximates hysteresis.
+    The mean over the parts hides a lag after a single edge; the total alone would fit hysteresis by a lag.
     """
     less = left_of_all(seen, choice.late, choice.grid)[0] / left_of_all(seen, other.late, other.grid)[0]
     return less < 1.0 and less * choice.score < other.score
 
 
 def _fitted(seen: Sequence[Observed], choice: Choice, unit: str) -> tuple[Fit, tuple[str, ...]]:
-    """Return the fit, and sentences on its delay and lag.
-
-    Delay and lag are fitted with all other values if the residual is only noise. Otherwise the model's error
-    would bias them, and they are those of the edges.
-    """
+    """Return the fit, and sentences on its delay and lag. Both are fitted with all values if only noise is
+    left; otherwise model errors would bias them, and they come from edges."""
     grid, late = choice.grid, choice.late
     if late.edges.number:
         whole = fit_least_squares(_problem(seen, grid, late.timing, unit, timed=True))
@@ -221,8 +210,7 @@ def _left(fit: Fit, seen: Sequence[Observed]) -> tuple[str, ...]:
 
 
 def _unexplained(fit: Fit, seen: Sequence[Observed]) -> list[str]:
-    """Return a sentence on each recording with a residual that is far above the noise and a large part of the
-    motion.
+    """Return a sentence on each recording with a residual far above the noise and large in itself.
 
     A residual above the noise of good sensors alone is only a remark, because real piezos leave it.
     """
@@ -238,9 +226,8 @@ def _unexplained(fit: Fit, seen: Sequence[Observed]) -> list[str]:
 
 
 def _begun(seen: Sequence[Observed], timing: DelayAndLag, assumed: float | None) -> list[Observed]:
-    """Return the recordings with their drive before the first sample, as a first model without creep shows
-    it. Recordings after a rest at another voltage than expected get the `assumed` voltage [V], if given,
-    because delay and lag are not yet known."""
+    """Return the recordings with their drive before the first sample, as a model without creep shows it.
+    After a rest at an unexpected voltage, that is `assumed` [V], if given."""
     grid, _, solution = first_model(seen, timing)
     try:
         first = prediction_of(named(solution, grid), grid, timing, seen, "")
@@ -287,8 +274,7 @@ def _problem(
     begin = named(found, grid)
     plays = [f"weight_{i}" for i in range(1, grid.thresholds.size + 1)]
     low, high = range_of(seen)
-    # beyond -0.5 the plays' input would no longer be monotonic
-    ends = {"skew": (-0.4 / (high - low), 2.0 / (high - low))}
+    ends = {"skew": (-0.4 / (high - low), 2.0 / (high - low))}  # below -0.5: input not monotonic
     described = _Described(seen, grid, [*plays, *(["curvature"] if grid.zones.size else [])], timed)
     units = {"curvature": f"{unit}/V²", "skew": "1/V", "creep": "", "delay": "s", "lag": "s"}
     reach = {name: 2.0 * begin["gain"] for name in plays} | {"creep": 1.0}
@@ -316,8 +302,7 @@ def _problem(
 
 
 class _Described:
-    """Residuals of the problem and their derivatives; columns are computed again only if delay, lag or skew
-    change."""
+    """Residuals of the problem and their derivatives; columns change only with delay, lag or skew."""
 
     def __init__(self, seen: Sequence[Observed], grid: PlayGrid, names: Sequence[str], timed: bool) -> None:
         self.seen, self.grid, self.names, self.timed = seen, grid, names, timed
@@ -374,8 +359,7 @@ class _Described:
 
 
 def _known(observed: Observed) -> KnownNoise:
-    """Return the noise of a recording that is known without a model: before the drive moves, and between
-    repeated periods."""
+    """Return the known noise of a recording: before the drive moves, and between repeated periods."""
     u = observed.drive
     at_rest = first_change(u, MOVED) if observed.rest == u[0] else 0
     return KnownNoise(None, at_rest, repeated(u), resolution(observed.position))
@@ -384,8 +368,7 @@ def _known(observed: Observed) -> KnownNoise:
 def _predicting(
     fit: Fit, grid: PlayGrid, timing: DelayAndLag, seen: Sequence[Observed], observed: str
 ) -> PiezoPrediction:
-    """Return `prediction_of` a fit; if the fit is no possible piezo, raise an error that says what to
-    change."""
+    """Return `prediction_of` a fit; for an impossible piezo, raise an error that says what to change."""
     try:
         return prediction_of(fit.values, grid, timing, seen, observed)
     except QuantityError as error:
