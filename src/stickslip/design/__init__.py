@@ -1,4 +1,4 @@
-"""Design with an identified model: maps of the step, drive signals, planned experiments."""
+"""Design with an identified model: maps of the step, optimised drive signals, planned experiments."""
 
 from .._lazy import attach
 

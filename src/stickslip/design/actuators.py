@@ -1,4 +1,5 @@
-"""The best actuator for a goal: what may differ of it, searched for together with its sawtooth."""
+"""Optimisation of an actuator for a goal: free parameters of the actuator are searched together with its
+sawtooth."""
 
 from __future__ import annotations
 
@@ -48,25 +49,27 @@ def optimise_actuator(
     threads: int | None = None,
     progress: Progress = unheard,
 ) -> OptimisedActuator:
-    """Search for the numbers of an actuator, and the sawtooth, that reach a goal best in the worst condition.
+    """Search for the free parameters of an actuator, and the sawtooth, that reach a goal best in the worst
+    condition.
 
     Args:
-        model: the actuator; or several by name, of which each is searched: friction pairs, stacks.
+        model: the actuator; or several by name (friction pairs, stacks), each of which is searched.
         goal: "speed", or one of the goals in `stickslip.design`.
-        free: what may differ and within which range, ``{"stage_mass": ("50 g", "200 g"), "load": (0.5, 2)}``:
-            fields of actuator and law, "load" (the normal force over that of the model's friction), or
-            "stage_stiffness". If the stage's mass or stiffness is free, its natural frequency is that of
-            both, unless it is free itself; gain and damping ratio stay.
+        free: free parameters and their ranges, ``{"stage_mass": ("50 g", "200 g"), "load": (0.5, 2)}``:
+            fields of actuator and law, "load" (the normal force relative to that of the model's friction), or
+            "stage_stiffness". If the stage's mass or stiffness is free, its natural frequency follows from
+            both, unless it is free itself; gain and damping ratio are constant.
         max_voltage, min_voltage, frequency, scenarios, minimum_speed, threads, progress: as for
-            `optimise_waveform`. Where a scenario, or a draw, changes what is free, it does so in proportion.
-        output: limits of slope, current and frequency; or those of each, by the names of the models.
-        uncertainty: `draws` of it are conditions too; for one model.
-        holding_force: N: what the contact has to hold, its Coulomb force times "load", at least.
-        budget: candidates of the search of each model.
-        seed: the same seed, the same actuator.
+            `optimise_waveform`. If a scenario or a draw changes a free parameter, it does so in proportion.
+        output: limits of slope, current and frequency, for all models or by the names of the models.
+        uncertainty: uncertainty of the model, of which `draws` draws are further conditions; only for a
+            single model.
+        holding_force: smallest holding force of the contact (Coulomb force times "load"), N.
+        budget: number of candidates in the search of each model.
+        seed: seed of the search.
 
     Returns:
-        The best `model` with its `waveform` and `value`, and the best of each model that was given.
+        The best `model` with its `waveform` and `value`, and the best of each given model.
 
     Raises:
         QuantityError: as for `optimise_waveform`; an unknown name or no range in `free`; a holding force that
@@ -126,8 +129,8 @@ def _allowed(
     output: OutputStage | None,
     frequency: tuple[float, float] | None,
 ) -> Allowed:
-    """Return the drives allowed for all models within the ranges; frequencies, unless given, suit any of
-    them."""
+    """Return the drives allowed for all models within the ranges; if no frequencies are given, they cover all
+    models."""
     models = [space.model, built(space, space.low), built(space, space.high)]
     each = [allowed(model, low, high, output, frequency) for model in models]
     return each[0]._replace(slowest=min(a.slowest for a in each), fastest=max(a.fastest for a in each))
@@ -185,12 +188,13 @@ class _Search(NamedTuple):
         )
 
     def _searched(self) -> Searched:
-        """The search for a drive of the model as it is."""
+        """Return the search for a drive of the unchanged model."""
         model, conditions = self.space.model, self.conditions
         return Searched(model, self.goal, self.allowed, conditions, self.minimum_speed, 0.0, self.threads)
 
     def merits(self, x: Array, which: Index) -> Array:
-        """More is better, of candidates [n, rise and frequency and shares of the ranges]."""
+        """Return the merits of candidates [n, rise, frequency and shares of the ranges] in the conditions
+        `which`, to be maximised."""
         shapes, values = sawtooths(x[:, :DRIVE], self.allowed), self.space.values(x[:, DRIVE:])
         columns = self.space.columns(values, self.conditions.part(which))
         ways = moved(self.space.model, shapes, {}, self.threads, columns, extras_of(self.goal))
@@ -207,9 +211,11 @@ class _Search(NamedTuple):
         return np.broadcast_to(force * fields.get("load", np.array(1.0)) / self.holding_force, len(values))
 
     def exactly(self, drive: Array, values: Array) -> tuple[Array, Array]:
-        """Goal and speed [m/s] of one candidate, its drive and its values [names], in every condition."""
+        """Return goal and speed [m/s] of one candidate in every condition, [conditions] each, from its drive
+        and its values [names]."""
         shape = sawtooths(drive[None], self.allowed)
         columns = {n: c[0] for n, c in self.space.columns(values[None], self.conditions.columns).items()}
-        unbound = self.space.model.replace(min_voltage=-math.inf, max_voltage=math.inf)  # but for rounding
+        # limits only differ by rounding
+        unbound = self.space.model.replace(min_voltage=-math.inf, max_voltage=math.inf)
         ways = exactly(unbound, [shape.one(0)], columns, self.threads, extras_of(self.goal))
         return self.goal.of(shape, ways)[0], ways.steps[0] / shape.period[0]

@@ -23,9 +23,12 @@ AT_END = 1e-3
 
 
 class Built(NamedTuple):
-    """The best of one model: `found` numbers [names of the space], its `waveform`; goal and speed [m/s] in
-    every condition, the goal `before` with the model's own numbers and their best sawtooth, and whether the
-    search was `interrupted` (Ctrl-C): then it is the best until then."""
+    """Best result for one model.
+
+    Fields: `found` values [names of the space]; `waveform`; goal and speed [m/s] in every condition; the goal
+    `before`, with the model's own values and their best sawtooth; and `interrupted`, True if the search was
+    stopped (Ctrl-C): then it is the best until then.
+    """
 
     name: str
     space: DesignSpace
@@ -41,12 +44,12 @@ class Built(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OptimisedActuator:
-    """See `optimise_actuator`.
+    """Result of `optimise_actuator`: the best actuator with its drive.
 
     Attributes:
-        best: of the models that were given.
-        each: the best of each of them, in the order given.
-        goal: what they were judged by.
+        best: best result of all given models.
+        each: best result of each model, in the given order.
+        goal: the goal of the search.
     """
 
     best: Built
@@ -59,45 +62,46 @@ class OptimisedActuator:
 
     @property
     def name(self) -> str:
-        """Name of the best model, if several were given."""
+        """Return the name of the best model, if several were given."""
         return self.best.name
 
     @property
     def model(self) -> Actuator:
-        """The best actuator, its friction at the reference normal force."""
+        """Return the best actuator, its friction at the reference normal force."""
         return built(self.best.space, self.best.found)
 
     @property
     def unit(self) -> str:
-        """Unit of the goal for this model."""
+        """Return the unit of the goal for this model."""
         return unit_for(self.model, self.goal.unit)
 
     @property
     def load(self) -> float:
-        """Its normal force over the reference, for `load=` of a simulation."""
+        """Return the normal force of the best actuator relative to the reference, for `load=` of a
+        simulation."""
         space = self.best.space
         return float(self.best.found[space.names.index("load")]) if "load" in space.names else 1.0
 
     @property
     def waveform(self) -> Sawtooth:
-        """The sawtooth that it was found with."""
+        """Return the sawtooth of the best actuator."""
         return self.best.waveform
 
     @property
     def value(self) -> float:
-        """The goal in the worst condition, SI."""
+        """Return the goal in the worst condition, SI."""
         return self._worst(self.best.values)
 
     @property
     def given_value(self) -> float:
-        """Value of the given model with its own best sawtooth."""
+        """Return the goal of the given model with its own best sawtooth, SI."""
         return self._worst(self.best.before)
 
     @property
     def table(self) -> Any:
-        """Free numbers of the best model, as a pandas DataFrame.
+        """Return the free parameters of the best model, as a pandas DataFrame.
 
-        Columns: given, found, low, high (SI), and the end of its range at which a number is.
+        Columns: given, found, low, high (SI), and the end of its range at which a value is.
         """
         space, found = self.best.space, self.best.found
         columns = {"given": space.given, "found": found, "low": space.low, "high": space.high}
@@ -106,8 +110,8 @@ class OptimisedActuator:
 
     @property
     def choices(self) -> Any:
-        """The best of each model, as a pandas DataFrame: the goal in the worst condition, what it was with
-        the model's own numbers, and what is free (SI)."""
+        """Return the best of each model as a pandas DataFrame: the goal in the worst condition, the goal with
+        the model's own values, and the free parameters (SI)."""
         columns = {
             "value": np.array([self._worst(one.values) for one in self.each]),
             "given": np.array([self._worst(one.before) for one in self.each]),
@@ -119,7 +123,7 @@ class OptimisedActuator:
         return float(self.goal.sign * (self.goal.sign * values).min())
 
     def report(self) -> str:
-        """In words."""
+        """Return the result in words."""
         unit, best = self.unit, self.best
         count = len(best.conditions.names)
         how = f"in the worst of {count} conditions" if count > 1 else "without scenarios"
@@ -159,6 +163,6 @@ def _frame(index: str, labels: Sequence[str], columns: dict[str, Array]) -> Any:
 
 
 def _ends(space: DesignSpace, found: Array) -> list[str]:
-    """The end of its range that each number is at, or nothing."""
+    """Return for each value the end of its range at which it is, or an empty text."""
     shares = space.shares(found)
     return ["low" if s < AT_END else "high" if s > 1.0 - AT_END else "" for s in shares.tolist()]

@@ -1,4 +1,4 @@
-"""Recordings among which a plan chooses: a grid of sawtooths there and back, and what limits refuse."""
+"""Candidates of a planned experiment: a grid of sawtooths forward and back, and checks against limits."""
 
 from __future__ import annotations
 
@@ -22,19 +22,21 @@ VOLTAGES = (0.4, 0.6, 0.8, 1.0)
 # Frequencies, Hz. None divides a usual sample rate, so that periods are sampled at different instants.
 FREQUENCIES = (5.0, 11.0, 23.0, 47.0, 97.0, 197.0, 397.0)
 RISES = (1.0, 0.8, 0.65)
-# s of a burst one way, and periods at least: one there and one back would leave out the jumps between them.
+# Duration of a burst in one direction, s, and fewest periods: with one forward and one back, the jumps
+# between periods would be missing.
 BURST, FEWEST = 0.05, 2
-# Hz, at which the slope of a drive is looked at: that of a rig's output.
+# Hz, update rate at which the slope of a drive is checked: that of a rig's output.
 UPDATES = 20e3
 
 
 def sawtooths(
     limits: Limits, slew_rate: float, duration: float, sample_rate: float, noise: float
 ) -> dict[str, PlannedWalk]:
-    """A grid of recordings: bursts of a sawtooth there and back, over voltage, frequency and rise.
+    """Return a grid of recordings: bursts of a sawtooth forward and back, over voltage, frequency and share
+    of the rise.
 
-    A burst each way brings the end-effector home; with flanks that are no jumps, such recordings tell twice
-    as much as one long walk. Flanks are no steeper than the slew rate [V/s] allows.
+    The bursts bring the end-effector back. With flanks that are not jumps, such recordings contain twice as
+    much information as one long walk. Flanks are not steeper than the slew rate [V/s].
     """
     found = {}
     for share in VOLTAGES:
@@ -43,7 +45,7 @@ def sawtooths(
             if not FEWEST < duration * hertz < math.inf:
                 continue
             for rise in RISES:
-                steepest = 1.0 - volts * hertz / slew_rate  # 1 where the amplifier follows a jump
+                steepest = 1.0 - volts * hertz / slew_rate  # 1 if the amplifier follows a jump
                 fraction = min(rise, steepest)
                 if fraction < min(RISES) - 1e-9:
                     continue
@@ -54,7 +56,7 @@ def sawtooths(
 
 
 def there_and_back(volts: float, hertz: float, rise: float, duration: float) -> Parts:
-    """Bursts of a sawtooth, forward and back in turn, for as long as the recording [s]."""
+    """Return alternating bursts of a sawtooth, forward and back, for the duration of the recording [s]."""
     periods = max(FEWEST, round(BURST * hertz))
     rise = round(rise, 6)
     both = (
@@ -71,7 +73,7 @@ def walks_of(
     sample_rate: float,
     noise: float,
 ) -> dict[str, PlannedWalk]:
-    """Return candidates by name; a bare waveform becomes a recording as long as the others.
+    """Return candidates by name; a waveform becomes a recording of the default duration.
 
     Raises:
         QuantityError: there is no candidate, or one is neither a recording nor a waveform.
@@ -97,12 +99,12 @@ def walks_of(
 
 
 def refused(walk: PlannedWalk, limits: Limits, name: str) -> str:
-    """Why a recording cannot be made, or not be fitted; empty if it can.
+    """Return the reason why a recording cannot be made or fitted; an empty text if it can.
 
     Args:
         walk: the recording.
-        limits: of the output.
-        name: what to call it.
+        limits: limits of the output.
+        name: name of the recording in the text.
     """
     low, high = walk.drive.range()
     shown = [with_prefix(value, "V", 3) for value in (limits.min_voltage, limits.max_voltage)]
@@ -123,7 +125,8 @@ def refused(walk: PlannedWalk, limits: Limits, name: str) -> str:
 
 
 def beyond(low: float, high: float, limits: Limits, unit: str) -> str:
-    """Why positions from `low` to `high` are not allowed; empty if they are."""
+    """Return the reason why positions from `low` to `high` violate the limits; an empty text if they do
+    not."""
     if low >= limits.min_position and high <= limits.max_position:
         return ""
     ends = [with_prefix(x, unit, 3) for x in (low, high, limits.min_position, limits.max_position)]

@@ -1,4 +1,5 @@
-"""The set of recordings that tells most: one after the other, then each exchanged for a better one."""
+"""Choice of the most informative set of recordings: one after the other, then each exchanged for a better
+one."""
 
 from __future__ import annotations
 
@@ -13,21 +14,21 @@ from .information import Seen, covariance, untold
 Array = NDArray[np.float64]
 Over = Literal["worst", "mean"]
 
-# Rounds of exchanges; each ends at a better set, and few are ever needed.
+# Largest number of rounds of exchanges; each improves the set, and few are needed.
 MOST_ROUNDS = 20
 # Largest number of sets that start with one candidate each.
 MOST_BEGINS = 64
-# In the place of an infinite logarithm, for each combination of coordinates that is not told.
+# Substitute for an infinite logarithm, for each parameter combination that is not identified.
 UNTOLD = 1e6
 
 
 class PlanGoal(NamedTuple):
-    """PlanGoal of a plan.
+    """Goal of a planned experiment: the quantity whose expected standard error is minimised.
 
     Attributes:
-        name: in words.
+        name: the goal in words.
         own: coordinates of the actuator.
-        gradients: derivatives of the one wanted number by the coordinates [draws, k]; None: all parameters
+        gradients: derivatives of the goal quantity by the coordinates [draws, k]; None: all parameters
             together (D-optimal).
     """
 
@@ -37,10 +38,11 @@ class PlanGoal(NamedTuple):
 
 
 def criterion(of: Seen, goal: PlanGoal) -> Array:
-    """Logarithm of the expected standard error of the goal [...]; the first axis is that of the draws.
+    """Return the logarithm of the expected standard error of the goal [...]; the first axis is that of the
+    draws.
 
-    For all parameters together it is that of their geometric mean, correlations allowed for. Infinite where
-    the recordings do not tell it.
+    For all parameters together it is the logarithm of the geometric mean of their errors, including
+    correlations. It is infinite if the recordings do not identify the goal.
     """
     spread = covariance(of)
     if goal.gradients is None:
@@ -70,13 +72,13 @@ def score(of: Seen, goal: PlanGoal, over: Over) -> Array:
 
 
 def chosen(of: Seen, goal: PlanGoal, over: Over, count: int) -> list[int]:
-    """Return the best set of `count` candidates [draws, candidates]; one may be taken several times.
+    """Return the best set of `count` candidates [draws, candidates]; a candidate may be taken several times.
 
-    Its first members are good sets too: of one, two, ... recordings.
+    Its first one, two, ... candidates are good sets too.
     """
     alone = criterion(of, goal) + 0.5 * np.log(of.duration)
-    # Where draws want different recordings, those of one draw are seldom reached from those of another. And
-    # the most informative single recording is seldom in the best set of several for one parameter.
+    # If draws need different recordings, the search seldom gets from those of one draw to those of another.
+    # And the most informative single recording is seldom in the best set of several for one parameter.
     best = np.argsort(score(of, goal, over), kind="stable")[:MOST_BEGINS]
     begins = dict.fromkeys([*best.tolist(), *np.argmin(alone, axis=1).tolist()])
     found = [_exchanged(of, goal, over, _added(of, goal, over, [first], count)) for first in begins]
@@ -84,14 +86,14 @@ def chosen(of: Seen, goal: PlanGoal, over: Over, count: int) -> list[int]:
 
 
 def _added(of: Seen, goal: PlanGoal, over: Over, taken: list[int], count: int) -> list[int]:
-    """So many, each the best beside those before it."""
+    """Return `count` candidates, each the best addition to the previous ones."""
     while len(taken) < count:
         taken = [*taken, _best(of, goal, over, taken)]
     return taken
 
 
 def _exchanged(of: Seen, goal: PlanGoal, over: Over, taken: list[int]) -> list[int]:
-    """One after the other exchanged for a better one, until none is."""
+    """Return the set with candidates exchanged one after the other until no exchange improves it."""
     for _ in range(MOST_ROUNDS):
         before = list(taken)
         for i in range(len(taken)):
@@ -105,7 +107,7 @@ def _exchanged(of: Seen, goal: PlanGoal, over: Over, taken: list[int]) -> list[i
 
 
 def _ordered(of: Seen, goal: PlanGoal, over: Over, taken: Sequence[int]) -> list[int]:
-    """The same, each time the one next that tells most beside those before it."""
+    """Return the same set in the order in which each next candidate adds most information."""
     left, order = list(taken), []
     while left:
         best = min(left, key=lambda one: _of(of, goal, over, [*order, one]))
@@ -115,7 +117,8 @@ def _ordered(of: Seen, goal: PlanGoal, over: Over, taken: Sequence[int]) -> list
 
 
 def together(of: Seen, taken: Sequence[int]) -> Seen:
-    """Several candidates of [draws, candidates, ...] as one [draws, ...]."""
+    """Return the combined information of several candidates of [draws, candidates, ...], shape [draws,
+    ...]."""
     found = of.at((slice(None), taken[0]))
     for one in taken[1:]:
         found = found.plus(of.at((slice(None), one)))
@@ -127,7 +130,7 @@ def _of(of: Seen, goal: PlanGoal, over: Over, taken: Sequence[int]) -> float:
 
 
 def _best(of: Seen, goal: PlanGoal, over: Over, beside: Sequence[int]) -> int:
-    """The candidate that is best beside some; of those alike, the first."""
+    """Return the candidate that is the best addition to some; of equal ones, the first."""
     if not beside:
         return int(np.argmin(score(of, goal, over)))
     have = together(of, beside)

@@ -1,7 +1,7 @@
-"""Numbers of an actuator's data sheet, and what contradicts itself among them.
+"""Numbers of an actuator's data sheet, and checks for contradictions among them.
 
-Each number may be off by the sheet's `tolerance`. A relation between n numbers may then be off by
-(1 + tolerance)^n; beyond that the sheet contradicts itself.
+Each number may deviate by the sheet's `tolerance`. A relation between n numbers may then deviate by (1 +
+tolerance)^n; beyond that the sheet contradicts itself.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _HEAD = {"title": str, "citations": list, "kind": str}
 
 @record
 class DataSheet(NamedTuple):
-    """Numbers of a data sheet, all for one axis; what the sheet does not print is left out.
+    """Numbers of a data sheet for one axis; numbers that the sheet does not print are left out.
 
     A contradiction among the numbers raises QuantityError with both sides of the relation.
     """
@@ -73,7 +73,7 @@ class DataSheet(NamedTuple):
                 )
 
     def _relations(self) -> Iterator[tuple[str, float, int]]:
-        """Each relation in words, by how much it is off as a factor, and how many numbers it has."""
+        """Yield each relation in words, its deviation as a factor, and its number of numbers."""
 
         of = self.numbers
 
@@ -93,7 +93,7 @@ class DataSheet(NamedTuple):
             if known(less, more):
                 ratio = of[less] / of[more]
                 yield f"{shown(less)} is above {shown(more)}", ratio, 2
-        # A step measured at another rate is no bound: near its resonance the stage moves farther.
+        # A step measured at another rate is not a bound: near a resonance the stage moves farther.
         elsewhere = self.step_frequency is not None and self.step_frequency != self.frequency
         if known("speed", "frequency", "step") and not elsewhere:
             most = of["frequency"] * of["step"]
@@ -113,7 +113,8 @@ class DataSheet(NamedTuple):
                 4,
             )
         if known("stall_force", "step", "capacitance") and swing is not None:
-            # A cycle charges the piezo with C U^2; the most work a linear load line takes is F_0 step / 4.
+            # A cycle charges the piezo with C U^2; the largest work against a linear load line is F_0 step /
+            # 4.
             put_in, taken = of["capacitance"] * swing**2, 0.25 * of["stall_force"] * of["step"]
             said = f"a step against half of {shown('stall_force')} works {with_prefix(taken, 'J', 3)}"
             yield f"{said}, and the piezo is charged with {with_prefix(put_in, 'J', 3)}", taken / put_in, 4

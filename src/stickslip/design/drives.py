@@ -1,7 +1,7 @@
-"""Drives of a map: stroke, frequency, mirror image.
+"""Drives of the points of a map: stroke, frequency, mirror image.
 
-The mirror image is that in voltage, about the middle of its range: u becomes u_low + u_high - u. It needs the
-same range, and an actuator without load, weight or bias walks back by it exactly as far as it walked forward.
+The mirror image of a drive reverses its voltage within its range: u becomes u_low + u_high - u. An actuator
+without load, weight or bias walks back by it exactly as far as it walks forward by the drive.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Array = NDArray[np.float64]
 
 
 def default_drive(model: Actuator, voltage: bool, frequency: bool) -> Sawtooth:
-    """A sawtooth from 0 V up, or from the end of the actuator's range that is nearest to it; voltage and
-    frequency are put in later, and must have been said.
+    """Return a sawtooth from 0 V up, or from the end of the actuator's range closest to 0 V. Voltage and
+    frequency are set later, so the map must vary or set them.
 
     Raises:
-        QuantityError: one of them has not.
+        QuantityError: voltage or frequency is missing.
     """
     if not (voltage and frequency):
         lacking = "frequency [Hz]" if voltage else "voltage [V]"
@@ -43,17 +43,17 @@ def drive_columns(
     frequency: Array | None,
     direction: Array | None,
 ) -> dict[str, Array]:
-    """The fields of the waveform of each member.
+    """Return the fields of the waveform for each member (point of the map), by name.
 
     Args:
-        own: fields that vary by themselves.
-        voltage: V, from the least to the greatest value of the drive; its rest value (the middle of a sine,
-            the least value of knots) stays where it is.
+        own: fields of the waveform that the map varies directly.
+        voltage: voltage: difference between the least and the greatest value of the drive, V; its rest value
+            (the middle of a sine, the least value of knots) is unchanged.
         frequency: Hz.
         direction: 1, or -1 for the mirror image.
 
     Raises:
-        QuantityError: the waveform has no field for that, or it varies by itself already.
+        QuantityError: the waveform has no such field, or the map varies it directly.
     """
     if voltage is None and frequency is None and direction is None:
         return dict(own)
@@ -92,7 +92,8 @@ def _of_knots(
     frequency: Array | None,
     direction: Array | None,
 ) -> dict[str, Array]:
-    """Return the columns of `drive_columns` for knots: stretched in time, and from their lowest value up."""
+    """Return the columns of `drive_columns` for knots, stretched in time and in voltage from their lowest
+    value."""
     if own:
         raise QuantityError(
             f"{next(iter(own))!r} is a field of the knots: where it varies, voltage, frequency and direction "

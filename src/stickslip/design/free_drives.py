@@ -1,8 +1,9 @@
-"""Recordings with a searched drive, more informative than any usual one.
+"""Recordings with an optimised drive, which is more informative than the usual ones.
 
-A drive is a burst of a closed polygon that starts at the lowest voltage, and the same reversed in time, which
-walks back; in turn, for the whole recording. Values and frequency are searched by CMA-ES [hansen2016] from
-the best usual sawtooth, at the values of the model and at the first few draws.
+A drive consists of bursts of a closed polygon that starts at the lowest voltage, and of the same polygon
+reversed in time, which walks back; they alternate for the whole recording. Values and frequency are optimised
+by CMA-ES [hansen2016], starting from the best usual sawtooth, at the values of the model and at the first few
+draws.
 """
 
 from __future__ import annotations
@@ -28,13 +29,13 @@ from .polygons import Polygons, as_knots, knots
 from .search import Index, Judge, Task, robust
 
 Array = NDArray[np.float64]
-# Samples of a period that a fit needs.
+# Fewest samples of a period for a fit.
 SAMPLES = 10.0
 
 
 @record
 class FreeDrives(NamedTuple):
-    """Among the candidates of a plan is a drive that is searched for."""
+    """Options of an optimised drive among the candidates of a plan."""
 
     knots: Annotated[float, Quantity("", "n", "values within a period", minimum=3, maximum=32)] = 6
     trials: Annotated[float, Quantity("", "", "drives that are tried", minimum=16, maximum=100_000)] = 320
@@ -59,8 +60,9 @@ def searched(
     Args:
         asked: options of the search.
         begin: usual recording from whose drive it starts.
-        limits, slew_rate: of voltage, and V/s.
-        told: logarithm of the expected error of a recording, to be minimised; NaN: it cannot be made.
+        limits, slew_rate: limits of the voltage, and slew rate, V/s.
+        told: function that returns the logarithm of the expected error of a recording, to be minimised; NaN
+            if the recording cannot be made.
         seed: seed of the search.
         progress: as for `plan_experiment`.
     """
@@ -88,7 +90,8 @@ def searched(
 
 
 def there_and_back(shape: Polygons, duration: float) -> Parts:
-    """Bursts of the first polygon and of what it is backwards in time, for as long as the recording [s]."""
+    """Return alternating bursts of the first polygon, and of the same reversed in time, for the duration of
+    the recording [s]."""
     period, n = float(shape.period[0]), shape.volts.shape[1]
     periods = max(FEWEST, round(BURST / period))
     times = tuple((np.arange(n) * period / n).tolist())
@@ -98,7 +101,7 @@ def there_and_back(shape: Polygons, duration: float) -> Parts:
 
 
 def _polygon(walk: PlannedWalk) -> Polygons:
-    """Return the sawtooth at the start of a recording."""
+    """Return the sawtooth with which a recording starts, as a polygon."""
     saw = walk.drive.parts[0][0] if isinstance(walk.drive, Parts) else None
     if not isinstance(saw, Sawtooth):
         raise QuantityError(

@@ -1,7 +1,7 @@
-"""Fronts of two goals: drives of which none is better in both.
+"""Pareto front of two goals: drives of which none is better in both.
 
-Differential evolution of a population, of which after each generation those stay that no other is better
-than in both goals, the crowded ones giving way.
+Differential evolution of a population: after each generation the candidates stay that no other one dominates
+in both goals; of crowded candidates some are removed.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from .sawtooth import best_sawtooth
 from .search import Judge, Task, robust
 from .searched import Searched
 
-# Length of a step along the difference of two others; probability of each number to take it.
+# Length of a step along the difference of two others; and probability that a number of a candidate changes.
 FACTOR, CHANCE = 0.5, 0.7
-# Candidates of the search for the first goal alone: its result and flatter copies start the population
-# with.
+# Number of candidates in the search for the first goal alone: its result and flatter copies start the
+# population.
 FIRST = 1000
 
 
@@ -49,7 +49,7 @@ class Front:
 def front_of(
     searched: list[Searched], count: int, points: int, generations: int, seed: int, progress: Progress
 ) -> Front:
-    """The front of two searches that differ in their goal."""
+    """Return the front of two searches that differ only in their goal."""
     random = np.random.default_rng([seed, 2])
     one = searched[0].scaled(random)
     allowed, conditions = one.allowed, len(one.conditions.names)
@@ -97,7 +97,8 @@ def _merits(searched: list[Searched], x: Array) -> Array:
 
 
 def selected(merits: Array, count: int) -> Any:
-    """Rows that stay: front by front, of the last one those in the least crowded places."""
+    """Return the rows that stay in the population: front by front, and from the last front those in the least
+    crowded places."""
     left, stay = np.arange(len(merits)), list[int]()
     while len(stay) < count:
         front = left[unbeaten(merits[left])]
@@ -127,7 +128,7 @@ def _gaps(merits: Array) -> Array:
 
 
 def _exact(searched: list[Searched], x: Array, spent: int) -> Front:
-    """Driven again to what is reported; those that are beaten then are left out."""
+    """Return the front at the final tolerance; drives that are then dominated are left out."""
     one = searched[0]
     shapes = knots(x, one.allowed)
     drives = [shapes.one(i) for i in range(len(x))]

@@ -1,4 +1,4 @@
-"""The call for the front of two goals."""
+"""Public function for the Pareto front of two goals."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def waveform_front(
     threads: int | None = None,
     progress: Progress = unheard,
 ) -> Front:
-    """Drives of which none is better than another in both of two goals: what more of one costs of the other.
+    """Return the Pareto front of two goals: drives of which none is better than another in both.
 
     Args:
-        goals: two, the first of which asks for motion: ("speed", design.Current("1.4 uF")), say. Each counts
-            in its worst condition.
-        points: of the front, at most.
-        generations: each of as many candidates.
+        goals: two goals, the first of which requires motion, such as ("speed", design.Current("1.4 uF")).
+            Each counts in its worst condition.
+        points: largest number of points of the front.
+        generations: number of generations, each with `points` candidates.
         model, knots, max_voltage, min_voltage, frequency, output, scenarios, seed, threads, progress: as for
             `optimise_waveform`; of the output's updates only the range of frequencies and slopes counts.
 

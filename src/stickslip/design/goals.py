@@ -1,4 +1,4 @@
-"""Goals of a drive signal as records, each a number per signal and condition.
+"""Goals of a drive signal as records; each gives one number per signal and condition.
 
 `of(shapes, moved)` returns the numbers [n, conditions] of polygons and their motion; `sign` is +1
 for goals to be maximised; `extras` names further quantities (ripple). Goals of the voltage
@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 
 
 class Goal(Protocol):
-    """See the module; `label` and `unit` are for people, `moves` says whether it asks for motion at all."""
+    """Interface of a goal: `label` and `unit` for reports; `moves`, True if the goal requires motion; see the
+    module."""
 
     @property
     def label(self) -> str: ...
@@ -40,8 +41,8 @@ class Goal(Protocol):
 
 @record
 class Speed(NamedTuple):
-    """Mean velocity of the end-effector, m/s: as great as can be towards +x, or with `direction` -1 towards
-    -x, where it is negative."""
+    """Goal: largest mean velocity of the end-effector, m/s, towards +x, or with `direction` -1 towards -x,
+    where it is negative."""
 
     direction: Annotated[float, Quantity("", "", "+1 or -1", minimum=-1, maximum=1)] = 1.0
 
@@ -61,7 +62,7 @@ class Speed(NamedTuple):
 
 @record
 class StepSize(NamedTuple):
-    """Deviation of the net step per period from `size`, m, to be minimised at any allowed frequency."""
+    """Goal: smallest deviation of the net step per period from `size`, m, at any allowed frequency."""
 
     size: Annotated[float, Quantity("m", "s", "net step that is wanted")]
 
@@ -77,7 +78,7 @@ class StepSize(NamedTuple):
 
 @record
 class Current(NamedTuple):
-    """Greatest current into the piezo, A, as little as can be."""
+    """Goal: smallest peak current into the piezo, A."""
 
     capacitance: Annotated[float, Quantity("F", "C", "capacitance of the piezo", above=0)]
 
@@ -89,7 +90,7 @@ class Current(NamedTuple):
 
 
 class Heat(NamedTuple):
-    """Mean loss in the stack, W, as little as can be: that of its closed cycles (see `electronics`)."""
+    """Goal: smallest mean loss in the stack, W, by the hysteresis of closed cycles (see `electronics`)."""
 
     stack: Stack
 
@@ -105,7 +106,7 @@ class Heat(NamedTuple):
 
 
 class Ripple(NamedTuple):
-    """Deviation of the end-effector from uniform motion, m, peak to peak, to be minimised."""
+    """Goal: smallest deviation of the end-effector from uniform motion, m, peak to peak."""
 
     label, unit, sign, moves, extras = "ripple", "m", -1.0, False, ("ripple",)
 
@@ -114,7 +115,7 @@ class Ripple(NamedTuple):
 
 
 NAMED: dict[str, Any] = {"speed": Speed(), "ripple": Ripple()}
-# Goals with numbers of their own.
+# Goals with their own numbers.
 OTHERS = {
     "step": "StepSize(size)",
     "current": "Current(capacitance)",
@@ -125,19 +126,19 @@ OTHERS = {
 
 
 def extras_of(*goals: Any) -> tuple[str, ...]:
-    """Return the names of the quantities that goals need besides the net step."""
+    """Return the names of the quantities besides the net step that goals need."""
     return tuple(dict.fromkeys(name for goal in goals for name in getattr(goal, "extras", ())))
 
 
 def direction_of(goal: Any) -> float:
-    """+1 or -1: where a goal wants to go; one that asks for no motion towards +x."""
+    """Return +1 or -1, the direction of motion that a goal requires; +1 for a goal without motion."""
     return getattr(goal, "direction", 1.0)
 
 
 def swings_of(goal: Any) -> tuple[float, ...]:
     """Return the shares of the voltage range at which a search for a sawtooth starts.
 
-    All of it for goals to be maximised.
+    For goals to be maximised it is the whole range.
     """
     return getattr(goal, "swings", (1.0, 0.5, 0.25))
 

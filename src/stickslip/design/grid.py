@@ -1,4 +1,4 @@
-"""The points of a map: what varies, and the members that it makes of a model and its drive."""
+"""Grid of a map: the points, and the fields of model and drive at each of them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .drives import default_drive, drive_columns
 
 Array = NDArray[np.float64]
 
-# In the order in which they are given to `step_map`, before the parameters.
+# Axes in the order of the arguments of `step_map`; other parameters follow.
 AXES = {
     "voltage": Quantity("V", "U", "voltage from the least to the greatest value of the drive", minimum=0),
     "frequency": Quantity("Hz", "f", "frequency of the drive", above=0),
@@ -28,8 +28,12 @@ AXES = {
 
 
 class MapGrid(NamedTuple):
-    """`axes`: values over each name, SI, arrays (1-D) or single numbers; `columns` of the members, over all
-    points, that of the frequency varying slowest, in the order `dims`; `about`: attributes of each axis."""
+    """Grid of a map.
+
+    Fields: `axes`, values by name, SI, arrays (1-D) or single numbers; `columns`, fields of the members (one
+    per point) by name, with the frequency varying slowest, in the order `dims`; `about`, attributes of each
+    axis.
+    """
 
     waveform: Waveform
     axes: dict[str, Array]
@@ -39,12 +43,12 @@ class MapGrid(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the grid, in the order of its dimensions."""
+        """Return the shape of the grid, in the order of its dimensions."""
         return tuple(self.axes[name].size for name in self.dims)
 
     @property
     def frequency(self) -> Array:
-        """Frequency of the drive at each point, Hz."""
+        """Return the frequency of the drive at each point, Hz."""
         if "frequency" in self.columns:
             return self.columns["frequency"]
         period = getattr(self.waveform, "period", None)
@@ -58,11 +62,12 @@ def grid_of(
     axes: Mapping[str, Any],
     parameters: Mapping[str, ArrayLike] | None,
 ) -> MapGrid:
-    """The grid over what is given.
+    """Return the grid over the given values.
 
     Args:
-        axes: of the names of `AXES`, those that are not None.
-        parameters: other fields.
+        model, waveform: as for `step_map`.
+        axes: values by the names of `AXES` that are given.
+        parameters: values of other fields by name.
 
     Raises:
         QuantityError: see `step_map`.

@@ -1,10 +1,9 @@
-r"""Expected covariance of a fit to recordings that have not been made.
+r"""Expected covariance of a fit to planned recordings.
 
-A fit by least squares to recordings k with the Jacobians :math:`J_k` (by its coordinates, among them delay
-and offset of the position channel) and noise of the covariances :math:`\Sigma_k` has, near the truth, the
-covariance :math:`A^{-1} B A^{-1}` with :math:`A = \sum_k J_k^T J_k` and
-:math:`B = \sum_k J_k^T \Sigma_k J_k`; white noise of equal level makes that :math:`\sigma^2 A^{-1}`. All
-recordings weigh alike, as in the fit.
+Recording k has the Jacobian :math:`J_k` by the fit's coordinates (including delay and offset of the position
+channel), and noise with covariance :math:`\Sigma_k`. Near the truth, a least-squares fit has the covariance
+:math:`A^{-1} B A^{-1}` with :math:`A = \sum_k J_k^T J_k` and :math:`B = \sum_k J_k^T \Sigma_k J_k`; for white
+noise of equal level it is :math:`\sigma^2 A^{-1}`. All recordings have equal weights, as in the fit.
 """
 
 from __future__ import annotations
@@ -24,39 +23,39 @@ from ..identify.walk.position_channel import CHANNEL
 from ..physics.actuator import Actuator
 from ..recording.chain import Chain
 
-# s at rest before the drive starts, which define the zero of a position.
+# s at rest before the drive starts, which define the zero of the position.
 BEFORE = 0.1
-# Smallest information of a coordinate scaled to 1, relative to the largest; less is rounding.
+# Smallest information on a coordinate scaled to 1, relative to the largest; less is rounding.
 NOTHING = 1e-13
-# If a change of a parameter by its own size moves less than this share of the motion, it is rounding: a
-# neighbour differs by a millionth, and rounds otherwise.
+# If a change of a parameter by its own size changes less than this share of the motion, the change is
+# rounding.
 ROUNDING = 1e-6
 
 Array = NDArray[np.float64]
 
 
 class FitSpace(NamedTuple):
-    """Coordinates of a fit: `parameters`, including those of the channel, and tied values."""
+    """Coordinates of a planned fit: its `parameters`, including those of the channel, and its tied values."""
 
     parameters: tuple[Parameter, ...]
     ties: Ties
 
     @property
     def names(self) -> list[str]:
-        """Names of the parameters."""
+        """Return the names of the parameters."""
         return [p.name for p in self.parameters]
 
     @property
     def own(self) -> NDArray[np.bool_]:
-        """Mask of the parameters of the actuator."""
+        """Return a mask of the parameters of the actuator."""
         return np.array([name not in CHANNEL for name in self.names])
 
 
 class Seen(NamedTuple):
-    """Information of recordings.
+    """Information in recordings on the coordinates of a fit.
 
-    The matrices A and B of the module [..., k, k], the duration [...], s, and the lowest and highest position
-    [...], m.
+    Fields: the matrices A and B of the module [..., k, k], the duration [...], s, and the lowest and highest
+    position [...], m.
     """
 
     normal: Array
@@ -66,7 +65,7 @@ class Seen(NamedTuple):
     high: Array
 
     def plus(self, other: Seen) -> Seen:
-        """Return the information of both together."""
+        """Return the information of both sets of recordings together."""
         return Seen(
             self.normal + other.normal,
             self.spread + other.spread,
@@ -82,12 +81,12 @@ class Seen(NamedTuple):
         )
 
     def at(self, index: int | slice | tuple[slice, int]) -> Seen:
-        """Return the information of one or some of several."""
+        """Return the information of selected recordings."""
         return Seen(*(one[index] for one in self))
 
 
 def stacked(several: Sequence[Seen], axis: int = 0) -> Seen:
-    """Several as one."""
+    """Return several pieces of information along a new axis."""
     return Seen(*(np.stack([one[i] for one in several], axis) for i in range(len(Seen._fields))))
 
 
@@ -99,13 +98,13 @@ def seen(
     Args:
         model: the actuator.
         walk: the recording.
-        name: name in errors.
+        name: name of the recording in errors.
         space: free parameters.
         chain: chain of the position channel.
-        noise: noise of its samples, m; None: white, with the walk's own deviation.
+        noise: noise of the samples, m; None: white, with the standard deviation in `walk`.
 
     Raises:
-        ArithmeticError: the motion cannot be followed.
+        ArithmeticError: the motion cannot be simulated.
     """
     own = [n for n in space.ties.varying if n not in CHANNEL]
     motion = walk.motion(model, name)
@@ -113,14 +112,15 @@ def seen(
     position = motion.position(model, chain.delay)
     sizes = [abs(value_of(model, n)[0]) or np.inf for n in own]
     moves = np.abs(by[:, :-1]).max(axis=0, initial=0.0) * sizes > ROUNDING * np.ptp(position)
-    by = by * np.append(moves, True)  # else rounding would count as told, and tie others to itself
+    by = by * np.append(moves, True)  # otherwise rounding would count as information
     columns = dict(zip([*own, "delay"], by.T, strict=True)) | {"offset": np.ones(len(by)) / chain.scale}
     values = {p.name: p.start for p in (*space.parameters, *space.ties.beside) if not p.tied}
     j = space.ties.follow(columns, space.ties(values), space.names)
     j = chain.scale * j * [p.slope(p.start) for p in space.parameters]
     normal = walk.repeats * j.T @ j
     spread = walk.noise**2 * normal if noise is None else walk.repeats * scores([j], noise)
-    if chain.zeroed:  # each recording is moved by the error of its own zero, and the offset is one for all
+    # each recording is shifted by the error of its own zero, and there is one offset for all
+    if chain.zeroed:
         moved = j.sum(axis=0)
         spread = spread + walk.repeats * zero_variance(walk, noise) * np.outer(moved, moved)
     return Seen(
@@ -133,7 +133,8 @@ def seen(
 
 
 def zero_variance(walk: PlannedWalk, noise: Coloured | None) -> float:
-    """m^2, of the mean of the samples at rest from which a recording counts; see `seen`."""
+    """Return the variance, m^2, of the mean of the samples at rest that define a recording's zero; see
+    `seen`."""
     n = BEFORE * walk.sample_rate
     if noise is None:
         return walk.noise**2 / n

@@ -1,4 +1,4 @@
-"""Limits of a drive signal by an output stage and an actuator together."""
+"""Limits of a drive signal that follow from an output stage and an actuator together."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..physics.electronics import OutputStage
 from ..physics.electronics.output import FEWEST, codes_within
 from ..quantities.units import QuantityError, to_si, with_prefix
 
-# Frequencies that are searched unless bounds are given, over those of stage and contact.
+# Range of frequencies that is searched by default, relative to those of stage and contact.
 SLOWEST, FASTEST = 0.1, 3.0
 
 
@@ -36,10 +36,11 @@ def allowed(
     output: OutputStage | None,
     frequency: tuple[float, float] | None,
 ) -> Allowed:
-    """Return what a model and an output stage allow together.
+    """Return the drives that a model and an output stage allow together.
 
     Raises:
-        QuantityError: nothing, or a voltage that the model does not take; says which limit it is.
+        QuantityError: no drive is allowed, or the model does not allow a voltage; the message names the
+            limit.
     """
     low, high = _voltages(model, min_voltage, max_voltage)
     slowest, fastest = frequency or _usual(model, high - low)
@@ -54,7 +55,7 @@ def allowed(
                 f"OutputStage.step = {with_prefix(output.step, 'V')} leaves less than two voltages from "
                 f"{low:g} V to {high:g} V"
             )
-        # A sample may be off by half a step, and so may the one before.
+        # A sample may be wrong by half a step, and so may the previous one.
         steps = output.step * output.update_rate
         if slope <= steps:
             raise QuantityError(
@@ -111,8 +112,8 @@ def frequencies(given: tuple[float | str, float | str] | None) -> tuple[float, f
 
 
 def _usual(model: Actuator, swing: float) -> tuple[float, float]:
-    """Frequencies [Hz] about those at which the friction can just move the end-effector over the stroke, and
-    of the stage."""
+    """Return a range of frequencies [Hz] around two values: where friction can just accelerate the
+    end-effector over the stroke, and the stage's natural frequency."""
     stroke = abs(model.gain) * swing
     force = abs(getattr(model.friction, "coulomb_force", 0.0))
     found = [] if model.static else [model.natural_frequency / (2.0 * math.pi)]

@@ -1,4 +1,4 @@
-"""Maps of the step: what an actuator does over voltage, frequency, load, direction, and its own fields."""
+"""Maps of the steady step over voltage, frequency, load, direction and fields of the actuator."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from .stored import Stored, solved_in_store
 Array = NDArray[np.float64]
 Extra = Literal["backlash", "ringing", "ripple"]
 
-# Steps over the tolerance, from which on they can be compared.
+# Smallest step, in tolerances, that is compared between directions.
 KNOWN = 100.0
 
 LABELS = {
@@ -199,7 +199,7 @@ def _stored(store: Any, scheduler: str | None, extras: tuple[str, ...]) -> Store
 
 
 def _drawn(fit: Any, model: Actuator, grid: MapGrid, draws: int, seed: int) -> dict[str, Array]:
-    drawn = drawn_parameters(fit, model, whole(draws, "draws", 40, 100_000), seed)  # 95 % intervals
+    drawn = drawn_parameters(fit, model, whole(draws, "draws", 40, 100_000), seed)  # for 95 % intervals
     for name in drawn:
         if name in grid.columns:
             raise QuantityError(f"{name!r} varies over the map, and over the draws of the fit: only one can")

@@ -1,22 +1,22 @@
 r"""Backlash, ringing and ripple of the end-effector within a period of its steady walk.
 
-With x the position of the end-effector along the walk (of the sign of its net step) and C u the stroke at
-rest of the voltage,
+Let x be the position of the end-effector along the walk (in the direction of its net step) and C u the static
+stroke of the voltage:
 
 .. math:: b = \max_{t_1 \le t_2} \left(x(t_1) - x(t_2)\right), \qquad
           r = \max_{t_2 \le t_3 \le t_4 \le t_5} \left(d(t_3) - d(t_4)\right), \quad d = x - C u
 
-*Backlash* b is the farthest that the end-effector goes back within a period, from t_1 to t_2: what the slip
-drags it along, and what the contact springs back. *Ringing* r is the largest swing back about the stroke at
-rest after that: once u no longer goes back, until it does again or the next backlash begins (t_5 at most
-t_1 + T). It is the first swing of a stage that vibrates, and zero for one that settles without. What a load
-pulls the end-effector back by while it sticks is in it; of a smooth drive, so is what the stage lags behind.
-Where the fast stroke of the drive goes along the walk (an actuator that walks backward by resonance) there is
-no slip that it could follow: NaN. So both are for drives that slip once in a period; a search for little
-ringing would find drives that swing all the time.
+*Backlash* b is the largest backward motion of the end-effector within a period, from t_1 to t_2: by friction
+during the slip, and by the elastic recovery of the contact. *Ringing* r is the largest backward motion
+relative to the static stroke after that: from the time when u no longer moves back until it does again or the
+next backlash starts (t_5 at most t_1 + T). It is the first overshoot of a stage that vibrates, and zero for
+one that settles without overshoot. It includes backward motion by a load during stick and, for a smooth
+drive, the lag of the stage. If the fast stroke of the drive is along the walk (an actuator that walks
+backward by resonance), no slip precedes it: NaN. Both quantities are meaningful for drives that slip once in
+a period. They are not goals of a search, which would find drives that vibrate all the time.
 
-*Ripple* is how far the end-effector departs from a uniform motion, from peak to peak, under any drive: of
-:math:`x - t s / T`, s being the net step.
+*Ripple* is the deviation from uniform motion, peak to peak of :math:`x - t s / T` with the net step s, for
+any drive.
 """
 
 from __future__ import annotations
@@ -37,11 +37,12 @@ from ..waveform.members import member_of
 
 Array = NDArray[np.float64]
 
-# Samples of a vibration of the stage, and their distance over the time since the drive last broke.
+# Samples per vibration of the stage, and their spacing relative to the time since the drive last changed its
+# slope.
 PER_CYCLE, GROWTH = 32.0, 0.02
-# Largest motion back between two samples that is rounding, relative to the stroke of the drive.
+# Largest backward motion between two samples that is rounding, relative to the stroke of the drive.
 STILL = 1e-9
-# Speeds of both strokes that count as equal.
+# Ratio of the speeds of both strokes above which they count as equal.
 EVEN = 0.99
 MAX_STEPS = 10_000_000
 
@@ -55,12 +56,12 @@ def within_a_period(
     tolerance: float,
     names: Collection[str],
 ) -> dict[str, Array]:
-    """Return the named quantities of members, m, NaN for members without an orbit; `of.states` are on the
-    orbits."""
+    """Return the named quantities of members (points of the map), by name, in m; NaN for members without a
+    periodic orbit. `of.states` are the states on the orbits."""
     backlash, ringing, ripple = np.full((3, fine.size), np.nan)
     gains = columns.get("gain", np.full(fine.size, model.gain))
     drives, which = of.drives, of.which
-    of_same: dict[bytes, list[int]] = {}  # that break at the same times
+    of_same: dict[bytes, list[int]] = {}  # members whose drives change slope at the same times
     for m in np.flatnonzero(fine).tolist():
         key = drives.start[which[m]].tobytes() + of.ends[m].tobytes()
         of_same.setdefault(key, []).append(m)
@@ -80,7 +81,8 @@ def within_a_period(
 
 
 def sample_times(breaks: Array, period: float, rate: float) -> Array:
-    """Within one period, close behind each break, in proportion to the time since it."""
+    """Return sample times within one period. They are dense after each break (change of slope), with a
+    spacing in proportion to the time since it."""
     finest = min(2.0 * np.pi / rate / PER_CYCLE, period / 64.0)
     first = np.arange(0.0, finest / GROWTH, finest)
     most = max(period / first[-1], 1.0)
@@ -88,13 +90,13 @@ def sample_times(breaks: Array, period: float, rate: float) -> Array:
     since = np.append(first, later)
     ends = np.append(breaks[1:], period)
     parts = [b + since[since < e - b] for b, e in zip(breaks, ends, strict=True)]
-    before = ends[ends < period] - 1e-12 * period  # the same for all jumps, whose speeds are compared
+    before = ends[ends < period] - 1e-12 * period  # the same sample for all jumps, whose speeds are compared
     found = np.unique(np.concatenate([*parts, before, [period * (1.0 - 1e-12)]]))
     return found[found < period]
 
 
 def _followed(of: Members, rows: NDArray[np.int64], period: float, times: Array, tolerance: float) -> Array:
-    """Positions over one period, [members, times]."""
+    """Return the positions over one period, [members, times], m."""
     outcomes, spans = np.full(rows.size, DONE, np.int64), np.tile([0.0, period], (rows.size, 1))
     return integrate_members(
         ComposedMembers(of.of.plant, of.values[rows]),
@@ -112,15 +114,15 @@ def _followed(of: Members, rows: NDArray[np.int64], period: float, times: Array,
 
 
 def measured(times: Array, period: float, position: Array, stroke: Array, step: Array) -> tuple[Array, Array]:
-    """Backlash and ringing of members, m.
+    """Return backlash and ringing of members, m, [members] each.
 
     Args:
-        times, period: s; the first of them is 0.
-        position, stroke: x and C u along the walk, m, of one period, [members, times].
-        step: net, m, [members], >= 0.
+        times, period: s; the first time is 0.
+        position, stroke: x and C u along the walk, m, over one period, [members, times].
+        step: net step, m, [members], >= 0.
     """
     n, rows = position.shape[1], np.arange(step.size)
-    # Three periods: a backlash that starts in the first ends before the third does.
+    # Three periods: a backlash that starts in the first ends within the third.
     x = np.tile(position, (1, 3)) + np.repeat(np.arange(3.0), n) * step[:, None]
     fallen = np.maximum.accumulate(x[:, : 2 * n], axis=1) - x[:, : 2 * n]
     trough = np.argmax(fallen, axis=1)
@@ -138,7 +140,7 @@ def measured(times: Array, period: float, position: Array, stroke: Array, step: 
 
 
 def _first(true: NDArray[np.bool_], begin: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The first column from `begin` on in which each row is true; the last one where none is."""
+    """Return the first column from `begin` on in which each row is true; the last column if none is."""
     place = np.arange(true.shape[1])
     later = true & (place >= begin[:, None])
     return np.where(later.any(axis=1), np.argmax(later, axis=1), true.shape[1] - 1)

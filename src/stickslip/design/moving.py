@@ -1,4 +1,4 @@
-"""Motions of an actuator under conditions: in the search, and exactly."""
+"""Periodic motions of an actuator under conditions: fast for the search, and accurate for the result."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from .polygons import Polygons
 from .solving import solved
 
 Array = NDArray[np.float64]
-# Tolerances of the net step, m: in the search, and of the result. Fine, because at an optimum the contact may
-# just does not slip. Where the motion of the drive's period is not found at one of these, it is at another.
+# Tolerances of the net step, m, for the search and for the result. They are small because at an optimum the
+# contact may be at the limit of slip. If the periodic motion is not found at one tolerance, the next is
+# tried.
 SEARCHED = 1e-8
 REPORTED = (1e-11, 1e-12, 1e-10, 1e-9, 1e-8)
-# A static law has no derivatives to find it quickly by.
+# Tolerances for a static law, which has no derivatives to find the motion quickly.
 REPORTED_STATIC = (1e-9, 1e-10, 1e-8)
 
 
@@ -34,7 +35,7 @@ class PeriodicMotions(NamedTuple):
     ripple: Array
 
     def of(self, i: int) -> PeriodicMotions:
-        """One drive."""
+        """Return the motion of drive number i."""
         return PeriodicMotions(*(column[i][None] for column in self))
 
 
@@ -46,8 +47,8 @@ def moved(
     own: Mapping[str, Array] | None = None,
     extras: tuple[str, ...] = (),
 ) -> PeriodicMotions:
-    """By polygons, under conditions [conditions]; what differs from polygon to polygon is its `own`
-    [n, conditions]."""
+    """Return the periodic motion under polygons and conditions [conditions]; `own` are values that differ
+    from polygon to polygon [n, conditions]."""
     n, own = len(shapes.period), own or {}
     conditions = max([1, *(c.size for c in columns.values()), *(c.shape[1] for c in own.values())])
     each = np.repeat(np.arange(n), conditions)

@@ -1,4 +1,4 @@
-"""Result of a search for a drive signal."""
+"""Result of an optimised drive signal."""
 
 from __future__ import annotations
 
@@ -21,28 +21,29 @@ from ..waveform.sampled import Sampled
 from .scenarios import NOMINAL, ScenarioTable
 
 Array = NDArray[np.float64]
-# Periods after which the motion is taken to repeat, in the picture; points of one.
+# Periods after which the motion counts as periodic in the picture; and points of one period.
 SETTLED, POINTS = 200, 401
-# Lines of a report.
+# Largest number of lines in a report.
 MOST_LINES = 12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OptimisedWaveform:
-    """See `optimise_waveform`. Values are of the drive as it reaches the piezo.
+    """Result of `optimise_waveform`. Values belong to the drive as it reaches the piezo.
 
     Attributes:
         waveform: the drive.
-        value: what it reaches of the goal in the worst condition (or at the quantile that was chosen), in SI.
-        played: the drive as the generator plays it; None without one.
-        at_piezo: what reaches the piezo: that, or the drive itself, behind the amplifier, where one is given.
-        sawtooth: the best one within the same limits, in the same conditions; generator and amplifier do
-            the same to it. `sawtooth_value` is what it reaches.
-        values, speeds: of the drive in every condition, in the goal's unit and in m/s; `sawtooth_values`,
-            `sawtooth_speeds` likewise.
-        evaluations: periodic motions that were solved for.
-        fell_back: whether the drive is the sawtooth itself, for none was found that is worse nowhere.
-        interrupted: whether the search was stopped (Ctrl-C): this is the best until then.
+        value: goal in the worst condition (or at the chosen quantile), in SI.
+        played: the drive as the generator outputs it; None without a generator.
+        at_piezo: the voltage at the piezo, behind generator and amplifier, if given.
+        sawtooth: best sawtooth within the same limits and conditions, with the same generator and amplifier;
+            `sawtooth_value` is its goal.
+        values, speeds: goal and speed [m/s] of the drive in every condition; `sawtooth_values`,
+            `sawtooth_speeds` are those of the sawtooth.
+        evaluations: number of computed periodic motions.
+        fell_back: True if the drive is the sawtooth itself, because no drive was found that is at least as
+            good in every condition.
+        interrupted: True if the search was stopped (Ctrl-C): this is the best until then.
     """
 
     waveform: PeriodicKnots
@@ -66,17 +67,18 @@ class OptimisedWaveform:
 
     @property
     def frequency(self) -> float:
-        """Hz"""
+        """Return the frequency of the drive, Hz."""
         return 1.0 / self.waveform.period
 
     @property
     def unit(self) -> str:
-        """Unit of the goal for this model."""
+        """Return the unit of the goal for this model."""
         return unit_for(self.model, self.goal.unit)
 
     @property
     def comparison(self) -> xr.Dataset:
-        """Over "scenario": `value` and `sawtooth`, in the unit of the goal, and what differs in each, SI."""
+        """Return `value` and `sawtooth` over "scenario", in the unit of the goal, with the changed quantities
+        of each scenario, SI."""
         of_goal = {"units": self.unit, "long_name": self.goal.label}
         data: dict[str, Any] = {
             name: ("scenario", column) for name, column in self.conditions.columns.items()
@@ -87,16 +89,16 @@ class OptimisedWaveform:
 
     @property
     def table(self) -> Any:
-        """`comparison` as a pandas DataFrame."""
+        """Return `comparison` as a pandas DataFrame."""
         return self.comparison.to_dataframe()
 
     def motion(self) -> xr.Dataset:
-        """Return the motion under the drive and the sawtooth, for the model as it is; see `motion_by`."""
+        """Return the motion under the drive and the sawtooth, for the unchanged model; see `motion_by`."""
         model = self.model.replace(min_voltage=-math.inf, max_voltage=math.inf)
         return motion_by(model, {"optimised": self.at_piezo, "sawtooth": self.sawtooth_at_piezo})
 
     def report(self) -> str:
-        """In words, with the conditions in which it does worst."""
+        """Return the result in words, with the worst conditions."""
         unit, count = self.unit, len(self.conditions.names)
         how = "in the model as it is"
         if count > 1:
@@ -138,8 +140,8 @@ class OptimisedWaveform:
 
 
 def motion_by(model: Actuator, drives: Mapping[str, Any]) -> xr.Dataset:
-    """Over "drive" (by name) and "phase" (share of the period): voltage, and how far the end-effector has
-    come within a period, m, once periodic.
+    """Return voltage and displacement [m] of the end-effector within a period of the periodic motion, over
+    "drive" (by name) and "phase" (share of the period).
 
     Raises:
         QuantityError, SimulationError: as `simulate`.

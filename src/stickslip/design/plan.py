@@ -1,4 +1,4 @@
-"""A planned experiment: its recordings, and what a fit to them is expected to know."""
+"""A planned experiment: its recordings, and the expected uncertainty of a fit to them."""
 
 from __future__ import annotations
 
@@ -25,29 +25,30 @@ from .choice import PlanGoal, criterion, together
 from .information import BEFORE, Array, Seen, covariance
 from .starting import Start
 
-# Standard errors of half a 95 % interval; the share of a value above which it says only that it is wide.
+# Standard errors in half a 95 % interval; and the share of a value above which its half-width only says that
+# it is wide.
 HALF, WIDE = 1.959964, 0.5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan:
-    """See `plan_experiment`.
+    """Result of `plan_experiment`.
 
     Attributes:
-        recordings: those to make, by name, in the order of what they tell: the first ones are a good plan
-            too.
+        recordings: recordings to make, by name, in the order of their information: the first ones are a good
+            plan too.
         dataset: over "parameter", "candidate" and "count" (of recordings made, in their order); half-widths
-            of 95 % intervals are shares of the value, or in the parameter's unit where that is 0.
-            `value` (SI); `half_width` with all recordings, `worst_half_width` over the draws,
-            `default_half_width` by the default recording of equal time; `expected` [count, parameter];
-            `alone` [candidate, parameter], `voltage` and `frequency` of each candidate that has them, `gain`:
-            how many times smaller its standard error of the goal is than the default's at equal time.
-        correlation: expected, over "parameter" and "other".
-        goal: what the plan is best for.
+            of 95 % intervals are shares of the value, or in the parameter's unit where that is 0. `value`
+            (SI); `half_width` with all recordings, `worst_half_width` over the draws, `default_half_width` by
+            the default recording of equal time; `expected` [count, parameter]; `alone` [candidate,
+            parameter], `voltage` and `frequency` of each candidate that has them, `gain`: factor by which its
+            standard error of the goal is smaller than the default's at equal time.
+        correlation: expected correlation, over "parameter" and "other".
+        goal: goal that the plan optimises.
         model: the actuator that it was planned with.
-        limits: that it keeps.
-        left_out: candidates that could not be taken, or were not followed at all draws, and why.
-        undetermined: parameters that no candidate tells, nor all of them together: the others are the goal.
+        limits: limits that the recordings keep.
+        left_out: candidates that were excluded, and the reasons.
+        undetermined: parameters that all candidates together do not identify; they are not part of the goal.
     """
 
     recordings: dict[str, PlannedWalk]
@@ -61,12 +62,12 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """s, of all recordings together."""
+        """Return the duration of all recordings together, s."""
         return math.fsum(walk.duration * walk.repeats for walk in self.recordings.values())
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Expected, of each parameter, in its unit."""
+        """Return the expected standard error of each parameter, in its unit."""
         value, half = self.dataset["value"].values, self.dataset["half_width"].values
         scale = np.where(value == 0.0, 1.0, np.abs(value))
         return dict(
@@ -75,18 +76,19 @@ class Plan:
 
     @property
     def table(self) -> Any:
-        """A DataFrame by parameter: value, unit, half-widths, those by the default, how often narrower."""
+        """Return a pandas DataFrame by parameter: value, unit, half-widths, those by the default, and their
+        ratio."""
         names = ["value", "half_width", "worst_half_width", "default_half_width", "narrower"]
         return self.dataset[names].to_dataframe().reindex(columns=["value", "unit", *names[1:]])
 
     def drives(self, before: float | str = BEFORE) -> list[Waveform]:
-        """The drive of each recording of the file of `save`, in their order: what `identify_friction` takes.
+        """Return the drive of each recording in the file of `save`, in its order, for `identify_friction`.
 
-        A drive that is known leaves nothing to the samples of drive_voltage, which show no flank of a fast
+        A known drive is better than the samples of drive_voltage, which do not resolve the flanks of a fast
         sawtooth.
 
         Args:
-            before: s at rest before each, as for `save`.
+            before: s at rest before each drive, as for `save`.
         """
         rest = to_si(before, "s", "before")
         found: list[Waveform] = []
@@ -101,7 +103,7 @@ class Plan:
         return self.report()
 
     def report(self) -> str:
-        """The plan in words, and a table of what it is expected to tell."""
+        """Return the plan in words, with a table of the expected uncertainties."""
         return _report(self)
 
     def save(self, path: str | os.PathLike[str], **options: Any) -> Path:
@@ -121,7 +123,8 @@ def of_choice(
     limits: Limits,
     left_out: dict[str, str],
 ) -> Plan:
-    """The plan of a choice among what candidates tell [draws, candidates]."""
+    """Return the plan that results from a choice among candidates with information `every` [draws,
+    candidates]."""
     names = list(walks)
     steps = [together(every, taken[: n + 1]) for n in range(len(taken))]
     own = np.flatnonzero(begin.space.own).tolist()
@@ -165,8 +168,9 @@ def of_choice(
 def _half_widths(
     free: Sequence[Parameter], own: list[int], every: Seen, steps: Sequence[Seen], default: Seen
 ) -> dict[str, Any]:
-    """Variables of the dataset; see `Plan`."""
-    # From a deviation of the coordinate to a share of the value, or to the value's unit where that is 0.
+    """Return the variables of the plan's dataset, by name; see `Plan`."""
+    # Factor from a standard deviation of the coordinate to a half-width relative to the value, or in its unit
+    # if the value is 0.
     scales = HALF * np.array([p.slope(p.start) / (abs(p.start) or 1.0) for p in free])
 
     def halves(of: Seen) -> Array:
@@ -190,7 +194,7 @@ def _half_widths(
 
 
 def _gain(every: Seen, default: Seen, goal: PlanGoal) -> Array:
-    """Return how many times smaller the goal's error is with each candidate [n] than by default.
+    """Return the factor by which the goal's error is smaller with each candidate [n] than by default.
 
     Both are compared at equal measuring time: an error falls with the square root of the duration.
     """
@@ -200,7 +204,7 @@ def _gain(every: Seen, default: Seen, goal: PlanGoal) -> Array:
 
 
 def _wave(walk: PlannedWalk) -> tuple[float, float]:
-    """Voltage and frequency of a recording, NaN for those that have none."""
+    """Return voltage [V] and frequency [Hz] of a recording, NaN if it has none."""
     drive: Any = walk.drive
     part = drive.parts[0][0] if isinstance(drive, Parts) else drive
     low, high = walk.drive.range()

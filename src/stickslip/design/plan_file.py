@@ -1,4 +1,4 @@
-"""A plan as an experiment file, which `stickslip record` runs as it is."""
+"""A plan as an experiment file for `stickslip record`."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ def save_plan(
     """Write a plan as an experiment file.
 
     Args:
-        plan: of `plan_experiment`.
+        plan: result of `plan_experiment`.
         path: the new file, .yaml.
-        like: an experiment file whose rig, channels, variables and actuator are taken; its runs are not. Left
-            out: the virtual bench of the thesis, with the plan's actuator on it (its parameters go to a set
-            beside the file where they cannot be said in it).
+        like: an experiment file whose rig, channels, variables and actuator are taken, but not its runs. By
+            default: the virtual bench of the thesis with the plan's actuator. Its parameters go to a separate
+                parameter set if the file cannot contain them.
         before: s at rest before each drive.
 
     Raises:
         QuantityError: a waveform cannot be written to a file.
         InputFileError: `like` is no experiment file, or has no end_effector_position.
-        FileExistsError: there is such a file.
+        FileExistsError: the file exists.
     """
     path, before = Path(path), to_si(before, "s", "before")
     if like is None and plan.model.rotary:

@@ -1,4 +1,4 @@
-"""Plans: of candidates, the recordings after which a fit is expected to know most of an actuator."""
+"""Planning of experiments: the choice of the recordings that determine an actuator's parameters best."""
 
 from __future__ import annotations
 
@@ -31,13 +31,14 @@ from .starting import Start, draws_of, start
 # Default comparison: the walk of [kang2007, 5.3].
 USUAL = (65.0, 5.0)
 ALL = "all"
-# m, of a steady step that is one.
+# m, smallest steady step.
 LEAST_STEP = 1e-9
-# Standard errors, as shares of a value, by all candidates together: with more it is not determined.
+# Expected standard error, relative to the value, by all candidates together, above which a parameter counts
+# as undetermined.
 LOST = 5.0
-# Candidates that are followed at the draws too, where there are more.
+# Largest number of candidates that are also simulated at the draws.
 MOST_FOLLOWED = 24
-# Draws, beside the values of the model, that a free drive is searched for at.
+# Number of draws, besides the values of the model, at which a drive is optimised.
 MOST_SEARCHED = 3
 
 
@@ -71,43 +72,43 @@ def plan_experiment(
     Args:
         model: the actuator with its known values, or a fit by `identify_friction`, whose free
             parameters, delay, sample rate and noise are then the defaults.
-        candidates: recordings to choose from, waveforms or `identify.PlannedWalk`, by name or in a list.
-            By default a grid of sawtooths in bursts to and fro, over voltage, frequency and rise, within the
-            limits; `design.FreeDrives()`: that grid, and a drive that is searched for.
-        free: parameters to determine, as for `identify_friction`; the stage's "natural_frequency",
-            "damping_ratio" and "gain" too.
-        goal: "all" (the product of the standard errors, correlations allowed for: D-optimal), the name of
-            one parameter, or a periodic waveform, whose steady step is to be predicted best.
-        recordings: number; a candidate may be taken more than once.
-        duration, sample_rate: s and Hz of a recording, where a candidate does not say it; 2 kHz if nothing
-            does.
+        candidates: recordings to choose from, waveforms or `identify.PlannedWalk`, by name or in a list. By
+            default a grid of sawtooths in bursts to and fro, over voltage, frequency and rise, within the
+            limits; `design.FreeDrives()`: that grid, and an optimised drive.
+        free: parameters to determine, as for `identify_friction`, including the stage's "natural_frequency",
+            "damping_ratio" and "gain".
+        goal: "all" (the product of the standard errors, including correlations: D-optimal), the name of one
+            parameter, or a periodic waveform, whose steady step is to be predicted best.
+        recordings: number of recordings; a candidate may be taken more than once.
+        duration, sample_rate: s and Hz of recordings for which a candidate does not give them; by default 2
+            kHz.
         noise: standard deviation of a sample, m, white; or a recording of end_effector_position at rest,
-            whose noise, filtered and drifting, is taken with its colour, for all candidates. Left out: what
-            the fit left.
-        limits: of voltage, slew, duty and position. Left out: the actuator's voltages.
-        chain: of the position channel: delay, scale, the slew rate of the amplifier, which no flank of the
-            grid passes, and whether each recording is `zeroed` by the 0.1 s before it, with an error of its
-            own. Left out: with the delay of the fit.
+            whose noise, with its spectrum and drift, applies to all candidates. By default: the noise of the
+                fit.
+        limits: limits of voltage, slew rate, duty and position. By default: the actuator's voltages.
+        chain: chain of the position channel: delay, scale, slew rate of the amplifier (the steepest flank of
+            the grid), and whether each recording is `zeroed` by the 0.1 s before it, with its own
+            error. By default: a chain with the delay of the fit.
         channel: free parameters of the channel.
-        draws: other values that the parameters may have, for the plan is one at given values, and those are
-            not known: how many of a fit's normal distribution (8 of a fit, if left out), a `posterior`, or
-            arrays by name, of which up to 32 sets are taken.
-        over: "worst": the plan is the best one where it is worst among the draws; "mean": on average.
-        default: what the plan is compared with, at equal time; left out, the sawtooth of 65 V (or what the
-            limits allow) at 5 Hz.
-        seed: of the draws.
+        draws: other possible values of the parameters, because a plan at given values is only valid near
+            them: a number of draws from the fit's normal distribution (by default 8), a `posterior`, or
+                arrays by name, of which up to 32 sets are taken.
+        over: "worst": the plan is optimal for the worst draw; "mean": on average.
+        default: recording with which the plan is compared at equal time; by default, the sawtooth of 65 V (or
+            what the limits allow) at 5 Hz.
+        seed: seed of the draws.
         progress: called after each recording that was simulated.
 
     Returns:
-        A plan: the recordings, and the expected half-width of the 95 % interval of each parameter. These are
-        linearised: a half-width of half a value only says that the interval is wide. The
-        filter's and the sensor's lag count as a delay, as in the fit; what they smear beyond that is a bias
-        that no covariance shows. The uncertainty of a stage that is taken as known is not in it.
+        A plan: the recordings, and the expected half-width of the 95 % interval of each parameter.
+            Half-widths are
+        linearised: a half-width of half a value only says that the interval is wide. The lags of filter and
+            sensor count as a delay, as in the fit; further smoothing by them is a bias that is not included.
+            Neither is the uncertainty of a stage that is taken as known.
 
     Raises:
-        QuantityError: an unknown name, no candidates, none within the limits, a goal that none of them
-            determines (of "all" those parameters are left out of the goal that none does, and the plan says
-            so), or draws of another model.
+        QuantityError: an unknown name, no candidates, none within the limits, a goal that no candidate
+            determines (with "all", such parameters are left out and reported), or draws of another model.
     """
     limits = limits or _limits_of(model)
     duration = DURATION.check(duration, "duration")
@@ -170,7 +171,7 @@ def _goal(goal: str | Waveform, starts: Sequence[Start]) -> PlanGoal:
 
 
 def _of_step(at: Start, waveform: Waveform) -> np.ndarray:
-    """Derivatives of the steady step, relative, by the coordinates."""
+    """Return the derivatives of the logarithm of the steady step by the coordinates."""
     own = [name for name in at.space.ties.varying if name in at.free or name not in ("delay", "offset")]
     step = steady_step(at.model, waveform)
     if abs(step) < LEAST_STEP:
@@ -245,7 +246,7 @@ def _follow(
     found: dict[str, Seen],
     left_out: dict[str, str],
 ) -> None:
-    """Put what a candidate tells into `found`, or why it cannot be taken into `left_out`."""
+    """Add the information of a candidate to `found`, or the reason for its exclusion to `left_out`."""
     try:
         of = stacked([seen(one.model, walk, name, one.space, one.chain, one.colour) for one in starts])
     except (ArithmeticError, QuantityError) as error:
@@ -269,7 +270,7 @@ def _search(
     seed: int,
     progress: Progress,
 ) -> None:
-    """Add a free drive that tells more than the best of `found`, if there is one, to that and to `named`."""
+    """Add an optimised drive to `found` and `named` if it is more informative than the best candidate."""
     name = min(found, key=lambda one: float(score(found[one], goal, "mean")))
     some = starts[: 1 + MOST_SEARCHED]
     wanted = goal if goal.gradients is None else goal._replace(gradients=goal.gradients[: len(some)])
@@ -289,7 +290,8 @@ def _search(
 
 
 def _foremost(found: Mapping[str, Seen], goal: PlanGoal) -> list[str]:
-    """Names of those that tell most: half by the goal, the others by each parameter in turn."""
+    """Return the names of the most informative candidates: half by the goal, the others by each parameter in
+    turn."""
     names = list(found)
     if len(names) <= MOST_FOLLOWED:
         return names
@@ -308,8 +310,8 @@ def _foremost(found: Mapping[str, Seen], goal: PlanGoal) -> list[str]:
 
 
 def _without_unseen(every: Seen, goal: PlanGoal, begin: Start) -> PlanGoal:
-    """The goal without parameters that no candidate tells, nor all of them together; raises QuantityError
-    where nothing is left of it."""
+    """Return the goal without parameters that all candidates together do not identify; raise QuantityError if
+    none remains."""
     total = Seen(*(one.sum(axis=1) for one in every))
     deviations = np.sqrt(np.diagonal(covariance(total), axis1=-2, axis2=-1)).max(axis=0)
     most = [LOST if p.log else np.finfo(float).max for p in begin.space.parameters]
@@ -333,7 +335,7 @@ def _usual(
     every: Seen,
     taken: Sequence[int],
 ) -> PlannedWalk:
-    """The recording to compare with, as often as it takes for equal time."""
+    """Return the recording to compare with, repeated for equal time."""
     if isinstance(default, PlannedWalk):
         return default
     longest = max(duration, float(np.max(every.duration[0, list(taken)])))

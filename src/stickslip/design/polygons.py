@@ -1,4 +1,4 @@
-"""Closed polygons of the voltage, many at once: shaped by the search, and kept within limits."""
+"""Closed polygons of the voltage, many at once: made from search coordinates, and kept within limits."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ..waveform.periodic import Sawtooth
 from .limits import Allowed
 
 Array = NDArray[np.float64]
-# Shortest flank relative to the period, as the fall of a sawtooth.
+# Shortest flank relative to the period, such as the fall of a sawtooth.
 STEEPEST = 1e-3
 
 
 class Polygons(NamedTuple):
-    """Periodic polygons [n].
+    """Periodic polygons [n] of the drive voltage.
 
-    `shares` [n, k] of the period, ascending from 0, `volts` there, and `period` [s].
+    Fields: `shares` [n, k] of the period, ascending from 0; `volts` [n, k] there; and `period` [n], s.
     """
 
     shares: Array
@@ -27,14 +27,14 @@ class Polygons(NamedTuple):
     period: Array
 
     def slopes(self) -> Array:
-        """V/s, of each side [n, k]."""
+        """Return the slope of each side [n, k], V/s."""
         return np.diff(self.volts, append=self.volts[:, :1]) / self._sides()
 
     def _sides(self) -> Array:
         return np.diff(self.shares, append=1.0) * self.period[:, None]
 
     def within(self, allowed: Allowed) -> Polygons:
-        """Flattened about the middle of each, as far as its steepest side asks for."""
+        """Return the polygons, each flattened about its middle until its steepest side is allowed."""
         steepest = np.abs(self.slopes()).max(axis=1)
         with np.errstate(divide="ignore"):
             scale = np.minimum(1.0, allowed.slope / steepest)[:, None]
@@ -48,7 +48,7 @@ class Polygons(NamedTuple):
         return PeriodicKnots(tuple((self.shares[i] * period).tolist()), tuple(self.volts[i].tolist()), period)
 
     def sawtooth(self, i: int) -> Sawtooth:
-        """One of `sawtooths` as such."""
+        """Return polygon number i, made by `sawtooths`, as a `Sawtooth`."""
         low, high = float(self.volts[i].min()), float(self.volts[i].max())
         return Sawtooth(high - low, 1.0 / float(self.period[i]), float(self.shares[i, 1]), low)
 
@@ -85,8 +85,8 @@ def starts(sawtooth: Polygons, count: int, allowed: Allowed) -> Array:
 
 
 def sawtooths(x: Array, allowed: Allowed) -> Polygons:
-    """Sawtooths: share of the rise, frequency and swing [n, 3], each 0 to 1; of the whole swing [n, 2], or of
-    what the slope leaves."""
+    """Return sawtooths from search points [n, 3]: share of the rise, frequency and swing, each 0 to 1. Points
+    [n, 2] have the largest swing that the slope limit allows."""
     rise = STEEPEST + (1.0 - 2.0 * STEEPEST) * x[:, 0]
     shares = np.stack([np.zeros_like(rise), rise], axis=1)
     swing = allowed.swing * (x[:, 2] if x.shape[1] > 2 else np.ones(len(x)))

@@ -1,4 +1,5 @@
-"""The best sawtooth over frequency, share of the rise and swing, within the same limits and conditions."""
+"""Search for the best sawtooth: frequency, share of the rise and swing, within the limits and conditions of a
+drive."""
 
 from __future__ import annotations
 
@@ -9,20 +10,20 @@ import numpy as np
 from .search import Array, Judge, Merits, worst_of
 
 FREQUENCIES = 25
-# Zooms after the scan, points along each axis of one, and by how much each is narrower.
+# Number of zooms after the scan, points along each axis of a zoom, and its size relative to the previous one.
 ZOOMS, POINTS, NARROWER = 4, 5, 0.4
-# Then over the swing alone, by which a step comes to a given size: half of the range, and its points.
+# Later zooms along the swing alone, to reach a given step size: half widths of the range, and points.
 SWINGS, LINE = (0.5, 0.05, 5e-3, 5e-4, 5e-5), np.linspace(-1.0, 1.0, 21)
 
 
 def best_sawtooth(merits: Merits, judge: Judge, count: int, swings: Sequence[float]) -> tuple[Array, int]:
-    """Return the best sawtooth, [rise, frequency, swing] from 0 to 1 each, and the number of members
-    computed.
+    """Return the best sawtooth, [rise, frequency, swing] from 0 to 1 each, and the number of computed
+    candidates.
 
     The search starts at the given swings.
     """
     everything = np.arange(count)
-    # Steep falls are where the best ones are: more of these, on either side.
+    # Steep falls, on either side, are tried more densely, because the best sawtooths have them.
     rises = np.array([0.001, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.999])
     x = np.array([(r, f, s) for s in swings for r in rises for f in np.linspace(0.0, 1.0, FREQUENCIES)])
     active = np.zeros(1, np.int64)
@@ -44,7 +45,7 @@ def best_sawtooth(merits: Merits, judge: Judge, count: int, swings: Sequence[flo
         best = near[int(np.argmax(judge.score(found, active)))]
         half = half * NARROWER
     for reach in SWINGS:
-        near = np.tile(best, (LINE.size + 1, 1))  # the best one itself comes first
+        near = np.tile(best, (LINE.size + 1, 1))  # the best one comes first
         near[1:, 2] = np.clip(best[2] + reach * LINE, 0.0, 1.0)
         found = merits(near, active)
         spent += len(near) * active.size

@@ -1,4 +1,4 @@
-"""Conditions under which a drive signal is judged: loads, detunings, draws of what is not known exactly."""
+"""Conditions under which a drive signal is judged: loads, detuning, and draws of uncertain parameters."""
 
 from __future__ import annotations
 
@@ -28,13 +28,14 @@ _SCALE = Quantity("", "", "it", above=0)
 
 @dataclass(frozen=True, init=False, repr=False)
 class Scenario:
-    """A condition that differs from the model: ``Scenario(external_force="-0.1 N")``.
+    """A condition that changes values of the model: ``Scenario(external_force="-0.1 N")``.
 
     Attributes:
-        name: by default what differs.
-        values: in SI, by the name of a field of the actuator or its law, or "load" (normal force over its
-            reference), or "drive_scale" (a factor on the voltage).
-        factors: on those of the model (of each draw): ``Scenario(factors={"natural_frequency": 0.95})``.
+        name: by default the changed values.
+        values: in SI, by the name of a field of the actuator or its law, or "load" (normal force relative to
+            its reference), or "drive_scale" (a factor on the voltage).
+        factors: factors on values of the model (of each draw): ``Scenario(factors={"natural_frequency":
+            0.95})``.
     """
 
     name: str
@@ -65,7 +66,7 @@ class Scenario:
 
 
 class ScenarioTable(NamedTuple):
-    """Names of all conditions; those of the columns that vary, with one value for each condition."""
+    """Names of all conditions, and columns of the varied values, with one value for each condition."""
 
     names: tuple[str, ...]
     columns: dict[str, Array]
@@ -81,7 +82,8 @@ def conditions_of(
     draws: int,
     seed: int,
 ) -> ScenarioTable:
-    """The model as it is, and every scenario, each with the model's values and with those of every draw.
+    """Return all conditions: the unchanged model and every scenario, each with the model's values and with
+    those of every draw.
 
     Raises:
         QuantityError: a name that the model does not have, a value out of range.
@@ -104,7 +106,7 @@ def conditions_of(
         columns[key] = np.array(
             [one[key] if key in one else own(base, key) for one, base in zip(found, bases, strict=True)]
         )
-    for one in found:  # what is out of range is said before anything is searched
+    for one in found:  # report values out of range before the search starts
         with_values(model, {key: value for key, value in one.items() if key not in SCALES})
     return ScenarioTable(tuple(name or NOMINAL for name in names), columns)
 
@@ -141,7 +143,7 @@ def _changes(model: Actuator, case: Scenario) -> dict[str, float]:
 
 
 def own(model: Actuator, name: str) -> float:
-    """A value of the model itself."""
+    """Return the model's own value of a name."""
     law = law_of(model)
     if name in SCALES:
         return 1.0
@@ -157,11 +159,11 @@ def own(model: Actuator, name: str) -> float:
 
 
 def drawn(model: Actuator, source: Uncertainty, count: int, seed: int) -> list[dict[str, float]]:
-    """Values of the model's parameters that its posterior, or its fit's covariance, leaves possible.
+    """Return possible values of the model's parameters, by name: draws of its posterior, or of its fit's
+    covariance.
 
     Raises:
-        QuantityError: a parameter that the model does not have, or a fit that does not say how uncertain it
-            is.
+        QuantityError: a parameter that the model does not have, or a fit without uncertainty.
     """
     random = np.random.default_rng([seed, 64])
     if isinstance(source, Posterior):

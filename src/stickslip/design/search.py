@@ -1,10 +1,11 @@
-"""The search itself: candidates of a generation, under all active conditions, in one call.
+"""Optimisation algorithm for drives: the candidates of a generation are computed under all active conditions
+in one call.
 
-A population, of the starts and of the best of random candidates, is brought to a hill by differential
-evolution [storn1997]; CMA-ES [hansen2016] climbs it. Of several conditions the worst one alone comes first,
-which is cheap and finds the right hill; from there on candidates are judged by the worst few conditions, and
-which these are is found again each time that the best so far is driven under all of them. Why both, and why
-there is no polish by derivatives: docs/decisions/design.md.
+Differential evolution [storn1997] brings a population (initial guesses and the best of random candidates)
+near an optimum, and CMA-ES [hansen2016] refines it. With several conditions, the worst one alone is used
+first, which is fast and finds the right region. Then candidates are judged by the worst few conditions, which
+are determined again whenever the best candidate is computed under all of them. For the reasons see
+docs/decisions/design.md.
 """
 
 from __future__ import annotations
@@ -26,22 +27,22 @@ Index = NDArray[np.int64]
 # NaN where there is no periodic motion.
 Merits = Callable[[Array, Index], Array]
 
-# Random candidates, and generations of a population, for a hill: their part of the budget. The population, at
-# most and over the budget; a generation of CMA-ES.
+# Shares of the budget for random candidates, and for generations of the population. The largest population,
+# absolute and relative to the budget; and the size of a generation of CMA-ES.
 SCOUTS, FOR_HILL = 0.125, 0.5
 POPULATION, OF_BUDGET, GENERATION = 50, 0.025, 16
-# Number of random draws, as long as no candidate exceeds half of them by this share of the scale of
-# merits: most drives may not move anything.
+# Number of rounds of random candidates, while no candidate exceeds half of them by this share of the scale of
+# merits: most drives may cause no motion.
 LOOKS, LEVEL = 4, 0.02
-# The first spread of CMA-ES, of the range: from a single start, and near what was found before.
+# Initial spread of CMA-ES, relative to the range: from a single initial guess, and near an earlier result.
 WIDE, NEAR = 0.3, 0.08
 # Distance of the initial points of an evolution from the bounds.
 INSIDE = 0.02
-# Conditions that candidates are judged by at first; how often more are added.
+# Number of conditions by which candidates are judged at first; and how often more are added.
 ACTIVE, ROUNDS = 4, 4
-# The first budget over that of a later turn.
+# Ratio of the first budget to that of later rounds.
 LATER = 6
-# Number of conditions that represent all for a quantile.
+# Number of conditions that represent all conditions for a quantile.
 RANKS = 24
 # Smallest gain for which a search continues, relative to the scale of merits.
 GAIN = 2e-5
@@ -51,8 +52,8 @@ SHORTFALL = 10.0
 
 
 class Judge(NamedTuple):
-    """From merits to one number: the `quantile` of them (0: the worst), less what falls short of `baseline`
-    [conditions] in any; `scale` is that of a merit."""
+    """Conversion of merits under all conditions to one number: their `quantile` (0: the worst), minus a
+    penalty for merits below `baseline` [conditions]; `scale` is the scale of a merit."""
 
     quantile: float
     baseline: Array | None
@@ -69,7 +70,7 @@ class Judge(NamedTuple):
 
 
 class Task(NamedTuple):
-    """`conditions`, how many; `budget` of candidates."""
+    """A search: the number of `conditions`, and the `budget` of candidates."""
 
     merits: Merits
     judge: Judge
@@ -80,8 +81,8 @@ class Task(NamedTuple):
 
 
 class Best(NamedTuple):
-    """Result of a search: the point, its merits under all conditions, the members computed, and whether
-    Ctrl-C stopped it."""
+    """Result of a search: the point, its merits under all conditions, the number of computed candidates, and
+    whether Ctrl-C stopped it."""
 
     x: Array
     score: float
@@ -90,7 +91,8 @@ class Best(NamedTuple):
 
 
 def robust(task: Task, starts: Array) -> Best:
-    """The best under all conditions, from the starts [n, parameters] on; of a single one, what is near it."""
+    """Return the best candidate under all conditions, from initial guesses [n, parameters]; from a single
+    guess, near it."""
     everything = np.arange(task.conditions)
     merits = task.merits(starts, everything)
     scores = task.judge.score(merits, everything)
@@ -99,7 +101,7 @@ def robust(task: Task, starts: Array) -> Best:
     active = worst_of(merits[first], task.judge, np.zeros(0, np.int64))
     begin, spread, share, begun = starts[first], WIDE, task.budget, 0.0
     if len(starts) > 1 or task.conditions > 1:
-        begun = 1.0 if task.conditions == 1 else 0.5  # of what is to be done
+        begun = 1.0 if task.conditions == 1 else 0.5  # share of the work that is done
         part = task._replace(progress=lambda doing, done: task.progress(doing, begun * done))
         begin, tried, stopped = _of_one(part, starts, _worst(merits[first]))
         found = task.merits(begin[None], everything)
@@ -137,10 +139,11 @@ def _worst(merits: Array) -> Index:
 
 
 def _of_one(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
-    """The best in one condition: where it is, how many candidates that took, whether it was stopped.
+    """Return the best candidate in one condition, the number of candidates computed, and True if the search
+    was stopped.
 
-    Of several conditions without a baseline: far from it every drive falls short of it somewhere, which would
-    lead back to it.
+    The baseline is not used with several conditions: far from it every drive falls short in some condition,
+    which would lead the search back to it.
     """
     if task.conditions > 1:
         task = task._replace(judge=Judge(0.0, None, task.judge.scale))
@@ -155,7 +158,8 @@ def _of_one(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
 
 
 def _hill(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
-    """The best of differential evolution, from the starts and the best of random candidates on."""
+    """Return the best point of differential evolution, which starts from the initial guesses and the best of
+    random candidates."""
     x, scores = starts, task.judge.score(task.merits(starts, which), which)
     for _ in range(LOOKS):
         more = task.random.random((round(SCOUTS * task.budget), starts.shape[1]))
@@ -168,7 +172,7 @@ def _hill(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
     population = np.concatenate([starts, x[len(starts) + random]])
     k = int(np.argmax(scores))
     best, tried = (float(scores[k]), x[k]), len(x)
-    if len(population) < 5:  # what differential evolution asks for
+    if len(population) < 5:  # differential evolution needs five
         return best[1], tried, False
 
     def cost(columns: Array) -> Array:
@@ -193,7 +197,8 @@ def _hill(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
 
 
 def worst_of(merits: Array, judge: Judge, before: Index) -> Index:
-    """Conditions to judge by: those before, and the worst of the others; for a quantile, of all ranks."""
+    """Return the conditions to judge by: the previous ones and the worst of the others; for a quantile, of
+    all ranks."""
     missing = np.where(np.isnan(merits), -np.inf, merits)
     order = np.argsort(missing)
     found = [before, order[: ACTIVE // 2]]
@@ -207,8 +212,8 @@ def worst_of(merits: Array, judge: Judge, before: Index) -> Index:
 
 
 def evolved(task: Task, begin: Array, spread: float, active: Index, budget: int) -> tuple[Array, int, bool]:
-    """The best of an evolution by CMA-ES from there on, how many candidates it took, and whether it was
-    stopped before its end."""
+    """Return the best point of CMA-ES from an initial guess, the number of candidates computed, and True if
+    it was stopped early."""
     run = _evolution(task, begin, spread)
     best, tried = (float(task.judge.score(task.merits(begin[None], active), active)[0]), begin), 1
     try:
@@ -242,7 +247,7 @@ def _evolution(task: Task, begin: Array, spread: float) -> Any:
 def _cma() -> Any:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # its own, of what it imports
+            warnings.simplefilter("ignore")  # warnings of CMA-ES about its imports
             import cma
     except ImportError as error:
         raise QuantityError('this search needs cma: pip install "stickslip[design]"') from error

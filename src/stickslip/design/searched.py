@@ -1,4 +1,4 @@
-"""A search for one goal: what it is judged by, the best sawtooth, the best drive, and which of both it is."""
+"""Search for one goal: its criterion, the best sawtooth, the best drive, and the better of both."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ SAMPLES = 48
 
 
 class Searched(NamedTuple):
-    """`minimum_speed` [m/s] in the direction of the goal; `quantile` as in `Judge`; `scale` of the goal."""
+    """Search for one goal: `minimum_speed` [m/s] in the direction of the goal; `quantile` as in `Judge`;
+    `scale` of the goal."""
 
     model: Actuator
     goal: Any
@@ -70,7 +71,7 @@ class Searched(NamedTuple):
         return made
 
     def scaled(self, random: np.random.Generator) -> Searched:
-        """With the scale of the goal, that of the sawtooths.
+        """Return the search with the scale of the goal, that of typical sawtooths.
 
         Raises:
             QuantityError: none of them has a steady motion.
@@ -87,7 +88,8 @@ class Searched(NamedTuple):
         return self._replace(scale=float(found.max()))
 
     def merits_of(self, family: Any) -> Any:
-        """The merits of what a family makes of numbers from 0 to 1."""
+        """Return the function for the merits of search points; `family` makes drives from points with
+        coordinates from 0 to 1."""
 
         def found(x: Array, which: Index) -> Array:
             shapes = family(x, self.allowed)
@@ -100,7 +102,8 @@ class Searched(NamedTuple):
         return moved(self.model, shapes, columns, self.threads, extras=extras_of(self.goal))
 
     def merits(self, shapes: Polygons, moved: PeriodicMotions) -> Array:
-        """More is better; below the least speed they are worse than anything above it."""
+        """Return the merits of drives and motions, to be maximised; below the minimum speed they are worse
+        than any above it."""
         merits = self.goal.sign * self.goal.of(shapes, moved)
         if self.minimum_speed:
             speeds = direction_of(self.goal) * moved.steps / shapes.period[:, None]
@@ -109,7 +112,7 @@ class Searched(NamedTuple):
         return merits
 
     def refuse_slow(self, speeds: Array, name: str = "") -> None:
-        """Raises QuantityError where speeds [conditions], m/s, fall short of the least one; `name`: whose."""
+        """Raise QuantityError if a speed [conditions], m/s, is below the minimum; `name` names the drive."""
         if not self.minimum_speed:
             return
         reached = float(np.quantile(direction_of(self.goal) * speeds, self.quantile))
@@ -121,14 +124,16 @@ class Searched(NamedTuple):
             )
 
     def chosen(self, best: Best, sawtooth: Polygons, spent: int) -> OptimisedWaveform:
-        """The best as it is played, or the sawtooth, where that is better anywhere."""
+        """Return the best drive as the generator outputs it, or the sawtooth if that is better in any
+        condition."""
         found = knots(best.x[None], self.allowed)
         candidates, saws = self.at_updates(found), self.at_updates(sawtooth)
         shapes = [*candidates, *saws]
         drives: list[Waveform] = [shape.one(0) for shape in shapes]
         played = self.played(drives)
         at_piezo = self.at_piezo(played)
-        unbound = self.model.replace(min_voltage=-math.inf, max_voltage=math.inf)  # but for rounding
+        # limits only differ by rounding
+        unbound = self.model.replace(min_voltage=-math.inf, max_voltage=math.inf)
         found = exactly(unbound, at_piezo, self.conditions.columns, self.threads, extras_of(self.goal))
         merits = np.concatenate([self.merits(shape, found.of(i)) for i, shape in enumerate(shapes)])
         judge, everything = Judge(self.quantile, None, self.scale), np.arange(merits.shape[1])
@@ -137,7 +142,7 @@ class Searched(NamedTuple):
         saw = n + int(np.argmax(scores[n:]))
         if np.isnan(merits[saw]).any() and not np.isfinite(scores[:n]).any():
             raise QuantityError("no drive was found that has a steady motion in every condition")
-        # A condition in which the sawtooth has no steady motion is no bar.
+        # A condition in which the sawtooth has no steady motion does not count.
         no_worse = np.all(
             ~(merits[:n] < np.nan_to_num(merits[saw], nan=-np.inf) - NO_WORSE * self.scale), axis=1
         ) & ~np.isnan(merits[:n]).any(axis=1)
@@ -170,9 +175,9 @@ class Searched(NamedTuple):
         return [output.played(drive, self.allowed.low, self.allowed.high) for drive in drives]
 
     def at_piezo(self, drives: list[Waveform]) -> list[Waveform]:
-        """Behind the amplifier."""
+        """Return the drives behind the amplifier, as they reach the piezo."""
         output = self.allowed.output
-        if output.amplifier is None:  # then the drives keep within the slope
+        if output.amplifier is None:  # without an amplifier the drives keep within the slope
             return drives
         return [output.at_piezo(drive) for drive in drives]
 

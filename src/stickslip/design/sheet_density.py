@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 RATES_BELOW_RESONANCE = (
     20.0  # resonance over the step rate at which the step is measured, if the sheet does not give that rate
 )
-SHARE_OF_FRICTION = 0.98  # of F_C; under a larger load the contact slides away
+SHARE_OF_FRICTION = 0.98  # of F_C; with a larger load the contact slides without end
 TOLERANCE = 1e-3  # of the simulations, as a fraction of the step
 
 

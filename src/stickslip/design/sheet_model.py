@@ -31,7 +31,7 @@ from .sheet_priors import NAMES, SHEET, UNITS, Expectations, expectations
 
 Array = NDArray[np.float64]
 
-COLUMNS = UNITS | {"stiction_force": "N"}  # of the samples
+COLUMNS = UNITS | {"stiction_force": "N"}  # columns of the samples
 CHECKED = 200  # draws for which the sheet's numbers are computed again
 TOLD = 0.5  # width of an interval over the expected one, below which the sheet determines the parameter
 PERIODS, SAMPLES = 40, 200  # of a planned recording: periods of the step rate, samples per period
@@ -41,7 +41,7 @@ NOISE_SHARE = 0.01  # noise of a planned recording over the step, if none is giv
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SheetModel:
-    """See `from_data_sheet`.
+    """Result of `from_data_sheet`: an actuator with a posterior of its parameters.
 
     Attributes:
         sheet: the given numbers.
@@ -188,7 +188,7 @@ def from_data_sheet(
         sheet: the name of a sheet that comes with the package (`design.available_data_sheets`), a TOML file,
             or a `design.DataSheet`; by default the numbers are given by keyword.
         draws: number of draws of the posterior; the number of simulations grows in proportion.
-        seed: of the draws.
+        seed: seed of the draws.
         progress: called with the current activity and the finished fraction, from 0 to 1.
         numbers: fields of `design.DataSheet` by name, in SI or as strings with units: travel, step, speed,
             stall_force, resonance, capacitance, max_voltage, mass, min_voltage, frequency, step_frequency,

@@ -70,7 +70,7 @@ class Expectations(NamedTuple):
     known: Mapping[str, Expected]
     low: float
     high: float
-    mass_of_force: bool  # the moved mass follows from the friction
+    mass_of_force: bool  # True: the moved mass follows from the friction
     stiffness: float | None  # N/m; the stage's mass is this over ω_n²
 
     def values(self, points: Array) -> dict[str, Array]:

@@ -1,4 +1,5 @@
-"""Orbits of all points of a map, block by block: what is done when it is stopped stays."""
+"""Periodic orbits of all points of a map, block by block; results of finished blocks survive an
+interruption."""
 
 from __future__ import annotations
 
@@ -22,18 +23,19 @@ Array = NDArray[np.float64]
 
 STATUS = (*OF_ORBITS, "not_computed")
 NOT_COMPUTED = len(OF_ORBITS)
-# Members of one call, about, where there are draws of few points.
+# Approximate number of members in one call, if there are draws of few points.
 AT_ONCE = 4096
-# Draws that must have a steady step for an interval.
+# Share of draws that must have a steady step for an interval.
 ENOUGH = 0.9
 LEVEL = 0.95
 
-# Model, drive, columns, tolerance [m], normal force over its reference, threads, output of the drive.
+# Model, drive, columns, tolerance [m], relative normal force, threads, output of the drive.
 Common = tuple[Actuator, Waveform, Mapping[str, Array], float, Any, int | None, OutputStage | None]
 
 
 class Solved(NamedTuple):
-    """Results at all points: net steps and errors [m], `beside` (see `design.motion`), status and reasons."""
+    """Results at all points of a map: net steps and errors [m], further quantities `beside` (see
+    `design.motion`), status and reasons."""
 
     steps: Array
     errors: Array
@@ -54,7 +56,7 @@ def solved(
     progress: Progress,
     extras: tuple[str, ...] = (),
 ) -> Solved:
-    """The steady steps of members; an interruption ends it early.
+    """Return the steady steps of all points; an interruption ends the computation early.
 
     Raises:
         QuantityError: see `orbit_blocks`.
@@ -89,8 +91,8 @@ def solved(
 def intervals(
     common: Common, drawn: Mapping[str, Array], progress: Progress
 ) -> tuple[Array, Array, NDArray[np.int64], bool]:
-    """Both ends of the 95 % intervals of the net step, how many draws of each point have one, and whether it
-    was stopped: the draws so far count, if they are enough."""
+    """Return both ends of the 95 % intervals of the net step at each point [m], the number of draws with a
+    step, and True if it was stopped. After a stop, the finished draws count if there are enough."""
     model, waveform, columns, tolerance, normal_load, threads, output = common
     points, draws = next(iter(columns.values())).size, next(iter(drawn.values())).size
     together = max(1, AT_ONCE // points)
@@ -119,8 +121,8 @@ def intervals(
 
 
 def ends(steps: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Both ends of the 95 % intervals of net steps [draws, points], NaN where too few draws have one, and how
-    many of each point do."""
+    """Return both ends of the 95 % intervals of net steps [draws, points], and the number of draws with a
+    step at each point; NaN for too few draws."""
     draws, points = steps.shape
     count, low, high = np.isfinite(steps).sum(axis=0), np.full(points, np.nan), np.full(points, np.nan)
     fine = count >= ENOUGH * draws

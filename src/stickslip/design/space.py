@@ -1,4 +1,4 @@
-"""Numbers of an actuator that may differ, each within a range, and the conditions that they are judged in."""
+"""Free parameters of an actuator with their ranges, and their values in the conditions of a search."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from .scenarios import ScenarioTable, own
 Array = NDArray[np.float64]
 STIFFNESS = "stage_stiffness"
 FREQUENCY = "natural_frequency"
-# Ranges whose ends are further apart are searched on a logarithmic scale.
+# Ratio of the ends of a range above which its scale is logarithmic.
 WIDE = 3.0
 
 
 class DesignSpace(NamedTuple):
-    """`names` of the numbers, and their ends `low` and `high` [n], SI.
+    """Free parameters of an actuator: their `names` and ranges, `low` to `high` [n], SI.
 
-    "load" is the normal force over its reference. With "stage_stiffness", or "stage_mass" alone, the natural
-    frequency of the stage is that of both; with "natural_frequency" it is that.
+    "load" is the normal force relative to its reference. With "stage_stiffness", or "stage_mass" alone, the
+    natural frequency of the stage follows from stiffness and mass; with "natural_frequency" it is that value.
     """
 
     model: Actuator
@@ -41,7 +41,7 @@ class DesignSpace(NamedTuple):
 
     @property
     def given(self) -> Array:
-        """The model's own."""
+        """Return the model's own values, [names]."""
         return np.array([self._of_model(name) for name in self.names])
 
     @property
@@ -49,7 +49,7 @@ class DesignSpace(NamedTuple):
         return [_quantity(self.model, name).unit for name in self.names]
 
     def values(self, x: Array) -> Array:
-        """At shares [n, names] of the ranges."""
+        """Return the values at shares [n, names] of the ranges."""
         log = self.logarithmic
         low, high = np.where(log, self.low, 1.0), np.where(log, self.high, 1.0)
         return np.where(log, low * (high / low) ** x, self.low + x * (self.high - self.low))
@@ -63,10 +63,10 @@ class DesignSpace(NamedTuple):
         return np.where(log, np.log(np.where(log, inside, 1.0) / low) / np.log(high / low), even)
 
     def columns(self, values: Array, conditions: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the numbers of candidates [n, names] in every condition: [n, conditions] for all that
-        differ.
+        """Return the values of candidates [n, names] in every condition, [n, conditions] by name for all that
+        vary.
 
-        A condition changes the candidate's number in the same proportion as the model's own.
+        A condition changes the candidate's value in the same proportion as the model's own.
         """
         count = max([1, *(column.size for column in conditions.values())])
         made = {name: np.tile(column, (len(values), 1)) for name, column in conditions.items()}
@@ -88,7 +88,7 @@ class DesignSpace(NamedTuple):
 
 
 def space_of(model: Actuator, free: Mapping[str, Any]) -> DesignSpace:
-    """The ranges of a model.
+    """Return the free parameters of a model with their ranges.
 
     Raises:
         QuantityError: an unknown name, one that this model does not have, or no range.
@@ -106,7 +106,7 @@ def space_of(model: Actuator, free: Mapping[str, Any]) -> DesignSpace:
 
 
 def built(space: DesignSpace, values: Array) -> Actuator:
-    """The actuator with these values [names]; its friction at the reference normal force."""
+    """Return the actuator with these values [names], its friction at the reference normal force."""
     fields = {name: float(value[0]) for name, value in space.fields(values[None]).items() if name != "load"}
     return with_values(space.model, fields)
 
@@ -138,7 +138,8 @@ def _quantity(model: Actuator, name: str) -> Quantity:
 
 
 def check_conditions(space: DesignSpace, conditions: ScenarioTable) -> None:
-    """Raises QuantityError for a condition that changes a number in proportion to nothing."""
+    """Raise QuantityError for a condition that changes a parameter whose own value is zero, so that no
+    proportion exists."""
     for name in {*space.fields(space.given[None])} & {*conditions.columns}:
         if own(space.model, name) == 0.0:
             raise QuantityError(

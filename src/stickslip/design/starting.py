@@ -1,5 +1,5 @@
-"""Start of a plan: the model, what a fit to the recordings searches for, its noise, and what else the
-parameters may be."""
+"""Starting point of a plan: the model, the free parameters of a fit, its noise, and other possible parameter
+values."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from ..simulation.varied import free_names, with_values
 from ..study.drawn import draws_in_si
 from .information import FitSpace
 
-SAMPLE_RATE = 2e3  # Hz, where nothing says another
+SAMPLE_RATE = 2e3  # Hz, default sample rate
 # Number of draws from the posterior of a fit, and largest number of given draws.
 DRAWS, MOST_DRAWS = 8, 32
 
@@ -39,9 +39,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Start:
-    """A model, the space of its fits, and the samples of its recordings.
+    """A model, the parameters of its planned fit, and the samples of its recordings.
 
-    `noise` is their standard deviation, m, `colour` more of it where that is known, at `sample_rate`, Hz.
+    `noise` is the standard deviation of the samples, m; `colour` its spectrum, if known; `sample_rate` in Hz.
     """
 
     model: Actuator
@@ -57,7 +57,7 @@ class Start:
         return [name for name in self.space.names if name not in CHANNEL]
 
     def at(self, values: Values) -> Start:
-        """The same at other values of the actuator; the channel stays as it is."""
+        """Return the same with other values of the actuator; the channel is unchanged."""
         own = {name: x for name, x in values.items() if name not in CHANNEL}
         moved = tuple(_moved(p, own.get(p.name, p.start)) for p in self.space.parameters)
         every = self.space.ties({**{p.name: p.start for p in moved}, **own})
@@ -80,10 +80,10 @@ def start(
     sample_rate: float | None,
     noise: Any,
 ) -> Start:
-    """See `plan_experiment`.
+    """Return the starting point of a plan; arguments as for `plan_experiment`.
 
     Raises:
-        QuantityError: something does not fit; names it.
+        QuantityError: an argument does not fit; the message names it.
     """
     fit = source if isinstance(source, Fit) else None
     model = source if fit is None else fit.model
@@ -137,7 +137,7 @@ def _space(
 
 
 def _parameter(model: Actuator, name: str) -> Parameter:
-    """At the model's value, of any sign: nothing is searched for, so it needs no bounds."""
+    """Return a parameter at the model's value, of any sign. A plan does not search, so it needs no bounds."""
     value, quantity = value_of(model, name)
     if quantity is None or value > 0.0:
         return _moved(parameter(model, name, {}, model.rotary), value)
@@ -171,7 +171,7 @@ def _noise(noise: Any, sample_rate: float | None, fit: Fit | None, unit: str) ->
 
 
 def _rate(fit: Fit | None) -> float | None:
-    """Hz of the samples of all recordings of a fit, if it is one."""
+    """Return the common sample rate of all recordings of a fit, Hz; None if they differ."""
     if fit is None or not fit.times or not all(t.size > 1 for t in fit.times):
         return None
     rates = [(t.size - 1) / float(t[-1] - t[0]) for t in fit.times]
@@ -181,10 +181,10 @@ def _rate(fit: Fit | None) -> float | None:
 def draws_of(
     begin: Start, source: Any, draws: int | Posterior | Mapping[str, Any] | None, seed: int
 ) -> list[Start]:
-    """The start at its own values, then at others that are possible.
+    """Return the starting point with the model's own values, then with other possible values.
 
     Raises:
-        QuantityError: what is given is of another model, or there is nothing to draw from.
+        QuantityError: the draws belong to another model, or there is nothing to draw from.
     """
     if draws is None:
         draws = DRAWS if isinstance(source, Fit) else 0
@@ -224,7 +224,7 @@ def _given(begin: Start, samples: Mapping[str, Any]) -> list[Values]:
 
 
 def _drawn(begin: Start, fit: Fit, count: int, seed: int) -> list[Values]:
-    """From the normal distribution in the coordinates of a fit, within its bounds."""
+    """Return draws from the normal distribution in the coordinates of a fit, within its bounds."""
     spread = fit.uncertainty.covariance
     sure = np.isfinite(np.diag(spread))
     random = np.random.default_rng(seed)

@@ -1,7 +1,7 @@
 """Limits of stepping: the least voltage, the force that stops it, and the highest frequency.
 
-Each is looked for on points that span the whole range, all at once, and then between two of them on ever
-closer points. The step need not be monotone, so each says which crossing it is, and warns where there are
+Each is searched on points over the whole range at once, and then between two of them on ever closer points.
+The step need not be monotonic, so each function says which crossing it returns, and warns if there are
 others.
 """
 
@@ -33,11 +33,11 @@ Array = NDArray[np.float64]
 # Points of the first scan of a range, points between two of them in each round, and the largest number of
 # rounds.
 SCANNED, AGAIN, ROUNDS = 65, 15, 12
-# What counts as a step, m: the least that stick-slip actuators are sold with, and a hundred
-# times the tolerance of the solver. A presliding law creeps under any periodic drive that is not symmetric.
+# Smallest motion that counts as a step, m: the least that stick-slip actuators are sold with, and a hundred
+# times the tolerance of the solver. A presliding law creeps under any asymmetric periodic drive.
 LEAST_STEP = 10e-9
 TOLERANCE = 1e-10
-_SEEN = 2.0 * TOLERANCE  # less may be the solver's
+_SEEN = 2.0 * TOLERANCE  # smaller steps may be solver errors
 
 _Steps = Callable[[Array], xr.Dataset]
 
@@ -56,25 +56,25 @@ def minimum_voltage(
     threads: int | None = None,
     progress: Progress = unheard,
 ) -> float:
-    """The least voltage, from the least to the greatest value of the drive, at which it steps by `step`.
+    """Return the smallest peak-to-peak voltage of the drive, V, at which the net step is `step`.
 
-    With more voltage the step may become less again (at high frequencies it does): this is the first voltage
-    at which it is reached, and a `SimulationWarning` says from where on it is not. What is reached only
-    between two of 64 evenly spaced voltages is not seen.
+    At higher voltage the step may decrease again (at high frequencies it does). This is the first voltage at
+    which it is reached, and a `SimulationWarning` names the voltage above which it is not. A step that is
+    reached only between two of 64 evenly spaced voltages is not found.
 
     Args:
         model: the actuator.
         waveform, output: as for `step_map`.
-        frequency: Hz; may be left out with a waveform.
-        step: m, in the direction of the walk, > 0; 10 nm by default, the least step that stick-slip
-            actuators are sold with. Smaller ones are mostly creep of the contact.
-        load: N, positive towards +x, as for `step_map`.
+        frequency: frequency of the drive, Hz; by default that of the waveform.
+        step: required net step, m, in the direction of the walk, > 0; 10 nm by default, the least step that
+            stick-slip actuators are sold with. Smaller ones are mostly creep of the contact.
+        load: external force, N, positive towards +x, as for `step_map`.
         direction: 1, or -1 for the mirrored drive, which has to step towards -x.
-        max_voltage: V; by default what is left of the model's range above the rest of the drive.
-        tolerance: V: a voltage that is less by this does not reach the step.
+        max_voltage: V; by default the model's range above the rest voltage of the drive.
+        tolerance: V; a voltage lower by this amount does not reach the step.
 
     Raises:
-        SimulationError: no voltage in the range reaches the step; says how far it comes.
+        SimulationError: no voltage in the range reaches the step; the message names the largest step.
         QuantityError: the range has no end, a number out of range; see also `step_map`.
     """
     frequency = optional_si(frequency, "Hz", "frequency")
@@ -134,19 +134,19 @@ def blocking_force(
     threads: int | None = None,
     progress: Progress = unheard,
 ) -> float:
-    """The force against the walk at which the steady speed becomes zero, N, whichever way it walks.
+    """Return the blocking force, N: the load against the walk at which the steady speed becomes zero.
 
-    It is the first one from zero on at which the speed changes its sign; a `SimulationWarning` says
-    where it does again.
+    It is the smallest load at which the speed changes its sign; a `SimulationWarning` names further ones.
 
     Args:
         model, waveform, output: as for `step_map`.
-        max_load: N, how far to look; by default what the contact holds at rest at most, and the weight.
-        tolerance: N: with a load that is less by this, it still walks.
+        max_load: end of the search, N; by default the largest force that the contact holds at rest, plus the
+            weight.
+        tolerance: N; with a load lower by this amount it still walks.
 
     Raises:
-        SimulationError: it does not walk without a load, up to no load does it stop, or there is no steady
-            motion before it does.
+        SimulationError: it does not walk without a load, does not stop up to `max_load`, or has no steady
+            motion before it stops.
         QuantityError: see `step_map`.
     """
     unit, length = unit_for(model, "N"), unit_for(model, "m")
@@ -176,7 +176,7 @@ def blocking_force(
             f"it still steps by {with_prefix(float(found[-1]), length)} against {most:g} {unit}: look "
             "farther, with max_load"
         )
-    # A load that the contact cannot hold drags it along for ever: no walk, and nothing to warn of.
+    # A load that the contact cannot hold drags it away without end; this is not a walk, and needs no warning.
     _warn_of_others(np.nan_to_num(-found), at, first, unit, "it stops at {}, and walks on again at {}")
     low, high = at[first - 1], at[first]
     for _ in range(ROUNDS):
@@ -202,22 +202,22 @@ def stepping_frequency_limit(
     threads: int | None = None,
     progress: Progress = unheard,
 ) -> float:
-    """The highest frequency with a net step of at least a share of the greatest one, Hz.
+    """Return the highest frequency, Hz, at which the net step is at least a share of the greatest one.
 
-    The greatest is that of 65 frequencies, evenly spaced on a logarithmic axis. It is not taken at the lowest
-    of them, for a drive whose fast stroke takes a part of the period does not slip at all when it is slow. A
-    share of zero asks for a step in the direction of the greatest of twice the solver's tolerance, the least
-    that counts. Nothing is said of gaps below: a map shows them.
+    The greatest step is that of 65 frequencies, evenly spaced on a logarithmic axis. It need not be at the
+    lowest one, because a drive whose fast stroke takes a part of the period does not slip if it is slow. A
+    share of zero means a step in the direction of the greatest of at least twice the solver's tolerance. Gaps
+    at lower frequencies are not reported; a map shows them.
 
     Args:
         model, waveform, output: as for `step_map`.
-        share: of the greatest step, 0 <= share < 1.
-        min_frequency, max_frequency: Hz, where to look; up to ten times the natural frequency of the stage by
-            default.
-        tolerance: Hz: a frequency that is higher by this does not reach the share.
+        share: share of the greatest step, 0 <= share < 1.
+        min_frequency, max_frequency: range of the search, Hz; by default up to ten times the natural
+            frequency of the stage.
+        tolerance: Hz; a frequency higher by this amount does not reach the share.
 
     Raises:
-        SimulationError: there is no step at all, or the highest frequency still reaches the share.
+        SimulationError: there is no step at all, or `max_frequency` still reaches the share.
         QuantityError: see `step_map`.
     """
     least, hertz = _positive(min_frequency, "Hz", "min_frequency"), _positive(tolerance, "Hz", "tolerance")
@@ -266,12 +266,13 @@ def load_speed_curve(
     loads: ArrayLike,
     **options: Any,
 ) -> xr.Dataset:
-    """`step_map` over the load, with the `mechanical_power` (W) done against it: minus speed times load.
+    """Return a `step_map` over the load, with the mechanical power done against it, `mechanical_power` (W):
+    minus speed times load.
 
     Args:
         model, waveform: as for `step_map`.
-        loads: N, positive towards +x.
-        options: of `step_map`: fit, stack, output, quantities, tolerance, ...
+        loads: loads, N, positive towards +x.
+        options: further arguments of `step_map`: fit, stack, output, quantities, tolerance, ...
     """
     made = step_map(model, waveform, load=loads, **options)
     power = -made["speed"] * made["load"]
@@ -279,7 +280,7 @@ def load_speed_curve(
 
 
 def _held(model: Actuator) -> float:
-    """Load that no contact at rest holds, N."""
+    """Return a load that no contact at rest holds, N."""
     law = model.friction
     if not elements(law):
         return float(breakaway(law)) + abs(model.axial_force)
@@ -295,7 +296,7 @@ def _positive(value: float | str, unit: str, field: str) -> float:
 
 
 def _highest_voltage(model: Actuator, waveform: Waveform | None, asked: float | None) -> float:
-    """Return the highest voltage: `asked`, within the model's range above the rest of the drive."""
+    """Return the highest voltage, V: `asked`, within the model's range above the rest of the drive."""
     rest = waveform.range()[0] if waveform is not None else Sawtooth(1.0, 1.0).offset
     most = model.max_voltage - max(rest, model.min_voltage)
     if asked is not None:
@@ -321,7 +322,7 @@ def _refuse_none(found: Array, at: Array, words: str, unit: str) -> None:
 
 
 def _warn_of_others(found: Array, at: Array, first: int, unit: str, words: str) -> None:
-    """Warn where values that were not negative become so again, or are unknown."""
+    """Warn if values that are non-negative after index `first` become negative again, or are unknown."""
     later = np.flatnonzero(found[first:] < 0.0)
     unknown = np.flatnonzero(~np.isfinite(found))
     if later.size:

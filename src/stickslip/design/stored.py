@@ -1,4 +1,5 @@
-"""Maps as studies: their points computed into stores that go on, here or on a cluster."""
+"""Maps as studies: their points are computed into stores that can be resumed, on this machine or on a
+cluster."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class Stored(NamedTuple):
-    """The folder of a map's stores, and the address of a dask scheduler, if one is to do it."""
+    """Folder of a map's stores, and the address of a dask scheduler, if one is used."""
 
     folder: Path
     scheduler: str | None
@@ -26,8 +27,8 @@ class Stored(NamedTuple):
 def solved_in_store(
     common: Common, stored: Stored, progress: Progress, drawn: Mapping[str, Array] | None = None
 ) -> Solved:
-    """Solve over the points, or over draws and points, as `solved`; what is in the store is not computed
-    again.
+    """Compute all points, or all draws and points, as `solved` does; results that are in the store are read
+    from it.
 
     Raises:
         StudyDiffers, StudyError: see `run_study`.

@@ -19,17 +19,17 @@ _ENDS = {"low": "lower", "high": "upper"}
 
 
 class StepTable(NamedTuple):
-    """Net step over voltage, SI, to be joined by lines.
+    """Table of the net step over the voltage, SI, for linear interpolation.
 
     Attributes:
         voltages: V, ascending, from the least to the greatest value of the drive.
-        steps: per period, in `unit`.
-        low, high: both ends of the 95 % band; NaN where the map had no fit.
-        interpolation_error: by how much lines over every second point miss the others at most: more than
-            lines over all of them are off by, unless the step is rough.
-        conditions: what held, in words: frequency, load, direction.
-        title: whose steps they are.
-        unit: of steps and band: m, or rad of what turns.
+        steps: net step per period, in `unit`.
+        low, high: ends of the 95 % band of the step; NaN if the map has no fit.
+        interpolation_error: largest error of interpolation over every second point. Unless the step is rough,
+            it exceeds the error of the full table.
+        conditions: frequency, load and direction in words.
+        title: name of the actuator.
+        unit: unit of steps and band: m, or rad for a rotary actuator.
     """
 
     voltages: Array
@@ -43,13 +43,14 @@ class StepTable(NamedTuple):
 
 
 def step_table(step_map: xr.Dataset) -> StepTable:
-    """The table of a map over the voltage alone; of other dimensions, choose with ``step_map.sel(...)``.
+    """Return the table of a map over the voltage alone; choose along other dimensions with
+    ``step_map.sel(...)``.
 
     Points without a steady step at either end are left out.
 
     Raises:
-        QuantityError: the map is over something else, or has fewer than three points with a steady step, or
-            one without between them, over which nothing can be said.
+        QuantityError: the map has other dimensions, has fewer than three points with a steady step, or has
+            one without between them.
     """
     if "net_step" not in step_map or step_map["net_step"].dims != ("voltage",):
         dims = step_map["net_step"].dims if "net_step" in step_map else tuple(step_map.sizes)
@@ -84,7 +85,7 @@ def step_table(step_map: xr.Dataset) -> StepTable:
 
 
 def step_at(table: StepTable, voltage: ArrayLike) -> tuple[Array, Array, Array]:
-    """Step and both ends of its band at voltages [V], each of their shape; NaN beyond the table."""
+    """Return step and both ends of its band at voltages [V], arrays of their shape; NaN outside the table."""
     volts = array_si(voltage, "V", "voltage")
     found = [
         np.interp(volts, table.voltages, column, left=np.nan, right=np.nan)
@@ -94,10 +95,11 @@ def step_at(table: StepTable, voltage: ArrayLike) -> tuple[Array, Array, Array]:
 
 
 def voltage_for(table: StepTable, step: float | str) -> float:
-    """The voltage of a step, V.
+    """Return the voltage of a step, V, by interpolation.
 
     Raises:
-        QuantityError: the table does not reach the step, or is not monotone, so that several have it.
+        QuantityError: the table does not reach the step, or is not monotonic, so that several voltages have
+            it.
     """
     wanted, unit = to_si(step, table.unit, "step"), table.unit
     way = _direction(table)
@@ -119,11 +121,11 @@ def save_step_table(table: StepTable, path: str | os.PathLike[str], name: str = 
     ``NAME_voltage(step)`` in V.
 
     Args:
-        path: of the file.
+        path: path of the file.
         name: prefix of the names in the header.
 
     Raises:
-        QuantityError: another suffix, or the name is none in C.
+        QuantityError: another suffix, or `name` is not an identifier in C.
     """
     target = Path(path)
     if target.suffix == ".csv":
@@ -161,7 +163,7 @@ def _as_csv(table: StepTable) -> str:
 
 
 def _as_header(table: StepTable, name: str) -> str:
-    """C99; see `save_step_table`."""
+    """Return the table as a C99 header; see `save_step_table`."""
     n, guard = table.voltages.size, f"{name.upper()}_TABLE_H"
     said = "\n".join(f" * {line.replace('*/', '* /')}" for line in _said(table))
     columns = {"voltages": table.voltages, "steps": table.steps, "lows": table.low, "highs": table.high}

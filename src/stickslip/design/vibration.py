@@ -1,19 +1,20 @@
-r"""Vibration of the stage as goals: the load on the tip of the piezo, and the sound.
+r"""Goals for the vibration of the stage: the load on the tip of the piezo, and the sound.
 
-The corners of a polygon u(t) of the period T, at t_k, where its slope changes by :math:`\Delta s_k`, are all
-that its second derivative has. So the harmonics of the stage's acceleration are, with the gain C and the
-response G of the stage without friction,
+The second derivative of a polygon u(t) with period T consists of its corners at t_k, where its slope changes
+by :math:`\Delta s_k`. So the harmonics of the stage's acceleration are, with the gain C and the response G of
+the stage without friction,
 
 .. math:: \hat a_n = C\,G(i\omega_n)\,\frac1T \sum_k \Delta s_k\, e^{-i\omega_n t_k}, \qquad
           G(i\omega) = \frac{\omega_0^2}{\omega_0^2 - \omega^2 + 2 i \zeta \omega_0 \omega}, \qquad
           \omega_n = \frac{2\pi n}{T}
 
-They fall with the square of the frequency beyond that of the stage. In time it swings freely between corners,
+They fall with the square of the frequency beyond that of the stage. In time, the stage vibrates freely
+between corners,
 
 .. math:: \ddot a + 2\zeta\omega_0 \dot a + \omega_0^2 a = \omega_0^2 C \sum_k \Delta s_k\, \delta(t - t_k)
 
 so that its extremes are in closed form. The friction of the contact is left out: it adds at most the Coulomb
-force to the load on the tip. Both goals are of the stage as it is given, the same under all conditions.
+force to the load on the tip. Both goals use the stage of the given model, under all conditions.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from .moving import PeriodicMotions
 from .polygons import Polygons
 
 Array = NDArray[np.float64]
-# Harmonics, at least and at most; Hz, up to which all of them are heard.
+# Smallest and largest number of harmonics; and frequency [Hz] up to which all of them are included.
 HARMONICS, MOST, HEARD = 256, 2**17, 20e3
 # Smallest difference between the poles of the stage, relative to the natural frequency.
 APART = 1e-6
@@ -41,7 +42,7 @@ Damping = Annotated[float, Quantity("", "ζ", "damping ratio of the stage", abov
 
 
 def _corners(shapes: Polygons) -> Array:
-    """By how much the slope changes at each corner, V/s, [n, k]."""
+    """Return the change of slope at each corner, V/s, [n, k]."""
     slopes = shapes.slopes()
     return slopes - np.roll(slopes, 1, axis=1)
 
@@ -76,13 +77,13 @@ def acceleration(
 
 
 def least_acceleration(shapes: Polygons, gain: float, natural: float, damping: float) -> Array:
-    """The least value of the stage's acceleration over a period, m/s^2, [n]; see the module."""
+    """Return the least value of the stage's acceleration over a period, m/s^2, [n]; see the module."""
     root = np.emath.sqrt(damping**2 - 1.0)
     root = root if abs(root) > APART else APART
     poles = natural * np.array([root - damping, -root - damping], dtype=complex)
     sides = np.diff(shapes.shares, append=1.0) * shapes.period[:, None]
-    # Each corner sets both parts c exp(p t) going by as much, with opposite signs; those of all earlier
-    # periods add up to what closes the period.
+    # Each corner excites both parts c exp(p t) equally, with opposite signs; the corners of all earlier
+    # periods add up to the factor that closes the period.
     kick = natural**2 * gain / (poles[0] - poles[1]) * np.array([1.0, -1.0])
     jumps, fades = _corners(shapes)[..., None] * kick, np.exp(sides[..., None] * poles)
     parts = np.zeros((len(sides), 2), dtype=complex)
@@ -122,8 +123,8 @@ def _stage_of(model: Any) -> dict[str, float]:
 
 @record
 class TipLoad(NamedTuple):
-    """Greatest tension of the piezo, N, as little as can be: what it pulls the mass of the stage back with,
-    which its preload must exceed."""
+    """Goal: smallest tension of the piezo, N: the force with which it pulls the mass of the stage back, which
+    its preload must exceed."""
 
     mass: Annotated[float, Quantity("kg", "m_s", "mass that the piezo moves", above=0)]
     gain: Gain
@@ -134,7 +135,7 @@ class TipLoad(NamedTuple):
 
     @classmethod
     def of_stage(cls, model: Any) -> Self:
-        """With the numbers of an actuator.
+        """Return the goal with the values of an actuator.
 
         Raises:
             QuantityError: its stage has no natural frequency.
@@ -149,8 +150,8 @@ class TipLoad(NamedTuple):
 
 @record
 class Noise(NamedTuple):
-    """A-weighted rms acceleration of the stage, m/s^2, as little as can be: the sound pressure of a source
-    that is small beside the wave is in proportion to it, so that half of it is 6 dB less."""
+    """Goal: smallest A-weighted rms acceleration of the stage, m/s^2. The sound pressure of a source that is
+    small compared with the wavelength is in proportion to it; half of it is 6 dB less."""
 
     gain: Gain
     natural_frequency: Frequency
@@ -160,7 +161,7 @@ class Noise(NamedTuple):
 
     @classmethod
     def of_stage(cls, model: Any) -> Self:
-        """With the numbers of an actuator.
+        """Return the goal with the values of an actuator.
 
         Raises:
             QuantityError: its stage has no natural frequency.

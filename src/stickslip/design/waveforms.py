@@ -1,4 +1,4 @@
-"""The fastest drive signal within limits, under all conditions that it was told of."""
+"""Public function for the best drive signal within limits, under all given conditions."""
 
 from __future__ import annotations
 
@@ -48,25 +48,25 @@ def optimise_waveform(
 ) -> OptimisedWaveform:
     """Search for the periodic drive that reaches a goal best, and compare it with the best sawtooth.
 
-    A drive is a polygon through values at even times of its period; values and frequency are searched for by
-    differential evolution and CMA-ES. It is judged by its steady motion, in the worst of all conditions: the
-    model as it is, each scenario, and both again with the values of each draw.
+    A drive is a polygon through values at equidistant times of its period; values and frequency are found by
+    differential evolution and CMA-ES. It is judged by its steady motion in the worst of all conditions: the
+    unchanged model, each scenario, and both with the values of each draw.
 
     Args:
         model: the actuator; or a fit of one, whose covariance is then the `uncertainty`.
         goal: "speed", or one of the goals in `stickslip.design`.
-        knots: values within a period.
-        max_voltage, min_voltage: V; by default those of the model (from 0 V, where it has no least one).
-        frequency: (low, high), Hz; by default about those of stage and contact.
-        output: limits of slope and current, amplifier and updates. With an update rate the period is a whole
-            number of updates, and what is played is what counts.
-        scenarios: loads, detunings; see `Scenario`.
-        uncertainty: `draws` of the posterior, of the fit, or of arrays by name are conditions too.
-        quantile: of the conditions, instead of the worst, such as 0.05.
-        minimum_speed: m/s, in every condition (or at the quantile), towards +x or in the direction of
-            the goal; needed by goals that would otherwise not move.
-        budget: candidates of the first search; later ones, with more conditions, take a sixth.
-        seed: of search and draws: the same seed, the same drive.
+        knots: number of values within a period.
+        max_voltage, min_voltage: V; by default those of the model (from 0 V if it has no minimum).
+        frequency: range (low, high), Hz; by default around those of stage and contact.
+        output: limits of slope and current, amplifier and updates. With an update rate, the period is a whole
+            number of updates, and the output of the converter counts.
+        scenarios: further conditions, such as loads or detuning; see `Scenario`.
+        uncertainty: posterior, fit, or arrays by name, of which `draws` draws are further conditions.
+        quantile: quantile over the conditions, such as 0.05, instead of the worst.
+        minimum_speed: m/s, in every condition (or at the quantile), towards +x or in the direction of the
+            goal; required by goals that are best without motion.
+        budget: number of candidates in the first search; later ones, with more conditions, take a sixth.
+        seed: seed of search and draws.
         threads: number; by default all processors.
         progress: called during the search.
 
@@ -76,8 +76,8 @@ def optimise_waveform(
 
     Raises:
         QuantityError: no goal, limits that exclude every drive, an unknown name in a scenario or in the
-            uncertainty, a model or a number that will not do, no drive with a steady motion, or none that
-            reaches the least speed.
+            uncertainty, an unsuitable model or number, no drive with a steady motion, or none that reaches
+            the minimum speed.
     """
     model, uncertainty = _model_of(model, uncertainty)
     speed = least_of(minimum_speed, unit_for(model, "m/s"), "minimum_speed")
@@ -95,7 +95,7 @@ def optimise_waveform(
 
 
 def _model_of(model: Any, uncertainty: Uncertainty | None) -> tuple[Actuator, Uncertainty | None]:
-    """The actuator, and what is known of how uncertain it is."""
+    """Return the actuator, and its uncertainty: the given one, or that of a fit."""
     if isinstance(model, Fit):
         found, uncertainty = model.model, uncertainty or model
     elif isinstance(model, Posterior):
@@ -109,7 +109,7 @@ def _model_of(model: Any, uncertainty: Uncertainty | None) -> tuple[Actuator, Un
 
 
 def check_model(model: Any) -> None:
-    """Raises QuantityError for what cannot step."""
+    """Raise QuantityError for a model that cannot step."""
     if not isinstance(model, Actuator):
         raise QuantityError(f"model = {model!r:.60} must be an actuator, or the fit of one")
     if model.clamped:
@@ -122,7 +122,7 @@ def least_of(value: float | str | None, unit: str, field: str) -> float:
 
 
 def check_moves(model: Actuator, goal: Any, speed: float) -> None:
-    """Raises QuantityError for a goal that asks for no motion, without a least speed."""
+    """Raise QuantityError for a goal that requires no motion, without a minimum speed."""
     if not goal.moves and not speed > 0.0:
         unit = unit_for(model, "m/s")
         raise QuantityError(
@@ -131,7 +131,7 @@ def check_moves(model: Actuator, goal: Any, speed: float) -> None:
 
 
 def check_counts(**given: int) -> None:
-    """Raises QuantityError for a number that is no whole one within its range."""
+    """Raise QuantityError for a number that is not a whole number within its range."""
     for name, value in given.items():
         least, most = COUNTS[name]
         if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
