@@ -60,7 +60,10 @@ class Panel:
         served = ["panel", str(folder), "--port", "0", "--no-browser"]
         command = [sys.executable, "-m", "stickslip", *options, *served]
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+        # A session of its own, as from a terminal of its own: clients are not to share its processor time.
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, text=True, env=environment, start_new_session=True
+        )
         assert self.process.stdout is not None
         found = re.search(r"http://127.0.0.1:(\d+)/", self.process.stdout.readline())
         assert found is not None, "the panel did not start"

@@ -43,6 +43,12 @@ UPLOADED = 2_000_000  # bytes
 WAIT = 30.0  # s, a guard
 
 
+def start(client: httpx.Client) -> None:
+    """Arm the output and start the run."""
+    client.post("/interlock/arm", json={"why": "study of stops"}).raise_for_status()
+    client.post("/bench/start", json={"runs": ["forward"]}).raise_for_status()
+
+
 def prepare(panel: Panel, client: httpx.Client, told: Path) -> list[str]:
     """Put a run with the timed rig on the bench, record it once, and copy that; the copies' names."""
     from stickslip.panel import server
@@ -54,7 +60,7 @@ def prepare(panel: Panel, client: httpx.Client, told: Path) -> list[str]:
     content["runs"] = [content["runs"][1]]
     (panel.folder / "stops.yaml").write_text(yaml.safe_dump(content))
     client.post("/bench/load", json={"name": "stops.yaml"}).raise_for_status()
-    client.post("/bench/start", json={"runs": ["forward"]}).raise_for_status()
+    start(client)
     panel.until(lambda: panel.phase == "running")
     panel.until(lambda: panel.phase in ("done", "failed"))
     made = next(panel.folder.glob("recordings/*/forward*.nc"))
@@ -121,7 +127,7 @@ def main() -> None:
             phase = number // TURN % len(PHASES)
             busy.phase(phase)
             panel.until(lambda: panel.phase in ("stopped", "done"))
-            client.post("/bench/start", json={"runs": ["forward"]}).raise_for_status()
+            start(client)
             panel.until(lambda: panel.phase == "running")
             button = HTTPConnection("127.0.0.1", panel.port)
             button.request("GET", "/static/style.css")  # a browser keeps its connections

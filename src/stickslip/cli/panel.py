@@ -16,6 +16,7 @@ import typer
 from .frame import Traceback, app, errors_in_one_line
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
+_NICE = -5  # priority above programs that only compute, below the rig's process
 
 
 @app.command()
@@ -49,8 +50,10 @@ def panel(
 ) -> None:
     """Open the control panel in the browser: experiments live, identification, the model; until Ctrl-C."""
     with errors_in_one_line(show_traceback):
+        from ..gate.priority import come_first
         from ..rig.memory import give_memory_back
 
+        come_first(_NICE)
         give_memory_back()
         import uvicorn
 

@@ -26,10 +26,10 @@ from pathlib import Path
 from typing import Any
 
 from .errors import GateBusy, GateError
+from .priority import come_last
 
 STUCK = 8.0  # clock time over computing time, from which on the machine or its drive is too busy
 MOST_WAITING = 8  # requests at a time; others are asked to try again
-_NICE = 5  # priority below a panel, whose stream and runs come first
 _STARTS = 60.0  # s in which the process has to start, on a busy machine
 _REMEMBERED = 500  # files that are remembered as exceeding a limit
 
@@ -171,7 +171,7 @@ def work(connection: Connection, modules: Iterable[str]) -> None:
     """Import modules, then answer requests until the other end is closed; a limit of computing time ends this
     process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(_NICE)
+    come_last()
     for name in modules:
         with suppress(ImportError):  # the function that needs the module will say so
             import_module(name)

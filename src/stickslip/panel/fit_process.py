@@ -6,7 +6,6 @@ fits does not pay for them.
 
 from __future__ import annotations
 
-import os
 import signal
 import traceback
 from collections.abc import Callable, Sequence
@@ -17,12 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..gate.priority import come_last
 from ..quantities.registry import use_file
 from ..simulation import SimulationError
 from .fit_request import FitRequest
 from .folder import Folder
-
-_NICE = 10  # below the server, whose stream and runs come first
 
 
 class FitTask(NamedTuple):
@@ -38,8 +36,7 @@ def work(connection: Connection, root: str, used: Sequence[str] = ()) -> None:
     The messages are those of `fit_recordings`; the last one of a fit is "done" or "failed".
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which closes the connection
-    if hasattr(os, "nice"):
-        os.nice(_NICE)
+    come_last()
     from .fitting import fit_recordings  # not above: the server imports this module, but fits nothing
 
     for file in used:  # the user's own files, which the server has run already

@@ -23,6 +23,7 @@ from pydantic import Field
 
 from ..gate.errors import GateError
 from ..gate.files import opened
+from ..gate.priority import LAST
 from ..quantities.input_file import Strict
 from ..recording import RecordingError
 from ..recording.readers.process import Reader
@@ -38,7 +39,6 @@ from .packing import packed
 
 _KIND = re.compile(rb"^kind:\s*[\"']?study\b", re.MULTILINE)
 _LOOKED = 65_536  # bytes of a file that are searched for its kind
-_NICE = 10  # lower priority than the panel, whose stream and runs come first
 QUIET, MISSED = 30.0, 10.0  # s, and task durations, after which a study without news counts as idle
 _TOLD = 2000  # bytes of a run's last messages
 
@@ -85,10 +85,14 @@ class Studies:
         said = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as its run is known
         words = ["study", str(file), "--store", str(store), "--workers", str(max(1, processors() - 1))]
         process = subprocess.Popen(
-            [sys.executable, "-m", "stickslip", *words], stdin=subprocess.DEVNULL, stdout=said, stderr=said
+            [sys.executable, "-m", "stickslip", *words],
+            stdin=subprocess.DEVNULL,
+            stdout=said,
+            stderr=said,
+            start_new_session=True,
         )
         with contextlib.suppress(OSError, AttributeError):
-            os.setpriority(os.PRIO_PROCESS, process.pid, _NICE)
+            os.setpriority(os.PRIO_PROCESS, process.pid, LAST)
         self._runs[name] = _Run(process, said)
         self._journal(f"{name}: the study runs")
 

@@ -25,6 +25,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from ..gate.priority import come_first
 from ..recording.calibration.storage import from_text
 from .devices import open_device
 from .gate import PositionInput
@@ -41,6 +42,7 @@ from .site import site_of
 from .supervisor import ANOTHER, Order, Supervisor, state_of
 from .wire import WireError, receive, send, text_of
 
+NICE = -10  # priority above all that only computes or shows
 LINGER = 5.0  # s without a client after which the process ends
 _GREETING = 2.0  # s in which a client must identify itself
 _MOST_CLIENTS = 32
@@ -343,6 +345,7 @@ def main(folder: Path) -> int:
     The code is `ANOTHER` if another process owns the rig, and 1, with a line on stderr, if a file of the
     folder cannot be used.
     """
+    come_first(NICE)
     give_memory_back()
     try:
         own_folder(folder)
