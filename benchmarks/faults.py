@@ -52,7 +52,7 @@ from benchmarks.fault_judge import (
 from stickslip.quantities.registry import use_file
 from stickslip.quantities.units import QuantityError
 from stickslip.rig import HostedRig, Link, RigError, folder_of
-from stickslip.rig.devices import own_device
+from stickslip.rig.description import own_device
 from stickslip.rig.experiment import run_experiment, running
 from stickslip.rig.gate import PositionInput
 from stickslip.rig.interlock import armed

@@ -22,9 +22,16 @@ import numpy as np
 from tests.twins.serving import ACTUATOR, TestClock
 
 from stickslip.quantities.units import QuantityError
-from stickslip.rig import Nv200Rig, RigError
-from stickslip.rig.positioners import Anc300Client, Kim101Client, Mcs2Client
-from stickslip.rig.twins import Anc300, HangUp, Kim101, Mcs2, Nv200, Stage
+from stickslip.rig import RigError
+from stickslip.rig.devices.attocube import Anc300Client
+from stickslip.rig.devices.attocube.twin import Anc300
+from stickslip.rig.devices.piezosystem_jena import Nv200Rig
+from stickslip.rig.devices.piezosystem_jena.twin import Nv200
+from stickslip.rig.devices.smaract import Mcs2Client
+from stickslip.rig.devices.smaract.twin import Mcs2
+from stickslip.rig.devices.thorlabs import Kim101Client
+from stickslip.rig.devices.thorlabs.twin import Kim101
+from stickslip.rig.twins import HangUp, Stage
 
 ASKED = 80.0  # V that a client asks for at most
 # Of the replies, so many are mutated: a KIM101 gives few when it is opened.
@@ -175,9 +182,7 @@ class _Misleading:
 
 
 def _client(name: str, port: int) -> Any:
-    if name == "kim101":
-        return Kim101Client(f"127.0.0.1:{port}", timeout=TIMEOUT)
-    made = {"nv200": Nv200Rig, "mcs2": Mcs2Client, "anc300": Anc300Client}[name]
+    made = {"nv200": Nv200Rig, "mcs2": Mcs2Client, "anc300": Anc300Client, "kim101": Kim101Client}[name]
     return made("127.0.0.1", port=port, timeout=TIMEOUT)
 
 

@@ -23,7 +23,7 @@ from stickslip.control import Bursts, DeadReckoning, StepLaw, fit_steps, measure
 from stickslip.physics.actuator import Actuator, load_actuator
 from stickslip.report.figures.style import SERIES, drawn, panels, svg
 from stickslip.rig import About, Irregularity
-from stickslip.rig.positioners import Ranges
+from stickslip.rig.positioner import Ranges
 from stickslip.simulation import steady_steps
 from stickslip.waveform import ReverseSawtooth, Sawtooth
 

@@ -13,7 +13,8 @@ project = "stickslip"
 author = "The stickslip developers"
 version = release = stickslip.__version__
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "offline_math", "reference_pages"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions += ["device_pages", "offline_math", "reference_pages"]
 exclude_patterns = ["_ext", "_static"]
 source_suffix = {".rst": "restructuredtext", ".md": "myst-nb"}
 suppress_warnings = ["myst.header"]  # a page may begin with a table's heading

@@ -29,7 +29,7 @@ from stickslip.quantities.input_file import yaml_text
 from stickslip.quantities.registry import RegistryError
 from stickslip.quantities.units import QuantityError
 from stickslip.recording.drive import drive_text, named_drive
-from stickslip.rig.devices import open_device, virtual_device
+from stickslip.rig.description import open_device, virtual_device
 from stickslip.rig.experiment.cells import drive_of
 from stickslip.rig.experiment.file import PartSpec, json_schema
 from stickslip.rig.hosted import stop_all

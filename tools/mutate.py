@@ -264,7 +264,11 @@ TARGETS = (
         for files in ("*.inl", "compose.h", "contact.h", "log.h", "reversal.h", "rodas5p.h")
     ),
     Target("rig/table.py", ("tests/rig/test_table.py",)),
-    Target("rig/oscilloscopes.py", ("tests/rig/test_table.py",), ("_keysight", "_rigol", "_tektronix")),
+    Target(
+        "rig/devices/scpi/oscilloscopes.py",
+        ("tests/rig/test_table.py",),
+        ("_keysight", "_rigol", "_tektronix"),
+    ),
 )
 
 # A change can make a loop endless; that is noticed too, after this many times what the tests take without it.

@@ -11,7 +11,7 @@ import sys
 
 from caproto.server import PVGroup, pvproperty, run
 
-from stickslip.rig.positioners import Mcs2Client
+from stickslip.rig.devices.smaract import Mcs2Client
 
 
 class Motor(PVGroup):

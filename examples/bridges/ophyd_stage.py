@@ -13,7 +13,8 @@ from bluesky import RunEngine
 from ophyd_async.core import AsyncStatus, StandardReadable, init_devices, soft_signal_r_and_setter
 from ophyd_async.core import StandardReadableFormat as Format
 
-from stickslip.rig.positioners import Mcs2Client, wait
+from stickslip.rig.devices.smaract import Mcs2Client
+from stickslip.rig.positioner import wait
 
 
 class StickSlipStage(StandardReadable):

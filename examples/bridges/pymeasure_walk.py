@@ -6,7 +6,8 @@ import sys
 
 from pymeasure.experiment import FloatParameter, IntegerParameter, Parameter, Procedure, Results, Worker
 
-from stickslip.rig.positioners import Mcs2Client, wait
+from stickslip.rig.devices.smaract import Mcs2Client
+from stickslip.rig.positioner import wait
 
 
 class Walk(Procedure):

@@ -9,7 +9,8 @@ from qcodes.dataset import Measurement, initialise_or_create_database_at, load_o
 from qcodes.instrument import Instrument
 from qcodes.validators import Ints, Numbers
 
-from stickslip.rig.positioners import Mcs2Client, wait
+from stickslip.rig.devices.smaract import Mcs2Client
+from stickslip.rig.positioner import wait
 
 
 class StickSlipStage(Instrument):

@@ -24,7 +24,7 @@ from stickslip.control import (
 )
 from stickslip.quantities.units import QuantityError, to_si
 from stickslip.rig import REGULAR, About, Irregularity, RigError
-from stickslip.rig.positioners import Ranges
+from stickslip.rig.positioner import Ranges
 from stickslip.rig.twins import Stage
 from stickslip.rig.twins.axis import steps
 

@@ -29,7 +29,7 @@ from stickslip.rig import (
     measure,
 )
 from stickslip.rig import samples as of_samples
-from stickslip.rig.devices import own_device
+from stickslip.rig.description import own_device
 from stickslip.rig.gate import Gate, PositionInput
 from stickslip.rig.hosted import greeted
 from stickslip.rig.protocols import Capabilities

@@ -23,7 +23,7 @@ import pytest
 
 from stickslip.recording import open_recording
 from stickslip.rig import Capture, HostedRig, LimitError, Limits, Link, RigError, VirtualRig, measure
-from stickslip.rig.devices import virtual_device
+from stickslip.rig.description import virtual_device
 from stickslip.rig.host import Host
 from stickslip.rig.lock import own_folder
 from stickslip.rig.samples import complete, recover

@@ -27,7 +27,7 @@ from stickslip.rig import (
     VirtualRig,
     regulate,
 )
-from stickslip.rig.devices import virtual_device
+from stickslip.rig.description import virtual_device
 from stickslip.rig.gate import PositionInput
 from stickslip.rig.home import Home
 from stickslip.rig.protocols import StopRequested

@@ -23,7 +23,7 @@ from stickslip.rig import (
     measure,
     regulate,
 )
-from stickslip.rig.devices import own_device, virtual_device
+from stickslip.rig.description import own_device, virtual_device
 from stickslip.rig.gate import PositionInput
 from stickslip.rig.interlock import OPERATORS, Interlock
 from stickslip.waveform import Sawtooth, Step

@@ -22,7 +22,7 @@ from stickslip.rig import (
     measure,
     regulate,
 )
-from stickslip.rig.devices import own_device, virtual_device
+from stickslip.rig.description import own_device, virtual_device
 from stickslip.rig.site import site_of
 from stickslip.waveform import Sawtooth, Step
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from stickslip.rig import HostedRig, Link, RigError, VirtualRig
-from stickslip.rig.devices import virtual_device
+from stickslip.rig.description import virtual_device
 from stickslip.rig.home import Home
 from stickslip.rig.hosted import UNANSWERED
 from stickslip.rig.limits import Limits

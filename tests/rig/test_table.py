@@ -9,7 +9,7 @@ import pytest
 
 from stickslip.quantities.units import QuantityError
 from stickslip.rig import Capabilities, RigError
-from stickslip.rig.oscilloscopes import INFINIIVISION, RIGOL, TEKTRONIX, Preamble
+from stickslip.rig.devices.scpi.oscilloscopes import INFINIIVISION, RIGOL, TEKTRONIX, Preamble
 from stickslip.rig.table import (
     check_inputs,
     check_positive,

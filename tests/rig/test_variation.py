@@ -26,7 +26,7 @@ from stickslip.rig import (
     WatchedRig,
     measure,
 )
-from stickslip.rig.devices import virtual_device
+from stickslip.rig.description import virtual_device
 from stickslip.waveform.periodic import Sawtooth
 
 from datasets import DATASETS  # isort: skip

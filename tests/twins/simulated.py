@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from stickslip.rig.devices.scpi.twin_wiring import Wiring
 from stickslip.rig.protocols import Array
 from stickslip.rig.twins.axis import Axis, WallClock, ramp, steps
 from stickslip.rig.twins.scpi import ScpiDevice, ScpiError, number, switch
 from stickslip.rig.twins.stage import Piece, Stage
-from stickslip.rig.twins.wiring import Wiring
 
 _CHUNK = 200  # values of a table that are played as one piece
 

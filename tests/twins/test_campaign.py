@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.rig import Nv200Rig
+from stickslip.rig.devices.piezosystem_jena import Nv200Rig
+from stickslip.rig.devices.piezosystem_jena.twin import Nv200
 from stickslip.rig.measurement import SETTLING
-from stickslip.rig.twins import Nv200, Stage
+from stickslip.rig.twins import Stage
 from stickslip.rig.variation import EXACT
 
 from .serving import served

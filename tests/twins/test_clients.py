@@ -18,16 +18,17 @@ from stickslip.quantities import registry
 from stickslip.quantities.units import QuantityError
 from stickslip.rig import RigError
 from stickslip.rig.attached import probe
-from stickslip.rig.nv200 import Nv200Rig, loop_of
-from stickslip.rig.positioners import Anc300Client, Kim101Client, Mcs2Client, wait
+from stickslip.rig.devices.attocube import Anc300Client
+from stickslip.rig.devices.piezosystem_jena.nv200 import Nv200Rig, loop_of
+from stickslip.rig.devices.smaract import Mcs2Client
+from stickslip.rig.devices.thorlabs import Kim101Client
+from stickslip.rig.positioner import wait
 
 from .serving import ACTUATOR, TestClock, served, twin_of
 
 
 def client_of(name: str, port: int, timeout: float = 30.0):
-    if name == "kim101":
-        return Kim101Client(f"127.0.0.1:{port}", timeout=timeout)
-    made = {"nv200": Nv200Rig, "mcs2": Mcs2Client, "anc300": Anc300Client}[name]
+    made = {"nv200": Nv200Rig, "mcs2": Mcs2Client, "anc300": Anc300Client, "kim101": Kim101Client}[name]
     return made("127.0.0.1", port=port, timeout=timeout)
 
 

@@ -13,7 +13,7 @@ import stickslip as ss
 from panel.serving import Link
 from stickslip.rig import RigError
 from stickslip.rig.experiment import run_experiment
-from stickslip.rig.positioners import wait
+from stickslip.rig.positioner import wait
 
 from .serving import served, twin_of
 from .test_clients import client_of, stage_of

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from stickslip.rig.devices.scpi.twin_generator import GeneratorTwin
+from stickslip.rig.devices.scpi.twin_oscilloscope import OscilloscopeTwin
 from stickslip.rig.twins import Stage
-from stickslip.rig.twins.generator import GeneratorTwin
-from stickslip.rig.twins.oscilloscope import OscilloscopeTwin
 
 from .serving import ACTUATOR, drive, served
 from .simulated import Board, PiezoController, StepController

@@ -12,8 +12,10 @@ from stickslip.cli import app
 from stickslip.control import Bursts, DeadReckoning, StepLaw, fit_steps, measure_steps
 from stickslip.quantities.units import to_si
 from stickslip.rig import About, Irregularity
-from stickslip.rig.positioners import Kim101Client, wait
-from stickslip.rig.twins import Kim101, make_twin
+from stickslip.rig.devices.thorlabs import Kim101Client
+from stickslip.rig.devices.thorlabs.twin import Kim101
+from stickslip.rig.positioner import wait
+from stickslip.rig.twins import make_twin
 
 from .serving import TestClock, served
 
@@ -26,7 +28,7 @@ def test_a_kim101_counts_and_is_calibrated_by_a_camera() -> None:
     assert isinstance(twin, Kim101)
     stage = twin.channels[0].axis.stage
     with served(twin) as port:
-        client = Kim101Client(f"127.0.0.1:{port}")
+        client = Kim101Client("127.0.0.1", port=port)
 
         def camera() -> float:
             clock.sleep(1.0)

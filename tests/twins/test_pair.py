@@ -15,11 +15,11 @@ import stickslip as ss
 from stickslip.quantities.units import QuantityError
 from stickslip.rig import LimitError, RigError
 from stickslip.rig.attached import probe
-from stickslip.rig.pair import PairRig
-from stickslip.rig.twins.generator import GeneratorTwin
-from stickslip.rig.twins.oscilloscope import OscilloscopeTwin
+from stickslip.rig.devices.scpi import PairRig
+from stickslip.rig.devices.scpi.twin_generator import GeneratorTwin
+from stickslip.rig.devices.scpi.twin_oscilloscope import OscilloscopeTwin
+from stickslip.rig.devices.scpi.twin_wiring import Wiring
 from stickslip.rig.twins.scpi import shortened
-from stickslip.rig.twins.wiring import Wiring
 
 from .serving import served
 from .wired import CAPTURE, CHANNELS, DRIVE, LIMITS, deviation, wiring
@@ -160,7 +160,7 @@ def test_a_stop_in_mid_run_fades_to_zero() -> None:
 )
 def test_a_cable_that_is_out_is_told(cable: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if cable == "sync":
-        monkeypatch.setattr("stickslip.rig.pair._LATE", 0.1)
+        monkeypatch.setattr("stickslip.rig.devices.scpi.pair._LATE", 0.1)
     bench = Bench()
     bench.wiring.cables.discard(cable)
     with bench.rig() as rig, pytest.raises(RigError, match=said):

@@ -14,15 +14,15 @@ import yaml
 import stickslip as ss
 from stickslip.quantities.units import QuantityError
 from stickslip.rig import LimitError, RigError
+from stickslip.rig.devices.physik_instrumente import E871Client, PiRig
+from stickslip.rig.devices.piezosystem_jena.twin import Nv200
+from stickslip.rig.devices.red_pitaya import RedPitayaRig
+from stickslip.rig.devices.scpi.twin_generator import GeneratorTwin
+from stickslip.rig.devices.scpi.twin_oscilloscope import OscilloscopeTwin
 from stickslip.rig.experiment import run_experiment
 from stickslip.rig.hosted import stop_all
-from stickslip.rig.pi import PiRig
-from stickslip.rig.positioners import wait
-from stickslip.rig.positioners.e871 import E871Client
-from stickslip.rig.redpitaya import RedPitayaRig
-from stickslip.rig.twins import Nv200, Stage
-from stickslip.rig.twins.generator import GeneratorTwin
-from stickslip.rig.twins.oscilloscope import OscilloscopeTwin
+from stickslip.rig.positioner import wait
+from stickslip.rig.twins import Stage
 from stickslip.rig.variation import EXACT
 
 from .serving import ACTUATOR, served

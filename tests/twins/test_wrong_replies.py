@@ -16,17 +16,16 @@ import pytest
 
 from stickslip.quantities.units import QuantityError
 from stickslip.rig import Gate, Limits, RigError
-from stickslip.rig.pair import PairRig
-from stickslip.rig.pi import PiRig
-from stickslip.rig.positioners.e871 import E871Client
-from stickslip.rig.redpitaya import RedPitayaRig
+from stickslip.rig.devices.physik_instrumente import E871Client, PiRig
+from stickslip.rig.devices.red_pitaya import RedPitayaRig
+from stickslip.rig.devices.scpi import PairRig
+from stickslip.rig.devices.scpi.twin_generator import GeneratorTwin
+from stickslip.rig.devices.scpi.twin_oscilloscope import OscilloscopeTwin
+from stickslip.rig.devices.scpi.twin_wiring import Wiring
 from stickslip.rig.scpi import ScpiInstrument
 from stickslip.rig.table import check_followed
 from stickslip.rig.twins import Stage
-from stickslip.rig.twins.generator import GeneratorTwin
-from stickslip.rig.twins.oscilloscope import OscilloscopeTwin
 from stickslip.rig.twins.server import HangUp
-from stickslip.rig.twins.wiring import Wiring
 from stickslip.rig.variation import EXACT
 
 from .serving import TestClock
@@ -163,9 +162,16 @@ def test_mutated_replies_do_no_harm(name: str, monkeypatch: pytest.MonkeyPatch) 
         return play(piece)
 
     monkeypatch.setattr(stage, "play", watched)
-    for module in ("gate", "oscilloscopes", "pair", "pi", "redpitaya", "table"):
+    for module in (
+        "gate",
+        "devices.scpi.oscilloscopes",
+        "devices.scpi.pair",
+        "devices.physik_instrumente.piezo_controller",
+        "devices.red_pitaya.stemlab",
+        "table",
+    ):
         monkeypatch.setattr(f"stickslip.rig.{module}.time", clock)
-    for module in ("scpi", "gcs"):
+    for module in ("scpi", "devices.physik_instrumente.gcs"):
         monkeypatch.setattr(f"stickslip.rig.{module}.Line", line_to(devices, random, counts))
     client, whole = None, 0
     while counts["replies"] < COUNT:
@@ -201,7 +207,7 @@ def test_mutated_requests_do_no_harm(name: str, monkeypatch: pytest.MonkeyPatch)
             sent.append((self.port, content))
             super().send(content)
 
-    for module in ("gate", "oscilloscopes", "pair", "table"):
+    for module in ("gate", "devices.scpi.oscilloscopes", "devices.scpi.pair", "table"):
         monkeypatch.setattr(f"stickslip.rig.{module}.time", clock)
     monkeypatch.setattr("stickslip.rig.scpi.Line", Listening)
     run(opened(), clock)
@@ -290,9 +296,9 @@ def test_readings_that_a_sensor_cannot_have_are_refused(
                 self._rest = b"\n".join(one if one.endswith(b" ") else one + b" " for one in rows[:-2] if one)
                 self._rest += b"\n" + rows[-2] + b"\n"
 
-    for module in ("gate", "pi", "table"):
+    for module in ("gate", "devices.physik_instrumente.piezo_controller", "table"):
         monkeypatch.setattr(f"stickslip.rig.{module}.time", clock)
-    monkeypatch.setattr("stickslip.rig.gcs.Line", Wrong)
+    monkeypatch.setattr("stickslip.rig.devices.physik_instrumente.gcs.Line", Wrong)
     with pytest.raises(RigError, match=said):
         run(opened(), clock)
 

@@ -8,8 +8,8 @@ import numpy as np
 
 import stickslip as ss
 from stickslip.recording.calibration import fit_calibration, save_calibration
+from stickslip.rig.devices.scpi.twin_wiring import Wiring
 from stickslip.rig.twins import Stage
-from stickslip.rig.twins.wiring import Wiring
 from stickslip.rig.variation import EXACT
 
 PLANT = ss.load_actuator("kang2007").replace(stage_reaction=False)

@@ -54,6 +54,12 @@ def _data_sheets() -> Iterable[str]:
     return available_data_sheets()
 
 
+def _twins() -> Iterable[str]:
+    from ..quantities.registry import twins
+
+    return twins.names()
+
+
 def _benches() -> Iterable[str]:
     from ..rig.bench import available_benches
 
@@ -102,6 +108,7 @@ laws = _completing(_laws)
 waveforms = _completing(_waveforms)
 stacks = _completing(_stacks)
 data_sheets = _completing(_data_sheets)
+twins = _completing(_twins)
 benches = _completing(_benches)
 calibrations = _completing(_calibrations)
 cited = _completing(_cited)

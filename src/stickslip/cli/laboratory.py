@@ -6,6 +6,7 @@ import json
 import socket
 import threading
 import time
+from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -28,7 +29,7 @@ from .frame import (
 )
 
 if TYPE_CHECKING:
-    from ..physics.actuator import Actuator
+    from ..rig.twins.server import Twin
 
 
 class FileKind(StrEnum):
@@ -119,19 +120,9 @@ def _address(text: str) -> tuple[str, int | None]:
     return host, int(port) if port else None
 
 
-class TwinName(StrEnum):
-    """Controllers with a twin (a simulated controller)."""
-
-    NV200 = "nv200"
-    MCS2 = "mcs2"
-    ANC300 = "anc300"
-    KIM101 = "kim101"
-    SCPI = "scpi"
-
-
 @app.command()
 def twin(
-    name: Annotated[TwinName, typer.Argument(help="Controller.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Controller.", autocompletion=completion.twins)],
     port: Annotated[
         int,
         typer.Option(help="TCP port, of an oscilloscope the next; 0 takes a free one.", min=0, max=65535),
@@ -145,19 +136,19 @@ def twin(
     ] = "kang2007-hysteresis",
     load: Annotated[str, typer.Option(help="Force on the end-effectors, with its unit.")] = "0 N",
     travel: Annotated[str, typer.Option(help="From end stop to end stop, with its unit.")] = "4 mm",
-    axes: Annotated[int, typer.Option(help="Stages on it; the NV200 has one.", min=1, max=4)] = 3,
+    axes: Annotated[int, typer.Option(help="Stages on it; some controllers have one.", min=1, max=4)] = 3,
     seed: Annotated[int, typer.Option(help="Of scatter, noise and position at power-on.", min=0)] = 0,
     temperature: Annotated[str, typer.Option(help="Of the stages, 1 K to 300 K.")] = "300 K",
     regular: Annotated[
         bool,
         typer.Option(
             "--regular",
-            help="Steps and end stops exactly as the model says. Without it those of a positioner (mcs2, "
-            "anc300, kim101) scatter, differ by direction, relax and give as on published stages.",
+            help="Steps and end stops exactly as the model says. Without it those of a positioner scatter, "
+            "differ by direction, relax and give as on published stages.",
         ),
     ] = False,
     pty: Annotated[
-        bool, typer.Option("--pty", help="On a pseudo terminal: a serial port (anc300, kim101).")
+        bool, typer.Option("--pty", help="On a pseudo terminal, if the controller has a serial port.")
     ] = False,
     show_traceback: Traceback = False,
 ) -> None:
@@ -165,34 +156,31 @@ def twin(
     with errors_in_one_line(show_traceback):
         from ..physics.actuator import load_actuator
         from ..physics.temperature import at_temperature
+        from ..quantities import registry
         from ..rig import REGULAR, Irregularity
-        from ..rig.twins import TwinServer, TwinTerminal, make_twin
+        from ..rig.twins import make_twin
 
         actuator = load_actuator(parameters).replace(external_force=load)
         actuator = at_temperature(actuator, temperature)
-        if name is TwinName.SCPI and pty:
-            raise ValueError("--pty: the twin of scpi has no serial port")
-        if name is TwinName.SCPI:
-            return serve_pair(actuator, travel, seed, host, port)
-        exact = regular or name is TwinName.NV200
+        exact = regular or name not in registry.positioners.names()
         steps = REGULAR if exact else Irregularity()
-        made = make_twin(name.value, actuator, axes=axes, travel=travel, irregularity=steps, seed=seed)
-        with TwinTerminal(made) if pty else TwinServer(made, host, port) as server:
-            typer.echo(server.where)
-            server.serve_forever()
+        made = make_twin(name, actuator, axes=axes, travel=travel, irregularity=steps, seed=seed)
+        serve(made._asdict() if hasattr(made, "_asdict") else {"": made}, host, port, pty)
 
 
-def serve_pair(actuator: Actuator, travel: str, seed: int, host: str, port: int) -> None:
-    """Serve a simulated generator and oscilloscope, until Ctrl-C."""
-    from ..rig.twins import TwinServer
-    from ..rig.twins.pair import make_pair
+def serve(twins: dict[str, Twin], host: str, port: int, pty: bool) -> None:
+    """Serve twins by their role, each on the next port, until Ctrl-C."""
+    from ..rig.twins import TwinServer, TwinTerminal
 
-    generator, oscilloscope = make_pair(actuator, travel=travel, seed=seed)
-    with TwinServer(generator, host, port) as one, TwinServer(oscilloscope, host, port and port + 1) as other:
-        for role, server in (("generator", one), ("oscilloscope", other)):
-            typer.echo(f"{role} {server.where}")
-        threading.Thread(target=other.serve_forever, daemon=True).start()
-        one.serve_forever()
+    with ExitStack() as at_last:
+        servers = []
+        for i, (role, made) in enumerate(twins.items()):
+            server = TwinTerminal(made) if pty else TwinServer(made, host, port and port + i)
+            servers.append(at_last.enter_context(server))
+            typer.echo(f"{role} {server.where}".strip())
+        for server in servers[1:]:
+            threading.Thread(target=server.serve_forever, daemon=True).start()
+        servers[0].serve_forever()
 
 
 @app.command()

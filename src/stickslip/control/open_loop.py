@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from ..quantities.records import Quantity
 from ..quantities.units import QuantityError, to_si
-from ..rig.positioners import Positioner, wait
+from ..rig.positioner import Positioner, wait
 from .estimator import Estimator
 from .step_law import StepLaw
 

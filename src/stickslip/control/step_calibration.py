@@ -24,7 +24,7 @@ from ..gate.text import decoded, read_file
 from ..quantities.progress import Progress, unheard
 from ..quantities.records import Quantity, record
 from ..quantities.units import QuantityError, to_si
-from ..rig.positioners import Positioner, wait
+from ..rig.positioner import Positioner, wait
 from ..rig.protocols import RigError
 
 _LIMIT = Quantity("m", "", "the distance between the limits", above=0)

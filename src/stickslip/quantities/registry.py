@@ -23,7 +23,7 @@ from contextvars import ContextVar
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from importlib.util import module_from_spec, spec_from_file_location
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path, PurePath
 from pkgutil import iter_modules
 from types import ModuleType
@@ -47,11 +47,14 @@ class RegistryError(QuantityError):
 
 
 class Kind:
-    """Everything of one kind by name. `noun` and `plural` are what it is called, `room` is the package's
-    folder of such things."""
+    """Everything of one kind by name.
 
-    def __init__(self, noun: str, plural: str, room: str) -> None:
-        self.noun, self.plural, self._room = noun, plural, f"{_PACKAGE}.{room}"
+    `noun` and `plural` are what it is called. `rooms` are where the package has such things: a module, a
+    folder of modules, or "folder.*" and "folder.*.module", the packages of a folder and a module of each.
+    """
+
+    def __init__(self, noun: str, plural: str, *rooms: str) -> None:
+        self.noun, self.plural, self._rooms = noun, plural, tuple(f"{_PACKAGE}.{room}" for room in rooms)
         self._things: dict[str, dict[str, Any]] = {}  # by name, then by where they are from
         self._called: dict[Any, str] = {}  # the names of those that are not called as they call themselves
 
@@ -73,7 +76,7 @@ class Kind:
 
     def packaged(self) -> dict[str, Any]:
         """Things of the package, by name."""
-        _import_room(self._room)
+        self._import_rooms()
         return {name: of[""] for name, of in self._things.items() if "" in of}
 
     def names(self) -> tuple[str, ...]:
@@ -117,7 +120,7 @@ class Kind:
         return there[name]
 
     def _by_name(self, name: str) -> Any:
-        _import_room(self._room)
+        self._import_rooms()
         if name not in self._things and name in self._installed():
             self._load(self._installed()[name])
         of = self._things.get(name, {})
@@ -173,6 +176,10 @@ class Kind:
     def installed(self, name: str) -> bool:
         """Return whether an installed package provides the name."""
         return name in self._installed()
+
+    def _import_rooms(self) -> None:
+        for room in self._rooms:
+            _import_room(room)
 
     def _installed(self) -> dict[str, EntryPoint]:
         return _entry_points(f"{_PACKAGE}.{self.plural}", tuple(sys.path))
@@ -338,10 +345,11 @@ def _told(error: BaseException, file: str = "") -> str:
 
 @cache
 def _import_room(room: str) -> None:
-    package = import_module(room)
-    for module in iter_modules(package.__path__):
-        if not module.ispkg:
-            import_module(f"{room}.{module.name}")
+    folder, packages, module = room.partition(".*")
+    for found in iter_modules(getattr(import_module(folder), "__path__", ())):
+        name = f"{folder}.{found.name}{module}"
+        if found.ispkg == bool(packages) and (not module or find_spec(name) is not None):
+            import_module(name)
 
 
 @cache
@@ -354,7 +362,8 @@ laws = Kind("law", "laws", "friction")
 waveforms = Kind("waveform", "waveforms", "waveform")
 sensors = Kind("sensor", "sensors", "physics.electronics")
 readers = Kind("reader", "readers", "recording.readers")
-rigs = Kind("rig", "rigs", "rig")
-positioners = Kind("positioner", "positioners", "rig.positioners")
+rigs = Kind("rig", "rigs", "rig.virtual", "rig.devices.*")
+positioners = Kind("positioner", "positioners", "rig.devices.*")
+twins = Kind("twin", "twins", "rig.devices.*.twin")
 piezos = Kind("piezo model", "piezos", "physics.piezo")
 controllers = Kind("controller", "controllers", "control")

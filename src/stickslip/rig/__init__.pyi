@@ -1,5 +1,5 @@
+from . import devices as devices
 from . import experiment as experiment
-from . import positioners as positioners
 from . import twins as twins
 from .bench import Bench as Bench
 from .bench import available_benches as available_benches
@@ -23,8 +23,10 @@ from .irregularity import Irregularity as Irregularity
 from .limits import LimitError as LimitError
 from .limits import Limits as Limits
 from .measurement import measure as measure
-from .nv200 import Nv200Rig as Nv200Rig
 from .plausibility import Plausibility as Plausibility
+from .positioner import Positioner as Positioner
+from .positioner import Ranges as Ranges
+from .positioner import wait as wait
 from .protocols import About as About
 from .protocols import Capabilities as Capabilities
 from .protocols import Controller as Controller

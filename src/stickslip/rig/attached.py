@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import glob
-import importlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any, NamedTuple
 
 from ..quantities import registry
 from .protocols import About, RigError
-from .scpi import ScpiInstrument
 
 _PATIENCE = 3.0  # s, longest wait for an answer of a library
-_PORTS = {"nv200": 23, "mcs2": 55551, "anc300": 7230, "e871": 50000}  # the makers' default ports
-_SCPI = {5025: "scpi", 5555: "scpi", 4000: "scpi", 5000: "redpitaya"}  # ports whose devices answer to *IDN?
 _FILES = (
     ("/dev/ttyUSB*", "a serial port"),
     ("/dev/ttyACM*", "a serial port"),
     ("/dev/tty.usb*", "a serial port"),
     ("/dev/usbtmc*", "an instrument on USB"),
 )
-_PROBES = ("nv200", "mcs2", "anc300", "kim101", "e871")
+_OWN = About("of a user's own", "", "", "", "by its author, or not")
 
 
 class Known(NamedTuple):
@@ -43,18 +39,16 @@ class Found(NamedTuple):
 
 def known_devices() -> list[Known]:
     """Return the back ends, including those of installed packages."""
-    made = []
-    for kind, of in (("rig", registry.rigs), ("positioner", registry.positioners)):
-        for name, thing in of.all():
-            unsaid = About("of a user's own", "", "", "", "by its author, or not")
-            made.append(Known(name, kind, getattr(thing, "about", unsaid)))
-    return made
+    return [Known(name, kind, _about(client)) for name, kind, client in _clients()]
 
 
 def attached_devices() -> list[Found]:
     """Return serial ports, USB instruments and NI devices of this machine. Nothing is sent to any port."""
     found = [Found(port, words) for pattern, words in _FILES for port in sorted(glob.glob(pattern))]
-    return [*found, *(Found(name, model, "daqmx") for name, model in _asked(_ni_devices))]
+    for name, _, client in _clients():
+        if hasattr(client, "attached"):
+            found += [Found(where, model, name) for where, model in _asked(client.attached)]
+    return found
 
 
 def probe(host: str, port: int | None = None, timeout: float = 0.5) -> list[Found]:
@@ -67,38 +61,33 @@ def probe(host: str, port: int | None = None, timeout: float = 0.5) -> list[Foun
         timeout: s, for each answer.
     """
     found = []
-    for name in _PROBES:
-        at = _PORTS.get(name) if port is None else port
-        if at is None:
-            continue
-        try:
-            opened = _opened(name, host, at, timeout)
-        except RigError:
-            continue
-        said = opened.capabilities.name if hasattr(opened, "capabilities") else opened.ranges.name
-        opened.close()
-        found.append(Found(f"{host}:{at}", said, name))
-        if port is not None:
-            return found
-    for at in _SCPI if port is None else (port,):
-        with suppress(RigError):
-            asked = ScpiInstrument("instrument", host, at, timeout)
-            name = "redpitaya" if "REDPITAYA" in asked.identity.upper() else _SCPI.get(at, "scpi")
-            found.append(Found(f"{host}:{at}", asked.identity, name))
-            asked.close()
+    asked = [(name, client) for name, _, client in _clients() if _about(client).ports is not None]
+    for name, client in sorted(asked, key=lambda one: getattr(one[1], "asked_last", False)):
+        for at in (_about(client).ports or ()) if port is None else (port,):
+            with suppress(RigError):
+                found.append(Found(f"{host}:{at}", _identity(client, host, at, timeout), name))
+                if port is not None:
+                    return found
     return found
 
 
-def _opened(name: str, host: str, port: int, timeout: float) -> Any:
-    made = (registry.rigs if name == "nv200" else registry.positioners).find(name)
-    if name == "kim101":
-        return made(f"{host}:{port}", timeout=timeout)
-    return made(host, port=port, timeout=timeout)
+def _clients() -> Iterator[tuple[str, str, Any]]:
+    """Yield name, kind and class of each back end."""
+    for kind in (registry.rigs, registry.positioners):
+        yield from ((name, kind.noun, client) for name, client in kind.all())
 
 
-def _ni_devices() -> list[tuple[str, str]]:
-    system = importlib.import_module("nidaqmx.system").System.local()
-    return [(device.name, device.product_type) for device in system.devices]
+def _about(client: Any) -> About:
+    return getattr(client, "about", _OWN)
+
+
+def _identity(client: Any, host: str, port: int, timeout: float) -> str:
+    """Return what the device at an address calls itself. Raises RigError if it is not the client's."""
+    if hasattr(client, "identify"):
+        return client.identify(host, port, timeout)
+    opened = client(host, port=port, timeout=timeout)
+    opened.close()
+    return (opened.capabilities if hasattr(opened, "capabilities") else opened.ranges).name
 
 
 def _asked(what: Callable[[], list[Any]]) -> list[Any]:

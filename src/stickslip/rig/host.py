@@ -27,7 +27,7 @@ from typing import Any
 
 from ..gate.priority import come_first
 from ..recording.calibration.storage import from_text
-from .devices import open_device
+from .description import open_device
 from .gate import PositionInput
 from .home import Home
 from .interlock import FILE as INTERLOCK

@@ -21,7 +21,7 @@ import numpy as np
 from ..quantities.units import QuantityError
 from ..recording.calibration.storage import to_text
 from ..recording.replacing import read_small
-from .devices import told_of
+from .description import told_of
 from .gate import PositionInput
 from .interlock import HostedInterlock, InterlockError, arming
 from .limits import LONGEST_STOP, LimitError, Limits

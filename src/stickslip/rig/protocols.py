@@ -57,7 +57,8 @@ class About(NamedTuple):
     """Description of a back end before it is connected, for `stickslip rigs`.
 
     It names the device, its function, how samples arrive, how the output reaches its safe state, and what was
-    verified against which reference.
+    verified against which reference. `ports` are the maker's TCP ports; a device with None is not asked when
+    an address is searched.
     """
 
     device: str
@@ -65,6 +66,7 @@ class About(NamedTuple):
     samples: str
     safe_state: str
     verified: str
+    ports: tuple[int, ...] | None = None
 
 
 class DriveOutput(Protocol):

@@ -19,7 +19,7 @@ from nidaqmx.errors import DaqError
 import stickslip as ss
 from stickslip.recording.calibration import fit_calibration
 from stickslip.rig import RigError
-from stickslip.rig.daqmx import DaqmxRig
+from stickslip.rig.devices.national_instruments import DaqmxRig
 from stickslip.rig.twins import Stage
 from stickslip.rig.twins.stage import Piece
 from stickslip.rig.variation import EXACT

@@ -8,7 +8,9 @@ import sys
 
 from pylablib.devices.Attocube import ANC300
 
-from stickslip.rig.positioners import Anc300Client, Kim101Client, wait
+from stickslip.rig.devices.attocube import Anc300Client
+from stickslip.rig.devices.thorlabs import Kim101Client
+from stickslip.rig.positioner import wait
 
 kim101, anc300 = sys.argv[1:]
 said = {}

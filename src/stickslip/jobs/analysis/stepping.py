@@ -26,7 +26,7 @@ from ...control import Bursts, StepLaw, fit_steps, measure_steps, read_bursts
 from ...quantities import registry
 from ...quantities.input_file import Strict, explain, load_yaml
 from ...quantities.progress import Progress
-from ...rig.positioners import Positioner
+from ...rig.positioner import Positioner
 from .file import AnalysisError
 
 

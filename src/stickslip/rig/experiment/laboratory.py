@@ -24,7 +24,7 @@ from .. import (
     folder_of,
     load_bench,
 )
-from ..devices import own_device, virtual_device
+from ..description import own_device, virtual_device
 from ..variation import EXACT
 from .file import ExperimentFile, OwnRigSpec, VirtualRigSpec
 

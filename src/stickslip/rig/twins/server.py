@@ -42,9 +42,7 @@ class Session(Protocol):
 
 
 class Twin(Protocol):
-    """A controller; `port` is the maker's default port."""
-
-    port: int
+    """A controller."""
 
     def session(self) -> Session:
         """Return a new session."""

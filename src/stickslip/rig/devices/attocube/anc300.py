@@ -1,0 +1,162 @@
+"""Client of attocube's ANC300, through its console on TCP or a serial port."""
+
+from __future__ import annotations
+
+import re
+from typing import ClassVar
+
+from ....quantities import registry
+from ....quantities.units import to_si
+from ...line import Line, finite
+from ...positioner import Ranges
+from ...protocols import About, RigError
+
+PORT = 7230
+_BAUD = 38400  # bits/s of the serial port
+_MOST_AXES = 7
+_STOPPING = (("stop", ""), ("setm", " gnd"))
+
+
+class Anc300Client:
+    """The controller; see `Positioner`. Its axes are its modules, from 1. It has no sensor.
+
+    Args:
+        host: address, or serial port such as /dev/ttyACM0.
+        port: TCP port of the console; None for a serial port, which needs no password.
+        password: password of the console on TCP.
+        timeout: s, for each answer.
+
+    Raises:
+        RigError: nobody answers there, or the password is wrong.
+    """
+
+    about: ClassVar[About] = About(
+        device="attocube ANC300 (console, TCP or serial)",
+        does="steps, holds an offset",
+        samples="none",
+        safe_state="motions stop and the axes are grounded",
+        verified="our twin, which the driver of PyMeasure drives too; not run on hardware",
+        ports=(PORT,),
+    )
+
+    def __init__(
+        self,
+        host: str,
+        *,
+        port: int | None = PORT,
+        password: str = "123456",
+        timeout: float | str = 2.0,
+    ) -> None:
+        self._line = Line("ANC300", host, port, to_si(timeout, "s", "timeout"), baud=_BAUD, closing=True)
+        self._counted: dict[int, int] = {}
+        with self._line.closed_on_refusal():
+            self._password = None if port is None else password
+            self._begin()
+            axes = tuple(axis for axis in range(1, _MOST_AXES + 1) if self._has(axis))
+            serial = self._ask("getcser").strip()
+        self.ranges = Ranges(
+            name=f"ANC300 {serial}",
+            axes=axes,
+            max_voltage=150.0,
+            min_frequency=1.0,
+            max_frequency=10e3,
+            max_steps=1_000_000,
+            sensor=False,
+            scans=True,
+        )
+
+    def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
+        """Start steps."""
+        voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
+        self.ranges.check(axis, count, voltage, frequency)
+        if not count:
+            return
+        self._ask(f"setm {axis} stp")
+        self._ask(f"setv {axis} {voltage:.3f}")
+        self._ask(f"setf {axis} {frequency:.0f}")
+        self._ask(f"{'stepu' if count > 0 else 'stepd'} {axis} {abs(count)}")
+        self._counted[axis] = self._counted.get(axis, 0) + count
+
+    def scan(self, axis: int, voltage: float | str) -> None:
+        """Set a constant voltage. This needs a module with an offset."""
+        voltage = to_si(voltage, "V", "voltage")
+        self.ranges.check(axis, voltage=voltage)
+        self._ask(f"setm {axis} off")
+        self._ask(f"seta {axis} {voltage:.3f}")
+
+    def moving(self, axis: int) -> bool:
+        """Return True if the output differs from its resting value, 0 V or the offset. The console reports no
+        motion."""
+        self.ranges.check(axis)
+        rest = self._number(f"geta {axis}") if self._value(f"getm {axis}") == "off" else 0.0
+        return any(abs(self._number(f"geto {axis}") - rest) > 1e-3 for _ in range(3))
+
+    def position(self, axis: int) -> float:
+        """Return the steps requested since the connection, up minus down."""
+        self.ranges.check(axis)
+        return float(self._counted.get(axis, 0))
+
+    def stop(self) -> None:
+        """Stop all motions and ground the axes."""
+        self._line.insist(self._ground, self._begin)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._line.close()
+
+    def _ground(self) -> None:
+        commands = [f"{what} {axis}{to}" for axis in self.ranges.axes for what, to in _STOPPING]
+        self._line.send("".join(f"{one}\r\n" for one in commands).encode())
+        for command in commands:
+            self._said(command)
+
+    def _begin(self) -> None:
+        """Send what a new connection needs: the password, and the end of echoing."""
+        if self._password is not None:
+            self._line.send(self._password.encode("latin-1") + b"\r\n")
+            self._line.until(b"Authorization success\r\n", b"the password")
+        self._ask("echo off")
+
+    def _has(self, axis: int) -> bool:
+        try:
+            self._ask(f"getm {axis}")
+        except RigError as error:
+            if "Wrong axis type" not in str(error):
+                raise
+            return False
+        return True
+
+    def _number(self, command: str) -> float:
+        said = self._value(command)
+        try:
+            return finite(said)
+        except ValueError:
+            self._line.fail(f"{command} is answered by {said[:60]!r}, no number")
+
+    def _value(self, command: str) -> str:
+        said = self._ask(command)
+        found = re.search(r"=\s*(\S+)", said)
+        if found is None:
+            self._line.fail(f"{command} is answered by {said[:60]!r}")
+        return found[1]
+
+    def _ask(self, command: str) -> str:
+        self._line.send(command.encode("latin-1") + b"\r\n")
+        return self._said(command)
+
+    def _said(self, command: str) -> str:
+        """Return the lines of the answer before OK."""
+        asked = command.encode("latin-1")
+        lines: list[str] = []
+        while True:
+            line = self._line.until(b"\n", asked).decode("latin-1").strip("\r\x00 ")
+            if line == "OK":
+                return "\n".join(lines)
+            if line == "ERROR":
+                raise RigError(f"{self._line.device}: {command}: {' '.join(lines)[:200]}")
+            if len(lines) > 1000:
+                self._line.fail(f"the answer to {command} does not end")
+            lines.append(line)
+
+
+registry.positioners.add(Anc300Client, "anc300")

@@ -1,0 +1,3 @@
+"""Cards of National Instruments."""
+
+from .daqmx import DaqmxRig as DaqmxRig

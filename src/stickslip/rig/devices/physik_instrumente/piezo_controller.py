@@ -1,0 +1,214 @@
+"""A digital piezo controller of Physik Instrumente as a rig: wave generator and data recorder, through GCS
+2.0.
+
+For controllers such as E-709 and E-727. The servo is off, so that the wave table is the piezo's voltage.
+Position and voltage are recorded at multiples of the servo's cycle time.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+
+import numpy as np
+
+from ....quantities import registry
+from ....quantities.units import QuantityError, to_si
+from ...protocols import About, Array, Capabilities, RigError
+from ...table import check_followed, check_inputs, check_positive, check_ready, held, lower, with_ramp, within
+from .gcs import PORT, GcsLine
+
+_CYCLE = "SPA? 1 0x0E000200"  # query of the servo's cycle time, s
+_OPTIONS = {"position": 2, "drive": 16}  # record options: position of the axis, voltage of the channel
+_AT_A_TIME = 10  # values per command, whose length is limited
+_POLL = 0.02  # s between two queries
+_STEPS = 50  # most steps of a ramp
+_LATE = 5.0  # s after the end of the table within which the recording must end
+_BEYOND = 0.1  # fraction of a range by which a reading may exceed it
+
+
+class PiRig:
+    """A piezo controller of Physik Instrumente that uses GCS; see `protocols.Rig`.
+
+    Args:
+        host: address of the controller.
+        axis: axis of the controller, driven by its first output channel and wave generator.
+        interval: s between updates of the output and between samples; a multiple of the servo's cycle time.
+        points: length of a wave table and of a record, from the controller's manual.
+        ramp: slew of the ramp to 0 V that ends each drive, V/s. It is also the slew of an initial ramp, which
+            is needed because a killed program leaves its last voltage.
+        port: TCP port.
+        timeout: s, for each answer.
+
+    Inputs are "drive", the voltage at the piezo, and "position", the reading of the sensor.
+
+    Raises:
+        RigError: nobody answers there, or the device is another one.
+        QuantityError: a value is out of range.
+    """
+
+    about = About(
+        device="Physik Instrumente, digital piezo controllers such as E-709, E-727 (GCS 2.0, TCP)",
+        does="puts out and records",
+        samples="at the end of the run, as many as its tables hold",
+        safe_state="steps to 0 V by SVA; a table ends at 0 V without the program too",
+        verified="a controller simulated in the tests, which PI's pipython drives too; not run on hardware",
+    )
+
+    def __init__(
+        self,
+        host: str,
+        *,
+        axis: str = "1",
+        interval: float | str = 100e-6,
+        points: int = 8192,
+        ramp: float | str = 1000.0,
+        port: int = PORT,
+        timeout: float | str = 5.0,
+    ) -> None:
+        interval, ramp = to_si(interval, "s", "interval"), to_si(ramp, "V/s", "ramp")
+        timeout = to_si(timeout, "s", "timeout")
+        check_positive(interval=interval, points=points, ramp=ramp, timeout=timeout)
+        self._line = GcsLine(host, port, timeout)
+        self._axis, self._ramp = axis, ramp
+        self._inputs: tuple[str, ...] = ()
+        self._volts: Array = np.zeros(0)
+        self._samples, self._running = 0, False
+        self._lasts = self._ends = 0.0
+        try:
+            cycle = self._line.number(_CYCLE)
+            self._factor = max(round(interval / cycle), 1) if cycle > 0.0 else 1
+            if abs(interval - self._factor * cycle) > 1e-3 * interval:
+                raise QuantityError(
+                    f"interval = {interval:g} s must be a multiple of {cycle:g} s, the servo's cycle"
+                )
+            self._read_range()
+            # um: ends of the sensor's travel, with a tenth of it as a margin for readings.
+            ends = [self._line.number(f"{name}? {axis}") for name in ("TMN", "TMX")]
+            self._travel = ends[0] - _BEYOND * (ends[1] - ends[0]), ends[1] + _BEYOND * (ends[1] - ends[0])
+            self._line.do("WGO 1 0")
+            self._line.do(f"SVO {axis} 0")
+            self._go_to_zero(ramp, False)
+        except (RigError, QuantityError):
+            self._line.close()
+            raise
+        self.capabilities = Capabilities(
+            name=f"PI {self._line.model}",
+            update_rate=1.0 / interval,
+            sample_rate=1.0 / interval,
+            min_voltage=min(self._low, 0.0),
+            max_voltage=max(self._high, 0.0),
+            step=(self._high - self._low) / 65536,
+            max_points=points - 1,
+            inputs={"drive": "V", "position": "m"},
+            streams=False,
+            own_slew=ramp,
+        )
+
+    def refresh(self) -> None:
+        """Read the range of the output again: it may have been reduced at the controller."""
+        self._read_range()
+        low, high = min(self._low, 0.0), max(self._high, 0.0)
+        step = (self._high - self._low) / 65536
+        self.capabilities = self.capabilities._replace(min_voltage=low, max_voltage=high, step=step)
+
+    def _read_range(self) -> None:
+        self._low, self._high = (self._line.number(f"{name}? 1") for name in ("VMI", "VMA"))
+
+    def told(self, runs: int) -> dict[str, str]:
+        """Return the controller and its settings, for the recording."""
+        del runs
+        known = {
+            "device": self._line.identity,
+            "axis": self._axis,
+            "interval": 1.0 / self.capabilities.update_rate,
+        }
+        return {"device": json.dumps(known)}
+
+    def load(self, volts: Array) -> None:
+        """Load the drive, V, with a ramp to 0 V at its end, into the wave table."""
+        can = self.capabilities
+        table = with_ramp(np.asarray(volts, dtype=float), self._ramp, can.update_rate)
+        within(can.name, table, can.min_voltage, can.max_voltage, can.max_points + 1)
+        self._volts = np.zeros(0)
+        for begin in range(0, table.size, _AT_A_TIME):
+            some = table[begin : begin + _AT_A_TIME]
+            values = " ".join(f"{one:.5f}" for one in some)
+            self._line.do(f"WAV 1 {'&' if begin else 'X'} PNT 1 {some.size} {values}")
+        for command in (f"WTR 0 {self._factor} 0", "WSL 1 1", "WGC 1 1", "WOS 1 0"):
+            self._line.do(command)
+        self._volts, self._lasts = np.array(volts, dtype=float), table.size / can.update_rate
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        """Record these inputs when the wave generator starts."""
+        can = self.capabilities
+        check_inputs(can, inputs, samples)
+        self._line.do(f"RTR {self._factor}")
+        for table, name in enumerate(inputs, 1):
+            source = self._axis if name == "position" else "1"
+            self._line.do(f"DRC {table} {source} {_OPTIONS[name]}")
+        self._inputs, self._samples = inputs, samples
+
+    def start(self) -> None:
+        """Start the wave generator, which starts the recorder."""
+        check_ready(self.capabilities, self._volts, self._samples)
+        self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
+        self._line.do("WGO 1 1")
+        self._ends = time.monotonic() + self._lasts
+
+    def fetch(self) -> Array:
+        """Return all samples [inputs, n] once they are recorded; none before."""
+        if not self._running:
+            raise RigError(f"{self.capabilities.name}: nothing is running")
+        if self._line.number("DRL? 1") < self._samples + 1:
+            if time.monotonic() > self._ends + _LATE:
+                raise RigError(f"{self._line.name}: DRL? 1: it does not record so many samples")
+            time.sleep(_POLL)
+            return np.zeros((len(self._inputs), 0))
+        tables = " ".join(str(i + 1) for i in range(len(self._inputs)))
+        query = f"DRR? 1 {self._samples + 1} {tables}"
+        rows = self._line.table(query)
+        if len(rows) != self._samples + 1 or any(len(row) != len(self._inputs) for row in rows):
+            raise RigError(f"{self._line.name}: {query}: {len(rows)} rows came")
+        self._check(np.array(rows[1:]).T)
+        scale = np.array([1e-6 if name == "position" else 1.0 for name in self._inputs])  # from um
+        return (np.array(rows[1:]) * scale).T  # the first sample is from before the drive
+
+    def _check(self, found: Array) -> None:
+        """Raise RigError for readings that sensor or output cannot have."""
+        spare = _BEYOND * (self._high - self._low)
+        for name, values in zip(self._inputs, found, strict=True):
+            low, high = self._travel if name == "position" else (self._low - spare, self._high + spare)
+            unit = "um" if name == "position" else "V"
+            wrong = values[(values < low) | (values > high)]
+            if wrong.size:
+                raise RigError(
+                    f"{self._line.name}: {name} = {wrong[0]:.4g} {unit} came, which is not within "
+                    f"{low:.4g} to {high:.4g} {unit}"
+                )
+            if name == "drive":
+                check_followed(self._line.name, values, held(self._volts, values.size))
+
+    def stop(self, slew: float) -> None:
+        """End the wave if it still runs, and go to 0 V in steps. Without answers, go to 0 V at once."""
+        running, self._running = self._running, False
+        try:
+            self._go_to_zero(slew, running)
+        except RigError:
+            self._line.tell("WGO 1 0")
+            self._line.tell(f"SVA {self._axis} 0")
+            raise
+
+    def _go_to_zero(self, slew: float, running: bool) -> None:
+        if running and 0.0 < self._ends - time.monotonic() <= float(np.abs(self._volts).max()) / slew:
+            time.sleep(max(self._ends - time.monotonic(), 0.0))  # the table ends with its own ramp
+        self._line.do("WGO 1 0")
+        volts = self._line.number("VOL? 1")
+        lower(lambda share: self._line.do(f"SVA {self._axis} {share * volts:.5f}"), abs(volts), slew, _STEPS)
+
+    def close(self) -> None:
+        """Close the connection. A running wave continues to its end, at 0 V."""
+        self._line.close()
+
+
+registry.rigs.add(PiRig, "pi")

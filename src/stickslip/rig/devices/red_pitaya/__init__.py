@@ -1,0 +1,3 @@
+"""The board Red Pitaya."""
+
+from .stemlab import RedPitayaRig as RedPitayaRig

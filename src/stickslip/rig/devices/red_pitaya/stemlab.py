@@ -1,0 +1,228 @@
+"""A Red Pitaya as a rig, through its SCPI server: its generator drives an amplifier, its fast inputs record.
+
+Generator and inputs have buffers of 16,384 values. The generator triggers the acquisition inside the board,
+without a cable.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+
+import numpy as np
+
+from ....quantities import registry
+from ....quantities.units import QuantityError, to_si
+from ...protocols import About, Array, Capabilities, RigError
+from ...scpi import ScpiInstrument
+from ...table import (
+    check_followed,
+    check_inputs,
+    check_positive,
+    check_ready,
+    fade_out,
+    held,
+    with_ramp,
+    within,
+)
+
+PORT = 5000
+CLOCK = 125e6  # Hz
+BUFFER = 16384
+_SPAN = {"LV": 1.0, "HV": 20.0}  # V, to either side, set by the jumpers of the inputs
+_OUT = 1.0  # V, to either side
+_BITS = 14
+_LEAST = 1e-3  # V, least amplitude
+_POLL = 0.02  # s between two queries
+_LATE = 5.0  # s after the expected end within which the buffer must be full
+
+
+class RedPitayaRig:
+    """The board Red Pitaya, through its SCPI server; see `protocols.Rig`.
+
+    Args:
+        host: address of the board.
+        gain: gain of the amplifier at output 1, V at the piezo per V of the board.
+        inputs: fast input of the board for each input of the rig, such as {"gauge": 1}, in V. The input
+            "drive" is the loaded drive, unless an input measures it.
+        rate: Hz, of output and inputs; rounded to 125 MHz divided by an integer up to 65,536.
+        jumpers: range of the inputs, "LV" (1 V to either side) or "HV" (20 V).
+        ramp: V/s at the piezo, slew of the ramp to 0 V that ends each drive.
+        port: TCP port of the SCPI server.
+        timeout: s, for each answer.
+
+    Raises:
+        RigError: nobody answers there, or the device is another one.
+        QuantityError: a value is out of range.
+    """
+
+    about = About(
+        device="Red Pitaya STEMlab 125-14, its SCPI server (TCP, OS 2.00 or newer)",
+        does="puts out and records",
+        samples="at the end of the run, up to 16,384",
+        safe_state="amplitude faded to 0 V, output off; a table ends at 0 V without the program too",
+        verified="a board simulated in the tests, which PyMeasure's driver reads too; not run on hardware",
+        ports=(PORT,),
+    )
+
+    @staticmethod
+    def identify(host: str, port: int, timeout: float) -> str:
+        """Return the identity of the board at an address. Raises RigError if there is none."""
+        asked = ScpiInstrument("instrument", host, port, timeout)
+        asked.close()
+        if "REDPITAYA" not in asked.identity.upper():
+            raise RigError(f"{asked.name} says it is {asked.identity[:80]!r}, not a Red Pitaya")
+        return asked.identity
+
+    def __init__(
+        self,
+        host: str,
+        *,
+        gain: float,
+        inputs: Mapping[str, int],
+        rate: float | str = 20e3,
+        jumpers: str = "LV",
+        ramp: float | str = 1000.0,
+        port: int = PORT,
+        timeout: float | str = 5.0,
+    ) -> None:
+        rate, ramp = to_si(rate, "Hz", "rate"), to_si(ramp, "V/s", "ramp")
+        timeout = to_si(timeout, "s", "timeout")
+        check_positive(gain=gain, rate=rate, ramp=ramp, timeout=timeout)
+        self._decimation = round(CLOCK / rate)
+        if self._decimation not in (1, 2, 4, 8) and not 16 <= self._decimation <= 65536:
+            raise QuantityError(f"rate = {rate:g} Hz must be 125 MHz by 1, 2, 4, 8 or 16 to 65536")
+        if jumpers not in _SPAN or not inputs or not set(inputs.values()) <= {1, 2}:
+            raise QuantityError(
+                f"jumpers = {jumpers!r} must be LV or HV, inputs = {dict(inputs)} name 1 and 2"
+            )
+        self._rate, self._gain, self._ramp = CLOCK / self._decimation, gain, ramp
+        self._channels, self._span = dict(inputs), _SPAN[jumpers]
+        self._link = ScpiInstrument("Red Pitaya", host, port, timeout, end=b"\r\n")
+        self._volts: Array = np.zeros(0)
+        self._inputs: tuple[str, ...] = ()
+        self._samples, self._running = 0, False
+        self._lasts = self._ends = self._amplitude = 0.0
+        try:
+            if "REDPITAYA" not in self._link.identity.upper():
+                raise RigError(f"{self._link.name} says it is {self._link.identity[:80]!r}, not a Red Pitaya")
+            self._do("OUTPUT1:STATE OFF", "GEN:RST", *(f"ACQ:SOUR{n}:GAIN {jumpers}" for n in (1, 2)))
+        except RigError:
+            self._link.close()
+            raise
+        self.capabilities = Capabilities(
+            name="Red Pitaya",
+            update_rate=self._rate,
+            sample_rate=self._rate,
+            min_voltage=-gain * _OUT,
+            max_voltage=gain * _OUT,
+            step=gain * 2.0 * _OUT / 2**_BITS,
+            max_points=BUFFER - 1,
+            inputs={"drive": "V", **dict.fromkeys(self._channels, "V")},
+            streams=False,
+            own_slew=ramp,
+        )
+
+    def told(self, runs: int) -> dict[str, str]:
+        """Return the board and its settings, for the recording."""
+        del runs
+        known = {
+            "device": self._link.identity,
+            "gain": self._gain,
+            "inputs": self._channels,
+            "span": self._span,
+        }
+        return {"device": json.dumps(known)}
+
+    def load(self, volts: Array) -> None:
+        """Upload the drive, V at the piezo, with a ramp to 0 V at its end."""
+        can = self.capabilities
+        table = with_ramp(np.asarray(volts, dtype=float), self._ramp, self._rate)
+        within(can.name, table, can.min_voltage, can.max_voltage, BUFFER)
+        self._volts = np.zeros(0)
+        table = table / self._gain
+        self._amplitude = max(float(np.abs(table).max()), _LEAST)
+        self._do(
+            *("OUTPUT1:STATE OFF", "SOUR1:FUNC ARBITRARY"),
+            "SOUR1:TRAC:DATA:DATA " + ",".join(f"{one:.6f}" for one in table / self._amplitude),
+            f"SOUR1:FREQ:FIX {self._rate / table.size:.9g}",
+            *("SOUR1:VOLT:OFFS 0", f"SOUR1:VOLT {self._amplitude:.6f}"),
+            *("SOUR1:BURS:STAT BURST", "SOUR1:BURS:NCYC 1", "SOUR1:BURS:NOR 1", "SOUR1:TRIG:SOUR INT"),
+        )
+        self._volts, self._lasts = np.array(volts, dtype=float), table.size / self._rate
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        """Record these inputs when the output starts."""
+        can = self.capabilities
+        check_inputs(can, inputs, samples)
+        self._do(
+            *("ACQ:STOP", "ACQ:RST", f"ACQ:DEC {self._decimation}", "ACQ:AVG ON"),
+            *("ACQ:DATA:FORMAT ASCII", "ACQ:DATA:UNITS VOLTS"),
+            f"ACQ:TRIG:DLY {samples + 1 - BUFFER // 2}",  # from the middle: these samples are the last
+        )
+        self._inputs, self._samples = inputs, samples
+
+    def start(self) -> None:
+        """Start the generator, which starts the acquisition."""
+        check_ready(self.capabilities, self._volts, self._samples)
+        self._do("ACQ:START", "ACQ:TRIG AWG_PE", "OUTPUT1:STATE ON")
+        self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
+        self._do("SOUR1:TRIG:INT")
+        self._ends = time.monotonic() + self._lasts
+
+    def fetch(self) -> Array:
+        """Return all samples [inputs, n], V, once the buffer is full; none before."""
+        if not self._running:
+            raise RigError(f"{self.capabilities.name}: nothing is running")
+        if self._link.ask("ACQ:TRIG:FILL?") != "1":
+            if time.monotonic() > self._ends + self._samples / self._rate + _LATE:
+                raise RigError(f"{self._link.name}: ACQ:TRIG:FILL?: its buffer does not fill")
+            time.sleep(_POLL)
+            return np.zeros((len(self._inputs), 0))
+        played = held(self._volts, self._samples)
+        channels = self._channels
+        rows = [self._read(channels[n]) if n in channels else played for n in self._inputs]
+        if "drive" in channels and "drive" in self._inputs:
+            check_followed(self.capabilities.name, rows[self._inputs.index("drive")], played)
+        return np.array(rows)
+
+    def stop(self, slew: float) -> None:
+        """Fade to 0 V and disconnect the output, which is disconnected even if fading fails."""
+        running, self._running = self._running, False
+        try:
+            if running:
+                greatest = float(np.abs(self._volts).max(initial=0.0))
+                fade_out(self._fade, greatest, slew, self._ends)
+        finally:
+            self._link.tell("OUTPUT1:STATE OFF")
+            self._link.check("OUTPUT1:STATE OFF")
+
+    def close(self) -> None:
+        """Close the connection. A running table continues to its end, at 0 V."""
+        self._link.close()
+
+    def _fade(self, share: float) -> None:
+        self._do(f"SOUR1:VOLT {max(share * self._amplitude, _LEAST):.6f}")
+
+    def _read(self, channel: int) -> Array:
+        """Return the samples from the first value of the drive on, which is one sample after the trigger."""
+        query = f"ACQ:SOUR{channel}:DATA?"
+        said = self._link.ask(query)
+        try:
+            found = np.array([float(one) for one in said.strip("{}").split(",")])
+        except ValueError:
+            found = np.zeros(0)
+        if found.size != BUFFER or not np.all(np.isfinite(found)):
+            raise RigError(f"{self._link.name}: {query} is answered by {said[:60]!r}, {found.size} numbers")
+        found = found[-self._samples :]
+        if np.abs(found).max() >= 0.999 * self._span:
+            raise RigError(f"{self._link.name}: input {channel} was beyond {self._span:g} V")
+        return found
+
+    def _do(self, *commands: str) -> None:
+        for command in commands:
+            self._link.do(command)
+
+
+registry.rigs.add(RedPitayaRig, "redpitaya")

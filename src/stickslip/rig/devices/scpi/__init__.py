@@ -1,0 +1,3 @@
+"""Function generators and oscilloscopes that use SCPI, of several makers."""
+
+from .pair import PairRig as PairRig

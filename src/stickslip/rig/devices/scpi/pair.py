@@ -1,0 +1,211 @@
+"""A function generator and an oscilloscope as a rig, both controlled by SCPI commands.
+
+The generator's output goes to an amplifier of known gain, which drives the piezo. The generator's sync output
+triggers the oscilloscope, whose channels read the sensors. `generators` and `oscilloscopes` hold the commands
+of each family, which is recognised by the instrument's identity.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from ....quantities import registry
+from ....quantities.units import QuantityError, to_si
+from ...protocols import About, Array, Capabilities, RigError
+from ...scpi import ScpiInstrument
+from ...table import (
+    check_followed,
+    check_inputs,
+    check_positive,
+    check_ready,
+    fade_out,
+    held,
+    with_ramp,
+    within,
+)
+from .generators import Generator
+from .oscilloscopes import Oscilloscope
+
+_SAMPLES = 50_000  # of a recording; oscilloscopes return some 60,000 points of a screen
+_SPAN = 8.0  # V, range of an input by default
+_POLL = 0.02  # s between two queries
+_JITTER = 1e-6  # s, assumed for a trigger by cable
+_LATE = 5.0  # s after the end of the screen within which an acquisition must end
+
+
+class PairRig:
+    """A function generator and an oscilloscope that use SCPI; see `protocols.Rig`.
+
+    Args:
+        generator, oscilloscope: "HOST", "HOST:PORT" (default port 5025; Rigol 5555, Tektronix 4000), or a
+            VISA resource (needs pyvisa).
+        gain: gain of the amplifier, V at the piezo per V of the generator.
+        inputs: oscilloscope channel of each input, such as {"gauge": 2}, all in V. The input "drive" is the
+            loaded drive, unless a channel measures it.
+        spans: V from the bottom to the top of the screen, for each input; 8 V by default.
+        rate: Hz, of output and inputs.
+        ramp: V/s at the piezo, slew of the ramp to 0 V that ends each drive.
+        output: number of the generator's output.
+        trigger: trigger source in the oscilloscope's words.
+        level: trigger level, V.
+        timeout: s, for each answer.
+
+    Raises:
+        RigError: an instrument does not answer, or its family is unknown.
+        QuantityError: a value is out of range.
+    """
+
+    about = About(
+        device="a function generator and an oscilloscope by SCPI (families: see docs/devices/scpi.md)",
+        does="puts out and records",
+        samples="at the end of the run, up to 50,000",
+        safe_state="amplitude faded to 0 V, output off; a table ends at 0 V without the program too",
+        verified="our twins, which PyMeasure's drivers of 33500 and DSOX1102G drive too; not run on hardware",
+        ports=(5025, 5555, 4000),
+    )
+
+    asked_last: ClassVar[bool] = True  # other controllers answer *IDN? too
+
+    @staticmethod
+    def identify(host: str, port: int, timeout: float) -> str:
+        """Return the identity of the instrument at an address. Raises RigError if there is none."""
+        asked = ScpiInstrument("instrument", host, port, timeout)
+        asked.close()
+        return asked.identity
+
+    def __init__(
+        self,
+        generator: str,
+        oscilloscope: str,
+        *,
+        gain: float,
+        inputs: Mapping[str, int],
+        spans: Mapping[str, float | str] | None = None,
+        rate: float | str = 20e3,
+        ramp: float | str = 1000.0,
+        output: int = 1,
+        trigger: str = "EXT",
+        level: float | str = 1.0,
+        timeout: float | str = 5.0,
+    ) -> None:
+        rate, ramp = to_si(rate, "Hz", "rate"), to_si(ramp, "V/s", "ramp")
+        level, timeout = to_si(level, "V", "level"), to_si(timeout, "s", "timeout")
+        self._spans = {name: to_si(span, "V", f"spans.{name}") for name, span in (spans or {}).items()}
+        check_positive(gain=gain, rate=rate, ramp=ramp, timeout=timeout, **self._spans)
+        if not inputs or set(self._spans) - set(inputs):
+            raise QuantityError(f"inputs = {dict(inputs)} must name a channel for each of spans")
+        self._channels, self._rate, self._ramp, self._gain = dict(inputs), rate, ramp, gain
+        self._generator = Generator(generator, output, timeout)
+        try:
+            self._oscilloscope = Oscilloscope(oscilloscope, trigger, level, timeout)
+        except RigError:
+            self._generator.link.close()
+            raise
+        one = self._generator.table
+        if rate > one.max_rate:
+            self.close()
+            raise QuantityError(f"rate = {rate:g} Hz must be <= {one.max_rate:g} Hz for {one.name}")
+        self._volts: Array = np.zeros(0)
+        self._inputs: tuple[str, ...] = ()
+        self._samples, self._running = 0, False
+        self._lasts = self._ends = self._over = 0.0  # s: duration; times when table and acquisition end
+        self.capabilities = Capabilities(
+            name=f"{one.name} and {self._oscilloscope.table.name}",
+            update_rate=rate,
+            sample_rate=rate,
+            min_voltage=-gain * one.volts,
+            max_voltage=gain * one.volts,
+            step=gain * one.volts / one.full,
+            max_points=min(_SAMPLES, one.points // 2),
+            inputs={"drive": "V", **dict.fromkeys(self._channels, "V")},
+            streams=False,
+            jitter=_JITTER,
+            own_slew=ramp,
+        )
+
+    def told(self, runs: int) -> dict[str, str]:
+        """Return the instruments and their settings, for the recording."""
+        del runs
+        known = {
+            "generator": self._generator.link.identity,
+            "oscilloscope": self._oscilloscope.link.identity,
+            "gain": self._gain,
+            "channels": self._channels,
+        }
+        return {"device": json.dumps(known)}
+
+    def load(self, volts: Array) -> None:
+        """Upload the drive, V at the piezo, with a ramp to 0 V at its end."""
+        can = self.capabilities
+        table = with_ramp(np.asarray(volts, dtype=float), self._ramp, self._rate)
+        within(can.name, table, can.min_voltage, can.max_voltage, self._generator.table.points)
+        self._volts = np.zeros(0)
+        self._generator.load(table / self._gain, self._rate)
+        self._volts = np.array(volts, dtype=float)
+        self._lasts = table.size / self._rate
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        """Set up the oscilloscope for these inputs."""
+        can = self.capabilities
+        check_inputs(can, inputs, samples)
+        read = [name for name in inputs if name in self._channels]
+        shown = read or list(self._channels)[:1]  # one channel must show when the run is over
+        spans = {self._channels[name]: self._spans.get(name, _SPAN) for name in shown}
+        self._oscilloscope.arm(spans, (samples + 1) / self._rate)
+        self._inputs, self._samples = inputs, samples
+
+    def start(self) -> None:
+        """Trigger the generator, which triggers the oscilloscope."""
+        check_ready(self.capabilities, self._volts, self._samples)
+        self._oscilloscope.start()
+        self._generator.on()
+        self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
+        self._generator.trigger()
+        self._ends = time.monotonic() + self._lasts
+        self._over = time.monotonic() + self._oscilloscope.length + _LATE
+
+    def fetch(self) -> Array:
+        """Return all samples [inputs, n], V, once the acquisition is over; none before."""
+        if not self._running:
+            raise RigError(f"{self.capabilities.name}: nothing is running")
+        if not self._oscilloscope.over():
+            if time.monotonic() > self._over:
+                raise RigError(
+                    f"{self._oscilloscope.link.name}: its acquisition is not over, {_LATE:g} s after it "
+                    "should be: does the generator's sync output trigger it?"
+                )
+            time.sleep(_POLL)
+            return np.zeros((len(self._inputs), 0))
+        # The table starts with a value at rest, so the drive starts one update later.
+        times = np.arange(1, self._samples + 1) / self._rate
+        played = held(self._volts, self._samples)
+        read, channels = self._oscilloscope.read, self._channels
+        rows = [read(channels[n], times) if n in channels else played for n in self._inputs]
+        if "drive" in channels and "drive" in self._inputs:
+            check_followed(self.capabilities.name, rows[self._inputs.index("drive")], played)
+        return np.array(rows)
+
+    def stop(self, slew: float) -> None:
+        """Fade to 0 V and disconnect the output, which is disconnected even if fading fails."""
+        running, self._running = self._running, False
+        try:
+            if running:
+                greatest = float(np.abs(self._volts).max(initial=0.0))
+                fade_out(self._generator.fade, greatest, slew, self._ends)
+        finally:
+            self._generator.off()
+            if running:
+                self._oscilloscope.stop()
+
+    def close(self) -> None:
+        """Close both connections. A running table continues to its end, at 0 V."""
+        self._generator.link.close()
+        self._oscilloscope.link.close()
+
+
+registry.rigs.add(PairRig, "scpi")

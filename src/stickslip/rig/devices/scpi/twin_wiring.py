@@ -1,0 +1,83 @@
+"""Wiring between a generator and an oscilloscope: amplifier, actuator, sensor, cables."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ....quantities.units import to_si
+from ...protocols import Array
+from ...twins.axis import Axis, Clock, WallClock
+from ...twins.stage import Path, Piece, Stage
+
+
+class Wiring:
+    """Connections between the instruments.
+
+    Args:
+        stage: the stage that the amplifier drives.
+        gain: gain of the amplifier, V/V.
+        per_volt: scale of the sensor on channel 2, m/V; channel 1 is connected to the generator's output.
+        noise: noise of the sensor, V.
+        clock: the clock.
+
+    `cables` are the cables that are plugged in.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        gain: float = 15.0,
+        per_volt: float = 1e-5,
+        noise: float | str = 0.0,
+        clock: Clock | None = None,
+    ) -> None:
+        self.clock, self.lock = clock or WallClock(), threading.RLock()  # both programs share one stage
+        self.stage, self.gain, self.per_volt, self.noise = stage, gain, per_volt, to_si(noise, "V", "noise")
+        self.axis = Axis(stage, self.clock, self._heard)
+        self.cables = {"output", "sync", "sensor"}
+        self.triggers: list[Any] = []  # called with the start time of a burst
+        self._zero, self._random = stage.position, np.random.default_rng(5)
+        self._paths: list[Path] = []
+
+    @property
+    def voltage(self) -> float:
+        """Voltage at the piezo now, V."""
+        with self.lock:
+            return self.axis.state()[0]
+
+    def put_out(self, pieces: Iterator[Piece]) -> None:
+        """Start pieces. The oscilloscope's records start with them."""
+        self.axis.advance()  # earlier pieces are not recorded
+        self._paths = []
+        self.axis.begin(pieces)
+
+    @property
+    def played(self) -> float:
+        """Time of the pieces that have been computed, s; infinite if no more will come."""
+        moving = self.axis.moving
+        return sum(float(path.times[-1]) for path in self._paths) if moving else math.inf
+
+    def seen(self, channel: int, times: Array) -> Array:
+        """Return the voltages at a channel, at times after the start, s."""
+        self.axis.advance()
+        plug = {1: "output", 2: "sensor"}.get(channel, "")
+        made: Array = np.zeros(times.size)
+        if plug in self.cables and self._paths:
+            begins = np.cumsum([0.0, *(float(path.times[-1]) for path in self._paths)])
+            at = np.concatenate(
+                [path.times + begin for path, begin in zip(self._paths, begins[:-1], strict=True)]
+            )
+            if channel == 1:
+                made = np.interp(times, at, np.concatenate([path.volts for path in self._paths])) / self.gain
+            else:
+                x = np.concatenate([path.end_effector for path in self._paths])
+                made = (np.interp(times, at, x) - self._zero) / self.per_volt
+        return made + self.noise * self._random.standard_normal(times.size) * (channel == 2)
+
+    def _heard(self, path: Path) -> None:
+        self._paths.append(path)

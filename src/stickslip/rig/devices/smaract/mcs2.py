@@ -1,0 +1,145 @@
+"""Client of SmarAct's MCS2, through its ASCII commands on TCP."""
+
+from __future__ import annotations
+
+import re
+from typing import ClassVar
+
+from ....quantities import registry
+from ....quantities.units import to_si
+from ...line import Line
+from ...positioner import Ranges
+from ...protocols import About, RigError
+
+PORT = 55551
+_FULL, _SCALE = 100.0, 65535  # V, and the corresponding number
+_MOVING, _SENSOR = 1 << 0, 1 << 5
+_ASK = b":SYST:ERR?"
+_ERROR, _WHOLE = re.compile(r"[+-]?[0-9]+,"), re.compile(r"[+-]?[0-9]{1,18}")
+_MOST_ERRORS, _MOST_AXES = 64, 64
+
+
+class Mcs2Client:
+    """The controller; see `Positioner`. Its axes are its channels, from 0.
+
+    Args:
+        host: address of the controller.
+        port: TCP port of the ASCII interface.
+        timeout: s, for each answer.
+
+    Raises:
+        RigError: nobody answers there, or the device is another one.
+    """
+
+    about: ClassVar[About] = About(
+        device="SmarAct MCS2 (ASCII, TCP)",
+        does="steps, scans, reads its sensors",
+        samples="read one by one",
+        safe_state="motions stop; the piezo keeps its voltage",
+        verified="our twin, which the driver of BLISS drives too; not run on hardware",
+        ports=(PORT,),
+    )
+
+    def __init__(self, host: str, *, port: int = PORT, timeout: float | str = 2.0) -> None:
+        self._line = Line("MCS2", host, port, to_si(timeout, "s", "timeout"), closing=True)
+        with self._line.closed_on_refusal():
+            count = self._number(":DEV:NOCH?")
+            if not 1 <= count <= _MOST_AXES:
+                self._line.fail(f":DEV:NOCH? is answered by {count}")
+            sensors = [bool(self._number(f":CHAN{i}:STAT?") & _SENSOR) for i in range(count)]
+            name = self._ask(":DEV:SNUM?").strip('"')
+        self.ranges = Ranges(
+            name=f"MCS2 {name}",
+            axes=tuple(range(len(sensors))),
+            min_voltage=_FULL / _SCALE,
+            max_voltage=_FULL,
+            min_frequency=1.0,
+            max_frequency=20e3,
+            max_steps=100_000,
+            sensor=all(sensors),
+            scans=True,
+        )
+
+    def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
+        """Start steps."""
+        voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
+        self.ranges.check(axis, count, voltage, frequency)
+        self._do(f":CHAN{axis}:STEP:AMPL {max(round(voltage / _FULL * _SCALE), 1)}")
+        self._do(f":CHAN{axis}:STEP:FREQ {round(frequency)}")
+        self._do(f":CHAN{axis}:MMOD 4")
+        self._do(f":MOVE{axis} {count}")
+
+    def scan(self, axis: int, voltage: float | str) -> None:
+        """Set a constant voltage."""
+        voltage = to_si(voltage, "V", "voltage")
+        self.ranges._replace(min_voltage=0.0).check(axis, voltage=voltage)
+        self._do(f":CHAN{axis}:MMOD 2")
+        self._do(f":MOVE{axis} {round(voltage / _FULL * _SCALE)}")
+
+    def go(self, axis: int, position: float | str) -> None:
+        """Start a closed-loop motion to a position, m from the origin of the sensor."""
+        position = to_si(position, "m", "position")
+        self.ranges.check(axis)
+        self._do(f":CHAN{axis}:MMOD 0")
+        self._do(f":MOVE{axis} {round(1e12 * position)}")
+
+    def moving(self, axis: int) -> bool:
+        """Return True during a motion."""
+        self.ranges.check(axis)
+        return bool(self._number(f":CHAN{axis}:STAT?") & _MOVING)
+
+    def position(self, axis: int) -> float:
+        """Return the position, m, from where the axis was at power-on, or from its reference mark."""
+        self.ranges.check(axis)
+        return 1e-12 * self._number(f":CHAN{axis}:POS?")
+
+    def stop(self) -> None:
+        """Stop all motions."""
+        self._line.insist(lambda: self._do("\n".join(f":STOP{axis}" for axis in self.ranges.axes)))
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._line.close()
+
+    def _number(self, command: str) -> int:
+        said = self._ask(command)
+        if not _WHOLE.fullmatch(said):
+            self._line.fail(f"{command} is answered by {said[:60]!r}, no number")
+        return int(said)
+
+    def _ask(self, command: str) -> str:
+        """Return the answer to a query. A wrong query has no answer: the error, queried with it, arrives
+        instead."""
+        said = self._sent(command)
+        if _ERROR.match(said):
+            self._check(command, said)
+            self._line.fail(f"{command} is not answered")
+        self._check(command, self._said())
+        return said
+
+    def _do(self, command: str) -> None:
+        self._check(command, self._sent(command))
+
+    def _sent(self, command: str) -> str:
+        """Return the first line that arrives after a command and a query of the error queue."""
+        self._line.send(command.encode("latin-1") + b"\n" + _ASK + b"\n")
+        return self._said(command)
+
+    def _said(self, command: str = _ASK.decode()) -> str:
+        return self._line.until(b"\n", command.encode("latin-1")).decode("latin-1").strip()
+
+    def _check(self, command: str, said: str) -> None:
+        """Empty the error queue. Raises RigError with its oldest error."""
+        if not _ERROR.match(said):
+            self._line.fail(f"{command}, then {_ASK.decode()}: {said[:60]!r} came, late or garbage")
+        first, passed = said, ("0,", "+0,")
+        for _ in range(_MOST_ERRORS):
+            if said.startswith(passed):
+                break
+            self._line.send(_ASK + b"\n")
+            said = self._said()
+        if not first.startswith(passed):
+            raise RigError(f"{self._line.device}: {command}: {first[:200]}")
+
+
+registry.positioners.add(Mcs2Client, "mcs2")

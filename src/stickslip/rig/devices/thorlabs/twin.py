@@ -1,0 +1,320 @@
+"""Twin of Thorlabs' KIM101: APT frames on TCP, four channels of inertia motors that count their steps.
+
+Made from the APT messages of the inertia motors (PZMOT) in the drivers of pylablib, InstrumentKit,
+thorlabs-apt-protocol, EPICS and ARTIQ. Accelerations are stored, but steps start at full speed. Limit
+switches, home, panel, triggers and feedback are stored without effect. MOVE_COMPLETED is sent when a motion
+ends. Status messages are sent ten times a second after HW_START_UPDATEMSGS.
+
+Assumed: HW_RICHRESPONSE and its code answer an unknown message; status messages end after fifty without an
+acknowledgement; MOD_SET_CHANENABLESTATE adds a channel to the enabled ones, or removes it; a jog contains the
+channel's number, whereas other messages have a bit for each channel.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+
+from ....quantities import registry
+from ...twins.axis import Axis, Clock, WallClock, steps
+from ...twins.server import HangUp
+from ...twins.stage import Piece, Stage
+
+_HOST, _DEVICE = 0x01, 0x50
+_MASKS = {1: 0, 2: 1, 4: 2, 8: 3}  # bit of a channel -> index
+_JOGGED = {1: 0, 2: 1, 3: 2, 4: 3, 8: 3}  # channel of a jog -> index
+_MODES: dict[int, set[int]] = {0: set(), 1: {0}, 2: {1}, 3: {2}, 4: {3}, 5: {0, 1}, 6: {2, 3}}
+_FORWARD, _BACKWARD, _STOPPED_FORWARD, _STOPPED_BACKWARD, _ENABLED = 1 << 5, 1 << 4, 1 << 1, 1 << 0, 1 << 31
+_JOGGING_FORWARD, _JOGGING_BACKWARD, _CONNECTED, _POWERED = 1 << 7, 1 << 6, 1 << 8, 1 << 28
+_UPDATE_INTERVAL = 0.1  # s between status messages
+_UNACKNOWLEDGED = 50  # most status messages without an acknowledgement
+_UPDATING = (0x0011, 0x0012, 0x08E2)
+_LONGEST = 256  # bytes of data in a frame
+_DRIVE, _JOG = "<HII", "<HIIII"
+# Bytes of parameters stored without effect, after the channel; the triggers have no channel.
+_KEPT = {0x0B: 6, 0x0F: 12, 0x15: 20, 0x19: 32, 0x30: 6, 0x32: 4, 0x34: 4}
+_TRIGGERS, _TRIGGERS_LENGTHS = 0x17, (12, 24)
+
+
+class Channel:
+    """A channel: its step count and its settings."""
+
+    def __init__(self, stage: Stage, clock: Clock) -> None:
+        self.axis = Axis(stage, clock)
+        self.steps, self._direction, self._jogging = 0, 0, False
+        self.kept = {sub: bytes(length) for sub, length in _KEPT.items()}
+        self.drive = [112, 500, 1000]  # V, steps/s, steps/s2
+        self.jog = [2, 100, 100, 500, 1000]  # mode, steps forward, backward, steps/s, steps/s2
+
+    def move(self, target: int | None, direction: int, rate: int, jogging: bool = False) -> None:
+        """Move to a step count, or without an end."""
+        self._jogging = jogging
+
+        def pieces() -> Iterator[Piece]:
+            count = None if target is None else target - self.steps
+            if count == 0:
+                return
+            way = direction if count is None else (1 if count > 0 else -1)
+            self._direction = way
+            amplitude, frequency = float(self.drive[0]), float(rate)
+            made = steps(self.axis.stage, count, amplitude, way * frequency if count is None else frequency)
+            for piece in made:
+                self.steps += way * _counted(piece, amplitude)  # counted when they are put out
+                yield piece
+
+        self.axis.begin(pieces(), forever=target is None)
+
+    @property
+    def status(self) -> int:
+        """Status bits."""
+        moving, met = self.axis.moving, self.axis.stage.stop_met
+        bits = (_FORWARD if self._direction > 0 else _BACKWARD) if moving else 0
+        if moving and self._jogging:
+            bits |= _JOGGING_FORWARD if self._direction > 0 else _JOGGING_BACKWARD
+        bits |= _CONNECTED | _POWERED
+        return bits | {1: _STOPPED_FORWARD, -1: _STOPPED_BACKWARD, 0: 0}[met]
+
+
+def _counted(piece: Piece, amplitude: float) -> int:
+    """Return the steps in a piece: each reaches the amplitude once."""
+    return int((piece.volts == amplitude).sum())
+
+
+class Kim101:
+    """The controller.
+
+    Args:
+        stages: up to four stages.
+        serial: serial number.
+        clock: the clock.
+    """
+
+    def __init__(self, stages: list[Stage], serial: int = 97000001, clock: Clock | None = None) -> None:
+        clock = clock or WallClock()
+        self.channels = [Channel(stage, clock) for stage in stages]
+        self.serial, self.clock = serial, clock
+        self.enabled: set[int] = set()
+        self._triggers, self._panel_locked = bytes(_TRIGGERS_LENGTHS[0]), 0
+        self._awaited: set[int] = set()
+
+    def session(self) -> FrameSession:
+        """Return a session."""
+        return FrameSession(self)
+
+    serial_session = session
+
+    def leave(self) -> None:
+        """Stop jogs without an end."""
+        for channel in self.channels:
+            channel.axis.stop()
+
+    def execute(self, message: int, first: int, second: int, data: bytes) -> bytes:
+        """Return the answers to one message."""
+        try:
+            answer = self._answer(message, first, second, data)
+        except (struct.error, LookupError):
+            answer = _frame(0x0081, struct.pack("<HH64s", message, 1, b"not understood"))
+        return self.completed() + answer
+
+    def _answer(self, message: int, first: int, second: int, data: bytes) -> bytes:
+        if message == 0x0005:
+            return _frame(0x0006, self._info())
+        if message in (0x0223, 0x0002):  # identify, disconnect
+            return b""
+        if message == 0x0210:
+            self._enable(self.enabled | {_MASKS[first]} if second == 1 else self.enabled - {_MASKS[first]})
+            return b""
+        if message == 0x0211:
+            return _short(0x0212, first, 1 if _MASKS[first] in self.enabled else 2)
+        if message == 0x0250:
+            self._panel_locked = second
+            return b""
+        if message == 0x0251:
+            return _short(0x0252, 0, self._panel_locked)
+        if message == 0x08C0:
+            return self._set(data)
+        if message == 0x08C1:
+            return _frame(0x08C2, self._get(first, second))
+        if message == 0x08D4:
+            mask, target = struct.unpack("<Hi", data)
+            self._move(_MASKS[mask], target)
+            return b""
+        if message == 0x08D9:
+            self._jog(_JOGGED[first], second)
+            return b""
+        if message == 0x0465:
+            self.channels[_MASKS[first]].axis.stop()
+            return b""
+        if message == 0x08E0:
+            return self.status()
+        raise LookupError(message)
+
+    def _enable(self, channels: set[int]) -> None:
+        """Enable exactly these channels; the others stop."""
+        self.enabled = channels
+        for index, channel in enumerate(self.channels):
+            if index not in channels:
+                channel.axis.stop()
+
+    def _move(self, index: int, target: int) -> None:
+        channel = self.channels[index]
+        if index not in self.enabled:
+            return
+        if channel.axis.moving:
+            channel.axis.stop()
+        channel.move(target, 0, channel.drive[1])
+        self._awaited.add(index)
+
+    def _jog(self, index: int, way: int) -> None:
+        """Jog forward (1), backward (2), or stop (0)."""
+        channel = self.channels[index]
+        if index not in self.enabled:
+            return
+        if way == 0:
+            channel.axis.stop()
+            return
+        mode, forward, backward, rate, _ = channel.jog
+        sign = 1 if way == 1 else -1
+        target = None if mode == 1 else channel.steps + (forward if sign > 0 else -backward)
+        channel.move(target, sign, rate, jogging=True)
+        self._awaited.add(index)
+
+    def _set(self, data: bytes) -> bytes:
+        sub, mask = struct.unpack("<HH", data[:4])
+        rest = data[4:]
+        if sub == 0x2B:
+            self._enable(_MODES[mask])
+            return b""
+        if sub == _TRIGGERS:
+            if len(data) - 2 not in _TRIGGERS_LENGTHS:
+                raise LookupError(sub)
+            self._triggers = data[2:]
+            return b""
+        channel = self.channels[_MASKS[mask]]
+        if sub == 0x05:
+            channel.steps = struct.unpack("<ii", rest)[0]
+        elif sub == 0x40:
+            channel.steps = struct.unpack("<ii", rest)[1]
+        elif sub == 0x07:
+            volts, rate, acceleration = struct.unpack(_DRIVE, rest)
+            channel.drive = [
+                _within(volts, 85, 125),
+                _within(rate, 1, 2000),
+                _within(acceleration, 1, 100_000),
+            ]
+        elif sub == 0x2D:
+            mode, forward, backward, rate, acceleration = struct.unpack(_JOG, rest)
+            channel.jog = [
+                _within(mode, 1, 2),
+                _within(forward, 1, 2000),
+                _within(backward, 1, 2000),
+                _within(rate, 1, 2000),
+                _within(acceleration, 1, 100_000),
+            ]
+        elif len(rest) == _KEPT[sub]:
+            channel.kept[sub] = rest
+        else:
+            raise LookupError(sub)
+        return b""
+
+    def _get(self, sub: int, mask: int) -> bytes:
+        if sub == 0x2B:
+            mode = next((mode for mode, channels in _MODES.items() if channels == self.enabled), 0)
+            return struct.pack("<HH", sub, mode)
+        if sub == _TRIGGERS:
+            return struct.pack("<H", sub) + self._triggers
+        channel = self.channels[_MASKS[mask]]
+        channel.axis.advance()
+        said = {
+            0x05: lambda: struct.pack("<ii", channel.steps, 0),
+            0x07: lambda: struct.pack(_DRIVE, *channel.drive),
+            0x2D: lambda: struct.pack(_JOG, *channel.jog),
+        }
+        return struct.pack("<HH", sub, mask) + (channel.kept[sub] if sub in _KEPT else said[sub]())
+
+    def status(self) -> bytes:
+        """Return a status message: steps and bits of all channels."""
+        made = b""
+        for index in range(4):
+            status, count = 0, 0
+            if index < len(self.channels):
+                channel = self.channels[index]
+                status = channel.status | (_ENABLED if index in self.enabled else 0)
+                count = channel.steps
+            made += struct.pack("<HiiI", 1 << index, count, 0, status)
+        return _frame(0x08E1, made)
+
+    def completed(self) -> bytes:
+        """Return MOVE_COMPLETED for the motions that have ended since the last answer."""
+        made = b""
+        for index in sorted(self._awaited):
+            channel = self.channels[index]
+            if not channel.axis.moving:
+                self._awaited.discard(index)
+                made += _frame(0x08D6, struct.pack("<HiiI", 1 << index, channel.steps, 0, channel.status))
+        return made
+
+    def _info(self) -> bytes:
+        head = struct.pack("<I8sHBBBB", self.serial, b"KIM101", 16, 1, 0, 1, 0)  # firmware 1.0.1
+        return head + struct.pack("<46s14xHHH", b"Piezo inertia controller, a twin", 1, 0, 4)
+
+
+class FrameSession:
+    """A connection that splits the received bytes into frames."""
+
+    greeting = b""
+
+    def __init__(self, twin: Kim101) -> None:
+        self._twin, self._rest = twin, b""
+        self._updates_left, self._next_update = 0, 0.0
+
+    def feed(self, data: bytes) -> bytes:
+        """Return the answers to the complete frames.
+
+        Raises:
+            HangUp: a frame is too long, so that the start of the next one is unknown.
+        """
+        self._rest, made = self._rest + data, b""
+        while len(self._rest) >= 6:
+            message, first, second, destination, _ = struct.unpack("<HBBBB", self._rest[:6])
+            length = first | second << 8 if destination & 0x80 else 0
+            if length > _LONGEST:
+                raise HangUp(f"a frame of {length} bytes")
+            if len(self._rest) < 6 + length:
+                break
+            content, self._rest = self._rest[6 : 6 + length], self._rest[6 + length :]
+            self._update(message)
+            if message not in _UPDATING:
+                made += self._twin.execute(message, first, second, content)
+        return made
+
+    def unasked(self) -> bytes:
+        """Return unsolicited messages: ends of motions, and status messages that are due."""
+        made, now = self._twin.completed(), self._twin.clock.now()
+        if self._updates_left and now >= self._next_update:
+            self._updates_left, self._next_update = self._updates_left - 1, now + _UPDATE_INTERVAL
+            made += self._twin.status()
+        return made
+
+    def _update(self, message: int) -> None:
+        """Switch status messages on (0x0011) or off (0x0012), or acknowledge them (0x08E2)."""
+        if message == 0x0011 or (message == 0x08E2 and self._updates_left):
+            self._updates_left = _UNACKNOWLEDGED
+        elif message == 0x0012:
+            self._updates_left = 0
+
+
+def _frame(message: int, data: bytes) -> bytes:
+    return struct.pack("<HHBB", message, len(data), _HOST | 0x80, _DEVICE) + data
+
+
+def _short(message: int, first: int, second: int) -> bytes:
+    return struct.pack("<HBBBB", message, first, second, _HOST, _DEVICE)
+
+
+def _within(value: int, low: int, high: int) -> int:
+    """Return the nearest value in the range, as the device does."""
+    return min(max(value, low), high)
+
+
+registry.twins.add(lambda stages, seed, clock: Kim101(stages, clock=clock), "kim101")
