@@ -33,7 +33,7 @@ import numpy as np
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
-from benchmarks.panel_results import record
+from benchmarks.panel_results import options, record
 from benchmarks.panel_watchers import watch
 
 PHASES = ("nothing else", "files are read", "a fit runs", "files and a fit")
@@ -180,15 +180,7 @@ def prepare(panel: Panel, client: httpx.Client) -> list[str]:
 
 def main() -> None:
     """Run it, print and keep the figures."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--minutes", type=float, default=60.0)
-    parser.add_argument("--watchers", type=int, default=100)
-    parser.add_argument("--others", type=int, default=99)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--keep", action="store_true", help="write docs/benchmarks/panel.md")
-    asked = parser.parse_args()
+    asked = options(__doc__, minutes=60.0, watchers=100, others=99)
     sys.setswitchinterval(1e-3)  # its own threads are not to delay what it times
     chance = random.Random(asked.seed)
     panel = Panel(Path(tempfile.mkdtemp(prefix="stickslip-")))

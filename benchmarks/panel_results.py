@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import textwrap
@@ -72,6 +73,18 @@ ABOUT = {
         ("Amplitude", "Mass of the end-effector"),
     ),
 }
+
+
+def options(description: str | None, **defaults: float) -> argparse.Namespace:
+    """Return the options of a benchmark's command line: numbers with their defaults, and --keep."""
+    parser = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    for name, default in defaults.items():
+        parser.add_argument(f"--{name}", type=type(default), default=default)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--keep", action="store_true", help="write docs/benchmarks/panel.md")
+    return parser.parse_args()
 
 
 def record(section: str, rows: list[tuple[str, str]], numbers: dict[str, Any]) -> None:

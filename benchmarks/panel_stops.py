@@ -31,7 +31,7 @@ import yaml
 from websockets.sync.client import connect
 
 from benchmarks.panel_hour import Busy, Panel
-from benchmarks.panel_results import record
+from benchmarks.panel_results import options, record
 from benchmarks.panel_watchers import watch
 
 TIMED = Path(__file__).with_name("timed_rig.py")
@@ -97,14 +97,7 @@ def ramp_after(told: Path, before: int, asked: float) -> float:
 
 def main() -> None:
     """Run it, print and keep the figures."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--stops", type=int, default=1000)
-    parser.add_argument("--watchers", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--keep", action="store_true", help="write docs/benchmarks/panel.md")
-    asked = parser.parse_args()
+    asked = options(__doc__, stops=1000, watchers=20)
     sys.setswitchinterval(1e-3)  # its own threads are not to delay what it times
     chance = random.Random(asked.seed)
     folder = Path(tempfile.mkdtemp(prefix="stickslip-"))

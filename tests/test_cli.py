@@ -386,15 +386,6 @@ def test_a_warning_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().err.splitlines() == ["Warning: too fast", "Warning: too slow"]
 
 
-def test_an_interval_of_a_number_without_unit_is_printed() -> None:
-    from stickslip.cli.frame import _shown
-    from stickslip.report import Number
-
-    assert _shown(Number(0.95, "", 0.91, 0.9999935)) == "0.9500 (95 %: 0.9100 to 0.9999935)"
-    assert _shown(Number(0.9999935, "")) == "0.9999935"
-    assert _shown(Number(0.5353, "N", 0.53, 0.5407)) == "535.3 mN (95 %: 530 mN to 540.7 mN)"
-
-
 def test_a_new_folder_that_another_command_tries_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each looks whether it can write, and clears up after itself alone."""
     out, other = tmp_path / "a" / "out", tmp_path / "a" / "out" / ".room.1.part"

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 # Fields of waveforms that have their own option; the others are set by --set.
 OPTIONS = ("amplitude", "frequency", "periods")
 _OWNERS = ("friction", "waveform")
+_WRITE = "FIELD=VALUE, friction.FIELD=VALUE or waveform.FIELD=VALUE"
 _LAW = "another law is --law {value}; a value of the law, --set friction.FIELD=VALUE"
 # Options that are not fields of the model, and where to give them instead.
 _ELSEWHERE = {
@@ -25,14 +26,14 @@ _ELSEWHERE = {
 
 def parts_of(changes: list[str]) -> dict[str, dict[str, str]]:
     """Return the values of --set by what they belong to: model, friction or waveform."""
+    from ..quantities.places import assignment
+
     parts: dict[str, dict[str, str]] = {"model": {}, **{owner: {} for owner in _OWNERS}}
     for change in changes:
-        path, equals, value = (one.strip() for one in change.partition("="))
+        path, value = assignment("--set", change, _WRITE)
         owner, dot, field = path.rpartition(".")
-        if not equals or not field or not value or (dot and owner not in _OWNERS):
-            raise ValueError(
-                f"--set {change}: write FIELD=VALUE, friction.FIELD=VALUE or waveform.FIELD=VALUE"
-            )
+        if not field or (dot and owner not in _OWNERS):
+            raise ValueError(f"--set {change}: write {_WRITE}")
         if path in _ELSEWHERE:
             raise ValueError(f"--set {change}: {_ELSEWHERE[path].format(value=value)}")
         parts[owner or "model"][field] = value

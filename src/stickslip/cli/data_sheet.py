@@ -41,22 +41,12 @@ def data_sheet(
     with errors_in_one_line(show_traceback):
         check_output(out)
         from ..design import from_data_sheet
+        from ..quantities.places import assignment
         from ..report import view
 
+        numbers = dict(assignment("--set", one, "NUMBER=VALUE, such as step='50 nm'") for one in changes)
         with progress_bar() as progress:
-            found = from_data_sheet(
-                sheet or None, draws=draws, seed=seed, progress=progress, **_numbers(changes)
-            )
+            found = from_data_sheet(sheet or None, draws=draws, seed=seed, progress=progress, **numbers)
             document = view(found)
         found.save(out)
         write(document, out, begun)
-
-
-def _numbers(changes: list[str]) -> dict[str, str]:
-    found = {}
-    for change in changes:
-        name, equals, value = (one.strip() for one in change.partition("="))
-        if not equals or not name or not value:
-            raise ValueError(f"--set {change}: write NUMBER=VALUE, such as step='50 nm'")
-        found[name] = value
-    return found

@@ -26,7 +26,7 @@ except ModuleNotFoundError as missing:  # this module is imported first: no othe
 
 if TYPE_CHECKING:
     from ..quantities.progress import Progress
-    from ..report import Document, Number
+    from ..report import Document
     from .interruption import Interruption
 
 app = typer.Typer(
@@ -259,6 +259,7 @@ def write(document: Document, out: Path, begun: float, browser: str = "") -> Non
     met, and KeyboardInterrupt if that has ended the work.
     """
     from ..report import write_pdf, write_report
+    from ..report.text import shown_number
 
     command = shlex.join(["stickslip", *sys.argv[1:]])
     try:
@@ -267,7 +268,7 @@ def write(document: Document, out: Path, begun: float, browser: str = "") -> Non
         raise OSError(error.errno, error.strerror, error.filename or f"--out {out}") from error
     typer.echo(document.summary)
     for what, number in document.highlights:
-        typer.echo(f"  {what}: {_shown(number)}")
+        typer.echo(f"  {what}: {shown_number(number)}")
     typer.echo(f"Report: {report}")
     if browser:
         typer.echo(f"PDF: {write_pdf(report, browser)}")
@@ -276,23 +277,6 @@ def write(document: Document, out: Path, begun: float, browser: str = "") -> Non
         raise KeyboardInterrupt
     if document.failures:
         raise RequirementError(f"not as required: {'; '.join(document.failures)}")
-
-
-def _shown(number: Number) -> str:
-    from ..quantities.units import near_one, with_prefix
-
-    if number.value != number.value:
-        return number.note
-
-    def text(value: float) -> str:
-        return near_one(value) if not number.unit and 0.9 < value < 1.0 else with_prefix(value, number.unit)
-
-    if number.low is None or number.high is None:
-        return text(number.value)
-    found = f"{100 * number.level:g} %: {text(number.low)} to {text(number.high)}"
-    if number.both is not None:
-        found += f"; with systematic errors: {text(number.both[0])} to {text(number.both[1])}"
-    return f"{text(number.value)} ({found})"
 
 
 def _version(asked: bool) -> None:

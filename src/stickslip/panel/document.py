@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import itertools
 import math
 import re
 import threading
@@ -15,6 +14,7 @@ from ..parameters import available_sets
 from ..physics.actuator import Actuator
 from ..quantities import registry
 from ..quantities.input_file import load_yaml, yaml_text
+from ..quantities.places import place_of
 from ..quantities.records import quantities, quantities_of
 from ..quantities.registry import nothing_run
 from ..quantities.units import QuantityError, to_si, turned, unit_for
@@ -130,21 +130,11 @@ class BenchDocument:
         content = copy.deepcopy(self.checked.content)
         if not 0 < len(path) <= _KEY_LIMIT:
             raise QuantityError("a change names a place in the experiment")
-        place: Any = content
-        for part, after in itertools.pairwise(path):
-            if isinstance(place, dict) and isinstance(part, str):
-                place = place.setdefault(part, [] if isinstance(after, int) else {})
-            else:
-                place = _item(place, part)
-        last = path[-1]
-        if isinstance(place, dict) and isinstance(last, str):
-            if value is None:
-                place.pop(last, None)
-            else:
-                place[last] = value
+        place, key = place_of(content, path)
+        if value is None and isinstance(place, dict):
+            place.pop(key, None)
         else:
-            _item(place, last)
-            place[last] = value
+            place[key] = value
         return content
 
     def replace(self, content: dict[str, Any], name: str) -> None:
@@ -215,13 +205,6 @@ class BenchDocument:
             for name, quantity in quantities(type(variation)).items():
                 value, place = getattr(variation, name), ["rig", "variation", name]
                 yield _variable(f"variation.{name}", value, quantity.unit, quantity.meaning, place, "rig")
-
-
-def _item(place: Any, part: str | int) -> Any:
-    try:
-        return place[part]
-    except (KeyError, IndexError, TypeError):
-        raise QuantityError(f"{part!r} is no place in the experiment") from None
 
 
 def _files(file: ExperimentFile) -> Iterator[str]:

@@ -29,6 +29,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from ..gate.errors import GateError
 from ..gate.text import parsed
 from ..gate.yaml_text import load_yaml as gate_yaml
+from .places import assignment, place_of
 from .records import Field as RecordField
 from .records import did_you_mean, fields_with_quantity
 from .units import QuantityError, to_si
@@ -234,29 +235,14 @@ def load_yaml(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict
 
 def _change(content: dict[str, Any], change: str) -> None:
     """Set one value; mappings on the way to it are made where they are missing."""
-    name, equals, text = change.partition("=")
-    *path, last = name.strip().split(".")
-    if not equals or not all([*path, last]):
-        raise InputFileError(f"--set {change}: write FIELD=VALUE, or FIELD.FIELD=VALUE")
-    value = yaml_mapping(f"value: {text}", f"--set {change}")["value"]
-    place: Any = content
-    for part in path:
-        if isinstance(place, dict) and place.get(part) is None:
-            place[part] = {}
-        place = place[_key(place, part, change)]
-    place[_key(place, last, change)] = value
-
-
-def _key(place: Any, part: str, change: str) -> str | int:
-    """The key of a mapping, or the number of a list's part."""
-    if isinstance(place, dict):
-        return part
-    if not isinstance(place, list):
-        raise InputFileError(f"--set {change}: {part!r} is a field of something that has none: {place!r:.60}")
-    if not part.isdecimal() or int(part) >= len(place):
-        parts = f"a list of {len(place)}, whose parts are 0 to {len(place) - 1}"
-        raise InputFileError(f"--set {change}: {part!r} is no part of {parts}")
-    return int(part)
+    try:
+        name, text = assignment("--set", change, "FIELD=VALUE, or FIELD.FIELD=VALUE")
+        value = yaml_mapping(f"value: {text}", f"--set {change}")["value"]
+        place, key = place_of(content, name.split("."))
+    except QuantityError as error:
+        said = str(error)
+        raise InputFileError(said if said.startswith("--set") else f"--set {change}: {said}") from None
+    place[key] = value
 
 
 def yaml_mapping(text: bytes | str, source: str) -> dict[str, Any]:

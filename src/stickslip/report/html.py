@@ -78,7 +78,9 @@ def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> 
         if scale is None and "." in text and "×" not in text:
             text = text.rstrip("0").rstrip(".")  # 0.1 kg is given, not measured to four digits
         return Markup(text + unit)
-    middle, low, high = _to_same_decimals(value, _shown(number.low, own), _shown(number.high, own), digits)
+    three = (value, _shown(number.low, own), _shown(number.high, own))
+    near = not own.unit and 0.9 < value < 1.0
+    middle, low, high = (near_one(x, digits) for x in three) if near else _to_same_decimals(*three, digits)
     return Markup(f'{middle}{unit} <span class="interval">[{low}, {high}]</span>')
 
 

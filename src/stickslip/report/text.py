@@ -23,8 +23,18 @@ def document_text(document: Document) -> str:
 
 
 def shown_number(number: Number) -> str:
-    """A number with its interval and unit; why it is missing, where it is."""
-    return _plain(number_text(number))
+    """Return a number with its unit, its interval and the level of that; for a missing number, the reason."""
+    text = _plain(number_text(number))
+    if number.low is None or number.high is None:
+        return text
+    both = (
+        ""
+        if number.both is None
+        else "; with systematic errors {} to {}".format(
+            *(_plain(number_text(Number(end, number.unit))) for end in number.both)
+        )
+    )
+    return f"{text} ({100 * number.level:g} %{both})"
 
 
 def _plain(text: Markup) -> str:

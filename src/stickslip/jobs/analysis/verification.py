@@ -15,6 +15,7 @@ from ...identify.results import model_numbers
 from ...identify.verification import Requirement, Verification, verify
 from ...identify.walk.prediction import Predictor
 from ...quantities.input_file import Seconds, explain, load_yaml
+from ...quantities.places import assignment
 from ...quantities.progress import Progress
 from ...quantities.records import did_you_mean
 from ...quantities.units import QuantityError
@@ -189,13 +190,11 @@ def _check_limits(where: str, require: Sequence[str]) -> None:
 
 
 def _pairs(option: str, given: Sequence[str]) -> dict[str, str]:
-    found = {}
-    for text in given:
-        name, equals, value = text.partition("=")
-        if not equals or not name.strip() or not value.strip():
-            raise AnalysisError(f"{option} {text}: write NAME=..., such as {option} {_EXAMPLES[option]}")
-        found[name.strip()] = value.strip()
-    return found
+    write = f"NAME=..., such as {option} {_EXAMPLES[option]}"
+    try:
+        return dict(assignment(option, text, write) for text in given)
+    except QuantityError as error:
+        raise AnalysisError(str(error)) from None
 
 
 def _entry(file: Path, named: Mapping[str, str], units: Mapping[str, str]) -> tuple[dict[str, Any], str]:
