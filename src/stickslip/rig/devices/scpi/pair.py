@@ -61,7 +61,7 @@ class PairRig:
     """
 
     about = About(
-        device="a function generator and an oscilloscope by SCPI (families: see docs/devices/scpi.md)",
+        device="a function generator and an oscilloscope by SCPI (families: see the page)",
         does="puts out and records",
         samples="at the end of the run, up to 50,000",
         safe_state="amplitude faded to 0 V, output off; a table ends at 0 V without the program too",
