@@ -36,7 +36,7 @@ class DeadReckoning:
     """Axis whose position is computed from its counted steps.
 
     Args:
-        positioner: any of `rig.positioners`.
+        positioner: any `rig.Positioner`.
         axis: axis of the positioner.
         law: step sizes by voltage and direction, from `fit_steps`.
         position: initial position, m.

@@ -84,7 +84,7 @@ def measure_steps(
     """Make bursts of steps and measure their displacements.
 
     Args:
-        positioner: any of `rig.positioners`; it is stopped at the end and after an error.
+        positioner: any `rig.Positioner`; it is stopped at the end and after an error.
         axis: axis of the positioner.
         sensor: function that returns the position in metres, increasing with steps up.
         bursts: the bursts to make.
