@@ -33,12 +33,12 @@ LOCK_FLAGS ?=
 # Of trajectory, steady, ensemble, fit, accuracy, startup; all of them if empty.
 PART ?=
 # Where another version of a dependency shows: units, data, files, the command line, figures, reports, fits.
-LOWEST_TESTS := tests/test_records.py tests/test_units.py tests/test_registry.py tests/test_known.py tests/test_cli.py \
-  tests/test_mistyped_keys.py tests/parameters tests/recording tests/calibration tests/figures \
+LOWEST_TESTS := tests/quantities tests/jobs/test_known.py tests/cli/test_commands.py \
+  tests/test_mistyped_keys.py tests/parameters tests/recording tests/report/figures \
   tests/friction/test_contract.py tests/engine/test_step.py tests/simulation/test_state.py tests/estimate/test_fit.py \
-  tests/identify/test_saved.py tests/rig/test_gate.py tests/twins/test_pair.py tests/readers/test_text.py \
-  tests/readers/test_matlab.py tests/readers/test_arrays.py tests/report/test_document.py tests/report/test_html.py \
-  tests/report/test_results.py tests/report/test_writing.py tests/analysis/test_verification.py
+  tests/identify/test_saved.py tests/rig/test_gate.py tests/twins/test_pair.py tests/report/test_document.py \
+  tests/report/test_html.py tests/report/test_results.py tests/report/test_writing.py \
+  tests/jobs/analysis/test_verification.py
 LOWEST := .venv-lowest
 # Other tools, only for the benchmarks, in an environment of their own.
 PEERS := .venv-peers

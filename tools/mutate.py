@@ -57,13 +57,13 @@ LAWS = tuple(
         "test_bound_of_the_state_is_kept_and_changes_nothing_inside",
     )
 )
-MOTION = ("tests/test_mechanism.py",)
+MOTION = ("tests/physics/test_mechanism.py",)
 BRANCHES = (*LAWS, "tests/friction/test_branches.py")
-CHARGING = ("tests/electronics/test_charging.py", "tests/electronics/test_driven.py")
-HALF_SPACE = ("tests/contact/test_half_space.py",)
-CONTACT = "tests/contact/test_asperities.py::test_"
+CHARGING = ("tests/physics/electronics/test_charging.py", "tests/physics/electronics/test_driven.py")
+HALF_SPACE = ("tests/physics/contact/test_half_space.py",)
+CONTACT = "tests/physics/contact/test_asperities.py::test_"
 DESIGN = ("tests/design/test_equations.py",)
-DESIGN_FILE = "tests/analysis/test_design_file.py::test_"
+DESIGN_FILE = "tests/jobs/analysis/test_design_file.py::test_"
 VIBRATION = tuple(
     f"tests/design/test_vibration.py::{test}"
     for test in (
@@ -94,9 +94,9 @@ ORBIT, TABLES = (
     "tests/engine/test_tables.py",
 )
 ORBITS_OF_MAPS = "tests/engine/test_orbits_of_maps.py"
-AT_PIEZO = "tests/plant/test_at_piezo.py::test_"
+AT_PIEZO = "tests/simulation/plant/test_at_piezo.py::test_"
 PLAYS = (
-    "tests/piezo/test_prandtl_ishlinskii.py",
+    "tests/physics/piezo/test_prandtl_ishlinskii.py",
     *(
         f"{AT_PIEZO}{test}"
         for test in (
@@ -106,10 +106,10 @@ PLAYS = (
         )
     ),
 )
-DUHEM = ("tests/piezo/test_bouc_wen.py", "tests/piezo/test_duhem.py")
-TURNS = "tests/solve/test_energy.py::test_a_static_stage_moves_the_end_effector_by_friction_alone"
-STARVED = "tests/electronics/test_driven.py::test_against_small_steps"
-CHARGED = ("tests/electronics/test_charging.py", STARVED)
+DUHEM = ("tests/physics/piezo/test_bouc_wen.py", "tests/physics/piezo/test_duhem.py")
+TURNS = "tests/simulation/solve/test_energy.py::test_a_static_stage_moves_the_end_effector_by_friction_alone"
+STARVED = "tests/physics/electronics/test_driven.py::test_against_small_steps"
+CHARGED = ("tests/physics/electronics/test_charging.py", STARVED)
 # The first row that fits a file counts.
 TARGETS = (
     Target("friction/law.py", LAWS, ("force",)),
@@ -119,17 +119,17 @@ TARGETS = (
     Target("friction/fields_read.py", ("tests/friction/test_law.py",)),
     Target("friction/*.py", LAWS),
     Target("simulation/models.py", MOTION, ("mechanism", "system", "resting_state", "_resting", "_held")),
-    Target("physics/piezo/bouc_wen.py", ("tests/piezo/test_bouc_wen.py", "tests/piezo/test_duhem.py")),
+    Target("physics/piezo/bouc_wen.py", ("tests/physics/piezo/test_bouc_wen.py", "tests/physics/piezo/test_duhem.py")),
     Target(
         "physics/piezo/duhem.py",
-        ("tests/piezo/test_duhem.py",),
+        ("tests/physics/piezo/test_duhem.py",),
         ("rested", "output"),
     ),
-    Target("physics/piezo/*.py", ("tests/piezo/test_prandtl_ishlinskii.py", "tests/piezo/test_creep.py")),
-    Target("simulation/plant/splitting.py", ("tests/plant/test_at_piezo.py",), ("_table", "_repeated")),
+    Target("physics/piezo/*.py", ("tests/physics/piezo/test_prandtl_ishlinskii.py", "tests/physics/piezo/test_creep.py")),
+    Target("simulation/plant/splitting.py", ("tests/simulation/plant/test_at_piezo.py",), ("_table", "_repeated")),
     Target(
         "simulation/plant/duhem_drive.py",
-        ("tests/piezo/test_bouc_wen.py", "tests/piezo/test_duhem.py"),
+        ("tests/physics/piezo/test_bouc_wen.py", "tests/physics/piezo/test_duhem.py"),
         ("duhem_drive",),  # the others tell its precision
     ),
     Target("identify/walk/joint.py", ("tests/identify/walk/test_joint.py",)),
@@ -141,18 +141,18 @@ TARGETS = (
     Target(
         "simulation/plant/creeping.py",
         (
-            "tests/plant/test_creeping.py",
-            "tests/plant/test_at_piezo.py",
-            "tests/plant/test_transformers.py::test_creep",
+            "tests/simulation/plant/test_creeping.py",
+            "tests/simulation/plant/test_at_piezo.py",
+            "tests/simulation/plant/test_transformers.py::test_creep",
         ),
     ),
-    Target("simulation/plant/cubics.py", ("tests/plant/test_at_piezo.py",), ("with_cubics", "moved_on")),
+    Target("simulation/plant/cubics.py", ("tests/simulation/plant/test_at_piezo.py",), ("with_cubics", "moved_on")),
     Target("export/piezo.py", IN_EXPORT, ("felt",)),
     Target("physics/electronics/charging.py", CHARGING, ("_remembered", "_mean_square", "_until_as_fast")),
     Target(
-        "physics/electronics/amplifier.py", (*CHARGING, "tests/electronics/test_amplifier.py"), ("limits",)
+        "physics/electronics/amplifier.py", (*CHARGING, "tests/physics/electronics/test_amplifier.py"), ("limits",)
     ),
-    Target("physics/electronics/stack.py", ("tests/electronics/test_account.py",), ("cycle_loss", "_above")),
+    Target("physics/electronics/stack.py", ("tests/physics/electronics/test_account.py",), ("cycle_loss", "_above")),
     Target(
         "physics/contact/hertz.py",
         HALF_SPACE,
@@ -170,9 +170,9 @@ TARGETS = (
         ("shear_modulus", "contact_modulus", "tangential_modulus", "dundurs"),
     ),
     Target("estimate/influence.py", ("tests/estimate/test_influence.py",), ("prior_influence", "_deviation")),
-    Target("physics/contact/persson.py", ("tests/contact/test_roughness.py",), ("real_area", "holds")),
+    Target("physics/contact/persson.py", ("tests/physics/contact/test_roughness.py",), ("real_area", "holds")),
     Target(
-        "physics/contact/roughness.py", ("tests/contact/test_roughness.py",), ("self_affine", "with_other")
+        "physics/contact/roughness.py", ("tests/physics/contact/test_roughness.py",), ("self_affine", "with_other")
     ),
     Target(
         "physics/contact/asperities.py",
@@ -190,8 +190,8 @@ TARGETS = (
     Target("physics/contact/ageing.py", (f"{CONTACT}time_and_wear",), ("stiction_ratio",)),
     Target("physics/contact/wear.py", (f"{CONTACT}time_and_wear",), ("force", "worn_depth")),
     Target("physics/contact/preload.py", (f"{CONTACT}preload",), ("normal_force", "along")),
-    Target("physics/contact/comparing.py", ("tests/contact/test_comparing.py",), ("_fitted", "_holm")),
-    Target("physics/actuator.py", ("tests/test_actuator.py",), ("axial_force", "from_parts")),
+    Target("physics/contact/comparing.py", ("tests/physics/contact/test_comparing.py",), ("_fitted", "_holm")),
+    Target("physics/actuator.py", ("tests/physics/test_actuator.py",), ("axial_force", "from_parts")),
     Target(
         "design/information.py",
         ("tests/design/test_choice.py",),
@@ -250,11 +250,11 @@ TARGETS = (
     Target("engine/c/repeats.h", ("tests/engine/test_repeats.py",)),
     Target("engine/c/plays.*", PLAYS),
     Target(
-        "engine/c/creep.c", ("tests/piezo/test_creep.py", f"{AT_PIEZO}creep_of_a_table_is_that_of_samples")
+        "engine/c/creep.c", ("tests/physics/piezo/test_creep.py", f"{AT_PIEZO}creep_of_a_table_is_that_of_samples")
     ),
     Target("engine/c/cubics.h", (f"{AT_PIEZO}creep_of_a_table_is_that_of_samples",)),
     Target("engine/c/duhem.c", DUHEM),
-    Target("engine/c/ways.h", ("tests/piezo/test_ways.py", *PLAYS, *DUHEM)),
+    Target("engine/c/ways.h", ("tests/physics/piezo/test_ways.py", *PLAYS, *DUHEM)),
     Target("engine/c/charging.c", CHARGED),
     Target("engine/c/arrival.h", (*MOVER, "tests/control/test_arrival.py")),
     Target("engine/c/mover.h", MOVER),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine import library
-from plant.layouts import U
+from simulation.plant.layouts import U
 from stickslip.engine._abi import ffi
 from stickslip.engine.binding import ComposedPlant, DriveTable
 from stickslip.simulation.plant.system import Plant

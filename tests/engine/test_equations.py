@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 import plants
 import reference
 from engine.inner import Inner
-from plant.layouts import CASES, COULOMB, ELASTOPLASTIC, LUGRE, MAXWELL, PER_G, RATE, RISING, STAGE, Case, U
 from plants import (
     MM_S,
     UM,
@@ -27,6 +26,19 @@ from plants import (
     scale_of,
     states_of,
     weights_and_rates,
+)
+from simulation.plant.layouts import (
+    CASES,
+    COULOMB,
+    ELASTOPLASTIC,
+    LUGRE,
+    MAXWELL,
+    PER_G,
+    RATE,
+    RISING,
+    STAGE,
+    Case,
+    U,
 )
 from stickslip.engine.binding import ComposedPlant
 from stickslip.friction import MaxwellSlip

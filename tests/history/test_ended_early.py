@@ -10,7 +10,7 @@ import stickslip as ss
 from stickslip.history import Index
 from stickslip.rig.experiment import run_experiment
 
-from experiment.files import SMALL, written  # isort: skip
+from rig.experiment.files import SMALL, written  # isort: skip
 
 
 @pytest.fixture

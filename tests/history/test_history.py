@@ -22,7 +22,7 @@ from stickslip.recording.readers.process import Reader
 from stickslip.rig.experiment import run_experiment
 
 from damaged import hanging  # isort: skip
-from experiment.files import SMALL, written  # isort: skip
+from rig.experiment.files import SMALL, written  # isort: skip
 
 
 @pytest.fixture(scope="module")

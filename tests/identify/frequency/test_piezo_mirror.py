@@ -2,7 +2,7 @@
 
 Data: M. Floren et al., ISMA-USD 2024, pp. 2042-2052, CC BY 4.0; see SOURCE.txt beside them. Six realisations
 of orthogonal random-phase multisines (two blocks of three) at each of three levels, two periods, 6400 Hz.
-Models of them: `tests/analysis/test_mirror_analysis.py`.
+Models of them: `tests/jobs/analysis/test_mirror_analysis.py`.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ ONE_ERROR = """
 import sys, faulthandler, warnings
 warnings.simplefilter("ignore")
 sys.path.append(sys.argv.pop(1))
-from readers.test_bounded import one_error
+from recording.readers.test_bounded import one_error
 for file in sys.argv[1:]:
     faulthandler.dump_traceback_later(20, exit=True)
     print(file, flush=True)
@@ -161,7 +161,7 @@ def test_damage_anywhere_is_one_error(tmp_path: Path, kind: str) -> None:
     while (
         kind in ("nc", "mat73") and files
     ):  # a hang of the HDF5 library is for the process that reads to end
-        command = [sys.executable, "-c", ONE_ERROR, str(Path(__file__).parents[1]), *map(str, files)]
+        command = [sys.executable, "-c", ONE_ERROR, str(Path(__file__).parents[2]), *map(str, files)]
         done = subprocess.run(command, capture_output=True, text=True)
         assert done.returncode == 0 or "Timeout" in done.stderr, done.stderr
         files = files[len(done.stdout.split()) :]

@@ -13,7 +13,7 @@ import stickslip as ss
 from identify.stops import tribometer
 from stickslip.physics.contact import ball_prior, load_pair, of_loop
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "contact.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).resolve().parents[3] / "docs" / "contact.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from readers.mat73 import write_mat73
+from recording.readers.mat73 import write_mat73
 from stickslip.recording import RecordingError
 from stickslip.recording.readers import read_recording
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from cli.test_laboratory import RIG, run, small
 from stickslip.recording import open_recording
-from test_cli_laboratory import RIG, run, small
 
 
 @pytest.fixture

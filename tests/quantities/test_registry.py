@@ -19,7 +19,7 @@ from stickslip.identify.saved import load_fit, save_fit
 from stickslip.jobs.analysis.file import RecordingFile
 from stickslip.jobs.analysis.loops import LawSpec
 from stickslip.panel.document import BenchDocument
-from stickslip.panel.exploration import State, python
+from stickslip.panel.exploration import SliderState, python
 from stickslip.panel.folder import Folder
 from stickslip.panel.sets import Sets
 from stickslip.panel.sliders import choices
@@ -292,7 +292,7 @@ def test_own_things_are_listed_and_have_sliders(folder: Path) -> None:
     assert (wear["unit"], wear["scale"]) == ("N s/m", "log")
     friction = offered["sets"]["kang2007"]["friction"]["ViscousDahl"]
     assert friction["sigma_0"] == KANG.friction.sigma_0
-    state = State(
+    state = SliderState(
         set="kang2007", law="ViscousDahl", friction=friction, shape="Plateau", waveform=begin, duration=1.0
     )
     names: dict[str, Any] = {}

@@ -15,7 +15,7 @@ import yaml
 from typer.testing import CliRunner
 
 import stickslip as ss
-from experiment.files import SMALL
+from rig.experiment.files import SMALL
 from stickslip.cli import app
 from stickslip.jobs.file import json_schema, read_job
 from stickslip.quantities.input_file import InputFileError

@@ -17,7 +17,7 @@ from stickslip.rig.experiment.cells import limits_of
 from stickslip.rig.experiment.laboratory import VirtualLaboratory
 from stickslip.rig.experiment.running import read_experiment
 
-from experiment.files import SMALL, changed, written  # isort: skip
+from rig.experiment.files import SMALL, changed, written  # isort: skip
 
 
 REFUSED = (

@@ -13,7 +13,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import stickslip as ss
-from readers.mat73 import write_mat73
+from recording.readers.mat73 import write_mat73
 from stickslip.cli import app
 from stickslip.recording import RecordingError
 

@@ -16,7 +16,7 @@ from stickslip.simulation import SimulationWarning, simulate, steady_orbit, stea
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.shapes import Step
 
-REFERENCE = (Path(__file__).parents[2] / ".." / "shared" / "reference").resolve()
+REFERENCE = (Path(__file__).parents[3] / ".." / "shared" / "reference").resolve()
 DRIVE = Sawtooth(amplitude=65.0, frequency=5.0)
 
 

@@ -21,7 +21,7 @@ from stickslip.rig import LimitError
 from stickslip.rig.experiment import run_experiment
 from stickslip.rig.experiment.running import read_experiment
 
-from experiment.files import NAMES, SMALL, changed, written  # isort: skip
+from rig.experiment.files import NAMES, SMALL, changed, written  # isort: skip
 
 THESIS = Path(str(importlib.resources.files("stickslip") / "examples" / "kang2007_experiment.yaml"))
 

@@ -11,7 +11,7 @@ import pytest
 import scipy.io
 import scipy.sparse
 
-from readers.mat73 import write_mat73
+from recording.readers.mat73 import write_mat73
 from stickslip.recording import RecordingError
 from stickslip.recording.readers import read_recording
 
