@@ -20,7 +20,7 @@ from stickslip.cli import app
 from stickslip.jobs.file import json_schema, read_job
 from stickslip.quantities.input_file import InputFileError
 from stickslip.recording import RecordingWarning
-from stickslip.rig.experiment import running
+from stickslip.recording.exports import EXPORTS
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
 TRUTH = {"sigma_0": 1.399e6, "coulomb_force": 0.5401}
@@ -302,14 +302,14 @@ def test_ctrl_c_in_a_recording_is_heard_before_the_next_step(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also after the last recording has said how far it is: what is recorded is kept whole."""
-    kept = running.save_csv
+    csv = EXPORTS["csv"]
 
-    def last(recording: Any, target: Path) -> None:
+    def last(recording: Any, target: Path) -> Path:
         if len(list(target.parent.glob("*.nc"))) == 8:
             signal.raise_signal(signal.SIGINT)
-        kept(recording, target)
+        return csv.write(recording, target)
 
-    monkeypatch.setattr(running, "save_csv", last)
+    monkeypatch.setitem(EXPORTS, "csv", csv._replace(write=last))
     content = {**copy.deepcopy(SMALL), "save_as": ["csv"]}
     path = written(tmp_path, {"title": "Both", "steps": [{"record": content}, steps(tmp_path)[0]]})
     done = command("run", path, tmp_path / "out")

@@ -16,6 +16,7 @@ from scipy.io import loadmat
 
 from stickslip import open_recording, read_recording
 from stickslip.panel import create_app
+from stickslip.recording.exports import EXPORTS
 
 from .serving import ME, client_of, heard, streaming
 from .test_stream import unpacked
@@ -77,7 +78,9 @@ def test_a_run_is_seen_kept_and_exported(client: httpx.Client, folder: Path, tmp
     assert [run["name"] for run in written["runs"]] == ["forward"]
     assert written["variables"]["forward_voltage"] == "0.07 kV"
 
-    for kind, suffix in [("nc", ".nc"), ("mat", ".mat"), ("csv", ".csv")]:
+    formats = dict(client.get("/recordings/formats").json())
+    assert list(formats) == ["nc", *EXPORTS]
+    for kind, suffix in [("nc", ".nc"), ("mat", ".mat"), ("csv", ".csv"), ("nexus", ".nxs")]:
         answer = client.get("/recordings/export", params={"name": name, "kind": kind})
         assert f'forward{suffix}"' in answer.headers["content-disposition"]
         (tmp_path / f"x{suffix}").write_bytes(answer.content)
@@ -87,6 +90,10 @@ def test_a_run_is_seen_kept_and_exported(client: httpx.Client, folder: Path, tmp
     np.testing.assert_allclose(
         read_recording(tmp_path / "x.csv")["end_effector_position"], expected, atol=1e-12
     )
+    assert open_recording(tmp_path / "x.nxs").identical(recording)
+    unknown = client.get("/recordings/export", params={"name": name, "kind": "xls"})
+    assert unknown.status_code == 400
+    assert "'xls' is no format of recordings: nc, mat" in unknown.text
     # A user's own CSV becomes a recording of ours too.
     (folder / "own.csv").write_bytes((tmp_path / "x.csv").read_bytes())
     answer = client.get("/recordings/export", params={"name": "own.csv", "kind": "nc"})

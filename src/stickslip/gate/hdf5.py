@@ -320,14 +320,23 @@ def is_hdf5(path: Path) -> bool:
         return h5f.is_hdf5(name_of(file).encode())
 
 
-def has_attribute(path: Path, name: str) -> bool:
-    """Return whether the root group of an HDF5 file has an attribute of that name.
+def has_attribute(path: Path, name: str, group: str = "/") -> bool:
+    """Return whether a group of an HDF5 file has an attribute of that name; False if there is no such group.
 
     Raises:
         GateError: the file is damaged.
     """
     with _opened(path) as tree, _damage(path):
-        return h5a.exists(tree.root.identifier, name.encode())
+        found = tree.root.identifier
+        for label in group.encode().split(b"/"):
+            if not label:
+                continue
+            if not found.links.exists(label) or found.links.get_info(label).type != h5l.TYPE_HARD:
+                return False
+            found = h5o.open(found, label)
+            if not isinstance(found, h5g.GroupID):
+                return False
+        return h5a.exists(found, name.encode())
 
 
 @contextmanager

@@ -15,9 +15,10 @@ from ..quantities.records import did_you_mean
 from ..quantities.units import QuantityError
 from ..recording import RecordingError
 from ..recording.calibration import CalibrationError
+from ..recording.exports import EXPORTS
 from ..rig.experiment.cells import cell_names
 from ..rig.experiment.file import ExperimentFile
-from ..rig.experiment.running import EXPORTS, read_experiment
+from ..rig.experiment.running import read_experiment
 from .analysis.alignment import POSITION
 from .analysis.comparison import ComparisonAnalysis
 from .analysis.file import RecordingFile
@@ -126,7 +127,7 @@ def _told(where: str, check: Any, text: str) -> None:
 
 def _made_by(kind: str, spec: Any, number: int, cells: list[str]) -> Iterator[str]:
     """Yield the results that a later step can name, relative to the output folder."""
-    also = [EXPORTS[one] for one in spec.save_as] if isinstance(spec, ExperimentFile) else []
+    also = [EXPORTS[one].ending for one in spec.save_as] if isinstance(spec, ExperimentFile) else []
     yield from (f"recordings/{name}{end}" for name in cells for end in (".nc", *also))
     if kind == "identify":
         yield f"steps/{number}_identify.json"

@@ -9,7 +9,6 @@ from collections import OrderedDict
 from contextlib import suppress
 from pathlib import Path
 from threading import Lock
-from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -20,7 +19,8 @@ from starlette.background import BackgroundTask
 
 from ..history import note_act
 from ..quantities.input_file import Strict
-from ..recording import save_csv, save_matlab, save_recording
+from ..recording import save_recording
+from ..recording.exports import EXPORTS
 from ..recording.readers.process import Reader
 from .control import Control
 from .decimation import window
@@ -29,8 +29,7 @@ from .stream import Hub, packed
 
 MOST_OPEN = 6  # recordings kept in memory for zooming
 MOST_POINTS = 20_000
-Kind = Literal["nc", "mat", "controldesk", "csv"]
-_SUFFIX = {"nc": ".nc", "mat": ".mat", "controldesk": "_controldesk.mat", "csv": ".csv"}
+OURS = "nc"  # our own format, beside those of other programs
 
 
 class Shown(Strict):
@@ -127,21 +126,22 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
         hub.tell("recordings")
         return {"name": asked.to}
 
+    @routes.get("/formats")
+    def formats() -> list[tuple[str, str]]:
+        return [(OURS, "NetCDF"), *((kind, one.title) for kind, one in EXPORTS.items())]
+
     @routes.get("/export")
-    def export(name: str, kind: Kind = "nc") -> FileResponse:
+    def export(name: str, kind: str = OURS) -> FileResponse:
+        if kind != OURS and kind not in EXPORTS:
+            raise FolderError(f"{kind[:60]!r} is no format of recordings: {', '.join([OURS, *EXPORTS])}")
         recording = shelf.recording(name)
         stem = Path(name).stem
         with suppress(OSError):  # exports also work from a read-only folder
             note_act(folder.root, "exported", name, kind=kind)
-        if kind == "nc" and name.endswith(".nc"):
+        if kind == OURS and name.endswith(".nc"):
             return FileResponse(folder.path(name), filename=f"{stem}.nc")
-        made = Path(tempfile.mkdtemp(prefix="stickslip-")) / f"{stem}{_SUFFIX[kind]}"
-        if kind == "nc":
-            save_recording(recording, made)
-        elif kind == "csv":
-            save_csv(recording, made)
-        else:
-            save_matlab(recording, made, "trace" if kind == "mat" else "controldesk")
+        ending, write = (".nc", save_recording) if kind == OURS else EXPORTS[kind][1:]
+        made = write(recording, Path(tempfile.mkdtemp(prefix="stickslip-")) / f"{stem}{ending}")
         return FileResponse(made, filename=made.name, background=BackgroundTask(_remove, made))
 
     return routes

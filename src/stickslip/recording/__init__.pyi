@@ -4,6 +4,7 @@ from . import readers as readers
 from .chain import Chain as Chain
 from .exports import save_csv as save_csv
 from .exports import save_matlab as save_matlab
+from .nexus import save_nexus as save_nexus
 from .readers import read_frequency_response as read_frequency_response
 from .readers import read_log as read_log
 from .schema import SCALE_UNCERTAINTY as SCALE_UNCERTAINTY

@@ -1,14 +1,15 @@
-"""Recordings for other programs: MAT files in dSPACE's two layouts, and CSV.
+"""Recordings for other programs: MAT files in dSPACE's two layouts, CSV, NeXus. `EXPORTS` lists the formats.
 
-Our own format, NetCDF, keeps everything; these keep the samples, the names and the units.
+Our own format, NetCDF, and NeXus keep everything; the others keep the samples, the names and the units.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..quantities.units import QuantityError
 from .conversion import to_si_unit
+from .nexus import NEXUS, save_nexus
 from .replacing import replaced_whole
 from .schema import RecordingError, validate_recording
 
@@ -135,3 +137,22 @@ def _matlab_identifier(text: str) -> str:
     """A name that MATLAB takes for a variable: letters, digits and underscores, 31 at most."""
     name = "".join(sign if sign.isascii() and sign.isalnum() else "_" for sign in text)
     return (name if name[:1].isalpha() else f"r_{name}")[:31]
+
+
+class Export(NamedTuple):
+    """A format of files for other programs: what people call it, how its file names end, what writes it."""
+
+    title: str
+    ending: str
+    write: Callable[[xr.Dataset, Path], Path]
+
+
+# By the name in experiment files (`save_as`) and on the panel. A line here is all that a format needs.
+EXPORTS = {
+    "mat": Export("MAT", ".mat", save_matlab),
+    "controldesk": Export(
+        "MAT, as ControlDesk", "_controldesk.mat", partial(save_matlab, layout="controldesk")
+    ),
+    "csv": Export("CSV", ".csv", save_csv),
+    "nexus": Export("NeXus", NEXUS, save_nexus),
+}

@@ -329,3 +329,25 @@ def _check_finite(name: str, unit: str, values: np.ndarray) -> None:
     finite = np.isfinite(values)
     if not finite.all():
         raise RecordingError(f"{name} [{unit}] is not finite at sample {int(np.argmin(finite))}")
+
+
+def storable_attributes(attrs: Mapping[Any, Any], of: str = "") -> dict[str, Any]:
+    """The attributes as HDF5 can hold them; truth becomes 0 or 1.
+
+    Raises:
+        RecordingError: one is neither text nor a number, or holds characters that cannot be stored; the error
+            names it with `of` before the name.
+    """
+    return {str(name): _storable(f"{of}{name}", value) for name, value in attrs.items()}
+
+
+def _storable(name: str, value: object) -> object:
+    if isinstance(value, bool | np.bool_):
+        return int(value)
+    if isinstance(value, str):
+        if "\0" in value or any("\ud800" <= sign <= "\udfff" for sign in value):
+            raise RecordingError(f"the attribute {name} = {value!r} holds characters that cannot be stored")
+        return value
+    if isinstance(value, int | float | np.integer | np.floating):
+        return value
+    raise RecordingError(f"the attribute {name} is a {type(value).__name__}; text and numbers can be stored")

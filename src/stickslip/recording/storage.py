@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
 from ..gate.errors import GateError
 from .replacing import replaced_whole
-from .schema import RecordingError, validate_recording, with_schema
+from .schema import RecordingError, storable_attributes, validate_recording, with_schema
 
 
 def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
@@ -29,10 +28,9 @@ def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
         raise RecordingError(f"{target}: a recording is saved as .nc")
     validate_recording(recording)
     stored = recording.copy()
-    stored.attrs = {name: _storable(name, value) for name, value in with_schema(recording.attrs).items()}
+    stored.attrs = storable_attributes(with_schema(recording.attrs))
     for name in stored.variables:
-        attrs = recording[name].attrs
-        stored[name].attrs = {attr: _storable(f"{name}.{attr}", value) for attr, value in attrs.items()}
+        stored[name].attrs = storable_attributes(recording[name].attrs, f"{name}.")
         stored[name].encoding = {"_FillValue": None}  # a recording has no missing values
     # Through memory: where a disk is full, HDF5 brings the whole process down when it closes the file.
     content = stored.to_netcdf(None, engine="h5netcdf")
@@ -42,7 +40,7 @@ def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
 
 
 def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
-    """The recording of a ``.nc`` file, in memory.
+    """The recording of a ``.nc`` file, or of a NeXus file that `save_nexus` has written, in memory.
 
     Raises:
         RecordingError: the file is missing, damaged, no recording, or of a newer schema.
@@ -58,7 +56,7 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
         said = " ".join(str(error).split())
         raise RecordingError(f"{path}: not a readable NetCDF 4 file (damaged?): {said}") from error
     if "schema_version" not in recording.attrs:
-        raise RecordingError(f"{path}: NetCDF, but no stickslip recording (it lacks 'schema_version')")
+        raise RecordingError(f"{path}: no stickslip recording (it lacks 'schema_version')")
     try:
         return validate_recording(recording)
     except RecordingError as error:
@@ -68,23 +66,14 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
 def _stored(path: Path) -> xr.Dataset:
     """Return the variables of the file as they are, without xarray's reader, which takes several times as
     long."""
+    from ..gate.hdf5 import has_attribute
     from ..gate.netcdf import read_netcdf  # HDF5 is not for those who only simulate
+    from ..gate.nexus import ATTRIBUTES, read_nexus
 
     found = read_netcdf(path)
+    if "schema_version" not in found.attributes and has_attribute(path, "schema_version", ATTRIBUTES):
+        found = read_nexus(path)
     whole = {name: (one.axes, one.values, one.attributes) for name, one in found.variables.items()}
     coordinates = {name: one for name, one in whole.items() if one[0] == (name,)}
     data = {name: one for name, one in whole.items() if name not in coordinates}
     return xr.Dataset(data, coordinates, found.attributes)
-
-
-def _storable(name: str, value: object) -> object:
-    """The attribute as NetCDF can hold it; truth becomes 0 or 1."""
-    if isinstance(value, bool | np.bool_):
-        return int(value)
-    if isinstance(value, str):
-        if "\0" in value or any("\ud800" <= sign <= "\udfff" for sign in value):
-            raise RecordingError(f"the attribute {name} = {value!r} holds characters that cannot be stored")
-        return value
-    if isinstance(value, int | float | np.integer | np.floating):
-        return value
-    raise RecordingError(f"the attribute {name} is a {type(value).__name__}; text and numbers can be stored")

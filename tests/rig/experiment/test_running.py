@@ -16,6 +16,7 @@ import scipy.io
 
 from stickslip.quantities.input_file import InputFileError
 from stickslip.recording import RecordingWarning, open_recording
+from stickslip.recording.exports import EXPORTS
 from stickslip.recording.readers import read_recording
 from stickslip.rig import LimitError
 from stickslip.rig.experiment import run_experiment
@@ -149,11 +150,12 @@ def test_what_has_the_name_of_a_recording_is_not_lost(tmp_path: Path) -> None:
 
 
 def test_other_formats(tmp_path: Path) -> None:
-    path = written(tmp_path, {**SMALL, "save_as": ["mat", "controldesk", "csv"]})
+    path = written(tmp_path, {**SMALL, "save_as": list(EXPORTS)})
     run_experiment(path, tmp_path)
     ours = open_recording(tmp_path / "walk_65V_100_1.nc")
     x = ours["end_effector_position"].values
     np.testing.assert_array_equal(scipy.io.loadmat(tmp_path / "walk_65V_100_1.mat")["trace_y"][1], x)
+    assert read_recording(tmp_path / "walk_65V_100_1.nxs").identical(ours)
     for name in ("walk_65V_100_1.csv", "walk_65V_100_1_controldesk.mat"):
         np.testing.assert_array_equal(read_recording(tmp_path / name)["end_effector_position"], x)
     (tmp_path / "walk_65V_100_1.csv").unlink()

@@ -4,7 +4,7 @@ import { h, openDialog } from "./dom.js";
 import { formatQuantity } from "./quantity.js";
 
 const NAMES = ["time", "drive_voltage", "end_effector_position", "stage_position", "sliding_displacement", "end_effector_velocity", "friction_force", "force", "position", "displacement", "voltage"];
-const KINDS = ".csv,.txt,.tsv,.dat,.lvm,.mat,.npy,.npz,.mf4,.nc";
+const KINDS = ".csv,.txt,.tsv,.dat,.lvm,.mat,.npy,.npz,.mf4,.nc,.nxs";
 
 export function uploadDialog(app, taken) {
   const dialog = openDialog("Take in a file", (close) => {

@@ -4,7 +4,6 @@ import { h, openDialog } from "./dom.js";
 import { shortName } from "./livedata.js";
 
 const MOST_SHOWN = 300;
-const KINDS = [["nc", "NetCDF"], ["mat", "MAT"], ["controldesk", "MAT, as ControlDesk"], ["csv", "CSV"]];
 
 export function makeRecordings(bench) {
   const list = h("ul", { class: "recordings" });
@@ -74,9 +73,10 @@ export function renameDialog(bench, name, renamed) {
   });
 }
 
-export function exportDialog(name) {
+export async function exportDialog(name) {
+  const formats = await (await fetch("/recordings/formats")).json();
   openDialog(`Export ${shortName(name)}`, (close) => h("div", {},
-    h("div", { class: "choices" }, ...KINDS.map(([kind, text]) =>
+    h("div", { class: "choices" }, ...formats.map(([kind, text]) =>
       h("a", { class: "button", href: `/recordings/export?${new URLSearchParams({ name, kind })}`, download: "", onclick: () => setTimeout(close) }, text))),
     h("div", { class: "row end" }, h("button", { type: "button", onclick: close }, "Cancel"))));
 }

@@ -77,8 +77,9 @@ def _formats() -> list[Format]:
 def _is_recording(path: Path, ending: str) -> bool:
     """Return whether an HDF5 file is one of our recordings; a damaged file with our ending counts."""
     from ...gate.hdf5 import has_attribute  # HDF5 is not for those who only read text
+    from ...gate.nexus import ATTRIBUTES
 
     try:
-        return has_attribute(path, "schema_version")
+        return has_attribute(path, "schema_version") or has_attribute(path, "schema_version", ATTRIBUTES)
     except GateError:
         return ending == ".nc"

@@ -122,4 +122,4 @@ def _is_hdf5(head: bytes, ending: str) -> bool:
     return not matlab and any(head.startswith(SIGNATURE, place) for place in _PLACES)
 
 
-add_format(read_hdf5, "hdf5", (".h5", ".hdf5", ".he5", ".nc", ".nc4"), _is_hdf5)
+add_format(read_hdf5, "hdf5", (".h5", ".hdf5", ".he5", ".nc", ".nc4", ".nxs"), _is_hdf5)

@@ -18,12 +18,16 @@ from ...physics.electronics import Filter
 from ...quantities import registry
 from ...quantities.input_file import Part, Seconds, Strict, fields_of
 from ...quantities.registry import own_path
+from ...recording.exports import EXPORTS
 from ...waveform.signal import shape
 from .. import Capture, Limits, Trigger, Variation
 from ..irregularity import REGULAR, Irregularity
 
 Quantity = float | str
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}$")]
+ExportName = Annotated[
+    str, AfterValidator(lambda text: _exported(text)), Field(json_schema_extra={"enum": list(EXPORTS)})
+]
 Count = Annotated[int, Field(ge=1, le=10_000)]
 
 
@@ -31,6 +35,12 @@ def _known(text: str) -> str:
     path, _ = own_path(text)
     if not path:  # a user's file is checked once its folder is known
         shape(text)
+    return text
+
+
+def _exported(text: str) -> str:
+    if text not in EXPORTS:
+        raise ValueError(f"must be one of {', '.join(EXPORTS)}")
     return text
 
 
@@ -184,7 +194,7 @@ class ExperimentFile(Strict):
     limits: LimitsSpec = Field(default_factory=LimitsSpec)
     channels: Annotated[dict[Name, ChannelSpec], Field(min_length=1)]
     variables: dict[str, Quantity | bool] = Field(default_factory=dict)
-    save_as: list[Literal["mat", "controldesk", "csv"]] = Field(default_factory=list)
+    save_as: list[ExportName] = Field(default_factory=list)
     runs: Annotated[list[RunSpec], Field(min_length=1)]
     panel: Annotated[list[InstrumentSpec], Field(max_length=60)] = Field(default_factory=list)
 

@@ -17,7 +17,8 @@ from pydantic import ValidationError
 
 from ...quantities.input_file import InputFileError, explain, load_yaml
 from ...quantities.progress import Progress, unheard
-from ...recording import RecordingError, RecordingWarning, open_recording, save_csv, save_matlab
+from ...recording import RecordingError, RecordingWarning, open_recording
+from ...recording.exports import EXPORTS
 from ...recording.readers import read_recording
 from ...recording.replacing import remove_leftovers, to_bin
 from .. import CaptureError, Home, LimitError, Rig, measure
@@ -28,7 +29,6 @@ from .file import ExperimentFile
 from .laboratory import Laboratory, open_laboratory
 
 Watch = Callable[[Cell, Rig], Rig]
-EXPORTS = {"mat": ".mat", "controldesk": "_controldesk.mat", "csv": ".csv"}
 
 
 class Recorded(NamedTuple):
@@ -191,7 +191,7 @@ def _recorded(
     progress("", 0.0)
     recording = _finished(path, cell.key)
     kept = recording is not None
-    exports = {kind: out / f"{cell.name}{EXPORTS[kind]}" for kind in file.save_as}
+    exports = {kind: out / f"{cell.name}{EXPORTS[kind].ending}" for kind in file.save_as}
     if recording is None:
         _make_room(out, [path, *exports.values()], log)
         begun = time.perf_counter()
@@ -210,10 +210,7 @@ def _recorded(
     for kind, target in exports.items():
         if kept and target.is_file():
             continue
-        if kind == "csv":
-            save_csv(recording, target)
-        else:
-            save_matlab(recording, target, "trace" if kind == "mat" else "controldesk")
+        EXPORTS[kind].write(recording, target)
     return Recorded(cell, path, kept), recording
 
 

@@ -1,0 +1,41 @@
+"""Recordings in NeXus files, through the opener of HDF5 files. `recording.nexus` writes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from .errors import GateError
+from .hdf5 import Hdf5Array, Hdf5Group, hdf5_tree
+from .netcdf import Netcdf, NetcdfVariable
+
+DATA = "/entry/data"  # the samples
+ATTRIBUTES = "/entry/recording"  # the attributes of the recording
+# Attributes of NeXus, which are not those of the recording or of its variables.
+OF_RECORDING = frozenset(["NX_class"])
+OF_VARIABLE = frozenset(["target"])
+
+
+def read_nexus(path: Path) -> Netcdf:
+    """Return the variables and attributes of a recording in a NeXus file.
+
+    Raises:
+        GateError: the file is damaged, names other files, or is no recording of ours.
+    """
+    with hdf5_tree(path) as tree:
+        data, kept = _group(tree.root, DATA), _group(tree.root, ATTRIBUTES)
+        if data is None or kept is None:
+            raise GateError(f"{path}: no NeXus file of stickslip: it lacks the group {DATA} or {ATTRIBUTES}")
+        variables = {
+            name: NetcdfVariable(("time",), one.read(), tree.attributes(one, OF_VARIABLE))
+            for name, one in data.members.items()
+            if isinstance(one, Hdf5Array)
+        }
+        return Netcdf(variables, tree.attributes(kept, OF_RECORDING))
+
+
+def _group(root: Hdf5Group, path: str) -> Hdf5Group | None:
+    found: Any = root
+    for label in path.strip("/").split("/"):
+        found = found.members.get(label) if isinstance(found, Hdf5Group) else None
+    return found if isinstance(found, Hdf5Group) else None
