@@ -106,7 +106,7 @@ def export_fmu(
     token = "{" + hashlib.sha256(everything.encode()).hexdigest()[:32] + "}"
     all_of = variables(found, parts, mode, h, rest)
     files["fmi_variables.h"] = heading(found) + variables_h(all_of, mode, token, h, rest)
-    for file in (f"fmi{fmi}.c", "fmi_instance.h", *_HEADERS[fmi]):
+    for file in (f"fmi{fmi}.c", "fmi_instance.h", "fmi_shell.h", *_HEADERS[fmi]):
         files[file] = (C / "fmi" / file).read_text(encoding="utf-8")
     law = type(found.model.friction).__name__
     title = f"Stick-slip actuator {found.model.name} with {law} friction, {mode}".replace("  ", " ")

@@ -1,62 +1,36 @@
-/* FMI 2.0 for co-simulation; see fmi_instance.h. */
+/* FMI 2.0 for co-simulation; the functions that FMI 3.0 has too are in fmi_shell.h. */
 #include "fmi2Functions.h"
 
-#include "fmi_instance.h"
+typedef fmi2Real fmi_real_t;
+typedef fmi2FMUstate fmi_state;
+typedef fmi2CallbackLogger fmi_logger;
 
-typedef struct {
-    fmi_data data;
-    fmi2CallbackLogger log;
-    fmi2ComponentEnvironment environment;
-    char name[64];
-} component;
+#define FMI(name) fmi2##name
+#define FMI_NUMBERS(verb) fmi2##verb##Real
+#define FMI_STATE(verb, end) fmi2##verb##FMUstate##end
+#define FMI_DESERIALIZE fmi2DeSerializeFMUstate
+#define FMI_LOG(c, status, category, text) (c)->log((c)->environment, (c)->name, status, category, text)
+#define FMI_COUNT
+#define FMI_COUNT_UNUSED
 
-static fmi2Status said(const component *c, fmi2Status status, const char *category, const char *text)
-{
-    if (c->log != NULL) {
-        c->log(c->environment, c->name, status, category, text); /* no text has a % */
-    }
-    return status;
-}
-
-static fmi2Status failed(const component *c, const char *text) { return said(c, fmi2Error, "logStatusError", text); }
+#include "fmi_shell.h"
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
-
-const char *fmi2GetVersion(void) { return fmi2Version; }
-
-fmi2Status fmi2SetDebugLogging(fmi2Component i, fmi2Boolean on, size_t n, const fmi2String categories[])
-{
-    (void)i;
-    (void)on;
-    (void)n;
-    (void)categories;
-    return fmi2OK;
-}
 
 fmi2Component fmi2Instantiate(
     fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources, const fmi2CallbackFunctions *functions,
     fmi2Boolean visible, fmi2Boolean logging)
 {
-    component *c = (component *)calloc(1, sizeof *c);
+    const fmi_logger log = (functions != NULL) ? functions->logger : NULL;
+    void *environment = (functions != NULL) ? functions->componentEnvironment : NULL;
+    const bool right = type == fmi2CoSimulation && guid != NULL && strcmp(guid, TOKEN) == 0;
     (void)resources;
     (void)visible;
     (void)logging;
-    if (c == NULL) {
-        return NULL;
-    }
-    c->log = (functions != NULL) ? functions->logger : NULL;
-    c->environment = (functions != NULL) ? functions->componentEnvironment : NULL;
-    (void)snprintf(c->name, sizeof c->name, "%s", (name != NULL) ? name : "");
-    if (type != fmi2CoSimulation || guid == NULL || strcmp(guid, TOKEN) != 0) {
-        (void)failed(c, "this FMU is for co-simulation, and its guid must be that of its modelDescription.xml");
-        free(c);
-        return NULL;
-    }
-    fmi_start(&c->data);
-    return c;
+    return instantiated(
+        name, log, environment, right,
+        "this FMU is for co-simulation, and its guid must be that of its modelDescription.xml");
 }
-
-void fmi2FreeInstance(fmi2Component i) { free(i); }
 
 fmi2Status fmi2SetupExperiment(
     fmi2Component i, fmi2Boolean tolerance_given, fmi2Real tolerance, fmi2Real start, fmi2Boolean stop_given,
@@ -76,95 +50,11 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component i)
     return fmi2OK;
 }
 
-fmi2Status fmi2ExitInitializationMode(fmi2Component i)
-{
-    component *c = (component *)i;
-    const char *wrong = fmi_begin(&c->data);
-    return (wrong != NULL) ? failed(c, wrong) : fmi2OK;
-}
-
-fmi2Status fmi2Terminate(fmi2Component i)
-{
-    ((component *)i)->data.phase = STOPPED;
-    return fmi2OK;
-}
-
-fmi2Status fmi2Reset(fmi2Component i)
-{
-    fmi_start(&((component *)i)->data);
-    return fmi2OK;
-}
-
 fmi2Status fmi2DoStep(fmi2Component i, fmi2Real point, fmi2Real length, fmi2Boolean no_set_before)
 {
-    component *c = (component *)i;
     (void)point;
     (void)no_set_before;
-    if (c->data.phase != STEPPING) {
-        return failed(c, "a step before the end of the initialisation");
-    }
-    const char *warning = NULL;
-    const char *wrong = fmi_advance(&c->data, length, &warning);
-    if (wrong != NULL) {
-        return failed(c, wrong);
-    }
-    return (warning != NULL) ? said(c, fmi2Warning, "logStatusWarning", warning) : fmi2OK;
-}
-
-fmi2Status fmi2GetReal(fmi2Component i, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
-{
-    component *c = (component *)i;
-    for (size_t k = 0; k < n; ++k) {
-        const real_t *found = fmi_real(&c->data, vr[k]);
-        const char *wrong = (found == NULL) ? "no such Real variable" : fmi_before_get(&c->data, vr[k]);
-        if (wrong != NULL) {
-            return failed(c, wrong);
-        }
-        value[k] = (fmi2Real)*found;
-    }
-    return fmi2OK;
-}
-
-fmi2Status fmi2SetReal(fmi2Component i, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
-{
-    component *c = (component *)i;
-    for (size_t k = 0; k < n; ++k) {
-        real_t *found = fmi_real(&c->data, vr[k]);
-        const char *wrong = (found == NULL) ? "no such Real variable" : fmi_forbidden(&c->data, vr[k]);
-        if (wrong != NULL) {
-            return failed(c, wrong);
-        }
-        *found = fmi_number(value[k]);
-    }
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetBoolean(fmi2Component i, const fmi2ValueReference vr[], size_t n, fmi2Boolean value[])
-{
-    component *c = (component *)i;
-    for (size_t k = 0; k < n; ++k) {
-        const bool *found = fmi_boolean(&c->data, vr[k]);
-        const char *wrong = (found == NULL) ? "no such Boolean variable" : fmi_before_get(&c->data, vr[k]);
-        if (wrong != NULL) {
-            return failed(c, wrong);
-        }
-        value[k] = *found ? fmi2True : fmi2False;
-    }
-    return fmi2OK;
-}
-
-fmi2Status fmi2SetBoolean(fmi2Component i, const fmi2ValueReference vr[], size_t n, const fmi2Boolean value[])
-{
-    component *c = (component *)i;
-    for (size_t k = 0; k < n; ++k) {
-        bool *found = fmi_boolean(&c->data, vr[k]);
-        const char *wrong = (found == NULL) ? "no such Boolean variable" : fmi_forbidden(&c->data, vr[k]);
-        if (wrong != NULL) {
-            return failed(c, wrong);
-        }
-        *found = value[k] != fmi2False;
-    }
-    return fmi2OK;
+    return stepped((component *)i, length);
 }
 
 fmi2Status fmi2SetRealInputDerivatives(
@@ -180,67 +70,7 @@ fmi2Status fmi2SetRealInputDerivatives(
     return fmi2OK;
 }
 
-fmi2Status fmi2GetFMUstate(fmi2Component i, fmi2FMUstate *state)
-{
-    if (*state == NULL) {
-        *state = malloc(sizeof(fmi_data));
-    }
-    if (*state == NULL) {
-        return failed((component *)i, "no memory for the state");
-    }
-    memcpy(*state, &((component *)i)->data, sizeof(fmi_data));
-    return fmi2OK;
-}
-
-fmi2Status fmi2SetFMUstate(fmi2Component i, fmi2FMUstate state)
-{
-    memcpy(&((component *)i)->data, state, sizeof(fmi_data));
-    return fmi2OK;
-}
-
-fmi2Status fmi2FreeFMUstate(fmi2Component i, fmi2FMUstate *state)
-{
-    (void)i;
-    free(*state);
-    *state = NULL;
-    return fmi2OK;
-}
-
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component i, fmi2FMUstate state, size_t *size)
-{
-    (void)i;
-    (void)state;
-    *size = sizeof(fmi_data);
-    return fmi2OK;
-}
-
-fmi2Status fmi2SerializeFMUstate(fmi2Component i, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
-{
-    if (size < sizeof(fmi_data)) {
-        return failed((component *)i, "the array is too small for the state");
-    }
-    memcpy(bytes, state, sizeof(fmi_data));
-    return fmi2OK;
-}
-
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component i, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
-{
-    if (size != sizeof(fmi_data)) {
-        return failed((component *)i, "the bytes are no state of this FMU");
-    }
-    if (*state == NULL) {
-        *state = malloc(sizeof(fmi_data));
-    }
-    if (*state == NULL) {
-        return failed((component *)i, "no memory for the state");
-    }
-    memcpy(*state, bytes, sizeof(fmi_data));
-    return fmi2OK;
-}
-
 /* What this FMU has not: it says so. */
-
-static fmi2Status missing(fmi2Component i) { return failed((component *)i, "not supported by this FMU"); }
 
 #define ACCESS(kind, type) \
     fmi2Status fmi2Get##kind(fmi2Component i, const fmi2ValueReference vr[], size_t n, type value[]) \

@@ -1,10 +1,5 @@
 /* What this FMU has not, with the signatures of fmi3FunctionTypes.h: it says so. */
 
-static fmi3Status missing(fmi3Instance i)
-{
-    return failed((component *)i, "not supported by this FMU");
-}
-
 fmi3Instance fmi3InstantiateModelExchange(
     fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath, fmi3Boolean visible,
     fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage)
