@@ -1,4 +1,4 @@
-"""From a model and a drive signal to a labelled trajectory: the public calls over `engine`."""
+"""Simulation: from a model and a drive signal to a labelled trajectory; the public calls over `engine`."""
 
 from .ensemble import simulate_ensemble as simulate_ensemble
 from .errors import NotPeriodicError as NotPeriodicError

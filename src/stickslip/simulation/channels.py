@@ -25,9 +25,11 @@ def variables_of(
     times: NDArray[np.float64],
     waveform: Waveform,
 ) -> dict[str, Any]:
-    """Motion and forces, and what is inside of piezo and contact."""
+    """Return the channels of motion and forces by name, and the internal variables of piezo and contact, from
+    the solver's samples."""
     y, w, x, s, force = samples[:, :5].T
-    if isinstance(model, Actuator) and model.piezo is not None:  # the table is that of its stroke
+    # `table` is the drive of the stroke after the piezo
+    if isinstance(model, Actuator) and model.piezo is not None:
         table = waveform.drive(float(times[-1]))
     drive = evaluate(table, times)[0]
     variables: dict[str, Any] = {"end_effector_position": x}
@@ -57,15 +59,16 @@ def variables_of(
 def energy_account(
     model: Actuator, samples: NDArray[np.float64], work: NDArray[np.float64], start: NDArray[np.float64]
 ) -> dict[str, Any]:
-    """The energy account, J: the drive's work is stored, dissipated in the stage, or taken by the contact.
+    """Return the energy account by name, J: the drive's work is stored, dissipated in the stage, or taken by
+    the contact.
 
-    Where the model drops the reaction of the friction on the stage, the contact's work on the stage is
-    nobody's loss; it is left out of the stage's balance just as the model leaves it out.
+    If the model drops the reaction of the friction on the stage, the contact's work on the stage does not
+    appear anywhere; it is left out of the stage's balance, as in the model.
     """
     y, w, x, s = samples[:, :4].T
     m, m_e = (0.0 if model.static else model.stage_mass), model.end_effector_mass
     k = 0.0 if model.static else model.stage_stiffness
-    if model.clamped:  # one body: the end-effector's mass is in the stage's
+    if model.clamped:  # one body: the stage includes the end-effector's mass
         m_e = 0.0
     on_stage = (
         work[:, 2] + work[:, 3] if model.stage_reaction and not model.static and not model.clamped else 0.0
@@ -92,9 +95,9 @@ def energy_account(
 def of_stack(
     model: Actuator | PulledSlider, stack: Stack, waveform: Waveform, times: NDArray[np.float64]
 ) -> dict[str, tuple[NDArray[np.float64], str]]:
-    """Return the channels of a stack under the drive at the times [s].
+    """Return the electrical channels of a stack under the drive at the times [s], by name with units.
 
-    Charge and current of its load, power into its field, loss and temperature, as `electronics.electrical`.
+    They are charge and current, power into its field, loss and temperature, as in `electronics.electrical`.
 
     Raises:
         QuantityError: see `demand.refuse_stack`; a drive that jumps.

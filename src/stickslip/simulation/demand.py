@@ -1,14 +1,15 @@
-r"""Current, energy and heat of a stack under each of many periodic drives.
+r"""Current, energy and heat of a piezo stack under many periodic drives.
 
-A drive is the same curve over its period at every frequency f. So with the lines that draw it, of voltage
-:math:`\Delta u_k` over the share :math:`\Delta\varphi_k` of the period,
+A drive has the same curve over its period at every frequency f. It is approximated by straight lines, with
+the voltage :math:`\Delta u_k` over the share :math:`\Delta\varphi_k` of the period. Then
 
 .. math:: i_{max} = C f \max_k \frac{|\Delta u_k|}{\Delta\varphi_k}, \qquad
           i_{rms} = C f \sqrt{\sum_k \frac{\Delta u_k^2}{\Delta\varphi_k}}, \qquad
           E = \frac C2 \sum_{k:\,\Delta(u^2) > 0} \Delta(u^2)_k + Q, \qquad P = f Q
 
-with Q what the closed cycles of a period lose (see `electronics.Stack`), and E what the amplifier delivers in
-a period, most of which comes back and is heat in the amplifier, unless that is one that recovers it.
+where Q is the hysteresis loss of the closed cycles of a period (see `electronics.Stack`). E is the energy
+that the amplifier delivers in a period. Most of it returns and becomes heat in the amplifier, unless that
+recovers it.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ PARTS = 1e-4
 
 
 def refuse_stack(model: Any, stack: Any) -> None:
-    """Raise QuantityError for what is no stack, or where the drive charges none."""
+    """Raise QuantityError if `stack` is not a stack, or if the drive does not charge it."""
     if not isinstance(stack, Stack):
         raise QuantityError(
             f"stack = {stack!r} must be a Stack: ss.physics.electronics.load_stack takes one by its name"
@@ -65,12 +66,14 @@ def electrical_demand(
     count: int,
     output: OutputStage | None = None,
 ) -> dict[str, Array]:
-    """`UNITS` of each member; NaN where its fields make no waveform.
+    """Return the quantities of `UNITS` by name, [members] each; NaN for members with invalid fields.
 
     Args:
-        columns: what varies, by name, [members]; of it the fields of the waveform count.
-        count: of the members.
-        output: that the drives pass; behind one, a drive is another curve at each frequency.
+        waveform: the common drive.
+        columns: varied fields by name, [members]; only fields of the waveform are used.
+        stack: the piezo stack.
+        count: number of members.
+        output: output stage that the drives pass; behind it, the curve depends on the frequency.
 
     Raises:
         QuantityError: a drive that has no period, or that jumps, which takes an infinite current.
@@ -81,7 +84,7 @@ def electrical_demand(
         raise QuantityError("stack: under a drive_scale the current is not known: vary the amplitude")
     names = record_names(waveform)
     columns = {name: column for name, column in columns.items() if name in names}
-    # Knots are stretched with their period, so their times say no more than that does.
+    # Knots are stretched with their period, so their times contain no further information.
     stretched = "period" in columns
     shapes = [
         n
@@ -114,7 +117,7 @@ def electrical_demand(
 
 
 def _with_fields(waveform: Any, values: Mapping[str, float], output: OutputStage | None) -> Any:
-    """The waveform with all of these at once, behind the output; None where that or its record refuses
+    """Return the waveform with these fields, behind the output stage; None if it or its record refuses
     them."""
     try:
         one = type(waveform)(**put_in(waveform, values)) if values else waveform
@@ -124,12 +127,12 @@ def _with_fields(waveform: Any, values: Mapping[str, float], output: OutputStage
 
 
 def lines_off(waveform: Any) -> float:
-    """V, by which the lines that draw a drive may leave it."""
+    """Return the largest deviation of the approximating lines from a drive, V."""
     return max(PARTS * float(np.ptp(waveform.range())), 1e-9)
 
 
 def _of_one_period(waveform: Any, stack: Stack) -> tuple[float, float, float, float]:
-    """Greatest and rms current [A s: times the period], energy and loss per period [J]."""
+    """Return peak and rms current multiplied by the period [A s], and energy and loss per period [J]."""
     period, tolerance = float(waveform.period), lines_off(waveform)
     lines = lines_of(waveform.drive(period), period, tolerance)
     share, volts = lines.bounds / period, np.append(lines.values, lines.end)
@@ -157,7 +160,8 @@ def labelled_demand(
     count: int,
     output: OutputStage | None = None,
 ) -> dict[str, Any]:
-    """`electrical_demand` as variables over "member"; none without a stack."""
+    """Return the results of `electrical_demand` as variables over "member"; an empty mapping without a
+    stack."""
     if stack is None:
         return {}
     refuse_stack(model, stack)

@@ -1,4 +1,5 @@
-"""Tables of drives: a waveform after the piezo, within the precision that a tolerance needs."""
+"""Segment tables of drives: a waveform after the piezo, computed to the precision that a tolerance
+requires."""
 
 from __future__ import annotations
 
@@ -22,26 +23,26 @@ from .jumps import cannot_jump, refuse_jumps
 from .models import refuse_places
 from .plant.at_piezo import at_piezo, tabulated
 
-# Largest error of a table after the piezo times the gain, as a share of the tolerance of a run: a resonance
-# or a slip makes more of it. Study: docs/benchmarks/random-actuators.md.
+# Largest error of a table after the piezo, multiplied by the gain, as a share of the tolerance of a run,
+# because a resonance or a slip amplifies it. Study: docs/benchmarks/random-actuators.md.
 TABLE_SHARE = 0.02
-# Most segments of a period that the engine looks for, see `engine/c/repeats.h`.
+# Largest number of segments in a period that the engine recognises, see `engine/c/repeats.h`.
 LONGEST_CYCLE = 64
 
 
 def refuse_no_waveform(waveform: Waveform) -> None:
-    """Raise TypeError for what is not a drive at all."""
+    """Raise TypeError for an object that is not a drive."""
     if not hasattr(waveform, "drive"):
         raise TypeError(f"the drive is a waveform (Sawtooth, Sampled, ...), not a {type(waveform).__name__}")
 
 
 def endless(waveform: Any) -> Any:
-    """Return the waveform for ever, where it has a number of periods."""
+    """Return the waveform without an end, if it has a number of periods."""
     return waveform._replace(periods=None) if math.isfinite(waveform.duration) else waveform
 
 
 class Driven(NamedTuple):
-    """A waveform, after a piezo if there is one, within the precision [V]: the drive of the stage."""
+    """A waveform after a piezo, if there is one, within the precision [V]: the drive of the stage."""
 
     piezo: Piezo | None
     waveform: Any
@@ -49,11 +50,11 @@ class Driven(NamedTuple):
 
     @property
     def period(self) -> float:
-        """Period, s; 0 where the waveform does not repeat."""
+        """Return the period, s; 0 if the waveform does not repeat."""
         return getattr(self.waveform, "period", None) or 0.0
 
     def table(self, end: float, settled: bool) -> Drive:
-        """The table up to `end` [s]; `settled`: of one period, after many."""
+        """Return the segment table up to `end` [s]; if `settled`, the table of one period after many."""
         table = self.waveform.drive(end)
         if self.piezo is None:
             return by_periods(table, self.period or None, end)
@@ -61,7 +62,7 @@ class Driven(NamedTuple):
 
 
 class Scaled(NamedTuple):
-    """A waveform times a factor, which need not be known by name."""
+    """A waveform multiplied by a factor; the waveform may be of any type."""
 
     of: Any
     factor: float
@@ -82,8 +83,8 @@ class Scaled(NamedTuple):
 
 
 def table_precision(model: Actuator | PulledSlider, tolerance: float) -> float:
-    """Return the largest error [V] of the drive after the piezo for a tolerance [m] of the position; for an
-    ensemble, whose fields are arrays, the smallest of all members."""
+    """Return the largest error [V] of the drive after the piezo that suits a tolerance [m] of the position;
+    for an ensemble, whose fields are arrays, the smallest of all members."""
     if not isinstance(model, Actuator):
         return TABLE_SHARE * tolerance
     rows = model.further_modes.rows if model.further_modes is not None else ()
@@ -94,10 +95,10 @@ def table_precision(model: Actuator | PulledSlider, tolerance: float) -> float:
 def tables(
     model: Actuator | PulledSlider, waveform: Waveform, end: float, periodic: bool
 ) -> Callable[[float], Drive]:
-    """Return a function from the tolerance [m] of a run to the table of the drive: always the same table if
-    it is exact.
+    """Return a function from the tolerance [m] of a run to the segment table of the drive; an exact table is
+    always the same.
 
-    Errors: see `checked_drive`.
+    It raises the errors of `checked_drive`.
     """
     exact = not (isinstance(model, Actuator) and tabulated(model.piezo))
 
@@ -115,7 +116,7 @@ def checked_drive(
     position.
 
     Raises:
-        QuantityError: it is no drive of this model.
+        QuantityError: the waveform cannot drive this model.
     """
     unit = "V" if isinstance(model, Actuator) else "m"
     refuse_no_waveform(waveform)
@@ -133,7 +134,8 @@ def checked_drive(
         if cannot_jump(model) or two_port.driven_by_voltage(model):
             refuse_jumps(model, table, end if periodic else None)
     if not periodic and end < 2.0 * driven.period and table.start.size <= LONGEST_CYCLE:
-        table = driven.table(2.0 * driven.period, False)  # two periods, that it can be seen to be periodic
+        # two periods, so that the engine recognises the repetition
+        table = driven.table(2.0 * driven.period, False)
     return table
 
 
@@ -146,7 +148,8 @@ def out_of_range(model: Actuator, low: float, high: float, minimum: float, maxim
 
 
 def behind(output: OutputStage, rows: list[Any], reasons: list[str]) -> list[Any]:
-    """Return the voltages at the piezo, each drive's once; adds what the output refuses to the reasons."""
+    """Return the voltages at the piezo, each different drive once; add refusals by the output stage to the
+    reasons."""
     made: dict[Any, Any] = {}
     for m, row in enumerate(rows):
         if reasons[m] or row in made:
@@ -159,7 +162,8 @@ def behind(output: OutputStage, rows: list[Any], reasons: list[str]) -> list[Any
 
 
 def refuse_voltages(model: Actuator, rows: list[Any], scale: NDArray[np.float64], reasons: list[str]) -> None:
-    """Add to the reasons which waveforms, times their factors, leave the range of the actuator."""
+    """Add to the reasons which waveforms, multiplied by their factors, leave the voltage range of the
+    actuator."""
     lows, highs = (np.broadcast_to(v, len(rows)) for v in (model.min_voltage, model.max_voltage))
     for m, row in enumerate(rows):
         if reasons[m]:

@@ -1,4 +1,5 @@
-"""Many members of one model at once: parameter sets, drive amplitudes, loads."""
+"""Simulation of many members (variants of one model and drive) at once: parameters, drive amplitudes,
+loads."""
 
 from __future__ import annotations
 
@@ -48,12 +49,12 @@ OUTCOMES = {
     NO_NUMBER: "no_number",
     REFUSED: "refused",
 }
-# A GPU wants many members at once.
+# Number of members in a block on a GPU, which needs many at once.
 GPU_BLOCK = 1 << 18
 
 
 class Block(NamedTuple):
-    """Results of some members; see `simulate_ensemble`."""
+    """Results of one block of members; see `simulate_ensemble`."""
 
     status: NDArray[np.int8]
     reached: NDArray[np.float64]
@@ -85,32 +86,31 @@ def simulate_ensemble(
     Args:
         model: the actuator that the members vary.
         waveform: the drive, V.
-        duration: s; left out, that of the waveform, if it ends (of each member's own, where no samples are
-            asked for).
+        duration: s; by default that of the waveform, if it ends (without samples, of each member's own).
         parameters: one array per name, all [members], in SI or with units. Names are the fields of the law,
             of the actuator, of its piezo ("piezo_weight_2", "piezo_capacitance") and of the waveform
-            ("amplitude", "frequency"; "value_3" and "time_2" of a list), "stiction_ratio",
-            "breakaway_share" (see `identify_friction`), "drive_scale" (a factor on the waveform), and "load"
-            (the normal force over its reference). Stiction and breakaway deflection that are not among them
-            keep their ratio to Coulomb friction.
-        sample_rate, times: of the trajectories, as for `simulate`; left out, only summaries are kept, and
-            memory beyond them does not grow with the number of members.
+            ("amplitude", "frequency"; "value_3" and "time_2" of a list), "stiction_ratio", "breakaway_share"
+            (see `identify_friction`), "drive_scale" (a factor on the waveform), and "load" (the normal force
+            over its reference). Stiction and breakaway deflection that are not varied keep their ratio to
+            Coulomb friction.
+        sample_rate, times: samples of the trajectories, as for `simulate`; by default only summaries are
+            kept, which need little memory.
         tolerance: m, as for `simulate`.
-        load: normal force over its reference, for all members.
-        stack: that each periodic drive charges; then there are also peak_current and rms_current (A),
+        load: normal force relative to its reference, for all members.
+        stack: piezo stack that each periodic drive charges; it adds peak_current and rms_current (A),
             energy_per_step (J, per period), heat (W) and temperature_rise (K), see `demand`.
-        max_steps: of each member.
-        threads: how many; all processors if left out.
-        engine: "cuda" runs the same steps on a GPU, a thread for each member (extra ``stickslip[cuda]``);
-            where it cannot (no GPU, trajectories wanted), the processors do it, with a `SimulationWarning`
-            that says why.
-        progress: called after each block of members with what is being done and the share that is.
+        max_steps: largest number of integration steps of each member.
+        threads: number; by default all processors.
+        engine: "cuda" runs the same steps on a GPU, a thread for each member (extra ``stickslip[cuda]``); if
+            that is impossible (no GPU, or trajectories are required), it runs on the processors, with a
+            `SimulationWarning`.
+        progress: called after each block of members with the current step and the done share.
 
     Returns:
-        Dataset over "member" with the parameters, net_displacement (m, up to the time reached), status
-        (0 complete; see its flag_meanings), error_estimate (m, see `simulate`), time_reached (s), steps,
-        reason (empty where complete), and end_effector_position over "member" and "time" where samples were
-        asked for. A member that fails leaves the others as they are.
+        Dataset over "member" with the parameters, net_displacement (m, up to the time reached), status (0
+        complete; see its flag_meanings), error_estimate (m, see `simulate`), time_reached (s), steps, reason
+        (empty where complete), and end_effector_position over "member" and "time" if samples were requested.
+        A failing member does not affect the others.
 
     Raises:
         QuantityError: an unknown name, arrays of different length, or see `simulate`.
@@ -138,7 +138,7 @@ def simulate_ensemble(
         wanted,
         _gpu(model, wanted) if engine == "cuda" else None,
     )
-    contact_load(load, end)  # what is wrong with it is said at once
+    contact_load(load, end)  # report errors of the load before the simulation
     demand = labelled_demand(model, waveform, varied, stack, count)
     size = block_size(model, waveform, varied, end, GPU_BLOCK if task.gpu else BLOCK)
     found = Block(
@@ -169,8 +169,8 @@ def simulate_ensemble(
 
 
 class _EnsembleTask(NamedTuple):
-    """`tables`: of the drive of all members, by the tolerance, or None; `end` [s]: of all members, or
-    None."""
+    """Settings of an ensemble. `tables` is a function from the tolerance to the common table of the drive, or
+    None; `end` [s], the common end, or None."""
 
     model: Actuator
     waveform: Waveform
@@ -184,11 +184,11 @@ class _EnsembleTask(NamedTuple):
 
 
 def _gpu(model: Actuator, times: NDArray[np.float64]) -> Any:
-    """The GPU's engine, or None with a warning that says why not."""
+    """Return the GPU's engine, or None with a warning that gives the reason."""
     if times.size:
         why = "the GPU keeps summaries only, and trajectories are asked for"
     else:
-        from ..engine import cuda  # only here: most do without
+        from ..engine import cuda  # imported only here, because most runs do not need it
 
         why = cuda.missing() or cuda.refused(law_of(element(model.friction, 0)))
         if not why:
@@ -207,8 +207,8 @@ def _block(task: _EnsembleTask, columns: Mapping[str, NDArray[np.float64]]) -> B
 
 
 class _Runs(NamedTuple):
-    """Arrays of members: outcomes, times reached [s], steps tried, net displacements, sampled positions and
-    errors [m]."""
+    """Results of members as arrays: outcomes, times reached [s], number of steps, net displacements, sampled
+    positions and errors [m]."""
 
     outcomes: Any
     reached: Any
@@ -221,7 +221,7 @@ class _Runs(NamedTuple):
 def _run(
     task: _EnsembleTask, of: Members, rows: NDArray[np.int64], outcomes: Any, tolerance: float, careful: bool
 ) -> _Runs:
-    """These members once, with steps whose local errors are in proportion to the tolerance; `careful`: see
+    """Simulate these members once, with local errors in proportion to the tolerance; for `careful` see
     `engine.binding.integrate`."""
     q, values, which, column = of.states[rows], of.values[rows], of.which[rows], of.of.slider
     spans = np.column_stack([np.zeros(rows.size), of.ends[rows]])
@@ -242,8 +242,8 @@ def _run(
 
 
 def _refined(task: _EnsembleTask, columns: Columns) -> tuple[_Runs, list[str]]:
-    """Each member until smaller steps and finer tables change it by no more than the tolerance, as
-    `refinement.refined`; and why members are refused."""
+    """Refine each member until smaller steps and finer tables change it by no more than the tolerance, as
+    `refinement.refined`. Return the results, and the reasons for refused members."""
     level = LOOSE * task.tolerance
 
     def members() -> Members:
@@ -254,7 +254,8 @@ def _refined(task: _EnsembleTask, columns: Columns) -> tuple[_Runs, list[str]]:
     outcomes = np.where(of.fine, np.int64(DONE), np.int64(REFUSED))
     made = _run(task, of, np.arange(outcomes.size), outcomes, level, False)
     todo = np.flatnonzero(made.outcomes == DONE)
-    if task.gpu:  # neighbours there wait for each other: those that take about as many steps
+    # neighbouring threads of a GPU wait for each other, so members with similar numbers of steps are grouped
+    if task.gpu:
         todo = todo[np.argsort(made.steps[todo], kind="stable")]
     coarse = _Runs(*(column[todo] for column in made))
     for _ in range(ROUNDS if todo.size else 0):

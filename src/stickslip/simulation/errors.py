@@ -6,15 +6,15 @@ from .periodic import Orbit
 
 
 class SimulationError(RuntimeError):
-    """A simulation could not be done at all."""
+    """Error: a simulation cannot be done at all."""
 
 
 class SimulationWarning(UserWarning):
-    """A simulation ended before its time: what there is of it comes back, with the reason."""
+    """Warning: a simulation ended early or is less accurate than requested; the message gives the reason."""
 
 
 class NotPeriodicError(SimulationError):
-    """No periodic motion was found; `orbit` is the best that was, with its multipliers."""
+    """Error: no periodic motion was found; `orbit` is the best attempt, with its multipliers."""
 
     def __init__(self, message: str, orbit: Orbit) -> None:
         super().__init__(message)

@@ -1,4 +1,4 @@
-"""Drives that jump, for the models that cannot follow a jump."""
+"""Checks for models that cannot follow a jump of the drive."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ INSTEAD = "give the stage a natural_frequency, or a drive without jumps (a rise_
 
 
 def cannot_jump(model: Actuator) -> bool:
-    """Return whether a voltage jump would move the bristles of a static stage's contact at infinite speed.
+    """Return True if a voltage jump would move the bristles of a static stage's contact at infinite speed.
 
     All drives of such a model refuse jumps. A law without bristles just slides.
     """
@@ -23,7 +23,7 @@ def cannot_jump(model: Actuator) -> bool:
 
 
 def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
-    """Raise QuantityError for a drive, of this period if it has one, that jumps where the model cannot."""
+    """Raise QuantityError if the drive, with this period if it has one, jumps and the model cannot follow."""
     if driven_by_voltage(model) and _jumps(table, period):
         raise QuantityError(
             "a piezo with a MaxwellCapacitor would take an infinite current at a jump of the voltage: give "
@@ -35,7 +35,7 @@ def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
 
 
 def _jumps(table: Drive, period: float | None) -> bool:
-    """Return whether the drive jumps; for a periodic drive, also where one period meets the next."""
+    """Return True if the drive jumps; for a periodic drive, also if it jumps from one period to the next."""
     starts = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start)]
     ends = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start[1:])]
     first = table.before if period is None else value_slope_curvature(table, len(starts) - 1, period)[0]

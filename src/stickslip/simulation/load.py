@@ -1,4 +1,4 @@
-"""The load that a user gives: the normal force over its reference, not a force."""
+"""Checks of the load that a user gives: the normal force relative to its reference, a pure number."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from ..quantities.units import QuantityError, with_prefix
 from ..waveform.signal import Waveform
 
-# Largest relative deviation from a whole number of periods: rounding of 1/frequency.
+# Largest relative deviation from a whole number of periods, by rounding of 1/frequency.
 _WHOLE = 1e-9
 
 
 def load_range(load: Waveform | float) -> tuple[float, float]:
-    """The least and the largest load.
+    """Return the least and the largest load.
 
     Raises:
-        QuantityError: it is neither a number nor a waveform.
+        QuantityError: the load is neither a number nor a waveform.
     """
     if isinstance(load, Real):
         return float(load), float(load)
@@ -33,8 +33,8 @@ def load_range(load: Waveform | float) -> tuple[float, float]:
 
 
 def refuse_other_period(load: Waveform | float, period: float | None) -> None:
-    """Raise QuantityError unless the load is the same in each period [s] of the drive (None: where that is
-    not known yet, in each of some period): else no motion has the drive's."""
+    """Raise QuantityError unless the load repeats with the period [s] of the drive (None: with any period).
+    Otherwise no motion has the drive's period."""
     low, high = load_range(load)
     if low == high:
         return
@@ -56,7 +56,7 @@ def refuse_other_period(load: Waveform | float, period: float | None) -> None:
 
 
 def refuse_other_periods(load: Waveform | float, periods: NDArray[np.float64], reasons: list[str]) -> None:
-    """The same of members, whose drives have these periods [s]: adds what is refused to the reasons."""
+    """Add to the reasons the members whose load does not repeat with the period [s] of their drive."""
     for m in (m for m, reason in enumerate(reasons) if not reason):
         try:
             refuse_other_period(load, float(periods[m]))

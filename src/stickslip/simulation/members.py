@@ -1,5 +1,4 @@
-"""Members of an ensemble: which fields of model and waveform vary, which members are refused, and blocks of
-them as the solver takes them."""
+"""Members of an ensemble: varied fields of model and waveform, refused members, and blocks for the solver."""
 
 from __future__ import annotations
 
@@ -49,14 +48,17 @@ Columns = Mapping[str, NDArray[np.float64]]
 # Factors of the waveform and of the normal force.
 SCALES = ("drive_scale", "load")
 BLOCK = 256
-# Numbers in the tables of a block, about.
+# Approximate largest number of entries in the tables of a block.
 LARGEST_TABLES = 4_000_000
 
 
 class Members(NamedTuple):
-    """A block: `reasons` of those that are refused (empty for the others); `of`, what they are made like;
-    `values` of their plants, `states` at rest; `drives`, and `which` of them each has; `ends` [s]; `load`,
-    the same for all."""
+    """A block of members in the solver's form.
+
+    Fields: `reasons`, why members are refused (empty for the others); `of`, their common system; `values` of
+    their plants, `states` at rest; `drives`, and `which` of them each member has; `ends` [s]; `load`, the
+    same for all.
+    """
 
     reasons: list[str]
     of: System
@@ -75,11 +77,11 @@ class Members(NamedTuple):
 def checked_columns(
     model: Actuator, waveform: Waveform, parameters: Mapping[str, ArrayLike]
 ) -> dict[str, NDArray[np.float64]]:
-    """The parameters as arrays of one length.
+    """Return the parameters as arrays of one length, by name.
 
     Raises:
-        QuantityError: an unknown name, one that model and waveform share, arrays of different length, or no
-            arrays by name; another model than an actuator.
+        QuantityError: an unknown name, one that model and waveform share, arrays of different length, or
+            parameters without names; or the model is not an actuator.
     """
     if not isinstance(model, Actuator):
         raise QuantityError(f"members are of an Actuator, not of a {type(model).__name__}")
@@ -112,7 +114,7 @@ def by_name(parameters: Any) -> Mapping[str, Any]:
 
 
 def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str, Any]:
-    """The columns as variables over "member"."""
+    """Return the columns as variables over "member", with units."""
     made = {}
     for name, column in columns.items():
         quantity = quantity_of(model, waveform, name)
@@ -122,12 +124,12 @@ def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str,
 
 
 def bends(model: Actuator) -> bool:
-    """Return whether the shape of the piezo's stroke depends on the amplitude of the drive."""
+    """Return True if the shape of the piezo's stroke depends on the amplitude of the drive."""
     return model.piezo is not None and model.piezo.hysteresis is not None and model.two_port is None
 
 
 def own_tables(model: Actuator, waveform: Waveform, columns: Columns) -> bool:
-    """Return whether each member needs its own table of the drive."""
+    """Return True if each member needs its own table of the drive."""
     before = ["drive_scale"] if bends(model) else []
     return bool(waveform_columns(waveform, columns)) or any(n in columns for n in drive_names(model) + before)
 
@@ -140,7 +142,7 @@ def waveform_columns(waveform: Waveform, columns: Columns) -> dict[str, NDArray[
 def in_blocks(
     work: Callable[[dict[str, NDArray[np.float64]]], T], columns: Columns, size: int, threads: int | None
 ) -> Iterator[tuple[int, T]]:
-    """Yield the results of `work` for blocks of members, in order, with a bounded number at work."""
+    """Yield the first member's number and the result of `work` for each block, in order, several at once."""
     count = next(iter(columns.values())).size
     threads = (os.cpu_count() or 1) if threads is None else whole(threads, "threads", 1, 4096)
     # With few members, each thread still gets some.
@@ -178,7 +180,7 @@ def block_size(
         if output is not None and output.updates:
             slower = [float(np.nanmax(1.0 / c[c > 0.0], initial=1.0)) for c in per_period]
             segments = max(segments, end * max([1.0, *slower]) * output.update_rate)
-            quicker = 1.0  # one period of each
+            quicker = 1.0  # one period each
     return int(np.clip(LARGEST_TABLES / (5.0 * segments * quicker), 1, most))
 
 
@@ -193,14 +195,16 @@ def prepared(
     periodic: bool = False,
     output: OutputStage | None = None,
 ) -> Members:
-    """A block of members.
+    """Return a block of members in the solver's form.
 
     Args:
-        common: the table of the waveform as it is, by a tolerance [m]; None where members have tables of
-            their own.
-        end: s; None: of each member the duration of its waveform, or with `periodic` its period.
-        tolerance: m, of the position, for the tables.
-        output: that periodic drives pass; of it no `common` knows.
+        model, waveform, load, columns: model, drive, relative normal force, and varied fields.
+        common: function from a tolerance [m] to the table of the unchanged waveform; None if members have
+            their own tables.
+        end: s; None: the duration of each member's waveform, or with `periodic` its period.
+        tolerance: tolerance of the position for the tables, m.
+        periodic: the drives are periodic.
+        output: output stage that periodic drives pass; `common` does not include it.
     """
     count = next(iter(columns.values())).size
     model = with_normal_force(model, columns)
@@ -208,7 +212,7 @@ def prepared(
     values = {name: c for name, c in columns.items() if name in of_model}
     reasons, scale = _refused(model, columns, values, count), columns.get("drive_scale", np.ones(count))
     fields, own = changed_fields(model, values)
-    # Unchecked: the members that are wrong are known by now, and are left out.
+    # Unchecked: invalid members are already known and left out.
     law = tuple.__new__(type(model.friction), fields.values())
     members = tuple.__new__(Actuator, (model._asdict() | own | {"friction": law}).values())
     if common is None:
@@ -216,7 +220,7 @@ def prepared(
         if output is not None:
             rows = behind(output, rows, reasons)
         refuse_voltages(members, rows, scale, reasons)
-        if "drive_scale" in columns and bends(model):  # before the piezo; else the plants have it
+        if "drive_scale" in columns and bends(model):  # before the piezo; otherwise in the plants
             rows = [Scaled(row, factor) for row, factor in zip(rows, scale, strict=True)]
             scale = np.ones(count)
         precision = table_precision(members, tolerance / _largest(scale))
@@ -233,7 +237,7 @@ def prepared(
         refuse_other_periods(load, ends, reasons)
     own_load = contact._replace(normal=contact.normal * columns.get("load", 1.0))
     of = contact.system(model)
-    with np.errstate(all="ignore"):  # those that are refused have numbers, too
+    with np.errstate(all="ignore"):  # refused members have values, too
         table, pulled = _values(own_load.system(members), scale, count), np.any(members.axial_force)
     states = np.zeros((count, of.states))
     if np.any(drives.before) or pulled:
@@ -244,7 +248,7 @@ def prepared(
 
 
 def _largest(scale: NDArray[np.float64]) -> float:
-    """The largest finite factor, 1 at least."""
+    """Return the largest finite factor, at least 1."""
     return float(np.max(scale[np.isfinite(scale)], initial=1.0))
 
 
@@ -253,7 +257,7 @@ def _end(waveform: Any, periodic: bool) -> float:
 
 
 def _piezos(model: Actuator, columns: Columns, count: int) -> list[Piezo | None]:
-    """The piezo of each member before its stage, unchecked."""
+    """Return the piezo of each member before its stage, unchecked; None without one."""
     names = [name for name in drive_names(model) if name in columns]
     if not names:
         return [model.piezo] * count
@@ -269,8 +273,8 @@ def _tables(
     end: float | None,
     periodic: bool,
 ) -> tuple[Drives, NDArray[np.int64], NDArray[np.float64]]:
-    """The drives of the members, which of them each has, and where each ends; adds what is refused to the
-    reasons. The fields of the model may be arrays."""
+    """Return the drives of the members, the index of the drive of each, and the end of each [s]; add refused
+    members to the reasons. Fields of the model may be arrays."""
     rows = [of.waveform for of in driven]
     for m, row in enumerate(rows):
         if not reasons[m]:
@@ -297,7 +301,7 @@ def _tables(
 
 
 def _waveforms(waveform: Any, columns: Columns, reasons: list[str]) -> list[Any]:
-    """The waveform of each member, unchecked; adds what its record refuses to the reasons."""
+    """Return the waveform of each member, unchecked; add members that its record refuses to the reasons."""
     kind, known = type(waveform), quantities(type(waveform))
     made = [tuple.__new__(kind, row) for row in _rows(put_in(waveform, columns), len(reasons))]
     fine = np.ones(len(reasons), dtype=bool)
@@ -318,7 +322,8 @@ def _waveforms(waveform: Any, columns: Columns, reasons: list[str]) -> list[Any]
 
 
 def _values(of: Any, scale: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """The numbers of each member's plant, [members, numbers], the drive times `scale` [members]."""
+    """Return the numbers of each member's plant, [members, numbers], with the drive multiplied by `scale`
+    [members]."""
     plant = of.plant
     modes = tuple(mode._replace(drive=mode.drive * scale) for mode in plant.modes)
     contacts = tuple(
@@ -328,7 +333,7 @@ def _values(of: Any, scale: NDArray[np.float64], count: int) -> NDArray[np.float
 
 
 def _rows(fields: Mapping[str, Any], count: int) -> list[tuple[Any, ...]]:
-    """The fields of each member; a field that is a tuple (of elements) stays one."""
+    """Return the fields of each member as a tuple; a field that is a tuple (of elements) stays one."""
 
     def column(value: Any) -> list[Any]:
         if isinstance(value, tuple):
@@ -339,7 +344,8 @@ def _rows(fields: Mapping[str, Any], count: int) -> list[tuple[Any, ...]]:
 
 
 def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> list[str]:
-    """Why the model's records would refuse a member, empty where not; those in doubt are built to hear it."""
+    """Return the reasons why the model's records would refuse a member; empty texts for valid ones. Doubtful
+    members are built to get the message."""
     fine = np.ones(count, dtype=bool)
     known = quantities_within(model)
     own = {name: values[name] for name in piezo_names(model) if name in values}
@@ -367,7 +373,7 @@ def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> 
 
 
 class _Column(np.ndarray):
-    """A number per member; a comparison is a single truth value if it is the same for all."""
+    """A number per member. A comparison gives one truth value if it is the same for all members."""
 
     def __bool__(self) -> bool:
         answers = np.unique(self.view(np.ndarray).astype(bool))

@@ -1,4 +1,4 @@
-"""From the records of `actuator` to the coefficients and the state at rest that the engine starts from."""
+"""Conversion of the records of `actuator` to the engine's coefficients and the state at rest."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from .load import load_range
 from .plant.system import Element, Mode, Plant
 from .strain import strained
 
-# A stage without dynamics has no frequency of its own to compare velocities with positions by.
+# Rate that compares velocities with positions for a stage without dynamics, which has no frequency of its
+# own.
 _STATIC_STAGE_RATE = 1e4  # rad/s
 
 
@@ -58,7 +59,7 @@ class Mechanism(NamedTuple):
     rate: float
 
 
-# A mechanism in which nothing moves: what the models below start from.
+# A mechanism in which nothing moves: the basis of the models below.
 IMMOBILE = Mechanism(
     kinematic=False,
     clamped=False,
@@ -82,7 +83,7 @@ def mechanism(model: Actuator | PulledSlider) -> Mechanism:
     if isinstance(model, PulledSlider):
         stiffness, damping = model.spring_stiffness / model.mass, model.damping / model.mass
         return IMMOBILE._replace(
-            kinematic=True,  # the ground, which stays where it is: its gain is 0
+            kinematic=True,  # the fixed ground: its gain is 0
             slider_stiffness=stiffness,
             slider_damping=damping,
             slider_drive=stiffness,
@@ -105,7 +106,7 @@ def mechanism(model: Actuator | PulledSlider) -> Mechanism:
         stage_stiffness=model.natural_frequency**2,
         stage_damping=2.0 * model.damping_ratio * model.natural_frequency,
         stage_drive=model.gain * model.natural_frequency**2,
-        # A clamped end-effector is part of the stage: its mass is in what the step test identifies (app. 4).
+        # A clamped end-effector is part of the stage: the mass in a step test includes it (app. 4).
         reaction=1.0 / model.stage_mass if model.stage_reaction and not model.clamped else 0.0,
         rate=model.natural_frequency,
     )
@@ -145,32 +146,32 @@ class System(NamedTuple):
 
     @property
     def stage(self) -> int | None:
-        """Column of the position of a stage with one mode, or None."""
+        """Return the column of the position of a stage with one mode, or None."""
         return self.stages[0] if len(self.stages) == 1 else None
 
     @property
     def contact(self) -> Element | None:
-        """Between stage and end-effector, unless they are one."""
+        """Return the contact between stage and end-effector; None if it is clamped."""
         return None if self.clamped else self.plant.elements[0]
 
     @property
     def bodies(self) -> int:
-        """First column of the states of the law."""
+        """Return the first column of the states of the law."""
         return 2 * len(self.plant.modes)
 
     @property
     def inner(self) -> int:
-        """First column after the states of the law."""
+        """Return the first column after the states of the law."""
         return self.bodies + (0 if self.clamped else self.internal)
 
     @property
     def states(self) -> int:
-        """Number of states of the plant."""
+        """Return the number of states of the plant."""
         return self.inner + self.hysteresis
 
     @property
     def further(self) -> list[int]:
-        """Columns of the state that are not among the five of `classic`, nor the law's."""
+        """Return the columns of the state that belong neither to the five of `classic` nor to the law."""
         modes = [c + i for c in self.stages for i in (0, 1)] if len(self.stages) > 1 else []
         return [*modes, *range(self.inner, self.states)]
 
@@ -179,7 +180,7 @@ def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool 
     """Return the plant of a model [kang2007, eq. 3.20-3.25]; see `plant.system`.
 
     Args:
-        normal: normal force over the one at which the law's parameters hold.
+        normal: normal force relative to the one at which the law's parameters hold.
         loaded: True if the normal force varies in addition.
     """
     mech, law = mechanism(model), model.friction
@@ -208,7 +209,8 @@ def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool 
 
 
 def _stage(model: Any, mech: Mechanism) -> tuple[tuple[Mode, ...], tuple[float, ...]]:
-    """The modes of a stage, and what a force of the contact does to each; driven by charge it is stiffer."""
+    """Return the modes of a stage, and the acceleration of each by a unit contact force. Under charge control
+    the stage is stiffer."""
     stiffer = getattr(model, "stiffening", 1.0)
     modes = [
         Mode(
@@ -227,8 +229,8 @@ def _stage(model: Any, mech: Mechanism) -> tuple[tuple[Mode, ...], tuple[float, 
 
 
 class RelativeLoad(NamedTuple):
-    """The normal force of a run over its reference: a constant factor, and what varies on top of it, if
-    anything."""
+    """The normal force of a run relative to its reference: a constant factor, and a varying factor, if
+    any."""
 
     normal: float = 1.0
     table: Drive | None = None
@@ -246,19 +248,21 @@ class RelativeLoad(NamedTuple):
         return self.table or constant(1.0)
 
 
-# A normal force over its reference that holds whatever there is; how often the place of rest is halved.
+# Relative normal force that holds the end-effector under any force; and number of bisections for the place of
+# rest.
 _HOLDS, _HALVINGS = 1e12, 60
 
 
 def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.float64]:
     """Return the state at rest under the drive value `before` and the constant forces.
 
-    The normal force is `load` times the plant's (along the stroke, of the place). If no deflection of the
-    contact can hold the forces, the contact starts at its bound.
+    The normal force is `load` times the plant's (for a force along the stroke, that at the place of rest). If
+    no deflection of the contact can hold the forces, the contact starts at its bound.
     """
     if of.contact is None or of.contact.along is None:
         return _resting(of, before, load, 0.0)
-    # With the contact holding everything, if it can; else between that place and the place without friction.
+    # The place at which the contact holds all forces, if it can; otherwise one between this and the place
+    # without friction.
     free, held = (float(_resting(of, before, share, 0.0)[of.slider]) for share in (0.0, _HOLDS))
     q, (low, high) = _resting(of, before, load, held), sorted((free, held))
     for _ in range(0 if math.isclose(q[of.slider], held, rel_tol=1e-12) else _HALVINGS):
@@ -286,8 +290,8 @@ def _resting(of: System, before: float, load: float, place: float) -> NDArray[np
 
 
 def _held(of: System, q: NDArray[np.float64], load: float, place: float) -> float:
-    """The force with which the contact holds the constant forces on the slider at a place, N; puts its
-    deflection into `q`."""
+    """Return the force with which the contact holds the constant forces on the slider at a place, N; store
+    its deflection in `q`."""
     contact, slider = of.contact, of.slider // 2
     if contact is None:
         return 0.0
@@ -308,9 +312,12 @@ def _held(of: System, q: NDArray[np.float64], load: float, place: float) -> floa
 def classic(
     of: System, samples: NDArray[np.float64], drive: Drive, times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Samples of the solver as [times, 5 + internal + further states]: position and velocity of the stage,
-    then of the end-effector, friction force, states of the law, then `System.further`; whatever the plant's
-    layout."""
+    """Return samples of the solver in fixed columns, [times, 5 + internal + further states], for any layout
+    of the plant.
+
+    The columns are position and velocity of the stage, then of the end-effector, friction force, states of
+    the law, then those of `System.further`.
+    """
     n, law = of.states, 5 + of.internal
     made = np.zeros((times.size, law + len(of.further)))
     made[:, 2:4] = samples[:, of.slider : of.slider + 2]
@@ -350,8 +357,8 @@ def _acceleration(
 
 
 def refuse_places(model: Actuator | PulledSlider) -> None:
-    """Raise QuantityError if no step can be steady: a clamped end-effector, or steps that depend on the
-    place."""
+    """Raise QuantityError for a model whose steps cannot be steady: the end-effector is clamped, or steps
+    depend on the place."""
     if isinstance(model, Actuator) and model.clamped:
         raise QuantityError("the end-effector is clamped to the stage: it takes no steps")
     if model.normal_force is not None and np.any(model.normal_force.varies):
@@ -363,7 +370,7 @@ def refuse_places(model: Actuator | PulledSlider) -> None:
 
 
 def contact_load(load: Waveform | float, end: float) -> RelativeLoad:
-    """The normal force over its reference, as far as `end` [s].
+    """Return the normal force relative to its reference, up to `end` [s].
 
     Raises:
         QuantityError: it is not finite, or falls below zero (contact lost).

@@ -1,4 +1,5 @@
-"""Drives of neighbours, whose fields differ a little, and where the normal force breaks beside them."""
+"""Drives and normal force of neighbours: models or waveforms with one slightly changed parameter, for
+derivatives."""
 
 from __future__ import annotations
 
@@ -14,22 +15,24 @@ from ..waveform.drive import Drive, evaluate
 from .drives import Driven
 from .varied import changed_piezo, drive_names, put_in, value_of
 
-# Relative, and absolute where a value is zero. The steps are the same, so only rounding limits it.
+# Relative difference, and absolute one for a value of zero. Neighbours use the same steps, so only rounding
+# limits it.
 DIFFERENCE = 1e-6
-# After a piezo, whose drive is computed to about 1e-8 of itself, the one with which the drive changes best in
-# proportion: by a share that does, and one that must be.
+# Differences for drives after a piezo, which are computed to about 1e-8: the one at which the drive changes
+# most nearly in proportion is taken. Deviations from proportion that suffice at once, and that are allowed at
+# most.
 AT_PIEZO, ENOUGH, STRAIGHT = (1e-6, 1e-5, 1e-4, 1e-3), 1e-6, 0.01
-# Rounding of the values of a drive, relative.
+# Relative rounding of the values of a drive.
 ROUNDING = 1e-11
-# Relative extra length of the tables of neighbours, whose breaks may be later.
+# Relative extra length of the tables of neighbours, whose breaks (ends of segments) may be later.
 LONGER = 1.01
-# Largest distance of their breaks from the trajectory's own, relative to its length; and of their formulas,
-# the difference.
+# Largest distance between breaks of a neighbour and of the trajectory, relative to its length, and between
+# their formulas, both in units of the difference.
 MOST_APART = 100.0
 
 
 class Beside(NamedTuple):
-    """The table of a drive that differs in one number, its period [s], and by how much it differs."""
+    """The table of a drive with one changed parameter, its period [s], and the size of the change."""
 
     table: Drive
     period: float
@@ -37,28 +40,29 @@ class Beside(NamedTuple):
 
 
 def longer(of: Driven, end: float, settled: bool) -> Drive:
-    """The table, a little longer than `end` [s], over two periods at least; `settled`: of its period, after
-    many."""
+    """Return the table up to slightly more than `end` [s], and over at least two periods; if `settled`, that
+    of one period after many."""
     return of.table(of.period if settled else max(LONGER * end, 2.0 * of.period), settled)
 
 
 def beside(model: Actuator, name: str, given: Driven, itself: Drive, end: float, settled: bool) -> Beside:
-    """The drive with a number of piezo or waveform that differs a little; to the side that the waveform's
-    record allows.
+    """Return the drive with a slightly changed parameter of piezo or waveform; the change has the sign that
+    the waveform's record allows.
 
     Args:
-        given: the drive as it is, and `itself` its table.
-        end: s, of the trajectory; `settled`: see `longer`.
+        given: the unchanged drive, and `itself` its table.
+        end: end of the trajectory, s; `settled`: see `longer`.
 
     Raises:
-        QuantityError: neither side is allowed; the drive, up to `end` [s], has other segments there, or does
-            not follow the number in proportion: there is no derivative.
+        QuantityError: neither sign is allowed; or, up to `end` [s], the changed drive has other segments, or
+            does
+            not change in proportion: then there is no derivative.
     """
     of_piezo, waveform = name in drive_names(model), given.waveform
     value = value_of(model, name, waveform)
 
     def at(by: float) -> Driven:
-        if of_piezo:  # unchecked, for it may step over a bound
+        if of_piezo:  # unchecked, because it may exceed a bound
             return given._replace(piezo=changed_piezo(model, {name: value + by}))
         return given._replace(waveform=type(waveform)(**put_in(waveform, {name: value + by})))
 
@@ -94,7 +98,7 @@ def beside(model: Actuator, name: str, given: Driven, itself: Drive, end: float,
 
 
 def _alike(itself: Drive, table: Drive, size: float, end: float) -> bool:
-    """Return whether the table of a neighbour, different by a relative `size`, has the same segments."""
+    """Return True if the table of a neighbour, with a relative change `size`, has the same segments."""
     n = itself.start.size
     if table.start.size < n or not np.array_equal(table.first[: n + 1], itself.first[: n + 1]):
         return False
@@ -105,7 +109,7 @@ def _alike(itself: Drive, table: Drive, size: float, end: float) -> bool:
 
 
 def _bent(*tables: Drive) -> float:
-    """By how much three drives, a difference from one to the next, are not in line, over that: of values and
+    """Return the relative deviation from proportion of three drives with equal differences, from values and
     slopes in the middle of each segment."""
     n = min(table.start.size for table in tables)
     first, near, far = (
@@ -117,9 +121,10 @@ def _bent(*tables: Drive) -> float:
 
 
 def breaks_apart(load: Drive | None, drive: Drive, end: float) -> NDArray[np.float64]:
-    """Return the times, s, at which the normal force breaks apart from the breaks of the drive.
+    """Return the times, s, of breaks (ends of segments) of the normal force that are not breaks of the drive.
 
-    A step of a neighbour is at the same fraction of its own segment; the normal force does not move with it.
+    A neighbour's integration step is at the same fraction of its own segment; the normal force does not move
+    with it.
     """
     if load is None:
         return np.zeros(0)

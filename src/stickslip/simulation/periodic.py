@@ -1,14 +1,14 @@
-r"""Steady stepping: the periodic orbit itself, by shooting, instead of waiting for it.
+r"""Steady stepping: computation of the periodic orbit by shooting, instead of simulating until it is reached.
 
-Once periodic, everything but the position of the end-effector repeats from period to period, and that
-position moves on by the net step. So with r the state without the position, and G the map of r over one
-period, the orbit is r = G(r). It is found by Newton's method on differences of G; where that does not bring
-the defect G(r) - r down (a static law makes G discontinuous, or it starts too far away), the map itself is
-iterated for some periods, which is what waiting would do, and then it is tried again.
+In periodic motion all states except the position of the end-effector repeat from period to period, and that
+position advances by the net step. Let r be the state without the position, and G the map of r over one
+period; the orbit is r = G(r). It is found by Newton's method with difference quotients of G. If that does not
+reduce the defect G(r) - r (a static law makes G discontinuous, or the start is too far away), the map itself
+is iterated for some periods, as a simulation would do, and then Newton's method is tried again.
 
-G is integrated coarsely at first, then more and more finely: each integration tells by how much the finer
-one moves the orbit, and the last of these moves, once within the tolerance, is its error. Derivatives of a
-coarse integration serve the finer ones too, unless a disturbance lives long, or the defect stops falling.
+G is integrated coarsely at first, then more and more finely. Each refinement shows by how much it moves the
+orbit; the last move, once within the tolerance, is the error. Derivatives of a coarse integration are also
+used for finer ones, unless a disturbance decays slowly or the defect stops falling.
 """
 
 from __future__ import annotations
@@ -27,16 +27,19 @@ from ..waveform.drive import Drive
 from ..waveform.members import common
 from .plant.system import Plant, values_of
 
-# Periods integrated for one orbit, at most.
+# Largest number of periods that are integrated for one orbit.
 MAX_PERIODS = 2000
 
 
 class Orbit(NamedTuple):
-    """A periodic orbit: `step`, net displacement per period, m; `state` at the start of the period;
-    `multipliers`, by which a small disturbance grows over one period (stable where all are below 1 in size;
-    those below a half are of a coarse integration, good to about a hundredth); `converged`, with the
-    `residual`, how far off state and step were before the last correction, m; `periods` integrated to find
-    it; `error`, how far step and state may be off, by a coarser integration, m."""
+    """A periodic orbit.
+
+    Fields: `step`, net displacement per period, m; `state` at the start of the period; `multipliers`, growth
+    factors of small disturbances over one period (stable if all are below 1 in size; those below a half come
+    from a coarse integration and are accurate to about a hundredth); `converged`; `residual`, defect of state
+    and step before the last correction, m; `periods`, number integrated to find it; `error`, estimated error
+    of step and state, m.
+    """
 
     step: float
     state: NDArray[np.float64]
@@ -48,10 +51,10 @@ class Orbit(NamedTuple):
 
 
 def has_neighbours(plant: Plant) -> bool:
-    """Return whether derivatives may come from `engine.near`.
+    """Return True if derivatives can be computed by `engine.near`.
 
-    Not for laws without states (events), with several states (corners), or with jumps: neighbours do not meet
-    these at the same time.
+    This excludes laws without states (events), with several states (corners), or with jumps: neighbours meet
+    these at different times.
     """
     one_state = all(elements(element.law) == 1 for element in plant.elements)
     return one_state and not any(has_jumps(element.law) for element in plant.elements)
@@ -68,8 +71,8 @@ def orbits_of(
     tolerance: float,
     slider: int,
 ) -> Orbits:
-    """Look for the orbits of members of a plant that have these numbers; see `engine.orbits.find_orbits`.
-    `slider`: the entry of the state that moves on."""
+    """Search the periodic orbits of members with these plant numbers; see `engine.orbits.find_orbits`.
+    `slider` is the entry of the state that advances."""
     return find_orbits(
         ComposedMembers(plant, values),
         drives,
@@ -93,11 +96,12 @@ def find_orbit(
     period: float,
     tolerance: float,
 ) -> Orbit:
-    """The periodic orbit reached from the state `start`; see the module. `tolerance` in m, on the net
-    step, which is that of the entry `slider` of the state.
+    """Return the periodic orbit that a search from the state `start` finds; see the module.
+
+    `tolerance` [m] applies to the net step, which is that of entry `slider` of the state.
 
     Raises:
-        FloatingPointError: the motion could not be followed over one period.
+        FloatingPointError: the motion could not be simulated over one period.
     """
     states, outcomes = start[None].copy(), np.full(1, DONE)
     drives = MemberDrives(common(drive), np.zeros(1, np.int64))
@@ -106,7 +110,7 @@ def find_orbit(
     if outcomes[0] not in (DONE, NOT_FOUND):
         raise FloatingPointError("the motion could not be followed over one period")
     moving = np.delete(np.delete(found.jacobian[0], slider, axis=0), slider, axis=1)
-    finite = bool(np.isfinite(moving).all())  # neighbours may diverge from a motion without an orbit
+    finite = bool(np.isfinite(moving).all())  # neighbours may diverge if there is no orbit
     multipliers = (np.linalg.eigvals(moving) if finite else np.full(len(moving), np.nan)).astype(
         np.complex128
     )

@@ -1,4 +1,4 @@
-"""A friction law under a prescribed motion (a tribometer)."""
+"""Simulation of a friction law under a prescribed motion (a tribometer)."""
 
 from __future__ import annotations
 
@@ -34,38 +34,37 @@ def friction_response(
     initial_velocity: float | str = 0.0,
     tolerance: float | str = 1e-10,
 ) -> xr.Dataset:
-    """The force of a friction law under a prescribed motion (a tribometer).
+    """Return the force of a friction law under a prescribed motion (a tribometer).
 
-    Position and normal force are taken linear between the samples; at a sample, the force is that of the
-    interval which ends there. A static law keeps at rest the force that it had when the motion stopped, as
-    far as rest can hold it. With `reference_normal_force` = 1 N the law's forces are per newton: its Coulomb
-    force is mu.
+    Position and normal force are linear between the samples; at a sample, the force is that of the interval
+    which ends there. At rest, a static law keeps the force that it had when the motion stopped, up to its
+    stiction. With `reference_normal_force` = 1 N the law's forces are per newton: its Coulomb force is mu.
 
     Args:
         law: friction law record; its forces hold at `reference_normal_force`.
         time: s, [n], ascending.
         position: m, [n], of the driving body relative to the driven one.
-        normal_force: N, [n], or its dependence on the position; by default the reference.
+        normal_force: N, [n], or a function of the position; by default the reference.
         reference_normal_force: N.
-        proportional: multiply the force by the normal force, for measured values whose noise
-            would renew the contact again and again. Otherwise what is newly loaded carries no tangential
-            force, and what is unloaded loses its share in proportion (see `plant.system`).
-        initial_force: N, at the first sample: all elements start equally deflected so that they carry it, or
-            as much of it as the law can. 0 is a relaxed contact.
-        initial_velocity: m/s, at which they carry it, with the viscous part of the law: for a record that
-            starts during motion.
-        tolerance: m, on the bristle deflections over the whole motion. The error is estimated by a second run
-            with smaller steps; where it is larger, the steps are refined.
+        proportional: multiply the force by the normal force; use it for measured normal forces, whose noise
+            would renew the contact continually. Otherwise newly loaded area carries no tangential force, and
+            unloaded area loses its share in proportion (see `plant.system`).
+        initial_force: friction force at the first sample, N: all elements start equally deflected so that
+            they carry it, or as much of it as the law can. 0 is a relaxed contact.
+        initial_velocity: velocity at the first sample, m/s, for a recording that starts during motion; its
+            viscous force is part of `initial_force`.
+        tolerance: tolerance of the bristle deflections over the whole motion, m. The error is estimated by a
+            second run with smaller steps; if it is larger, the steps are refined.
 
     Returns:
         Dataset over "time" with position (m), friction_force (N) and the bristle deflections (m).
-        attrs["error_estimate"] (m): error of the deflections; if it stays above the tolerance after
-        all, a `SimulationWarning` says so. It is 0 for static laws, which have no deflection.
+        attrs["error_estimate"] (m): error of the deflections, 0 for static laws; if it stays above the
+        tolerance, there is a `SimulationWarning`.
 
     Raises:
-        QuantityError: arrays of different length, times not ascending, no law; a `NormalForce` that the
-            stiffness does not follow in proportion, or under which the contact lifts off.
-        SimulationError: the law could not be followed from one sample to the next.
+        QuantityError: arrays of different length, times not ascending, not a law; or a `NormalForce` with
+            another stiffness exponent than 1, or that falls below zero.
+        SimulationError: the law could not be simulated from one sample to the next.
     """
     tolerance = checked_tolerance(law, tolerance)
     run = prescribed(
@@ -80,7 +79,7 @@ def friction_response(
     )
 
     def finer(level: float, careful: bool) -> Prescribed:
-        # If each interval between samples is one step, smaller errors alone change nothing.
+        # If each interval between samples is one step, smaller local errors change nothing.
         return run(level, math.ceil(math.sqrt(LOOSE * tolerance / level) - 1e-9))
 
     made, error = refined(finer, _apart, lambda made: 0, tolerance)
@@ -96,7 +95,7 @@ def friction_response(
 
 
 class Prescribed(NamedTuple):
-    """A law that has followed a motion up to the sample `reached`; `states` [n, elements, at least 1]."""
+    """Result of a law under a motion up to sample `reached`; `states` [n, elements, at least 1]."""
 
     time: NDArray[np.float64]
     position: NDArray[np.float64]
@@ -106,7 +105,8 @@ class Prescribed(NamedTuple):
 
 
 def _apart(one: Prescribed, other: Prescribed) -> float:
-    """The largest difference of a deflection, m; NaN where one run does not reach the end."""
+    """Return the largest difference of a deflection between two runs, m; NaN if one does not reach the
+    end."""
     return float(np.max(np.abs(one.states - other.states)))
 
 
@@ -121,8 +121,8 @@ def _refuse_unfinished(made: Prescribed, tolerance: float) -> None:
 def prescribed_once(
     law: Any, time: ArrayLike, position: ArrayLike, tolerance: float, **how: Any
 ) -> Prescribed:
-    """Follow a motion with local errors within the tolerance [m], without an estimate of the whole error: for
-    what is computed many times, such as a fit. Arguments and errors as for `friction_response`."""
+    """Simulate a law under a motion with local errors within the tolerance [m], without an estimate of the
+    total error: for fits, which repeat it many times. Arguments and errors as for `friction_response`."""
     made = prescribed(law, time, position, **how)(checked_tolerance(law, tolerance), 1)
     _refuse_unfinished(made, tolerance)
     return made
@@ -139,8 +139,8 @@ def prescribed(
     initial_force: float | str = 0.0,
     initial_velocity: float | str = 0.0,
 ) -> Callable[[float, int], Prescribed]:
-    """Return what follows the motion, from the bound on local errors, m, and the number of parts into which
-    each interval between samples is cut; see `friction_response`."""
+    """Return a function that simulates the law under the motion; its arguments are the bound on local errors,
+    m, and the number of parts into which each interval between samples is cut. See `friction_response`."""
     reference = to_si(reference_normal_force, "N", "reference_normal_force")
     initial_force = to_si(initial_force, "N", "initial_force")
     initial_velocity = to_si(initial_velocity, "m/s", "initial_velocity")

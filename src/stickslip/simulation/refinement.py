@@ -1,7 +1,8 @@
-"""Error estimate of a trajectory, and refinement until it is within the tolerance.
+"""Error estimate of a trajectory, and refinement until the error is within the tolerance.
 
-A run is compared with one whose local errors, and so whose error, are a quarter: the error of the first is
-4/3 of their difference (docs/decisions/error-estimate.md). The first is returned, for its error is known.
+A run is compared with a second one whose local errors, and therefore total error, are a quarter: the error of
+the first is 4/3 of their difference (docs/decisions/error-estimate.md). The first run is returned, because
+its error is known.
 """
 
 from __future__ import annotations
@@ -12,22 +13,23 @@ from typing import Any, NamedTuple, TypeVar
 
 Run = TypeVar("Run")
 
-# The first run's local errors, over those that the tolerance asks for of an engine alone, and how much
-# smaller those of a run are to which another is compared.
+# Local errors of the first run, relative to those for the tolerance in the engine; and the ratio for the run
+# with which it is compared.
 LOOSE, FINER = 4.0, 0.25
-# The error of a run over its difference to the finer one; of a single number, where both may agree by chance.
+# Ratio of the error of a run to its difference from the finer one; and the ratio for a single number, for
+# which both may agree by chance.
 PER_DIFFERENCE, PER_NUMBER = 1.0 / (1.0 - FINER), 2.0
-# A run that took more steps than this is not refined any more: some tenths of a second.
+# Largest number of steps of a run that is refined further: some tenths of a second.
 MOST_STEPS = 400_000
 ROUNDS = 9
 # Largest decrease of the local errors from one round to the next.
 FARTHEST = 1e-2
-# Below this tolerance of an engine, m, rounding tells more than the method does.
+# Smallest tolerance of the engine, m; below it rounding exceeds the method's error.
 FINEST = 1e-13
 
 
 class Refined(NamedTuple):
-    """A run, and how far it may be off [m]; NaN where no finer run could be followed to the end."""
+    """A run with its estimated error [m]; NaN if no finer run reached the end."""
 
     run: Any
     error: float
@@ -39,13 +41,13 @@ def refined(
     steps: Callable[[Run], int],
     tolerance: float,
 ) -> Refined:
-    """The first run whose difference to a finer one is within the tolerance; else the last one compared.
+    """Return the first run whose estimated error is within the tolerance; otherwise the last one.
 
     Args:
-        run: from a tolerance of the engine, and whether it is a run to compare with (`careful` in
+        run: function from a tolerance of the engine, and True for a run to compare with (`careful` in
             `engine.binding.integrate`), to a run.
-        distance: between two runs, m; NaN where they cannot be compared.
-        steps: that a run took.
+        distance: function for the difference of two runs, m; NaN if they cannot be compared.
+        steps: function for the number of steps of a run.
         tolerance: m.
     """
     level, floor = LOOSE * tolerance, min(FINEST, FINER * tolerance)
@@ -58,7 +60,7 @@ def refined(
         found = Refined(coarse, error)
         if error <= tolerance or steps(fine) > MOST_STEPS or level <= floor:
             break
-        # Errors go with the local errors, but not those of a run that went another way.
+        # Errors are in proportion to the local errors, except for a run that took another path.
         needed = max(level * tolerance / (1.5 * error), FARTHEST * level, floor)
         level *= FINER
         coarse = fine

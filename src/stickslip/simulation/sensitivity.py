@@ -42,9 +42,9 @@ from .varied import (
     with_normal_force,
 )
 
-# At the normal force for which the parameters hold.
+# The normal force at which the parameters hold.
 REFERENCE = RelativeLoad()
-# Parts of the initial state, and their units; and any row of it, which only this module asks for.
+# Parts of the initial state, with units; and any row of it, for use in this module.
 INITIAL = {
     "initial_stage_position": "m",
     "initial_stage_velocity": "m/s",
@@ -53,8 +53,8 @@ INITIAL = {
     "initial_bristle_deflection": "m",
 }
 BY_ROW = "initial row "
-# Derivatives are right if a tenth of the tolerance changes them by less than this share of the largest; how
-# often that is tried.
+# Derivatives are accepted if a tenth of the tolerance changes them by less than this share of the largest;
+# and number of attempts.
 SETTLED, REFINED = 0.01, 4
 # Smallest change of a damping (which may be 0), relative to mass times natural frequency.
 LEAST_DAMPING = 1e-3
@@ -62,12 +62,12 @@ DAMPING = ("N s/m", turned("N s/m"))
 
 
 class NeighbouringModels(NamedTuple):
-    """A model with neighbours that differ in one value each.
+    """A model with neighbours, each of which has one slightly changed value, for derivatives.
 
     Attributes:
-        drives: drives of the neighbours, if any differs, else None; `periods` are theirs (0: none).
-        itself: drive of the model in the segments of the neighbours, or None.
-        breaks: s, jumps of the normal force; all neighbours start a segment there.
+        drives: drives of the neighbours, None if all are the same; `periods` are their periods (0: none).
+        itself: drive of the model with the same segments as the neighbours', or None.
+        breaks: times of jumps of the normal force, s; all neighbours start a segment there.
     """
 
     model: Actuator
@@ -89,15 +89,15 @@ def initial_row(of: System, name: str) -> int | None:
 
 
 def _small(of: System, row: int) -> float:
-    """A difference of an initial value that is small against what moves; of a stop, large against what puts
-    it on its bound."""
+    """Return a difference of an initial value that is small compared with the motion; for a stop operator,
+    large compared with the difference that puts it on its bound."""
     if row >= of.bodies:
         return 1e-13 if row < of.inner else 1e-10
     return 1e-9 if row % 2 else 1e-12
 
 
 def refuse_law(model: Actuator) -> None:
-    """Raise QuantityError where the motion is no smooth function of the parameters."""
+    """Raise QuantityError if the motion is not a smooth function of the parameters."""
     if model.clamped:
         return
     if elements(model.friction) == 0:
@@ -125,10 +125,12 @@ def moved(
     settled: bool = False,
     tolerance: float = 1e-9,
 ) -> NeighbouringModels:
-    """Neighbours of a model in the state given; with `before`, each rests under that drive by itself. With a
-    `waveform`, followed up to `end` [s], names may be fields of it, and what has it rests under its own; its
-    period, after many, if `settled`; tables are for the tolerance [m]. The rows `slipping` of the state are
-    on the bounds of each.
+    """Return the neighbours of a model at a given state, one for each name.
+
+    With `before`, each rests under that drive by itself. With a `waveform`, simulated up to `end` [s], names
+    may be fields of it, and the neighbour has its own drive; if `settled`, that of one period after many.
+    Tables are made for the tolerance [m]. The rows `slipping` of the state are on the bounds of each
+    neighbour.
 
     Raises:
         QuantityError: a name that is not known, a static law, or one whose force jumps.
@@ -156,13 +158,13 @@ def moved(
                 own = contact.rest(of, table.before)
         elif (row := initial_row(of, name)) is not None:
             step = _small(of, row)
-            if row >= of.bodies:  # inwards, for there may be a bound
+            if row >= of.bodies:  # inwards, because there may be a bound
                 step = -math.copysign(step, own[row])
             own[row] += step
         else:
             value = value_of(model, name)
             step = _step(model, name, value)
-            # Unchecked, for it may step over a bound of its field by a millionth.
+            # Unchecked, because it may exceed a bound of its field by a millionth.
             fields, changed = changed_fields(model, {name: value + step})
             law = tuple.__new__(type(model.friction), fields.values())
             if changed:
@@ -182,7 +184,7 @@ def moved(
             tables.append(table)
             periods.append(period)
     breaks = np.zeros(0) if itself is None else breaks_apart(contact.table, itself, end)
-    n = len(names)  # of none, the tables have their columns all the same
+    n = len(names)  # tables have their columns also without names
     return NeighbouringModels(
         model,
         of,
@@ -197,7 +199,8 @@ def moved(
 
 
 def _step(model: Actuator, name: str, value: float) -> float:
-    """Return by how much to change a value: by a millionth, and a small damping by more than its rounding."""
+    """Return the change of a value for a derivative: a millionth of it, and for a small damping more than its
+    rounding."""
     least = LEAST_DAMPING * model.end_effector_mass * model.natural_frequency
     if abs(value) < least < math.inf:
         quantity = quantity_of(model, None, name)
@@ -207,7 +210,7 @@ def _step(model: Actuator, name: str, value: float) -> float:
 
 
 def _with_law(of: System, law: Any) -> System:
-    """The same with another law of its type in the contact."""
+    """Return the system with another law of the same type in the contact."""
     contact, *others = of.plant.elements
     return of._replace(plant=of.plant._replace(elements=(contact._replace(law=law), *others)))
 
@@ -225,10 +228,10 @@ def follow_moved(
     """Return samples of the plant, and derivatives of the end-effector's position and of the last state.
 
     Shapes: derivatives [times, names] and [states, names]; samples as in `engine.binding.integrate`. `state`
-    becomes the last state. With `over_period` each neighbour continues to the end of its own period.
+    is replaced by the last state. With `over_period` each neighbour continues to the end of its own period.
 
     Raises:
-        SimulationError: the motion could not be followed to the end.
+        SimulationError: the motion could not be simulated to the end.
     """
     plant, column = of.of.plant, of.of.slider
     samples = np.full((times.size, state.size + max(len(plant.elements), 1)), np.nan)
@@ -269,33 +272,33 @@ def sensitivities(
     tolerance: float | str = 1e-9,
     load: Waveform | float = 1.0,
 ) -> xr.Dataset:
-    """The end-effector's position and its derivatives by parameters and initial state.
+    """Return the end-effector's position and its derivatives by parameters and initial state.
 
-    Each derivative is the difference to a neighbour with the same steps as the trajectory (see
-    `engine.near`), so it contains no noise of the error control. Steps that suit the position
-    may not suit its derivatives: these are computed at a tenth of the tolerance, and at tenths of that,
-    until two agree within a hundredth of the largest value.
+    Each derivative is a difference quotient with a neighbour that has the same integration steps as the
+    trajectory (see `engine.near`), so it contains no noise of the error control. Derivatives may need smaller
+    steps than the position: they are computed at a tenth of the tolerance, a hundredth and so on, until two
+    agree within a hundredth of the largest value.
 
     Args:
         model: an actuator whose law has internal states, and no jumps of its force.
         parameters: names of fields of the law and of the actuator, "stiction_ratio", "breakaway_share";
-            numbers of the piezo ("piezo_weight_2", "piezo_share_1", "piezo_capacitance"; those of lists by
-            their place); "initial_stage_position", "initial_stage_velocity",
-            "initial_end_effector_position", "initial_end_effector_velocity", "initial_bristle_deflection";
-            and fields of the waveform ("amplitude", "frequency", "value_3").
-        waveform, duration, sample_rate, times, tolerance, load: as for `simulate`. The load stays where it
-            fixed when the drive's breaks move; a break of the load that coincides with one moves with it.
+            values of the piezo ("piezo_weight_2", "piezo_share_1", "piezo_capacitance"; numbered in lists);
+            "initial_stage_position", "initial_stage_velocity", "initial_end_effector_position",
+            "initial_end_effector_velocity", "initial_bristle_deflection"; and fields of the waveform
+            ("amplitude", "frequency", "value_3").
+        waveform, duration, sample_rate, times, tolerance, load: as for `simulate`. The load does not change
+            when breaks of the drive move, except that a coincident break moves with them.
 
     Returns:
         Dataset over "parameter" and "time" (s) of derivative, in m per unit of the parameter, whose unit is
         the coordinate "unit"; end_effector_position (m); and derivative_error [parameter]: change of the
-        derivative since ten times the tolerance. If it is more than a hundredth after four times, a
+        derivative since ten times the tolerance. If it still exceeds a hundredth after four attempts, a
         `SimulationWarning` names the parameter.
 
     Raises:
-        QuantityError: an unknown name, a static law, a waveform that jumps at another place for the smallest
-            change of a field, or see `simulate`.
-        SimulationError: the motion could not be followed to the end.
+        QuantityError: an unknown name, a static law, a waveform whose jumps move with the smallest change of
+            a field, or see `simulate`.
+        SimulationError: the motion could not be simulated to the end.
     """
     tolerance = checked_tolerance(model, tolerance)
     sample_rate = to_si(sample_rate, "Hz", "sample_rate")
@@ -307,7 +310,7 @@ def sensitivities(
     contact = contact_load(load, end)
     state = contact.rest(contact.system(model), drive.before)
     of = moved(model, parameters, state, drive.before, contact, waveform, end, tolerance=tolerance)
-    if of.itself is not None:  # in the segments of the neighbours: those of creep depend on the end
+    if of.itself is not None:  # in the segments of the neighbours: with creep these depend on the end
         drive = of.itself
 
     def derivatives(tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -344,7 +347,7 @@ def sensitivities(
 
 
 def checked_names(parameters: Any) -> list[str]:
-    """The names of parameters as a list; QuantityError where they are anything else."""
+    """Return the names of parameters as a list; raise QuantityError for anything else."""
     given = parameters if isinstance(parameters, Collection) and not isinstance(parameters, str) else [None]
     if not all(isinstance(name, str) for name in given):
         raise QuantityError(f"parameters = {parameters!r} must be a list of names")
@@ -356,8 +359,8 @@ def until_settled(
     tolerance: float,
     least: NDArray[np.float64] | float = 0.0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Samples, derivatives [times, names] and their errors [names] of the tolerance at which they settle; an
-    error of `least` [names] does not matter."""
+    """Return samples, derivatives [times, names] and their errors [names], at the tolerance at which the
+    derivatives settle. Errors below `least` [names] do not matter."""
     samples, by = derivatives(tolerance)
     errors = np.full(by.shape[1], math.inf)
     for _ in range(REFINED):
@@ -375,7 +378,7 @@ def warn_unsettled(
     errors: NDArray[np.float64],
     least: NDArray[np.float64] | float,
 ) -> None:
-    """Name what has not settled."""
+    """Warn of parameters whose derivatives have not settled."""
     largest = np.abs(by).max(axis=0, initial=0.0)
     for name, error, most, enough in zip(names, errors, largest, least + 0.0 * errors, strict=True):
         if not error <= SETTLED * most + enough:
@@ -385,7 +388,7 @@ def warn_unsettled(
 
 
 def internal(of: System) -> list[tuple[int, Any]]:
-    """Each row of the state that is of an element, and the record of what it is the state of."""
+    """Return each row of the state that belongs to an element, with the record of its element."""
     parts = [part_of(e.law, i) for e in of.plant.elements for i in range(elements(e.law))]
     return list(enumerate(parts, of.bodies))
 

@@ -21,18 +21,18 @@ from ..waveform.pieces import SLIVER
 from .errors import SimulationWarning
 from .models import RelativeLoad, System
 
-# Over a law's bound, a deflection may be beyond it by the errors of a trajectory, and as far as contacts
-# differ from one run to the next.
+# Relative excess of a deflection over a law's bound by errors of a trajectory; and by differences of contacts
+# between runs.
 ROUNDED, FARTHEST = 1.01, 2.0
 
 
 class State(NamedTuple):
     """State of an actuator or a pulled slider at a time, in SI; None means as at rest.
 
-    `time` [s] is the time of the drive. `error_estimate` [m]: accumulated error of the end-effector.
-    `resume` and `made_by` belong to the solver, which continues a trajectory with them without a difference.
-    `further`: position [m] and velocity [m/s] of each mode of a stage of several, and the stops of a
-    `MaxwellCapacitor` in 1e-7 m per volt; empty: at rest.
+    Fields: `time` [s] of the drive; `error_estimate` [m], accumulated error of the end-effector; `resume` and
+    `made_by`, data of the solver to continue a trajectory without any difference; `further`, position [m] and
+    velocity [m/s] of each mode of a stage with several, and the stop operators of a `MaxwellCapacitor` in
+    1e-7 m per volt (empty: at rest).
     """
 
     time: float = 0.0
@@ -51,10 +51,10 @@ REST = State()
 
 
 def final_state(trajectory: xr.Dataset) -> State:
-    """The state at the end of a trajectory, to be given to `simulate` as `initial_state`.
+    """Return the state at the end of a trajectory, to be given to `simulate` as `initial_state`.
 
     Raises:
-        QuantityError: the data are not of `simulate`, or were not followed to the end.
+        QuantityError: the data do not come from `simulate`, or the trajectory ended early.
     """
     text = trajectory.attrs.get("final_state")
     if text is None:
@@ -74,10 +74,10 @@ def _number(value: Any) -> Any:
 
 
 def taken_up(initial_state: State | xr.Dataset | None, model: Any, waveform: Any) -> State | None:
-    """Return the initial state of a trajectory; None: at rest.
+    """Return the initial state of a trajectory, from a `State` or a previous trajectory; None means at rest.
 
-    Warns if the piezo depends on the past of this waveform and another waveform has made the state: plays and
-    creep are not part of the state, they follow from the whole drive.
+    Warns if the piezo has memory and the state comes from another waveform: plays and creep are not part of
+    the state, but are computed from the complete drive.
     """
     of_kind(initial_state, xr.Dataset | State | None, "initial_state")
     if not isinstance(initial_state, xr.Dataset):
@@ -100,15 +100,16 @@ def taken_up(initial_state: State | xr.Dataset | None, model: Any, waveform: Any
 
 
 def as_text(state: State) -> str:
-    """JSON, in which numbers keep every bit."""
+    """Return the state as JSON with exact numbers."""
     return json.dumps(state._asdict())
 
 
 def maker(of: System, drive: Drive, load: Drive, tolerance: float, until: float) -> str:
-    """A mark of all that a trajectory up to a time [s] was computed from."""
+    """Return a hash of everything from which a trajectory up to a time [s] was computed."""
     found = hashlib.sha256(repr((of.plant, tolerance)).encode())
     for table in (drive, load):
-        n = int(np.searchsorted(table.start, until * (1.0 - SLIVER)))  # as many as a table up to then has
+        # the number of segments in a table that ends then
+        n = int(np.searchsorted(table.start, until * (1.0 - SLIVER)))
         parts = (table.start[:n], table.polynomial[:n], table.harmonic[: table.first[n]])
         for part in (np.array(table.before), *parts):
             found.update(np.ascontiguousarray(part).tobytes())
@@ -134,7 +135,8 @@ def row_of(of: System, part: str) -> int | None:
 
 
 def placed(state: State, of: System, contact: RelativeLoad, before: float) -> NDArray[np.float64]:
-    """Return a state as the solver takes it. `before` is the drive at rest if the state does not contain one.
+    """Return a `State` as the solver's array of numbers. `before` is the drive at rest if the state does not
+    contain one.
 
     Raises:
         QuantityError: a number that is not finite, another number of bristles than the law has, or one that
@@ -171,10 +173,11 @@ def placed(state: State, of: System, contact: RelativeLoad, before: float) -> ND
 
 
 def _within_bounds(deflections: tuple[float, ...], of: System) -> list[float]:
-    """Deflections [m], those that a run with other friction has left beyond their bound put onto it.
+    """Return deflections [m] within the law's bounds; those slightly beyond, left by a run with other
+    friction, are moved to their bound.
 
     Raises:
-        QuantityError: one is so far beyond it that no sliding led there.
+        QuantityError: a deflection is so far beyond its bound that sliding cannot cause it.
     """
     placed, law = list(deflections), of.contact.law if of.contact is not None else None
     for i, z in enumerate(deflections if law is not None else ()):

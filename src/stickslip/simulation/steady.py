@@ -28,21 +28,21 @@ NOT_FOLLOWED = "the motion could not be followed over one period"
 def steady_orbit(
     model: Actuator, waveform: Waveform, *, tolerance: float | str = 1e-10, load: Waveform | float = 1.0
 ) -> Orbit:
-    """The periodic motion under a periodic drive, with its multipliers; see `simulation.periodic`.
+    """Return the periodic motion under a periodic drive, with its multipliers; see `simulation.periodic`.
 
     Args:
         model: an actuator.
         waveform: periodic (one with a `period`).
-        tolerance: m, on the net step.
-        load: normal force over its reference: a number, or a waveform whose period is that of the drive, or
-            a whole part of it. Under any other the motion has not the drive's period.
+        tolerance: tolerance of the net step, m.
+        load: normal force relative to its reference: a number, or a waveform whose period is that of the
+            drive or an integer fraction of it.
 
-    With creep, or hysteresis without plays, the orbit is that of a table of the drive; its error contains by
-    how much a finer table moves it.
+    With creep, or hysteresis without plays, the orbit is that of a table of the drive; its error includes the
+    effect of a finer table.
 
     Raises:
         QuantityError: the waveform has no period, the load another one, or see `simulate`.
-        SimulationError: the motion could not be followed over one period.
+        SimulationError: the motion could not be simulated over one period.
     """
     tolerance, period = checked_tolerance(model, tolerance), period_of(waveform)
     by_tolerance = tables(model, endless(waveform), period, periodic=True)
@@ -66,7 +66,7 @@ def steady_orbit(
 
 
 def period_of(waveform: Waveform) -> float:
-    """Period of a waveform, s; raises `QuantityError`, see `steady_orbit`."""
+    """Return the period of a waveform, s; raise `QuantityError` without one, see `steady_orbit`."""
     period = getattr(waveform, "period", None)
     if period is None:
         raise QuantityError(
@@ -77,12 +77,12 @@ def period_of(waveform: Waveform) -> float:
 
 
 def stable(largest: Any) -> Any:
-    """Return whether a motion with these largest multipliers is stable."""
+    """Return True if a motion with this largest multiplier is stable; also for arrays."""
     return ~(np.asarray(largest) > STABLE)
 
 
 def not_found(periods: int, residual: float, largest: float) -> str:
-    """Why there is no steady step."""
+    """Return the reason why no periodic motion was found, in words."""
     return (
         f"no motion with the period of the drive was found in {periods} periods: the state still "
         f"changes by {with_prefix(residual, 'm')} per period (largest multiplier {largest:.3g})"
@@ -90,7 +90,7 @@ def not_found(periods: int, residual: float, largest: float) -> str:
 
 
 def unstable(largest: float) -> str:
-    """Why there is no steady step."""
+    """Return the reason why an unstable periodic motion is not a steady step, in words."""
     return (
         f"the motion with the period of the drive is unstable (largest multiplier {largest:.3g}): the "
         "actuator will not settle into it"
@@ -100,11 +100,11 @@ def unstable(largest: float) -> str:
 def steady_step(
     model: Actuator, waveform: Waveform, *, tolerance: float | str = 1e-10, load: Waveform | float = 1.0
 ) -> float:
-    """Net displacement of the end-effector per period once the motion is periodic, m; negative when it walks
-    back.
+    """Return the net displacement of the end-effector per period of the periodic motion, m; negative if it
+    walks backward.
 
-    The periodic orbit is solved for, not waited for, and its error estimated (`steady_orbit` returns it).
-    Arguments as for `steady_orbit`, which also gives the multipliers.
+    The periodic orbit is computed directly, without a long simulation, and its error is estimated (see
+    `steady_orbit`, which has the same arguments and also returns the multipliers).
 
     Raises:
         NotPeriodicError: no orbit of the drive's period was found, or it is unstable.

@@ -35,9 +35,10 @@ from .varied import value_of
 
 Array = NDArray[np.float64]
 
-# A disturbance that grows or decays by less than this share in a period stays.
+# Relative change per period below which a disturbance counts as permanent.
 KEPT = 1e-6
-# By how much of its bound a state is moved to where it slips, far beyond what neighbours differ by.
+# Share of its bound by which a state is moved to the side where it slips, far more than the difference of
+# neighbours.
 ASIDE = 1e-4
 
 
@@ -49,12 +50,12 @@ def steady_step_derivatives(
     tolerance: float | str = 1e-10,
     load: Waveform | float = 1.0,
 ) -> dict[str, float]:
-    """Derivatives of `steady_step` by parameters, m per unit of the parameter.
+    """Return derivatives of `steady_step` by parameters, by name, in m per unit of the parameter.
 
-    With r the periodic state and G the map of one period, the orbit moves by dr = (I - dG/dr)^-1 dG/dp, and
-    the step by its own derivatives along dr and p; at a tenth of the tolerance and less, as for
-    `sensitivities`, until two agree within a hundredth, or so well that a change of the parameter by all of
-    its value would move the step by no more than the tolerance. Else a `SimulationWarning` names the
+    With r the periodic state and G the map of one period, the orbit changes by dr = (I - dG/dr)^-1 dG/dp, and
+    the step by its own derivatives by r and p. As for `sensitivities`, they are computed at a tenth of the
+    tolerance and less until two agree within a hundredth, or until a change of the parameter by its whole
+    value would change the step by less than the tolerance. Otherwise a `SimulationWarning` names the
     parameter.
 
     Raises:
@@ -77,7 +78,7 @@ def steady_step_derivatives(
         return moved(model, names, state, None, contact, endless(waveform), period, slipping, True, tolerance)
 
     def last_states(of: NeighbouringModels, state: Array, tolerance: float) -> tuple[Array, Array]:
-        """After a period from the state, and its derivatives."""
+        """Return the state one period later, and its derivatives."""
         last = state.copy()
         _, _, by = follow_moved(of, drive, last, times, tolerance, load=contact.table, over_period=True)
         return last, by
@@ -115,9 +116,12 @@ def steady_step_derivatives(
 
 
 def _off_edges(of: System, state: Array, slipping: set[int], after: Callable[[Array], Array]) -> Array:
-    """The state, with what only just comes to its bound within the period moved to the side where it slips
-    there: what slips once on its way from rest, and then no more, ends on that edge, and beyond it nothing
-    would be forgotten. `after`: the state a period later."""
+    """Return the state with elements that only just reach their bound within the period moved to the side
+    where they slip.
+
+    An element that slips once on its way from rest, and then no more, ends exactly on its bound. Beyond it,
+    its initial state would never be forgotten. `after` returns the state a period later.
+    """
     found, last = state.copy(), after(state)
     for row, one in internal(of):
         if row in slipping:

@@ -1,4 +1,4 @@
-"""Steady stepping of many members at once."""
+"""Steady stepping of many members (variants of one model and drive) at once."""
 
 from __future__ import annotations
 
@@ -48,12 +48,13 @@ STATUS = ("converged", "not_followed", "not_found", "unstable", "refused")
 BLOCK = 64
 
 
-# Function of members, their columns, orbits and status, called in the thread that found them.
+# Function of members, their columns, orbits and status; it is called in the thread that found them.
 Beside = Callable[[Members, Columns, Orbits, NDArray[np.int8]], dict[str, NDArray[np.float64]]]
 
 
 class _SteadyTask(NamedTuple):
-    """`tables`: of the drive of all members, by the tolerance, or None."""
+    """Settings of the computation. `tables` is a function from the tolerance to the common table of the
+    drive, or None."""
 
     model: Actuator
     waveform: Waveform
@@ -65,7 +66,8 @@ class _SteadyTask(NamedTuple):
 
 
 class OrbitBlock(NamedTuple):
-    """Orbits of some members; see `steady_steps` for status and reasons. `beside`: what was made of them."""
+    """Orbits of a block of members; see `steady_steps` for status and reasons. `beside` is the result of the
+    further function."""
 
     found: Orbits
     status: NDArray[np.int8]
@@ -85,26 +87,26 @@ def steady_steps(
     threads: int | None = None,
     progress: Progress = unheard,
 ) -> xr.Dataset:
-    """`steady_step` of many members of a model and its drive signal, on all processors.
+    """Return the `steady_step` of many members of a model and its drive signal, computed on all processors.
 
     Args:
         model: the actuator that the members vary.
         waveform: periodic (one with a `period`), V.
         parameters: one array per name, all [members], as for `simulate_ensemble`.
-        tolerance: m, on the net step.
-        load: normal force over its reference, for all members: a number, or a waveform as for `steady_orbit`;
-            members into whose own period it does not fit are refused.
-        output: converter and amplifier that each drive passes (`OutputStage.behind`); left out, the drive
-            reaches the piezo as it is.
+        tolerance: tolerance of the net step, m.
+        load: normal force relative to its reference, for all members: a number, or a waveform as for
+            `steady_orbit`; members whose period it does not fit are refused.
+        output: converter and amplifier that each drive passes (`OutputStage.behind`); by default, the drive
+            reaches the piezo unchanged.
         stack: piezo stack that each drive charges; adds peak_current and rms_current (A),
             energy_per_step (J, per period), heat (W) and temperature_rise (K), see `demand`.
         threads: number; by default all processors.
         progress: called after each block of members with the current step and the done share.
 
     Returns:
-        Dataset over "member" with the parameters, net_step (m per period; NaN if not found),
-        error_estimate (m), largest_multiplier (by which a small disturbance grows per period), periods
-        (integrated), status (0 converged; see its flag_meanings) and reason (empty where converged).
+        Dataset over "member" with the parameters, net_step (m per period; NaN if not found), error_estimate
+        (m), largest_multiplier (growth factor of a small disturbance per period), periods (number
+        integrated), status (0 converged; see its flag_meanings) and reason (empty where converged).
 
     Raises:
         QuantityError: an unknown name, arrays of different length, or see `steady_orbit`.
@@ -137,12 +139,12 @@ def orbit_blocks(
     beside: Beside | None = None,
     output: OutputStage | None = None,
 ) -> Iterator[tuple[int, OrbitBlock]]:
-    """Yield orbits of members, block after block, with the number of the first member of each.
+    """Yield the orbits of members, block by block, with the number of the first member of each.
 
     Args:
-        columns: result of `members.checked_columns`; the others as for `steady_steps`.
-        beside: further function of each block; its `Members.states` are on the orbits, each at the start
-            of a period.
+        columns: result of `members.checked_columns`; the other arguments as for `steady_steps`.
+        beside: further function of each block; its `Members.states` are on the orbits, each at the start of a
+            period.
         output: output stage of the drives.
 
     Raises:
@@ -153,7 +155,7 @@ def orbit_blocks(
         waveform, output = of_kind(output, OutputStage, "output").behind(waveform), None
         period = period_of(waveform)
     tolerance = checked_tolerance(model, tolerance)
-    contact_load(load, period)  # what is wrong with it is said at once
+    contact_load(load, period)  # report errors of the load before the computation
     refuse_other_period(load, _common_period(period, columns))
     refuse_places(model)
     own = output is not None or own_tables(model, waveform, columns)
@@ -198,8 +200,8 @@ def _block(task: _SteadyTask, columns: Mapping[str, NDArray[np.float64]]) -> Orb
 def _orbits(
     task: _SteadyTask, columns: Columns, tolerance: float, states: NDArray[np.float64] | None = None
 ) -> tuple[Members, Orbits]:
-    """Members whose drives are tabulated for a tolerance [m], and their orbits, looked for from the states or
-    from rest."""
+    """Return the members with drives tabulated for a tolerance [m], and their orbits, searched from the
+    states or from rest."""
     rows = task.model, task.waveform, task.tables, task.load, columns
     of = prepared(*rows, None, tolerance, periodic=True, output=task.output)
     if states is not None:

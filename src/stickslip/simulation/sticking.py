@@ -1,4 +1,4 @@
-"""An actuator while its contact sticks: linear, from the voltage to the positions."""
+"""Linear model of an actuator while its contact sticks: from the voltage to the positions."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from .models import system
 
 Array = NDArray[np.float64]
 
-_DEFLECTION, _VELOCITY = 1e-9, 1e-6  # m and m/s, small against presliding
+_DEFLECTION, _VELOCITY = 1e-9, 1e-6  # m and m/s, small compared with presliding
 
 
 def slopes(law: Any) -> tuple[float, float]:
-    """∂F/∂z [N/m] and ∂F/∂v [N s/m] of a contact at rest."""
+    """Return the stiffness ∂F/∂z [N/m] and damping ∂F/∂v [N s/m] of a contact at rest."""
     stiffness = damping = 0.0
     for i in range(elements(law)):
         one = element(law, i)
@@ -29,7 +29,8 @@ def slopes(law: Any) -> tuple[float, float]:
 
 
 class Sticking(NamedTuple):
-    """ẋ = A x + B u, position of the end-effector C x; shapes (n, n), (n,), (n,). u in V, position in m."""
+    """Linear model ẋ = A x + B u with the position of the end-effector C x; shapes (n, n), (n,), (n,); u in
+    V, position in m."""
 
     a: Array
     b: Array
@@ -37,13 +38,12 @@ class Sticking(NamedTuple):
 
 
 def sticking(model: Actuator) -> Sticking:
-    """The linear model of an actuator about rest: position and velocity of each mode.
+    """Return the linear model of an actuator about rest; its states are position and velocity of each mode.
 
-    A piezo's hysteresis and creep are left out: its gain is the actuator's.
+    Hysteresis and creep of the piezo are left out: its gain is the actuator's.
 
     Raises:
-        QuantityError: a stage that follows its drive at once, or a contact without presliding, has no such
-            model.
+        QuantityError: the stage follows its drive at once, or the contact has no presliding.
     """
     if not isinstance(model, Actuator) or model.static or model.two_port is not None:
         raise QuantityError("a linear model is that of an Actuator whose stage has a natural_frequency")

@@ -1,7 +1,7 @@
-"""Motion from tick to tick, under voltages that are known only as they come: a controller's.
+"""Motion of an actuator from tick to tick, for a controller whose voltages are not known in advance.
 
-Between two ticks the trajectory is that of `simulate`, by the same solver; the end of one is the start of the
-next, so a run of ticks is the run of the whole drive within the tolerance.
+Between two ticks the trajectory is that of `simulate`, by the same solver. The end of one tick is the start
+of the next, so the result equals that for the complete drive within the tolerance.
 """
 
 from __future__ import annotations
@@ -38,14 +38,13 @@ class Motion:
 
     Args:
         model: the actuator.
-        voltage: V, reached from 0 V, under which it has rested for long.
-        load: normal force over the reference normal force at which the friction parameters hold.
-        tolerance: m, on the end-effector's position in each tick.
-        remanence: V, states of the piezo's plays and of its creep terms; by default
-            after a long rest.
+        voltage: voltage at which it has rested for long, V, reached from 0 V.
+        load: normal force relative to the reference at which the friction parameters hold.
+        tolerance: tolerance of the end-effector's position in each tick, m.
+        remanence: states of the piezo's plays and creep terms, V; by default those after a long rest.
 
     Raises:
-        QuantityError: a piezo whose state is not known here (`MaxwellCapacitor`, one's own model).
+        QuantityError: a piezo model whose state is not supported here (`MaxwellCapacitor`, a user's model).
     """
 
     def __init__(
@@ -71,11 +70,11 @@ class Motion:
         self.time = 0.0
 
     def hold(self, volts: float, duration: float) -> None:
-        """On by `duration` s under one voltage, to which it jumps.
+        """Continue the motion for `duration` s at a constant voltage, to which it jumps.
 
         Raises:
             QuantityError: a static stage would jump with it.
-            SimulationError: the motion could not be followed.
+            SimulationError: the motion could not be simulated.
         """
         if self._piezo is not None:
             self.follow(np.array([0.0, duration]), np.array([volts, volts]))
@@ -84,7 +83,8 @@ class Motion:
         self._on(volts, volts, 1, duration)
 
     def follow(self, times: Array, volts: Array) -> None:
-        """On along voltages [n], joined by lines, at times [n], s from now, the first of them 0.
+        """Continue the motion under voltages [n], linear in between, at times [n], s from now, the first of
+        them 0.
 
         Raises:
             QuantityError, SimulationError: as for `hold`.
@@ -99,7 +99,7 @@ class Motion:
         self._on(float(volts[0]), float(volts[-1]), n, float(times[-1]))
 
     def _on(self, begin: float, volts: float, segments: int, end: float) -> None:
-        """On by the first segments of the table."""
+        """Continue the motion through the first `segments` segments of the table."""
         rows = self._start[:segments], self._polynomial[:segments], self._first[: segments + 1]
         if self._cannot_jump and not math.isclose(begin, self._volts, rel_tol=1e-9, abs_tol=1e-9):
             raise QuantityError(
@@ -117,30 +117,31 @@ class Motion:
 
     @property
     def remanence(self) -> tuple[Array, Array] | None:
-        """States of plays and creep, as the argument; None without a piezo model."""
+        """Return the states of plays and creep, for the argument of the same name; None without a piezo
+        model."""
         return None if self._piezo is None else self._piezo.remanence
 
     @property
     def position(self) -> float:
-        """Position of the end-effector, m."""
+        """Return the position of the end-effector, m."""
         of, q = self._of, self._q
         return self.stage_position if of.clamped else float(q[of.slider])
 
     @property
     def velocity(self) -> float:
-        """Velocity of the end-effector, m/s."""
+        """Return the velocity of the end-effector, m/s."""
         of, q = self._of, self._q
         return self.stage_velocity if of.clamped else float(q[of.slider + 1])
 
     @property
     def stage_position(self) -> float:
-        """m."""
+        """Return the position of the stage, m."""
         of = self._of
         return float(sum(self._q[c] for c in of.stages)) if of.stages else of.gain * self._volts
 
     @property
     def stage_velocity(self) -> float:
-        """m/s; of a stage that follows its drive, 0 at the ticks."""
+        """Return the velocity of the stage, m/s; 0 at the ticks for a stage that follows its drive."""
         return float(sum(self._q[c + 1] for c in self._of.stages))
 
     def _room(self, segments: int) -> None:
@@ -149,7 +150,7 @@ class Motion:
 
 
 class _PiezoState:
-    """States of a piezo's plays and creep; exact at the points of a drive."""
+    """States of a piezo's plays and creep, exact at the points of a drive."""
 
     def __init__(self, piezo: Piezo, rest: float, remanence: tuple[Array, Array] | None) -> None:
         hysteresis, after = piezo.hysteresis, piezo.creep
@@ -168,11 +169,11 @@ class _PiezoState:
 
     @property
     def remanence(self) -> tuple[Array, Array]:
-        """The state of each play and each term of creep, V."""
+        """Return the state of each play and each term of creep, V."""
         return self._plays.copy(), self._terms.copy()
 
     def through(self, times: Array, volts: Array) -> Array:
-        """The voltages behind it."""
+        """Return the voltages behind the piezo [n] for voltages at these times [s], and update the states."""
         level = volts
         if self._operators is not None:
             level = np.empty(volts.size)

@@ -1,4 +1,4 @@
-"""One trajectory of an actuator or a pulled slider, labelled."""
+"""Simulation of one trajectory of an actuator or a pulled slider, as a labelled dataset."""
 
 from __future__ import annotations
 
@@ -73,22 +73,22 @@ def simulate(
             last sample within the duration.
         times: sample times instead, s (or with units: strings such as "5 ms", an array of xarray or pint),
             ascending, from 0 or later.
-        tolerance: m, on the end-effector's position over the whole trajectory. The error is estimated by a
-            second run with smaller steps and a finer table of the drive after hysteresis and creep;
-            where it is larger, both are refined.
-        load: normal force over the reference normal force at which the friction parameters hold: a number,
-            or a waveform.
+        tolerance: tolerance of the end-effector's position over the whole trajectory, m. The error is
+            estimated by a second run with smaller steps and a finer table of the drive after hysteresis and
+            creep; if it is larger, both are refined.
+        load: normal force relative to the reference at which the friction parameters hold: a number, or a
+            waveform.
         energy: add the energy account (actuators of one mode, no two-port): `drive_work`, `friction_work`,
             `stage_dissipation`, `external_work`, `kinetic_energy`, `elastic_energy`, and `energy_defect`,
-            which a perfect solution has at 0.
+            which is 0 for an exact solution.
         stack: piezo stack that the drive charges: adds `current`, `charge`, `reactive_power` (into the
-            field), `loss_power` and `temperature`, from the start of the drive to the last sample. A half
-            cycle loses energy in proportion to its path, so that near the end of a run, within a cycle
-            that is not closed yet, loss and temperature are less than a longer run has there. A drive that
-            jumps takes an infinite current: `electronics.driven` says what an amplifier makes of it.
+            field), `loss_power` and `temperature`, from the start of the drive to the last sample. Within a
+            cycle that is not closed at the end of a run, loss and temperature are lower than in a longer run.
+            A drive that
+            jumps takes an infinite current: apply an amplifier first, see `electronics.driven`.
         end_stops: stops between which the end-effector (the mass of a pulled slider) moves. Adds the
             impacts: `impact_velocity` (before each) over "impact_time". Not with `energy`.
-        max_steps: give up after so many steps.
+        max_steps: largest number of integration steps.
         initial_state: a `State`, or a trajectory to continue: then `duration` counts
             from its end, and samples and drive continue in its time (with its plays and creep). With
             the same model, drive, load and tolerance the result equals one run over both to the last bit
@@ -98,15 +98,15 @@ def simulate(
     Returns:
         Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),
         friction_force (N, on the end-effector), drive_voltage or spring_position, velocities (m/s), bristle
-        deflections (m). A sample at a jump of drive or load holds what is after it: the drive, the force
-        under it, and the deflection including newly pressed contact, which carries no force yet.
+        deflections (m). A sample at a jump of drive or load contains the values after it: the drive, the
+        force under it, and the deflection including newly pressed contact, which carries no force yet.
         attrs["final_state"]: see `final_state`. attrs["error_estimate"] (m): error of the end-effector's
         position; if it stays above the tolerance, a `SimulationWarning` says so. If the motion could not be
         followed to the end: a `SimulationWarning`, the part until then, and the reason in attrs["outcome"].
 
     Raises:
         QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate;
-            a stack under a drive that jumps, or beside a piezo that has a charge of its own.
+            a stack under a drive that jumps, or together with a piezo model that has its own charge.
         SimulationError: not even two samples could be computed.
     """
     tolerance = checked_tolerance(model, tolerance)
@@ -157,13 +157,12 @@ def simulate(
 
 
 class FollowedTrajectory(NamedTuple):
-    """A trajectory without labels, up to where it could be followed; `outcome` is COMPLETE or says why not.
+    """A trajectory without labels, up to its end or a failure; `outcome` is COMPLETE or the reason.
 
-    `samples` [times, columns]: stage position and velocity, end-effector's position and velocity, friction
-    force, bristles, then `System.further`; `work` see `engine.binding`; `start`, the state before, with the
-    energy account; `drive`, the segment table; `error`, how far the end-effector may be off, m, where it was
-    estimated; `final`, the last state, and `resume`, from where it can be taken up again (a row of the
-    engine).
+    Fields: `samples` [times, columns], stage position and velocity, end-effector's position and velocity,
+    friction force, bristles, then `System.further`; `work`, see `engine.binding`; `start`, the state before,
+    with the energy account; `drive`, the segment table; `error`, estimated error of the end-effector's
+    position, m; `final`, the last state; `resume`, a row of numbers with which the engine continues.
     """
 
     times: NDArray[np.float64]
@@ -199,9 +198,9 @@ class _TrajectoryRun(NamedTuple):
 class _Task(NamedTuple):
     """A trajectory to compute.
 
-    `tables` returns the drive for the tolerance of a run. `start` is the state before, at the time `begins`;
-    `resume` (a row of the engine) replaces it. `anew`: the energy account starts at the first of the times,
-    which is not part of the result.
+    `tables` is a function from the tolerance of a run to the drive. `start` is the state at the time
+    `begins`; `resume` (a row of the engine) replaces it. With `anew` the energy account starts at the first
+    of the times, which is not part of the result.
     """
 
     of: System
@@ -218,8 +217,8 @@ class _Task(NamedTuple):
     end_stops: EndStops | None = None
 
     def run(self, tolerance: float, careful: bool = False) -> _TrajectoryRun:
-        """With steps whose local errors are in proportion to the tolerance, as that of the drive's table;
-        `careful`: see `engine.binding.integrate`."""
+        """Simulate once, with local errors, and errors of the drive's table, in proportion to the tolerance;
+        for `careful` see `engine.binding.integrate`."""
         times, q, drive = self.times, self.start.copy(), self.tables(tolerance)
         samples = np.full((times.size, self.plant.columns), np.nan)
         work = np.zeros((times.size if self.energy else 0, TERMS))
@@ -237,7 +236,8 @@ class _Task(NamedTuple):
         return _TrajectoryRun(drive, samples, work, outcome, reached, steps, rejected, resume, place, impacts)
 
     def distance(self, one: _TrajectoryRun, other: _TrajectoryRun) -> float:
-        """The largest difference of the end-effector's position, m; NaN where one does not reach the end."""
+        """Return the largest difference of the end-effector's position between two runs, m; NaN if one does
+        not reach the end."""
         if one.outcome != DONE or other.outcome != DONE:
             return math.nan
         column = self.of.slider
@@ -256,7 +256,7 @@ class _Task(NamedTuple):
             reached = float(times[~keep][0]) if run.outcome == NO_NUMBER else run.reached
             text = f"stopped at t = {with_prefix(reached, 's')} of {with_prefix(times[-1], 's')}: {reason}"
             times, samples, work = times[keep], samples[keep], work[keep] if self.energy else work
-        if self.anew and times.size:  # the run started before the state from which it continues
+        if self.anew and times.size:  # the run started before the continued state
             start, work = samples[0], work - work[0]
             times, samples, work = times[1:], samples[1:], work[1:]
         elif self.energy:
@@ -280,7 +280,7 @@ def follow_model(
     begin: State | None = None,
     end_stops: EndStops | None = None,
 ) -> FollowedTrajectory:
-    """Simulate as `simulate`, without labels and warnings: for pictures that are drawn many times a second.
+    """Simulate as `simulate`, without labels and warnings, for pictures that are redrawn many times a second.
 
     Without `check` there is a single run; its error is usually a tenth of the tolerance and is not estimated.
     """
@@ -330,7 +330,8 @@ def _final(of: System, run: FollowedTrajectory, by: str) -> State:
 
 
 def checked_tolerance(model: Any, tolerance: float | str) -> float:
-    """A tolerance of a position, m (rad where the model turns); raises QuantityError."""
+    """Return a tolerance of a position as a number, m (rad for a rotary model); raise QuantityError if it is
+    invalid."""
     return TOLERANCE._replace(unit=unit_for(model, "m")).check(tolerance, "tolerance")
 
 
@@ -342,7 +343,8 @@ def sample_times(
     start: float = 0.0,
     numbers: int = 10,
 ) -> NDArray[np.float64]:
-    """The times given, or those of a rate and a duration from `start` on; `numbers` are kept at each.
+    """Return the given sample times, or those of a rate and a duration from `start` on. `numbers` values are
+    stored at each, for the check of memory.
 
     Raises:
         QuantityError: see `simulate`.
@@ -364,7 +366,7 @@ def sample_times(
     first = start * sample_rate
     if abs(first - round(first)) > 1e-9 * max(first, 1.0):
         return start + np.arange(count + 1) / sample_rate
-    made = (round(first) + np.arange(count + 1)) / sample_rate  # as a run from 0 has them, to the last bit
+    made = (round(first) + np.arange(count + 1)) / sample_rate  # the same times as in a run from 0, exactly
     made[0] = start
     return made
 

@@ -1,4 +1,5 @@
-"""An actuator whose piezo has an electrical side: its element in the plant, its rest, charge and current."""
+"""Actuator whose piezo has an electrical side: its element in the plant, its state at rest, charge and
+current."""
 
 from __future__ import annotations
 
@@ -15,28 +16,30 @@ from .plant.system import Element, Plant
 
 Array = NDArray[np.float64]
 
-# The stops' states are volts, written as metres of a common stroke, which is what the solver's tolerances are
-# in. Not the gain, for then their bounds would differ between neighbours that differ in it.
+# The states of the stop operators are voltages, written as metres with a fixed scale, because the solver's
+# tolerances are in metres. The gain would not do as scale: their bounds would differ between neighbours with
+# different gain.
 PER_VOLT = 1e-7  # m/V
 
 
 def driven_by_voltage(model: Actuator | PulledSlider) -> bool:
-    """Return whether the model has a piezo whose elements slip while the stage moves."""
+    """Return True if the model has a piezo whose elements slip while the stage moves."""
     return isinstance(model, Actuator) and model.two_port is not None and not model.two_port.charge_drive
 
 
 def element_of(model: Actuator | PulledSlider, modes: int) -> Element | None:
-    """The stop operators of `MaxwellCapacitor` on e = u + T y/C_0, for a stage that is the first of `modes`.
+    """Return the stop operators of `MaxwellCapacitor` on e = u + T y/C_0 as an element, for a stage that is
+    the first of `modes`; None for another piezo.
 
-    Their sum [V], times C ω_n², is what they take from the drive's acceleration of the stage. A stop operator
-    is a spring that slips, so that this is the Maxwell slip law.
+    Their sum [V], multiplied by C ω_n², is subtracted from the drive's acceleration of the stage. A stop
+    operator is a spring that slips, so that this is the Maxwell slip law.
     """
     if not driven_by_voltage(model):
         return None
     assert isinstance(model, Actuator)
     assert model.two_port is not None
     width, share = model.two_port.stops()
-    # Unchecked: of an ensemble, fields are arrays.
+    # Unchecked: in an ensemble, fields are arrays.
     law = tuple.__new__(
         MaxwellSlip, (_elements(share), _elements(PER_VOLT * share * width), 0.0, 1.0, 1.0, 1.0)
     )
@@ -47,33 +50,34 @@ def element_of(model: Actuator | PulledSlider, modes: int) -> Element | None:
 
 
 def _elements(values: Array) -> tuple[Any, ...]:
-    """[elements], or [elements, members], as a law has them."""
+    """Return values [elements] or [elements, members] in the form of a law."""
     return tuple(values.tolist() if values.ndim == 1 else values)
 
 
 def settle(plant: Plant, q: Array, first: int, before: float) -> None:
-    """Put the stops' states, from the entry `first` on, and the stage where they are at rest under the drive
-    `before` [V], reached from 0 V; the stage, q[0], is where it would be without them."""
+    """Set the stops' states, from the entry `first` on, and the stage to rest under the drive `before` [V],
+    reached from 0 V. On entry, q[0] is the stage's position without the stops."""
     element, mode = plant.elements[-1], plant.modes[0]
     law, felt, given = element.law, element.velocity[0] or 0.0, -(element.push[0] or 0.0) / mode.stiffness
     share = np.array(law.stiffness)
     limit = np.array(law.strength) / share
     wanted = (element.drive_rate or 0.0) * before + felt * q[0]
-    # Output on the first branch: straight between the ends of the stops.
+    # Output on the initial curve: linear between the limits of the stops.
     corner = np.append(0.0, np.sort(limit))
     total = corner + felt * given * np.sum(share[:, None] * np.minimum(corner, limit[:, None]), axis=0)
-    e = np.copysign(np.interp(abs(wanted), total, corner), wanted)  # beyond the last corner all have slipped
+    e = np.copysign(np.interp(abs(wanted), total, corner), wanted)  # beyond the last limit all stops slip
     q[first : first + limit.size] = np.clip(e, -limit, limit)
     q[0] -= given * float(share @ q[first : first + limit.size])
 
 
 def electrical(model: Actuator, samples: Array, further: Array, table: Drive, times: Array) -> dict[str, Any]:
-    """Charge, current and voltage of the piezo at samples of a trajectory.
+    """Return charge, current and voltage of the piezo at samples of a trajectory, by name with units.
 
     Args:
+        model: the actuator.
         samples: [times, ...], position and velocity of the stage first.
-        further: [times, stops], in `PER_VOLT`.
-        table: of the drive, V.
+        further: states of the stops [times, stops], in units of `PER_VOLT`.
+        table: segment table of the drive, V.
         times: s.
     """
     port = model.two_port
@@ -94,12 +98,13 @@ def electrical(model: Actuator, samples: Array, further: Array, table: Drive, ti
 
 
 def _across(model: Actuator, table: Drive, times: Array) -> Array:
-    """Voltage across the elements of a piezo whose charge follows the drive, from rest at `table.before`."""
+    """Return the voltage [times] across the elements of a piezo under charge control, from rest at
+    `table.before` [V]."""
     port = model.two_port
     assert port is not None
     free = port.capacitance + model.gain * model.drive_force_per_volt
     plays = port.operators
-    plays = plays._replace(threshold=plays.threshold / free)  # on the command, V
+    plays = plays._replace(threshold=plays.threshold / free)  # in terms of the command, V
     z = np.sign(table.before) * np.maximum(abs(table.before) - plays.threshold, 0.0)
     rest = float(plays.weight @ z)
     after = through(plays, table, float(times[-1]), z, rest)

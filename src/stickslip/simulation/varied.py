@@ -1,4 +1,4 @@
-"""Values of a model that vary by name: for fits and for ensembles."""
+"""Named values of a model that vary in fits and ensembles: reading and changing them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from ..waveform.pieces import MOST_PERIODS
 
 
 class Ratio(NamedTuple):
-    """A field that a law bounds by others: it is `value * scale`, and keeps its value unless it is free."""
+    """A field that a law bounds by other fields: it equals `value * scale`, and is constant unless it is
+    free."""
 
     field: str
     scale: Callable[[Mapping[str, float]], float]
     needs: tuple[str, ...]
     lower: float
-    upper: float  # of a search that nobody has limited
+    upper: float  # default end of a search
     most: float
 
 
@@ -39,14 +40,14 @@ RATIOS = {
 }
 
 
-# Before the name of a number of the piezo, and of a number of the normal force along the stroke.
+# Prefix of the names of values of the piezo, and of values of the normal force along the stroke.
 PIEZO = "piezo_"
 NORMAL = "normal_force_"
 NORMAL_FIELDS = {NORMAL + field: field for field in NormalForce._fields}
 
 
 def law_of(model: Any) -> Any:
-    """The friction law of a system, or the law itself."""
+    """Return the friction law of a system, or the law itself."""
     return model if is_law(model) else model.friction
 
 
@@ -55,7 +56,7 @@ def ratios_of(law: Any) -> dict[str, Ratio]:
 
 
 def element_of(law: Any, name: str) -> tuple[str, int] | None:
-    """Field and index of "stiffness_2"; None if the law has no such element."""
+    """Return field and index of a name such as "stiffness_2"; None if the law has no such element."""
     match = re.fullmatch(r"(\w+)_(\d+)", name)
     values = getattr(law, match[1], None) if match and match[1] in law._fields else None
     if not match or not isinstance(values, tuple) or not 1 <= int(match[2]) <= len(values):
@@ -64,10 +65,10 @@ def element_of(law: Any, name: str) -> tuple[str, int] | None:
 
 
 def free_names(model: Any) -> list[str]:
-    """Return the names of a model that may be free.
+    """Return the names of a model's values that may be free in a fit.
 
-    The scalar fields of the law and the model, elements, `RATIOS`, and the numbers of the normal force
-    ("normal_force_slope").
+    They are the scalar fields of law and model, values of elements ("stiffness_2"), the ratios in `RATIOS`,
+    and values of the normal force ("normal_force_slope").
     """
     law, names = law_of(model), []
     for field, value in law._asdict().items():
@@ -83,15 +84,16 @@ def free_names(model: Any) -> list[str]:
 
 
 def with_normal_force(model: Any, names: Iterable[str]) -> Any:
-    """The model with a normal force that is the same everywhere, if one of the names is of one and it has
-    none: models that differ in a number of it are then of one kind."""
+    """Return the model with a uniform normal force along the stroke added, if a name belongs to a normal
+    force and the model has none. Then models that differ in such a value have the same type."""
     if any(name in NORMAL_FIELDS for name in names) and model.normal_force is None:
         return model.replace(normal_force=NormalForce())
     return model
 
 
 def piezo_names(model: Any) -> list[str]:
-    """The numbers of an actuator's piezo: "piezo_weight_2", "piezo_share_1", "piezo_capacitance"."""
+    """Return the names of the values of an actuator's piezo: "piezo_weight_2", "piezo_share_1",
+    "piezo_capacitance"."""
     return [name for part in _parts(model) for name in _names_of_part(part)]
 
 
@@ -106,7 +108,7 @@ def model_names(model: Any) -> list[str]:
 
 
 def _parts(model: Any) -> list[Any]:
-    """Hysteresis and creep of its piezo, as far as it has them."""
+    """Return hysteresis and creep of the model's piezo, as far as it has them."""
     return [part for part in getattr(model, "piezo", None) or () if part is not None]
 
 
@@ -120,9 +122,9 @@ def _part_of(model: Any, name: str) -> Any:
 
 
 def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Fields of the law, and changed fields of the system, with these values put in, unchecked.
+    """Return the fields of the law, and the changed fields of the system, with these values, unchecked.
 
-    A field of `RATIOS` that is not among the values keeps its ratio. Values may be arrays, of one length.
+    A field of `RATIOS` that is not among the values keeps its ratio. Values may be arrays of one length.
     """
     law = law_of(model)
     fields, own = law._asdict(), {}
@@ -155,7 +157,7 @@ def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any
 
 
 def changed_piezo(model: Any, values: Mapping[str, Any]) -> Any:
-    """The piezo of the model with those of the values put in that are its own, unchecked."""
+    """Return the piezo of the model with those of the values that belong to it, unchecked."""
 
     def changed(part: Any) -> Any:
         names = _names_of_part(part)
@@ -167,12 +169,12 @@ def changed_piezo(model: Any, values: Mapping[str, Any]) -> Any:
 
 
 def checked_piezo(piezo: Any) -> Any:
-    """The same, as its records check it; raises QuantityError."""
+    """Return the piezo after the checks of its records; raise QuantityError for invalid values."""
     return type(piezo)(*(None if part is None else type(part)(*part) for part in piezo))
 
 
 def with_values(model: Any, values: Mapping[str, float]) -> Any:
-    """The model with these values put in; a field of `RATIOS` that is not among them keeps its ratio.
+    """Return the model with these values; a field of `RATIOS` that is not among them keeps its ratio.
 
     Raises:
         QuantityError: a value is out of range.
@@ -194,13 +196,13 @@ def record_names(record: Any) -> list[str]:
         value = getattr(record, field)
         if isinstance(value, tuple):
             names += [f"{_singular(field)}_{i + 1}" for i in range(len(value))]
-        elif field != "periods" and value is not None:  # a count
+        elif field != "periods" and value is not None:  # `periods` is a count
             names.append(field)
     return names
 
 
 def record_field(record: Any, name: str) -> tuple[str, int | None]:
-    """Field and index of "value_3"; no index for a field that is one number."""
+    """Return field and index of a name such as "value_3"; the index is None for a scalar field."""
     match = re.fullmatch(r"(\w+)_(\d+)", name)
     for field in record._fields:
         if field == name:
@@ -211,14 +213,14 @@ def record_field(record: Any, name: str) -> tuple[str, int | None]:
 
 
 def record_value(record: Any, name: str) -> float:
-    """Return the named number."""
+    """Return the value of a record with this name."""
     field, index = record_field(record, name)
     value = getattr(record, field)
     return float(value if index is None else value[index])
 
 
 def put_in(record: Any, values: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of the record with these numbers put in, unchecked."""
+    """Return the fields of the record with these values, unchecked."""
     fields = record._asdict()
     for name, value in values.items():
         field, index = record_field(record, name)
@@ -246,7 +248,8 @@ def value_of(model: Any, name: str, waveform: Any = None) -> float:
 
 
 def quantity_of(model: Any, waveform: Any, name: str) -> Quantity | None:
-    """Return the quantity of a named number of the model or waveform; None for a ratio or a factor."""
+    """Return the quantity (unit, bounds) of a named value of the model or waveform; None for a ratio or a
+    factor."""
     if (part := _part_of(model, name)) is not None:
         return quantities(type(part))[record_field(part, name.removeprefix(PIEZO))[0]]
     if name in NORMAL_FIELDS:
@@ -259,13 +262,13 @@ def quantity_of(model: Any, waveform: Any, name: str) -> Quantity | None:
     return known.get(element[0] if element else name)
 
 
-@cache  # of each member's fields, again and again
+@cache  # called again for each member's fields
 def _singular(field: str) -> str:
     return re.sub("sses$", "sss", re.sub("ies$", "ys", field)).removesuffix("s")
 
 
 def refused_table(row: Any, waveform: Any, end: float | None, periodic: bool) -> str:
-    """Why there is no table of a member's waveform `row` up to `end` [s]; empty if there is one."""
+    """Return the reason why a member's waveform `row` has no table up to `end` [s]; empty if it has one."""
     period = getattr(row, "period", None)
     if periodic:
         return "" if period is not None else f"this {type(waveform).__name__} has no period"

@@ -1,7 +1,7 @@
-"""The drive after a piezo: a segment table becomes the segment table of its free stroke over the gain.
+"""Drive after a piezo: from a segment table of the voltage to one of the free stroke divided by the gain.
 
-Nothing feeds back into it, so it is computed once, before the equations of motion are solved. The stage then
-sees a drive like any other, with breaks where plays are taken along.
+The stroke does not depend on the stage, so it is computed once, before the equations of motion are solved.
+The stage then has a drive like any other, with breaks where plays start to move.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .splitting import through
 
 
 def tabulated(piezo: Piezo | None) -> bool:
-    """Return whether the drive after the piezo is approximated instead of exact."""
+    """Return True if the drive after the piezo is approximated instead of exact."""
     return piezo is not None and (piezo.creep is not None or is_duhem(piezo.hysteresis))
 
 
@@ -30,19 +30,19 @@ def at_piezo(
     period: float | None = None,
     settled: bool = False,
 ) -> Drive:
-    """The drive [V] after hysteresis and creep, up to `end` [s].
+    """Return the drive [V] after hysteresis and creep, up to `end` [s].
 
     Args:
         piezo: the model; before the drive it rested long at `drive.before`, reached from 0 V.
-        drive: table.
-        end: s.
-        precision: V, largest error: half from the hysteresis, half from the creep.
-        period: s, of a drive that repeats.
-        settled: the table is that of one period, until `end`, after many.
+        drive: segment table.
+        end: end of the result, s.
+        precision: largest error, V: half from the hysteresis, half from the creep.
+        period: period of a drive that repeats, s.
+        settled: return the table of one period, until `end`, after many.
     """
     made = drive
     if isinstance(piezo.hysteresis, MaxwellCapacitor):
-        return made  # its elements feel the stage, and are part of the plant
+        return made  # the piezo's elements interact with the stage, and are part of the plant
     if is_duhem(piezo.hysteresis):
         made = duhem_drive(piezo.hysteresis, drive, end, 0.5 * precision, settled)
     elif piezo.hysteresis is not None:

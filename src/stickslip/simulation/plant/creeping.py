@@ -1,13 +1,13 @@
-r"""A drive with creep: each Kelvin-Voigt term of each segment in closed form, drawn by cubics.
+r"""A drive with creep: each Kelvin-Voigt term in closed form for each segment, approximated by cubics.
 
 .. math:: \tau_k \dot x_k = h - x_k, \qquad
     x_k(L) = x_k(0)\,e^{-z} + z \sum_j c_j L^j I_j(z), \qquad
     I_j(z) = \int_0^1 e^{-z (1 - s)} s^j \, ds, \quad z = L / \tau_k
 
-The polynomial of a segment, :math:`\sum_j c_j t^j`, is followed by this sum, in which nothing cancels however
-short or long the segment is against the time constant: :math:`I_j = j!\,\varphi_{j+1}(-z)`, the functions of
-exponential integrators [hochbruck2010]. A harmonic is followed by a smaller and later one. A piece ends where
-the cubic through values and slopes of its ends could be off by more than the precision.
+This is the response to the polynomial of a segment, :math:`\sum_j c_j t^j`. Nothing cancels in the sum,
+however short or long the segment is compared with the time constant: :math:`I_j = j!\,\varphi_{j+1}(-z)`, the
+functions of exponential integrators [hochbruck2010]. The response to a harmonic is a smaller and delayed one.
+A piece ends where the error of the cubic through values and slopes of its ends could exceed the precision.
 """
 
 from __future__ import annotations
@@ -46,24 +46,26 @@ def weights(z):
 def creep_pieces(
     tau: Array, shares: Array, drive: Drive, end: float, x: Array, pieces: Cubics, most: float
 ) -> int:
-    """Fill the pieces of what creep adds to the polynomials of a drive up to `end` [s], off by `most` [V]; x
-    are the terms at the start, and at the end those then. The creep of harmonics is left to the caller.
+    """Fill the pieces with the creep added to the polynomials of a drive up to `end` [s], within `most` [V];
+    return their number, or -1 if there is no room for them.
 
-    Returns how many pieces there are; -1 if there is no room for them.
+    x are the creep terms at the start, and are replaced by those at the end. The creep of harmonics is left
+    to the caller.
     """
     table, terms, made = DriveTable(drive), doubles(x, "terms", True), cubics_struct(pieces)
     return library().stickslip_lags_cubics(struct_of(tau, shares), table.struct, end, terms, most, made)
 
 
 def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float) -> Drive:
-    """Return a drive and its creep, up to `end` [s]; the terms [V] at the start become those at the end.
+    """Return the sum of a drive and its creep, up to `end` [s]. `terms` [V] at the start are replaced by
+    those at the end.
 
     Args:
-        of: the model.
-        drive: table; what it rested at before its start.
-        end: s.
-        terms: V, one for each time constant.
-        precision: V, largest error.
+        of: model of the creep.
+        drive: segment table; before its start it rests at `drive.before`.
+        end: end of the result, s.
+        terms: creep terms, V, one for each time constant.
+        precision: largest error, V.
 
     Raises:
         QuantityError: the drive is a chirp, whose creep has no closed form.

@@ -1,4 +1,4 @@
-"""Cubics beside a drive: what hysteresis and creep add to it, between known values and slopes.
+"""Cubics that are added to a drive: hysteresis and creep between known values and slopes.
 
 The drive keeps its formulas; each of its segments is cut into pieces, and each piece gets a cubic.
 """
@@ -19,13 +19,13 @@ from ...waveform.drive import Drive
 
 Array = NDArray[np.float64]
 
-# Segments of a table: a gigabyte. More are a drive that turns too often for its length.
+# Largest number of segments of a table, a gigabyte; a drive with more reverses too often for its length.
 MOST_PIECES = 4_000_000
 
 
 class Cubics(NamedTuple):
-    """`start` [n], s; `source` [n], the segment of the drive; `cubic` [n, 4], coefficients of what is added
-    from there on."""
+    """Cubic pieces: `start` [n], s; `source` [n], the segment of the drive; `cubic` [n, 4], coefficients of
+    the added polynomial from there on."""
 
     start: Array
     source: NDArray[np.int64]
@@ -33,15 +33,15 @@ class Cubics(NamedTuple):
 
 
 def cubics_struct(pieces: Cubics) -> Any:
-    """Return the pieces as the engine fills them; valid as long as their arrays live."""
+    """Return the pieces as a C struct for the engine to fill; it is valid as long as their arrays exist."""
     cubic = ffi.cast("real_t (*)[4]", doubles(pieces.cubic, "pieces", True))
     start, source = doubles(pieces.start, "pieces", True), integers(pieces.source, "pieces")
     return ffi.new("struct cubics *", (pieces.start.size, start, source, cubic))
 
 
 def filled(fill: Callable[[Array, Cubics], int], state: Array, room: int) -> Cubics:
-    """Return the pieces that `fill(state, pieces)` makes; the state at the start becomes that at the end.
-    `fill` returns the number of pieces, or -1 if there is no room for them.
+    """Return the pieces that `fill(state, pieces)` makes; it replaces the state at the start by that at the
+    end. `fill` returns the number of pieces, or -1 if there is no room for them.
 
     Raises:
         QuantityError: more pieces than fit into memory.

@@ -1,8 +1,8 @@
-r"""A drive through Duhem hysteresis (`piezo.duhem`: Bouc-Wen, a model of your own): what h takes from it,
-drawn by cubics between values on its ways.
+r"""A drive after Duhem hysteresis (`piezo.duhem`: Bouc-Wen, or a user's model), whose hysteretic part h is
+approximated by cubics.
 
-u stays as it is, with its harmonics; of h [V] values and slopes are known at any instant of a way, and a
-piece ends where the cubic through those of its ends would be off by more than the precision.
+The voltage u and its harmonics are unchanged. Values and slopes of h [V] are known at any instant between
+reversals. A piece ends where the error of the cubic through its ends would exceed the precision.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from .cubics import Cubics, cubics_struct, filled, with_cubics
 
 Array = NDArray[np.float64]
 
-# V, finest precision of a table: ten times that to which h is integrated.
+# V, finest precision of a table: ten times the accuracy of h.
 FINEST = 10.0 * EXACT
-# Periods until a settled h repeats itself to rounding.
+# Largest number of periods until h repeats to rounding.
 SETTLES = 1_000
 
 
 def duhem_drive(of: Any, drive: Drive, end: float, precision: float, settled: bool = False) -> Drive:
-    """The drive [V] after the hysteresis, up to `end` [s]; before, it rested long at `drive.before`.
+    """Return the drive [V] after the hysteresis, up to `end` [s]; before, it rested long at `drive.before`.
 
     Args:
-        of: the model.
-        drive: table.
-        end: s.
-        precision: V, largest error.
-        settled: the table is that of one period, until `end`, after many.
+        of: model of the hysteresis.
+        drive: segment table.
+        end: end of the result, s.
+        precision: largest error, V.
+        settled: return the table of one period, until `end`, after many.
 
     Raises:
         QuantityError: more pieces than fit into memory, or h is not finite.

@@ -1,8 +1,8 @@
-r"""A drive through play operators: a segment table becomes a segment table, exactly.
+r"""A drive after play operators: an exact conversion of segment tables.
 
-On each way of the drive, up or down, the operators' output is a straight line in u between the points at
-which a play is taken along or a dead zone ends. So each segment of the drive becomes some of the same
-formula, times the slope there, plus a level; they start where the drive turns or reaches such a point.
+While the drive moves in one direction, the operators' output is linear in u between the points at which a
+play starts to move or a dead zone ends. So each segment of the drive becomes several with the same formula,
+multiplied by the slope there, plus a level. They start where the drive reverses or reaches such a point.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ class Pieces(NamedTuple):
 
 
 def split(plays: Operators, drive: Drive, end: float, z: Array, pieces: Pieces) -> int:
-    """Fill the pieces of a drive up to `end` [s]; z are the states before, and at the end those then.
+    """Fill the pieces of a drive up to `end` [s]; return their number, or -1 if there is no room for them.
 
-    Returns how many pieces there are; -1 if there is no room for them.
+    z are the states of the plays at the start, and are replaced by those at the end.
     """
     sized("z", z, plays.threshold.size)
     start, slope, level = (doubles(row, "pieces", True) for row in (pieces.start, pieces.slope, pieces.level))
@@ -54,11 +54,11 @@ def split(plays: Operators, drive: Drive, end: float, z: Array, pieces: Pieces) 
 
 
 def through(plays: Operators, drive: Drive, end: float, z: Array, rest: float, cycle: int = 0) -> Drive:
-    """The drive after the operators, up to `end` [s], from their states z on, which become those at the end;
-    before, their output is `rest` [V].
+    """Return the drive after the operators, up to `end` [s]; before, their output is `rest` [V].
 
-    With a `cycle`, the segments of a period that the drive repeats from its start on: what comes after the
-    second period repeats that, for plays forget all but the extremes; z is then left as it is after two.
+    z are the states of the plays at the start, and are replaced by those at the end. With a `cycle` (the
+    number of segments in a period that repeats from the start on), the result after the second period repeats
+    that, because plays forget all but the extremes; z is then the state after two periods.
     """
     room, before = 64 + 4 * drive.start.size * (1 + plays.weight.size // 4), z.copy()
     some = end
@@ -80,10 +80,10 @@ def through(plays: Operators, drive: Drive, end: float, z: Array, rest: float, c
 
 
 def _repeated(pieces: Pieces, drive: Drive, cycle: int, end: float) -> Pieces:
-    """The pieces of two periods, and the second ones again to the end."""
+    """Return the pieces of two periods, followed by repetitions of the second up to the end."""
     second = pieces.source >= cycle
     tau = (pieces.start - drive.start[pieces.source])[second]
-    more = drive.start.size // cycle  # at least; what is beyond the end is cut
+    more = drive.start.size // cycle  # at least; pieces beyond the end are cut
     source = (pieces.source[second] + cycle * np.arange(1, more + 1)[:, None]).ravel()
     there = source < drive.start.size
     source = source[there]
@@ -98,7 +98,7 @@ def _repeated(pieces: Pieces, drive: Drive, cycle: int, end: float) -> Pieces:
 
 
 def _table(drive: Drive, pieces: Pieces, before: float) -> Drive:
-    """The segment table of pieces."""
+    """Return the segment table of pieces."""
     made = moved_on(drive, pieces.source, pieces.start)
     rows = np.diff(made.first)
     harmonic = made.harmonic.copy()

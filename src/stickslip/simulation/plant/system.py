@@ -1,4 +1,4 @@
-r"""A system: linear modes of bodies, and elements that act on or between them.
+r"""Equations of a system: linear modes of bodies, and elements that act on or between them.
 
 .. math::
 
@@ -14,14 +14,13 @@ creep, a controller).
 
 With k = ωₙ², c = 2ζωₙ, b = Cωₙ², p = -1/m and 1/m_e this is the thesis's model [kang2007, eq. 3.20-3.25].
 
-A share that is None is a zero that costs nothing.
+A coefficient that is None is a zero without computing time.
 
-The last term is what a changing normal force does to a contact: what is newly loaded carries no tangential
-force (F stays, z falls in proportion), what is unloaded loses its share in proportion (z stays)
-[mindlin1953]. It takes the
-stiffness as proportional to the normal force: rough surfaces of many asperities. A contact whose normal force
-changes along the stroke, N_e(t, x), or whose stiffness follows it with another power, has `along` (see
-`friction.normal_force`).
+The last term is the effect of a changing normal force on a contact: newly loaded area carries no tangential
+force (F stays, z falls in proportion), unloaded area loses its share in proportion (z stays) [mindlin1953].
+It assumes a stiffness in proportion to the normal force: rough surfaces of many asperities. A contact whose
+normal force changes along the stroke, N_e(t, x), or whose stiffness follows it with another power, has
+`along` (see `friction.normal_force`).
 """
 
 from __future__ import annotations
@@ -48,20 +47,20 @@ class Mode(NamedTuple):
 
 
 class Element(NamedTuple):
-    """Element of a plant.
+    """Element of a plant, such as a friction contact; the letters are those of the module's equations.
 
     Attributes:
         law: record of the element.
-        velocity: h, one entry per mode, or None.
-        push: p per unit of output, one entry per mode, or None.
-        normal: factor of the output.
+        velocity: h, coefficients of the velocities, one per mode, or None.
+        push: p, acceleration per unit of output, one per mode, or None.
+        normal: N, constant factor of the output.
         loaded: 1.0 if the normal force varies with the load, or None.
-        drive_rate: d', or None.
-        drive: d, or None.
-        position: g, one entry per mode, or None.
-        feed: l, one entry per earlier element, or None.
-        along: `NormalForce` over the position of the last mode that the element pushes, which nothing else
-            may push.
+        drive_rate: d', coefficient of the rate of the drive, or None.
+        drive: d, coefficient of the drive, or None.
+        position: g, coefficients of the positions, one per mode, or None.
+        feed: l, coefficients of the outputs of earlier elements, or None.
+        along: `NormalForce` as a function of the position of the last mode that the element pushes; no other
+            element may push that mode.
     """
 
     law: Any
@@ -93,8 +92,8 @@ def state_size(plant: Plant) -> int:
 
 
 def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
-    """All numbers of a plant in the order that `with_values` takes them, [count, numbers]; where a
-    number is an array of `count`, each row has its own."""
+    """Return all numbers of a plant in the order of `with_values`, [count, numbers]; a number that is an
+    array of `count` gives each row its own."""
     found = list(numbers_in(plant))
     if count == 1 and all(isinstance(value, float) for value in found):
         return np.array([found])
@@ -105,13 +104,13 @@ def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
 
 
 def with_values(plant: Plant, values: NDArray[np.float64]) -> Plant:
-    """A plant of this layout with these numbers, in the order of `values_of`, unchecked."""
+    """Return a plant with this layout and these numbers, in the order of `values_of`, unchecked."""
     return with_numbers(plant, iter(values.tolist()))
 
 
 def speeds(plant: Plant, q: NDArray[np.float64], u: float, rate: float) -> list[float]:
-    """The input of each element at the state q, a drive u and its rate, without what other elements feed
-    into it."""
+    """Return the input of each element at the state q, a drive u and its rate, without contributions of other
+    elements."""
     positions, velocities = q[0 : 2 * len(plant.modes) : 2], q[1 : 2 * len(plant.modes) : 2]
 
     def along(shares: Sequence[float | None] | None, values: NDArray[np.float64]) -> float:
