@@ -1,4 +1,4 @@
-"""Friction laws: a record and one function each, in a file each. See `law` for what that means."""
+"""Friction laws: each is a record and one function, in a file of its own; see `law` for the interface."""
 
 from ..quantities import registry
 from .law import Branches as Branches
@@ -26,4 +26,4 @@ from .elastoplastic import Elastoplastic as Elastoplastic
 from .maxwell_slip import MaxwellSlip as MaxwellSlip
 # isort: on
 
-LAWS: tuple[type, ...] = tuple(registry.laws.packaged().values())  # those of the package
+LAWS: tuple[type, ...] = tuple(registry.laws.packaged().values())  # laws of the package

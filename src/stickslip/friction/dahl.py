@@ -1,12 +1,12 @@
-r"""Dahl: a bristle that saturates at the Coulomb force [dahl1976; bliman1992].
+r"""Dahl's law: a bristle that saturates at the Coulomb force [dahl1976; bliman1992].
 
 .. math:: \frac{dF}{dt} = \sigma_0 v \left| 1 - \frac{F}{F_C}\,\mathrm{sgn}\,v \right|^\alpha
           \mathrm{sgn}\!\left( 1 - \frac{F}{F_C}\,\mathrm{sgn}\,v \right), \qquad F = \sigma_0 z
 
-Rate-independent: the force depends on the path, not on the speed. No stiction, no Stribeck effect, no
-viscous part; and the contact creeps under a small oscillating load on top of a constant one. alpha >= 1
-describes ductile contacts, alpha < 1 brittle ones: there F_C is reached after a finite way,
-F_C/(sigma_0 (1 - alpha)), and kept.
+Rate-independent: the force depends on the path, not on the speed. No stiction, no Stribeck effect, no viscous
+part; and the contact creeps under a small oscillating load on top of a constant one. alpha >= 1 describes
+ductile contacts, alpha < 1 brittle ones: there F_C is reached after a finite displacement, F_C/(sigma_0 (1 -
+alpha)), and kept.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ def dahl(law, v, z):
 
 
 def dahl_bound(law, z):
-    """An exponent below 1 has a bound that is reached: on it the steps need not shrink."""
+    """Return z within the bound that an exponent below 1 reaches, so that steps on it need not become
+    small."""
     if law.exponent >= 1.0:
         return z
     bound = law.coulomb_force / law.sigma_0

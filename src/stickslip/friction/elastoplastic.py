@@ -1,4 +1,4 @@
-r"""Elastoplastic: LuGre with a purely elastic range, so that it does not creep [dupont2002].
+r"""Elastoplastic law: LuGre with a purely elastic range, so that it does not creep [dupont2002].
 
 .. math:: \dot z = v \left( 1 - \alpha(z, v) \frac{z}{z_{ss}(v)\,\mathrm{sgn}\,v} \right), \qquad
           F = \sigma_0 z + \sigma_1 \dot z + \sigma_2 v, \qquad z_{ss}(v) = g(v)/\sigma_0
@@ -39,7 +39,7 @@ class Elastoplastic(NamedTuple):
 
     def _check(self) -> None:
         check_stiction(self)
-        least = self.coulomb_force / self.sigma_0  # of z_ss, at high speed
+        least = self.coulomb_force / self.sigma_0  # least z_ss, at high speed
         if self.breakaway_deflection >= least:
             raise QuantityError(
                 f"Elastoplastic.breakaway_deflection = {self.breakaway_deflection:g} m is out of range: "
@@ -48,7 +48,8 @@ class Elastoplastic(NamedTuple):
 
 
 def plastic_share(v, z, z_ba, z_ss):
-    """alpha(z, v), from 0 (all motion deflects the bristle) to 1 (as in LuGre) [kang2007, fig. 2.4]."""
+    """Return alpha(z, v), from 0 (all motion deflects the bristle) to 1 (as in LuGre) [kang2007, fig.
+    2.4]."""
     deflection = abs(z)
     if deflection <= z_ba or (z > 0.0 and v <= 0.0) or (z < 0.0 and v >= 0.0):
         return 0.0

@@ -1,4 +1,5 @@
-"""Fields of its record that a law's function reads, found before a run is stopped by a mistyped one."""
+"""Check that a law's function reads only fields of its record, so that a typing error is found before a
+run."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from ..quantities.records import did_you_mean
 
 
 def refuse_unknown_fields(law_type: Any, function: Callable[..., Any]) -> None:
-    """Raise TypeError where a function reads a field of its first argument that the record lacks."""
+    """Raise TypeError if a function reads a field of its first argument that the record lacks."""
     code = function.__code__
     for taken, asked in pairwise(dis.get_instructions(code)):
         names = taken.argval if isinstance(taken.argval, tuple) else (taken.argval,)

@@ -29,12 +29,13 @@ from .fields_read import refuse_unknown_fields
 
 
 class Branches(NamedTuple):
-    """The branches of a law whose rate jumps or kinks where its state meets a curve: a step stays on one,
-    smoothly continued, and is cut where it leaves it. For laws that are the same in both directions: all take
-    the `speed` |v|, its `growth` d|v|/dt and `z` in the direction of sliding.
+    """Branches of a law whose rate jumps or has a kink where its state meets a curve. An integration step
+    stays on one branch, smoothly continued, and is cut where it leaves that. This is for laws that are the
+    same in both directions: all functions take the `speed` |v|, its `growth` d|v|/dt and `z` in the direction
+    of sliding.
 
-    ``choose(law, speed, growth, z) -> 0, 1, 2 or 3``; ``rate(law, speed, z, branch) -> (F, ż)``;
-    ``left(law, speed, growth, z, branch)``, negative where the branch ends.
+    ``choose(law, speed, growth, z) -> 0, 1, 2 or 3``; ``rate(law, speed, z, branch) -> (F, ż)``; ``left(law,
+    speed, growth, z, branch)``, which becomes negative where the branch ends.
     """
 
     choose: Callable[..., Any]
@@ -75,7 +76,7 @@ def register(
     smooth: bool = False,
     named: bool = True,
 ) -> None:
-    """Make a record a friction law, known by its name from then on.
+    """Register a record as a friction law, which is then available by its name.
 
     Args:
         law_type: the record, a ``typing.NamedTuple``.
@@ -84,18 +85,17 @@ def register(
         breakaway: ``breakaway(law) -> N``, for a static law only.
         elements: ``elements(law) -> int``, for a composed law only, with `element`.
         element: ``element(law, i) -> record`` of the i-th element, itself registered.
-        project: ``project(law, z) -> z``, where the law bounds its state (a reset); applied after each step.
+        project: ``project(law, z) -> z``, if the law bounds its state (a reset); applied after each step.
         tick: ``tick(law, v, z) -> z``, for a sampled element with a field `period` [s]: called at each
             multiple of `period`, with the input at that instant; the state is constant in between.
         branches: parts of a law whose rate is only piecewise smooth, see `Branches`; `rate` is the whole law.
-        smooth: the record is no friction contact but an element without a kink at v = 0: a lag, an
-            amplifier, creep, a controller (see `plant.system`); its input v and output F may
-            have any unit.
-        named: false for the elements of a composed law, which nobody names.
+        smooth: the record is not a friction contact but an element without a kink at v = 0: a lag, an
+            amplifier, creep, a controller (see `plant.system`); its input v and output F may have any unit.
+        named: False for the elements of a composed law, which are not available by name.
 
     Raises:
-        TypeError: the record is no named tuple, there is not either `rate` or `elements` with `element`, the
-            arguments of a function have other names than above, or it reads a field that the record lacks.
+        TypeError: the record is not a named tuple; `rate`, or `elements` with `element`, is missing; the
+            arguments of a function have other names than above; or it reads a field that the record lacks.
     """
     name = law_type.__name__
     if not hasattr(law_type, "_fields"):
@@ -117,25 +117,25 @@ def register(
 
 
 def is_law(candidate: object) -> bool:
-    """Return whether the object is a record registered as a friction law."""
+    """Return True if the object is a record registered as a friction law."""
     return type(candidate) in _IMPLEMENTATIONS
 
 
 def is_smooth(law_type: type) -> bool:
-    """Return whether records of this type have no kink at v = 0."""
+    """Return True if records of this type have no kink at v = 0."""
     return _IMPLEMENTATIONS[law_type].smooth
 
 
 def has_branches(law: Any) -> bool:
-    """Return whether the law, or the elements that it is composed of, have branches."""
+    """Return True if the law, or its elements, have branches."""
     return _implementation(element(law, 0)).branches is not None
 
 
 def has_jumps(law: Any) -> bool:
-    """Return whether the rate of the law jumps where its state meets a curve.
+    """Return True if the rate of the law jumps where its state meets a curve.
 
-    The motion is then not a smooth function of the parameters. True for laws with branches, unless their
-    ``jumps`` is False.
+    The motion is then not a smooth function of the parameters. This is so for laws with branches, unless
+    their ``jumps`` is False.
     """
     return bool(getattr(law, "jumps", has_branches(law)))
 
@@ -148,10 +148,10 @@ def _implementation(law: Any) -> _Implementation:
 
 
 def rate(law: Any, v: float, z: float) -> tuple[float, float]:
-    """The law's equation: friction force [N] and rate of the internal state, for a law of one element.
+    """Return the friction force [N] and the rate of the internal state, for a law of one element.
 
     Raises:
-        TypeError: the law is composed (ask its elements), or no law at all.
+        TypeError: the law is composed (use its elements), or the object is not a law.
     """
     function = _implementation(law).rate
     if function is None:
@@ -162,13 +162,13 @@ def rate(law: Any, v: float, z: float) -> tuple[float, float]:
 
 
 def breakaway(law: Any) -> float:
-    """Largest force [N] of a static law at rest; 0 for the others, which have no true rest."""
+    """Return the largest force [N] of a static law at rest; 0 for the others, which have no true rest."""
     function = _implementation(law).breakaway
     return function(law) if function else 0.0
 
 
 def elements(law: Any) -> int:
-    """Number of internal states: 0 for a static law, 1 for a bristle law, N for a composed one."""
+    """Return the number of internal states: 0 for a static law, 1 for a bristle law, N for a composed one."""
     implementation = _implementation(law)
     if implementation.elements:
         return implementation.elements(law)
@@ -176,19 +176,20 @@ def elements(law: Any) -> int:
 
 
 def element(law: Any, i: int) -> Any:
-    """The record of the i-th element; the law itself unless it is composed."""
+    """Return the record of the i-th element; the law itself unless it is composed."""
     function = _implementation(law).element
     return function(law, i) if function else law
 
 
 def project(law: Any, z: float) -> float:
-    """The internal state put back inside the bounds that the law sets; for a law of one element."""
+    """Return the internal state limited to the bounds of the law, for a law of one element."""
     function = _implementation(law).project
     return function(law, z) if function else z
 
 
 def force(law: Any, v: float, z: Any) -> float:
-    """Total friction force [N]; `z` holds the internal states (of a static law: the direction)."""
+    """Return the total friction force [N]; `z` contains the internal states (for a static law: the
+    direction)."""
     total = 0.0
     for i in range(max(elements(law), 1)):
         total += rate(element(law, i), v, z[i])[0]

@@ -1,12 +1,12 @@
-r"""LuGre: a bristle with Stribeck steady state [canudas1995].
+r"""LuGre law: a bristle with Stribeck steady state [canudas1995].
 
 .. math:: \dot z = v - \sigma_0 \frac{|v|}{g(v)} z, \qquad F = \sigma_0 z + \sigma_1(v) \dot z + \sigma_2 v
 
 .. math:: g(v) = F_C + (F_S - F_C)\, e^{-(v/v_s)^2}, \qquad \sigma_1(v) = \sigma_1 e^{-(v/v_d)^2}
 
-Valid for one contact whose presliding is small against the stroke. It creeps under a small oscillating load
-below breakaway (see `Elastoplastic`). With constant sigma_1 (v_d infinite) and F_S > F_C it is passive only
-if sigma_2 >= sigma_1 (F_S - F_C)/F_C [barabanov2000]; it always is if sigma_1(v) |v| <= 4 g(v)
+Valid for one contact whose presliding is small compared with the stroke. It creeps under a small oscillating
+load below breakaway (see `Elastoplastic`). With constant sigma_1 (v_d infinite) and F_S > F_C it is passive
+only if sigma_2 >= sigma_1 (F_S - F_C)/F_C [barabanov2000]; it always is if sigma_1(v) |v| <= 4 g(v)
 [olsson1996], for which v_d <= 9.3 F_C/sigma_1 is enough. F_S = F_C is the thesis's form [kang2007, eq.
 2.15-2.16].
 """
@@ -44,7 +44,8 @@ def lugre(law, v, z):
     sigma_1 = law.sigma_1
     if law.damping_velocity < math.inf:
         sigma_1 *= math.exp(-((v * (1.0 / law.damping_velocity)) ** 2))
-    dz = v - abs(v) * z * (law.sigma_0 / g)  # in this order: with constant g the division waits for nothing
+    # in this order, because with constant g the processor need not wait for the division
+    dz = v - abs(v) * z * (law.sigma_0 / g)
     return law.sigma_0 * z + sigma_1 * dz + law.sigma_2 * v, dz
 
 

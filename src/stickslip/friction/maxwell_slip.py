@@ -1,4 +1,5 @@
-r"""Maxwell slip: N springs, each sliding at its own force, and their generalisation [iwan1966; albender2005].
+r"""Maxwell slip law: N springs, each sliding at its own force, and its generalisation [iwan1966;
+albender2005].
 
 .. math:: F = \sum_i F_i + \sigma_2 v, \qquad F_i = k_i z_i, \qquad
           \dot F_i = \begin{cases} C \left( \alpha_i\,\mathrm{sgn}\,v - F_i / |s(v)| \right)
@@ -7,11 +8,11 @@ r"""Maxwell slip: N springs, each sliding at its own force, and their generalisa
 .. math:: \alpha_i |s(v)| = W_i \left( 1 + (r - 1)\, e^{-(v/v_s)^2} \right), \qquad C = c \sum_i W_i
 
 Presliding hysteresis with non-local memory, without creep. With r = F_S/F_C = 1 each element is
-elastic-perfectly-plastic, the law is rate-independent, and C has no effect. With r > 1 a sliding element
-is drawn to the Stribeck curve s(v) at the rate c. Approximated: in the paper a sliding element continues
-to slide until the velocity changes sign. Here its regime follows from (v, F_i) alone: where sliding slows
-down and the strength rises above F_i, the spring takes it up, at k_i v and not at the rate C. Both are the
-same while |v| grows.
+elastic-perfectly-plastic, the law is rate-independent, and C has no effect. With r > 1 a sliding element is
+drawn to the Stribeck curve s(v) at the rate c. This is an approximation: in the paper a sliding element
+continues to slide until the velocity changes sign. Here its regime follows from (v, F_i) alone: if sliding
+slows down and the strength rises above F_i, the force rises at k_i v and not at the rate C. Both are the same
+while |v| grows.
 """
 
 from __future__ import annotations
@@ -24,20 +25,21 @@ from ..quantities.units import QuantityError
 from .law import Branches, register
 from .stribeck import stribeck_curve
 
-# An element on its limit slides, though rounding may put it just below.
+# An element at its limit slides, even if rounding puts it just below.
 ON_LIMIT = 1.0 - 1e-12
-# Branches of an element: its spring takes up the motion; it slides while its strength rises, which the spring
-# follows; it slides and is drawn down to a strength that falls.
+# Branches of an element: its spring deflects; it slides while its strength rises, which the spring follows;
+# it slides, and its force falls to a decreasing strength.
 STICKS, FOLLOWS, DRAWN = 0, 1, 2
 # Largest relative deflection by which the spring may lag behind a rising strength.
 LAG = 1e-8
-# ... and within a step, which is not cut for what its end makes good.
+# The same within a step, which is not cut if its end corrects the lag.
 STRAYS = 1e-3
 
 
 @record
 class MaxwellSlip(NamedTuple):
-    """N springs, each sliding at its own force, and their generalisation [iwan1966; albender2005]."""
+    """Maxwell slip law: N springs, each sliding at its own force, and its generalisation [iwan1966;
+    albender2005]."""
 
     stiffness: Annotated[tuple[float, ...], Quantity("N/m", "k_i", "stiffness of each element", above=0)]
     strength: Annotated[tuple[float, ...], Quantity("N", "W_i", "Coulomb friction of each element", above=0)]
@@ -48,7 +50,7 @@ class MaxwellSlip(NamedTuple):
 
     @property
     def jumps(self) -> bool:
-        """True if the force of an element falls when it starts to slide."""
+        """Return True if the force of an element falls when it starts to slide."""
         return self.stiction_ratio != 1.0
 
     def _check(self) -> None:
@@ -60,7 +62,7 @@ class MaxwellSlip(NamedTuple):
 
 
 class MaxwellElement(NamedTuple):
-    """One element as the engine sees it; its stiction is r W_i, and only the first has the viscous part."""
+    """One element in the engine's form; its stiction is r W_i, and only the first has the viscous part."""
 
     stiffness: float
     strength: float
@@ -108,7 +110,7 @@ def over_limit(law, speed, growth, z):
 
 
 def element_choose(law, speed, growth, z):
-    branch = STICKS  # of an elastic-perfectly-plastic one always: its bound does the rest
+    branch = STICKS  # always for an elastic-perfectly-plastic element: its bound does the rest
     if law.stiction > law.strength:
         over, rises = over_limit(law, speed, growth, z)
         falls = growth > LAG * law.attraction_rate * law.stribeck_velocity
@@ -120,7 +122,7 @@ def element_choose(law, speed, growth, z):
 
 
 def element_branch_rate(law, speed, z, branch):
-    dz = speed  # of an elastic-perfectly-plastic one below its bound, and of one that sticks
+    dz = speed  # for an elastic-perfectly-plastic element below its bound, and for a sticking one
     if law.stiction <= law.strength:
         if over_limit(law, speed, 0.0, z)[0] >= ON_LIMIT - 1.0:
             dz = 0.0
@@ -139,7 +141,7 @@ def element_left(law, speed, growth, z, branch):
         return 3.0 * LAG - over
     if branch == DRAWN:
         return over + 0.1 * LAG
-    # Above its strength only where that falls faster than a growing normal force relaxes the spring.
+    # Above its strength only if that falls faster than a growing normal force relaxes the spring.
     falls = growth > 2.0 * LAG * law.attraction_rate * law.stribeck_velocity and over > 0.0
     return -1.0 if falls or rises > 1.001 else over + STRAYS
 

@@ -1,17 +1,17 @@
-r"""Reset integrator: an elastic bristle that stops at the breakaway deflection [haessig1991].
+r"""Reset integrator law: an elastic bristle that stops at the breakaway deflection [haessig1991].
 
 .. math:: \dot z = \begin{cases} 0 & (v > 0,\ z \ge z_0)\ \text{or}\ (v < 0,\ z \le -z_0) \\
           v & \text{otherwise}\end{cases}
 
 .. math:: F = (1 + a(z))\,\sigma_0 z + \sigma_2 \dot z, \qquad a(z) = a \text{ if } |z| < z_0 \text{ else } 0
 
-Cheap, with stiction (1 + a) sigma_0 z_0 above the sliding friction sigma_0 z_0. The force jumps at
-breakaway and again at each reversal; presliding is linear, sliding knows neither Stribeck effect nor
-viscous friction (sigma_2 damps the bristle only, and in sliding the bristle stands still).
+It is computationally cheap, with stiction (1 + a) sigma_0 z_0 above the sliding friction sigma_0 z_0. The
+force jumps at breakaway and again at each reversal; presliding is linear, sliding has neither Stribeck effect
+nor viscous friction (sigma_2 damps the bristle only, which does not move in sliding).
 
-Limit: the law does not know whether it has broken away. A contact that slid, stopped and is then loaded
-more has |z| < z_0, and its force jumps by the factor 1 + a, from 0.500 to 0.650 N at a = 0.3; with a = 0 the
-force at rest stays (docs/decisions/normal-force.md).
+The law does not know whether it has broken away. A contact that slid, stopped and is then loaded more has |z|
+< z_0, and its force jumps by the factor 1 + a, from 0.500 to 0.650 N at a = 0.3; with a = 0 the force at rest
+stays (docs/decisions/normal-force.md).
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from typing import Annotated, NamedTuple
 from ..quantities.records import Quantity, record
 from .law import Branches, register
 
-# A bristle on its limit slides, though rounding may put it just below.
+# A bristle at its limit slides, even if rounding puts it just below.
 ON_LIMIT = 1.0 - 1e-12
 # Largest relative lag of the state behind its limit under a growing normal force.
 LAG = 1e-8
-# Branches: the bristle takes up the motion, or stands still on its limit, whatever a growing normal force
-# does to it; without damping then.
+# Branches: the bristle deflects, or it stays at its limit, without damping, whatever a growing normal force
+# does.
 STICKS, SLIDES = 0, 1
 
 

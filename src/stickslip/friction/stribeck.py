@@ -1,4 +1,4 @@
-r"""Friction that falls with speed: the Stribeck curve and the static laws with stiction.
+r"""Static friction laws with stiction, and the Stribeck curve of friction that falls with speed.
 
 .. math:: g(v) = F_C + (F_S - F_C)\, e^{-|v/v_s|^\delta}, \qquad
           F = \begin{cases} g(v)\,\mathrm{sgn}\,v + \sigma_2 v & v \ne 0 \\
@@ -6,8 +6,8 @@ r"""Friction that falls with speed: the Stribeck curve and the static laws with 
 
 with the force F_e that would keep the contact at rest [olsson1998; armstrong1994]. `StictionCoulombViscous`
 is the limit v_s -> 0: F_S at rest, F_C + sigma_2 v as soon as it moves [kang2007, fig. 2.1c]. Valid for
-steady sliding; there is no presliding and no lag of the force behind the velocity: wrong within about a
-micrometre.
+steady sliding; there is no presliding and no lag of the force behind the velocity, so displacements within
+about a micrometre are wrong.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from .law import register
 
 
 def stribeck_curve(v, coulomb_force, stiction_force, stribeck_velocity, exponent):
-    """g(v) [N], the magnitude of the steady sliding friction without its viscous part; at least F_C."""
+    """Return g(v) [N], the magnitude of the steady sliding friction without its viscous part; at least
+    F_C."""
     if stiction_force <= coulomb_force:  # constant friction needs no exponential
         return coulomb_force
     if v == 0.0:
         return stiction_force
-    ratio = abs(v) * (1.0 / stribeck_velocity)  # divided once a step: nothing waits for it
+    ratio = abs(v) * (1.0 / stribeck_velocity)  # divided once per step, because nothing waits for it
     power = ratio * ratio if exponent == 2.0 else ratio**exponent
     return coulomb_force + (stiction_force - coulomb_force) * math.exp(-power)
 
 
 def check_stiction(law: Any) -> None:
-    """Raise `QuantityError` where the law's stiction is below its Coulomb friction."""
+    """Raise `QuantityError` if the law's stiction is below its Coulomb friction."""
     if law.stiction_force < law.coulomb_force:
         raise QuantityError(
             f"{type(law).__name__}.stiction_force = {law.stiction_force:g} N is out of range: "

@@ -1,8 +1,8 @@
-"""Credit where it is due: BibTeX for parameter sets, friction laws and recordings.
+"""Citations: BibTeX for parameter sets, friction laws and recordings.
 
-Keys are written in square brackets wherever something comes from a source, ``[canudas1995]`` in the
-docstring of a law for example, and are found there: nothing has to be registered twice. Of a law, its own
-docstring and the first paragraph of its file are searched.
+Keys are written in square brackets wherever something comes from a source, for example ``[canudas1995]`` in
+the docstring of a law, and are found there without registration. For a law, its own docstring and the first
+paragraph of its file are searched.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _FILE = Path(__file__).parent / "references.bib"
 
 @cache
 def references() -> dict[str, str]:
-    """The BibTeX entry of each key in references.bib."""
+    """Return the BibTeX entry of each key in references.bib."""
     text = _FILE.read_text(encoding="utf-8")
     return {
         entry[1]: entry[0] for entry in re.finditer(r"^@\w+\{(\w+),.*?^\}", text, re.MULTILINE | re.DOTALL)
@@ -35,17 +35,18 @@ def keys_in(text: str) -> tuple[str, ...]:
 
 
 def bibtex(*keys: str) -> str:
-    """The entries of the keys, each once; for a key of a user's own file, a comment that none is known."""
+    """Return the entries of the keys, each once; for an unknown key of a user's file, a comment."""
     missing = "% [{}] has no entry in the bibliography of stickslip."
     return "\n\n".join(references().get(key, missing.format(key)) for key in dict.fromkeys(keys))
 
 
 def citation_keys(thing: Any) -> tuple[str, ...]:
-    """The citation keys of an actuator, slider, law (record or class), recording, parameter set or key.
+    """Return the citation keys of an actuator, slider, law (record or class), recording, parameter set or
+    key.
 
     Raises:
         ParameterSetError: a name that is neither a key nor a parameter set.
-        TypeError: a thing that has no sources.
+        TypeError: the object has no sources.
     """
     if isinstance(thing, str) and thing in references():
         return (thing,)
@@ -62,13 +63,13 @@ def citation_keys(thing: Any) -> tuple[str, ...]:
     if hasattr(record_type, "_fields"):
         headline = (sys.modules[record_type.__module__].__doc__ or "").partition("\n\n")[0]
         return keys_in(f"{headline} {record_type.__doc__}")
-    if hasattr(thing, "attrs"):  # a recording says its keys in the attribute "citation"
+    if hasattr(thing, "attrs"):  # a recording has its keys in the attribute "citation"
         return tuple(re.findall(r"\w+", thing.attrs.get("citation", "")))
     raise TypeError(f"a {type(thing).__name__} has no sources to cite")
 
 
 def cite(*things: Any) -> str:
-    """BibTeX of everything given, each entry once; of the whole bibliography if nothing is given.
+    """Return BibTeX of the given objects, each entry once; without arguments, of the whole bibliography.
 
     Args:
         things: actuators, laws, recordings, names of parameter sets, citation keys.

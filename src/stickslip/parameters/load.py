@@ -9,9 +9,9 @@ A file has ``title``, ``citations`` (keys of references.bib), ``kind`` and one t
     source = "eq. 5.10"
 
 A value that the source does not print has ``assumed = true`` and a ``reason``. ``[friction]`` names its law,
-``law = "LuGre"``, or one in a file of the user's own beside it, ``law = "my_law.py:MyLaw"``, and has
-the law's fields as tables below it. ``[reported.*]`` holds what the source prints beside the parameters, a
-coefficient of determination for example. A user's own file is read by its path.
+``law = "LuGre"``, or one in a file of the user's own beside it, ``law = "my_law.py:MyLaw"``, and has the
+law's fields as tables below it. ``[reported.*]`` contains further numbers of the source, such as a
+coefficient of determination. A user's own file is read by its path.
 """
 
 from __future__ import annotations
@@ -28,21 +28,23 @@ from ..quantities.units import QuantityError, to_si
 
 T = TypeVar("T")
 
-MOST_SET_BYTES = 100_000  # bytes of a parameter set, a bench, a part: the largest of the package has 7,000
+# largest size in bytes of a parameter set, a bench or a part; the largest of the package has 7,000
+MOST_SET_BYTES = 100_000
 
 _SETS = Path(__file__).parent / "sets"
-# The fields of `physics.piezo.Piezo`, a table of a set each.
+# Fields of `physics.piezo.Piezo`; each is a table of a set.
 PIEZO_PARTS = ("hysteresis", "creep")
 _KINDS = ("actuator", "pulled_slider", "friction")
 _TOP = {"title": str, "citations": list, "kind": str}
 
 
 class ParameterSetError(QuantityError):
-    """A parameter file cannot be found or read, or a value in it is wrong; names file and field."""
+    """Error: a parameter file cannot be found or read, or a value in it is wrong; the message names file and
+    field."""
 
 
 class SetEntry(NamedTuple):
-    """One value of a parameter set and where it comes from."""
+    """One value of a parameter set and its source."""
 
     value: float | bool | list[float]
     unit: str = ""
@@ -53,19 +55,20 @@ class SetEntry(NamedTuple):
     note: str = ""
 
     def to(self, unit: str) -> float:
-        """The value in the given SI unit; raises QuantityError if it is of another dimension."""
+        """Return the value in the given SI unit; raise QuantityError if it has another dimension."""
         return to_si(_with_unit(self.value, self.unit, unit), unit)
 
 
 class PiezoPart(NamedTuple):
-    """A part of a piezo as read: the name of its model, and its values."""
+    """A part of a piezo as read from a file: the name of its model, and its values."""
 
     model: str
     values: dict[str, SetEntry]
 
 
 class ParameterSet(NamedTuple):
-    """A parameter file as read. `name` is what it was loaded by, `law` that of its friction."""
+    """A parameter file as read. `name` is the name or path from which it was loaded, `law` the name of the
+    friction law."""
 
     name: str
     file: Path
@@ -82,11 +85,11 @@ class ParameterSet(NamedTuple):
 
     @property
     def rotary(self) -> bool:
-        """True for a rotary model, with values in rad, N m and kg m^2."""
+        """Return True for a rotary model, with values in rad, N m and kg m^2."""
         return "rotary" in self.values and self.values["rotary"].value is True
 
     def entries(self) -> dict[str, SetEntry]:
-        """All values that go into the record, those of friction as "friction.sigma_0"."""
+        """Return all values of the record, by name; those of friction as "friction.sigma_0"."""
         found = self.values | {f"friction.{name}": entry for name, entry in self.friction.items()}
         for name, part in self.piezo.items():
             found |= {f"piezo.{name}.{field}": entry for field, entry in part.values.items()}
@@ -96,7 +99,7 @@ class ParameterSet(NamedTuple):
 
 
 def available_sets() -> tuple[str, ...]:
-    """The names of the sets that come with the package."""
+    """Return the names of the sets that come with the package."""
     return tuple(sorted(file.stem for file in _SETS.glob("*.toml")))
 
 
@@ -123,7 +126,7 @@ def load_set(name: str | os.PathLike[str]) -> ParameterSet:
 
 
 def read_toml(file: Path) -> dict[str, Any]:
-    """Return the content of a TOML file; raises ParameterSetError if it cannot be read, or is no TOML."""
+    """Return the content of a TOML file; raise ParameterSetError if it cannot be read or is not TOML."""
     try:
         return parsed(load_toml, file, MOST_SET_BYTES)
     except OSError as error:
@@ -136,7 +139,7 @@ def named_file(name: str | os.PathLike[str], folder: Path, noun: str) -> Path:
     """Return the TOML file with a name: a file in a folder of the package, or the path itself.
 
     Raises:
-        ParameterSetError: there is no such thing; `noun` says what is looked for.
+        ParameterSetError: there is no such file; `noun` names its kind in the message.
     """
     file = Path(name)
     if file.suffix == ".toml":
@@ -205,12 +208,12 @@ def _checked(name: str, file: Path, content: dict[str, Any]) -> ParameterSet:
 
 
 def read_entries(file: Path, prefix: str, tables: dict[str, Any]) -> dict[str, SetEntry]:
-    """The tables of values [prefix + key] of a file, checked; raises ParameterSetError."""
+    """Return the values of a file's tables after checks, by prefix + key; raise ParameterSetError."""
     return {key: _entry(f"{file}: [{prefix}{key}]", table) for key, table in tables.items()}
 
 
 def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, PiezoPart]:
-    """``[piezo.hysteresis]`` and ``[piezo.creep]``, each with the name of its model."""
+    """Return the tables ``[piezo.hysteresis]`` and ``[piezo.creep]``, each with the name of its model."""
     parts = {}
     for name, content in table.items():
         if name not in PIEZO_PARTS or not isinstance(content, dict):
@@ -226,7 +229,7 @@ def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, PiezoPart]:
 
 
 def _known(kind: registry.Kind, name: str, file: Path, field: str) -> None:
-    """Check the name of a law or a piezo model. No file of a user's is executed.
+    """Check the name of a law or a piezo model. No user's file is executed.
 
     Raises:
         ParameterSetError: the name is unknown, or names a file that a set may not use.
@@ -242,7 +245,7 @@ def _known(kind: registry.Kind, name: str, file: Path, field: str) -> None:
 
 
 def _run(kind: registry.Kind, name: str, file: Path, field: str) -> Any:
-    """Return a law or a piezo model; a user's own file is run. Raises ParameterSetError."""
+    """Return a law or a piezo model by name; a user's own file is executed. Raises ParameterSetError."""
     try:
         return kind.find(name, file.parent)
     except registry.RegistryError as error:
@@ -277,7 +280,8 @@ def _entry(where: str, table: Any) -> SetEntry:
 
 
 def _with_unit(value: Any, unit: str, si_unit: str) -> Any:
-    """The value for `to_si`: the bare number where its unit is the SI one, which spares importing pint."""
+    """Return the value for `to_si`: the bare number if its unit is the SI one, which avoids importing
+    pint."""
     if isinstance(value, list):
         return [_with_unit(number, unit, si_unit) for number in value]
     if isinstance(value, bool) or unit == si_unit:
@@ -296,13 +300,13 @@ def _numbers(value: Any, unit: str, field: str) -> Any:
 def build(
     record_type: type[T], entries: dict[str, SetEntry], where: str, turns: bool = False, **given: Any
 ) -> T:
-    """A record from the entries of a parameter set.
+    """Return a record from the entries of a parameter set.
 
     Args:
         record_type: the record.
         entries: value and provenance by field name.
-        where: the file, for errors.
-        turns: whether the values are in the units of what turns.
+        where: name of the file, for errors.
+        turns: True if the values have rotary units.
         given: fields that do not come from entries.
 
     Raises:
@@ -332,13 +336,15 @@ def build(
 
 
 def friction_of(parameters: ParameterSet) -> Any:
-    """The friction law of a set, as a record; raises ParameterSetError as `build` does."""
+    """Return the friction law of a parameter set as a record; raise ParameterSetError for invalid values, as
+    `build` does."""
     law = _run(registry.laws, parameters.law, parameters.file, "[friction] law")
     return build(law, parameters.friction, f"{parameters.file}, [friction]", parameters.rotary)
 
 
 def piezo_parts(parameters: ParameterSet) -> dict[str, Any]:
-    """The piezo models of a set, by the field of `Piezo`; raises ParameterSetError as `build` does."""
+    """Return the piezo models of a parameter set, by the field of `Piezo`; raise ParameterSetError for
+    invalid values, as `build` does."""
     return {
         name: build(
             _run(registry.piezos, part.model, parameters.file, f"[piezo.{name}] model"),
@@ -350,7 +356,7 @@ def piezo_parts(parameters: ParameterSet) -> dict[str, Any]:
 
 
 def load_friction(name: str | os.PathLike[str]) -> Any:
-    """The friction law of a parameter set of any kind: ``load_friction("kang2007")`` is its `LuGre`.
+    """Return the friction law of a parameter set of any kind: ``load_friction("kang2007")`` is its `LuGre`.
 
     Raises:
         ParameterSetError: there is no such set, or the file is wrong.
@@ -359,7 +365,7 @@ def load_friction(name: str | os.PathLike[str]) -> Any:
 
 
 def load_kind(name: str | os.PathLike[str], kind: str) -> ParameterSet:
-    """`load_set`, and an error unless the set is of this kind."""
+    """Return a parameter set as `load_set` does; raise ParameterSetError unless it is of this kind."""
     parameters = load_set(name)
     if parameters.kind != kind:
         raise ParameterSetError(f"{parameters.file} is of kind {parameters.kind!r}, not {kind!r}")

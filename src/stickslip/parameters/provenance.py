@@ -12,7 +12,8 @@ from .load import ParameterSet
 
 
 def flat(record: Any) -> dict[str, Any]:
-    """The values of a record by field; of a record in it its name, and its fields as "friction.sigma_0"."""
+    """Return the values of a record by field. A nested record gives its name, and its own fields as
+    "friction.sigma_0"."""
     values = {}
     for field, value in record._asdict().items():
         if hasattr(value, "_asdict"):
@@ -34,7 +35,7 @@ def changes(record: Any, original: Any) -> dict[str, str]:
 
 
 def unchanged(record: Any, original: Any, parameters: ParameterSet) -> dict[str, str]:
-    """The values of a parameter set that a record still has: field -> value, in words."""
+    """Return the values of a parameter set that a record still has: field -> value, in words."""
     before, now = flat(original), flat(record)
     return {
         field: _shown(record, field)
@@ -46,7 +47,7 @@ def unchanged(record: Any, original: Any, parameters: ParameterSet) -> dict[str,
 def assumptions(record: Any, original: Any, parameters: ParameterSet) -> dict[str, str]:
     """Return the assumed values of a record: field -> value and reason, in words.
 
-    A value that was changed since it was loaded is no assumption of the set any more.
+    A value that was changed after loading no longer counts as an assumption.
     """
     before, now = flat(original), flat(record)
     return {
@@ -59,13 +60,13 @@ def assumptions(record: Any, original: Any, parameters: ParameterSet) -> dict[st
 def _same(a: Any, b: Any) -> bool:
     if isinstance(a, tuple) and isinstance(b, tuple):
         return len(a) == len(b) and all(map(_same, a, b))
-    if isinstance(a, float) and isinstance(b, float):  # a unit conversion may have moved the last digit
+    if isinstance(a, float) and isinstance(b, float):  # the last digit may differ after a unit conversion
         return math.isclose(a, b, rel_tol=1e-12)
     return a == b
 
 
 def _shown(record: Any, field: str) -> str:
-    """The value of a field for people, with its unit."""
+    """Return the value of a field with its unit, as text."""
     value = flat(record).get(field)
     if value is None:
         return "none"

@@ -1,4 +1,4 @@
-"""Write an actuator as a parameter set, which `load_actuator` reads back as it is."""
+"""Writing of an actuator as a parameter set, from which `load_actuator` reads the same actuator."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .load import PIEZO_PARTS, load_set
 def parameter_text(
     record: Any, title: str, source: str, errors: Mapping[str, float] | None = None, kind: str = "actuator"
 ) -> str:
-    """The TOML text of a parameter set.
+    """Return the TOML text of a parameter set.
 
     Args:
-        record: an actuator, of floats in SI.
-        title: in words.
-        source: where the values come from, said of each.
+        record: an actuator with numbers in SI.
+        title: title of the set.
+        source: origin of the values, written to each of them.
         errors: standard errors in SI by field, "sigma_0" for friction too; they become notes.
-        kind: that of the set.
+        kind: kind of the set.
     """
     law = registry.laws.name_of(type(record.friction))
     lines = [f"title = {_text(title)}", "citations = []", f"kind = {_text(kind)}", ""]
@@ -48,14 +48,14 @@ def _tables(
 ) -> Iterator[str]:
     known = quantities_of(record, owner)
     for field, value in record._asdict().items():
-        if field == "rotary" and not value:  # most are not
+        if field == "rotary" and not value:  # most are not rotary
             continue
         if isinstance(value, bool):
             shown, unit, symbol = str(value).lower(), None, ""
         elif field in known and _finite(value):
             shown = repr([float(one) for one in value]) if isinstance(value, tuple) else repr(float(value))
             unit, symbol = known[field].unit, known[field].symbol
-        else:  # a name, the friction, what is left out or infinite, which are the defaults
+        else:  # a name, the friction, or a default (None or infinite)
             continue
         yield f"[{prefix}{field}]"
         yield f"value = {shown}"
@@ -74,15 +74,15 @@ def _finite(value: Any) -> bool:
 
 
 def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)  # a basic string of TOML is one of JSON
+    return json.dumps(text, ensure_ascii=False)  # a basic string of TOML has the syntax of JSON
 
 
 def write_parameters(path: str | os.PathLike[str], text: str) -> Path:
-    """Write the text of a set to a new file, and read it once.
+    """Write the text of a parameter set to a new file, and read it as a check.
 
     Raises:
         FileExistsError: a file with that name exists.
-        ParameterSetError: it cannot be read back.
+        ParameterSetError: the written file cannot be read.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -91,7 +91,7 @@ def write_parameters(path: str | os.PathLike[str], text: str) -> Path:
             file.write(text)
     except FileExistsError:
         raise
-    except OSError as error:  # a full disk, which names no file
+    except OSError as error:  # the error of a full disk does not name the file
         path.unlink(missing_ok=True)
         raise OSError(error.errno, error.strerror, str(path)) from error
     load_set(path)

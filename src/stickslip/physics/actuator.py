@@ -6,10 +6,10 @@ Stage (its spring is the piezo) and end-effector on it, y and x_e along +x [kang
     \ddot y + 2\zeta\omega_n\dot y + \omega_n^2 y = C\omega_n^2 u(t) - F_f/m, \qquad
     m_e \ddot x_e = F_f + F_{ext} - m_e g \sin\beta
 
-F_f is the friction force of the stage on the end-effector. The fields say which of the thesis's models it is:
+F_f is the friction force of the stage on the end-effector. The fields select a model of the thesis:
 `stage_reaction` false drops F_f/m (eq. 3.24); an infinite `natural_frequency` makes the stage static, y = C u
 (eq. 1.1, Pohl); a `Coulomb` law makes it Chang and Li's model; `clamped` fixes the end-effector to the stage
-(the step test), whose frequency and damping then are those identified with it on.
+(the step test); frequency and damping are those of the stage with it.
 """
 
 from __future__ import annotations
@@ -51,11 +51,13 @@ Damping = Annotated[float, Quantity("N s/m", "c", "damping", minimum=0)]
 Force = Annotated[float, Quantity("N", "F_ext", "external force on the end-effector, positive towards +x")]
 
 
-# Properties of both systems, copied into each class by name: a NamedTuple cannot have a second base class.
+# Properties of both systems, copied into each class by name, because a NamedTuple cannot have a second base
+# class.
 
 
 def _source(system: Any) -> ParameterSet | None:
-    """The parameter set that the values come from; None for values given by hand, or where it is gone."""
+    """Return the parameter set from which the values come; None for values given by hand, or if the file no
+    longer exists."""
     try:
         return load_kind(system.name, _KINDS[type(system)]) if system.name else None
     except ParameterSetError:
@@ -64,14 +66,14 @@ def _source(system: Any) -> ParameterSet | None:
 
 @property
 def _assumptions(self: Any) -> dict[str, str]:
-    """Values that the source does not print, by field: the value and why it was taken."""
+    """Return the values that the source does not print, by field: the value and the reason for it."""
     parameters = _source(self)
     return assumptions(self, _built(type(self), parameters), parameters) if parameters else {}
 
 
 @property
 def _citation_keys(self: Any) -> tuple[str, ...]:
-    """Keys of the sources: those of the parameter set (without one, of the model) and those of the law."""
+    """Return the keys of the sources: of the parameter set (without one, of the model) and of the law."""
     parameters = _source(self)
     keys = parameters.citations if parameters else citation_keys(type(self))
     return tuple(dict.fromkeys((*keys, *citation_keys(self.friction))))
@@ -79,7 +81,7 @@ def _citation_keys(self: Any) -> tuple[str, ...]:
 
 @property
 def _citation(self: Any) -> str:
-    """BibTeX of the sources; as comments, what they do not print and what was changed since."""
+    """Return BibTeX of the sources, with comments on values that they do not print and on later changes."""
     parameters = _source(self)
     lines = [bibtex(*self.citation_keys), ""]
     if parameters is None:
@@ -121,11 +123,9 @@ class Actuator(NamedTuple):
     `stage_mass` is the effective mass m = 4 m_p/π² + m_s (see `from_parts`). `incline` is the slope of +x; it
     changes the weight along x only, not the friction. `piezo`, hysteresis and creep of the stroke under the
     voltage; None: y = C u at rest. `further_modes` of the stage add their strokes to that of the first.
-    `normal_force`, how it changes along the stroke; None: it is the same everywhere.
-    `name` is the parameter set that the values come from, as `load_actuator` takes it, or empty.
-    `rotary`: positions are angles [rad], forces torques [N m] and masses moments of inertia [kg m^2], and all
-    units below are of these; the numbers of the law, which does not know, too. Raises QuantityError for a
-    wrong value.
+    `normal_force` is its change along the stroke; None: it is the same everywhere. `name` is that of the
+    parameter set for `load_actuator`, or empty. `rotary`: positions are angles [rad], forces torques [N m]
+    and masses moments of inertia [kg m^2], also in the friction law. Raises QuantityError for a wrong value.
     """
 
     gain: Annotated[float, Quantity("m/V", "C", "stroke per volt at rest")]
@@ -175,7 +175,8 @@ class Actuator(NamedTuple):
             )
 
     def _check_stage(self) -> None:
-        """Raise QuantityError for modes, or a piezo's electrical side, that this stage cannot have."""
+        """Raise QuantityError for further modes, or an electrical side of the piezo, that do not fit this
+        stage."""
         modes = self.further_modes
         if modes is not None and self.static:
             raise QuantityError("Actuator.further_modes need a finite natural_frequency [rad/s] of the first")
@@ -186,48 +187,53 @@ class Actuator(NamedTuple):
             )
 
     def replace(self, **changes: Any) -> Actuator:
-        """The same actuator with some fields changed; unit strings are accepted as for construction."""
+        """Return the same actuator with some fields changed; unit strings are accepted as for
+        construction."""
         return self._replace(**changes)
 
     @property
     def static(self) -> bool:
-        """True if the stage has no dynamics and follows the voltage, y = C u."""
+        """Return True if the stage has no dynamics and follows the voltage, y = C u."""
         omega = self.natural_frequency
         return math.isinf(omega) if isinstance(omega, float) else bool(np.all(np.isinf(omega)))
 
     @property
     def two_port(self) -> MaxwellCapacitor | None:
-        """The piezo as charge and voltage, force and displacement; None where it has no such model."""
+        """Return the piezo's two-port model (voltage and charge, force and displacement); None if it has no
+        such model."""
         hysteresis = self.piezo.hysteresis if isinstance(self.piezo, Piezo) else None
         return hysteresis if isinstance(hysteresis, MaxwellCapacitor) else None
 
     @property
     def coupling(self) -> float:
-        """κ = T²/(k C_0): by how much the stage is stiffer at constant charge; 0 without a `two_port`."""
+        """Return the coupling κ = T²/(k C_0), the relative increase of the stage's stiffness at constant
+        charge; 0 without a `two_port`."""
         if self.two_port is None:
             return 0.0
         return self.gain * self.drive_force_per_volt / self.two_port.capacitance
 
     @property
     def stiffening(self) -> float:
-        """Stiffness of the stage under what is commanded, over that at a held voltage: 1 + κ for a charge."""
+        """Return the stiffness of the stage under the commanded quantity relative to that at constant
+        voltage: 1 + κ for a commanded charge."""
         return 1.0 + self.coupling if self.two_port is not None and self.two_port.charge_drive else 1.0
 
     @property
     def stage_stiffness(self) -> float:
-        """k = m ω_n² [N/m], infinite for a static stage."""
+        """Return the stiffness k = m ω_n² [N/m], infinite for a static stage."""
         return self.stage_mass * self.natural_frequency**2
 
     @property
     def stage_damping(self) -> float:
-        """c = 2 ζ m ω_n [N s/m], infinite for a static stage."""
+        """Return the damping c = 2 ζ m ω_n [N s/m], infinite for a static stage."""
         if self.static:
             return math.inf
         return 2.0 * self.damping_ratio * self.stage_mass * self.natural_frequency
 
     @property
     def drive_force_per_volt(self) -> float:
-        """T = C k [N/V], the force of the held piezo per volt; for a static stage E [kang2007, eq. 1.2].
+        """Return the force of the blocked piezo per volt, T = C k [N/V]; for a static stage E [kang2007, eq.
+        1.2].
 
         Raises:
             QuantityError: the stage is static and `blocked_force_per_volt` is not known.
@@ -240,13 +246,16 @@ class Actuator(NamedTuple):
 
     @property
     def axial_force(self) -> float:
-        """Force on the end-effector along +x other than friction: external force and weight [N]."""
+        """Return the force on the end-effector along +x except friction: external force and weight [N]."""
         return self.external_force - self.end_effector_mass * STANDARD_GRAVITY * np.sin(self.incline)
 
     def state_space(self) -> StateSpace:
-        """The stage from voltage [V] to position [m], without contact, hysteresis and creep: a pair of states
-        (m, m/s) for each mode; of a static stage the gain alone. A piezo whose charge is commanded makes the
-        stage stiffer by its `coupling`."""
+        """Return the stage as a linear system from voltage [V] to position [m], without contact, hysteresis
+        and creep.
+
+        It has a pair of states (m, m/s) for each mode; a static stage has only a gain. A commanded charge
+        makes the stage stiffer by its `coupling`.
+        """
         stiffer = math.sqrt(self.stiffening)
         omega_n, zeta_n = stiffer * self.natural_frequency, self.damping_ratio / stiffer
         modes = [] if self.static else [(self.gain, omega_n, zeta_n)]
@@ -272,7 +281,8 @@ class Actuator(NamedTuple):
         force_per_volt: float,
         **others: Any,
     ) -> Actuator:
-        """An actuator from the parts of piezo and stage [kang2007, eq. 3.17-3.19; adriaens2000].
+        """Return an actuator from the masses, stiffnesses and dampings of piezo and stage [kang2007, eq.
+        3.17-3.19; adriaens2000].
 
         m = 4 m_p/π² + m_s, c = c_p + c_s, k = k_p + k_s, C = T/k; masses in kg, stiffness in N/m, damping in
         N s/m, force_per_volt T in N/V. `others` are the remaining fields of the actuator.
@@ -316,10 +326,11 @@ class StageParts(NamedTuple):
 
 @record
 class PulledSlider(NamedTuple):
-    """A mass on fixed ground, pulled through a spring whose other end moves as the waveform says, in metres.
+    """A mass on fixed ground, pulled through a spring whose other end follows the waveform, in metres.
 
-    A tribometer, or a positioning system with a compliant drive. The friction acts between ground and mass,
-    and so does `damping` (guide, air). `normal_force`: how it changes along the way of the mass.
+    It represents a tribometer, or a positioning system with a compliant drive. Friction acts between ground
+    and mass, and so does `damping` (guide, air). `normal_force` is its change along the displacement of the
+    mass.
     """
 
     mass: Mass
@@ -336,7 +347,7 @@ class PulledSlider(NamedTuple):
         _check_friction(self)
 
     def replace(self, **changes: Any) -> PulledSlider:
-        """The same slider with some fields changed."""
+        """Return the same slider with some fields changed."""
         return self._replace(**changes)
 
 
@@ -344,16 +355,18 @@ _KINDS: dict[type, str] = {Actuator: "actuator", PulledSlider: "pulled_slider"}
 
 
 def load_actuator(name: str | os.PathLike[str]) -> Actuator:
-    """The actuator of a parameter set: ``load_actuator("kang2007")``, or of a user's own file, by its path.
+    """Return the actuator of a parameter set: ``load_actuator("kang2007")``, or of a user's own file, by its
+    path.
 
     Raises:
-        ParameterSetError: there is no such set, or the file is wrong; names file, field, unit and range.
+        ParameterSetError: there is no such set, or the file is wrong; the message names file, field, unit and
+            range.
     """
     return _build(Actuator, name)
 
 
 def load_pulled_slider(name: str | os.PathLike[str]) -> PulledSlider:
-    """The pulled slider of a parameter set, as `load_actuator`."""
+    """Return the pulled slider of a parameter set, as `load_actuator`."""
     return _build(PulledSlider, name)
 
 
@@ -363,7 +376,7 @@ def _build(system_type: Any, name: str | os.PathLike[str]) -> Any:
     return _built(system_type, load_kind(name, _KINDS[system_type]))
 
 
-@functools.cache  # a file takes milliseconds to read, and these do not change
+@functools.cache  # a file takes milliseconds to read, and the package's files do not change
 def _of_package(system_type: Any, name: str) -> Any:
     return _built(system_type, load_kind(name, _KINDS[system_type]))
 

@@ -1,4 +1,4 @@
-"""Modes of a stage beside the first one."""
+"""Further vibration modes of a stage besides the main one."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from ..quantities.units import QuantityError
 
 @record
 class StageModes(NamedTuple):
-    """Further modes of the stage: what each adds to the position under the contact, one entry per mode.
+    """Further modes of the stage: their contributions to the position under the contact, one entry per mode.
 
-    `mass`: how a force of the contact moves it; empty, not at all.
+    `mass` determines the acceleration of a mode by a contact force; if empty, the force does not act on the
+    modes.
     """
 
     gain: Annotated[tuple[float, ...], Quantity("m/V", "C_m", "stroke per volt at rest")]
@@ -31,6 +32,6 @@ class StageModes(NamedTuple):
 
     @property
     def rows(self) -> list[tuple[float, float, float, float]]:
-        """Gain, natural frequency, damping ratio and mass of each."""
+        """Return gain, natural frequency, damping ratio and mass of each mode."""
         mass = self.mass or (math.inf,) * len(self.gain)
         return list(zip(self.gain, self.natural_frequency, self.damping_ratio, mass, strict=True))

@@ -1,4 +1,4 @@
-r"""A linear system from voltages to positions, with a delay: for control and frequency responses.
+r"""Linear system from voltages to positions with a delay, for control and frequency responses.
 
 .. math:: \dot x = A x + B\,u(t - \tau), \qquad y = C x + D\,u(t - \tau)
 """
@@ -30,7 +30,8 @@ class StateSpace(NamedTuple):
     delay: float = 0.0
 
     def response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """C (jω - A)⁻¹ B + D, delayed, at frequencies [Hz] (n,): shape (n, outputs, inputs), m/V."""
+        """Return the frequency response C (jω - A)⁻¹ B + D with the delay at frequencies [Hz] (n,): shape (n,
+        outputs, inputs), m/V."""
         s = 2j * np.pi * np.atleast_1d(array_si(frequency, "Hz", "frequency"))
         found = np.broadcast_to(self.d.astype(complex), (s.size, *self.d.shape)).copy()
         if self.a.size:

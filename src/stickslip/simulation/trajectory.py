@@ -217,8 +217,7 @@ class _Task(NamedTuple):
     end_stops: EndStops | None = None
 
     def run(self, tolerance: float, careful: bool = False) -> _TrajectoryRun:
-        """Simulate once, with local errors, and errors of the drive's table, in proportion to the tolerance;
-        for `careful` see `engine.binding.integrate`."""
+        """Simulate once at a tolerance; for `careful` see `engine.binding.integrate`."""
         times, q, drive = self.times, self.start.copy(), self.tables(tolerance)
         samples = np.full((times.size, self.plant.columns), np.nan)
         work = np.zeros((times.size if self.energy else 0, TERMS))
@@ -343,8 +342,7 @@ def sample_times(
     start: float = 0.0,
     numbers: int = 10,
 ) -> NDArray[np.float64]:
-    """Return the given sample times, or those of a rate and a duration from `start` on. `numbers` values are
-    stored at each, for the check of memory.
+    """Return the given sample times, or those of a rate and duration; `numbers` are stored at each.
 
     Raises:
         QuantityError: see `simulate`.

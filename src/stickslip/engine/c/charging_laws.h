@@ -30,7 +30,7 @@ typedef struct {
     real_t to_end;
 } ss_lagged_result;
 
-/* stickslip.physics.electronics.charging._ramped: Return a part of d seconds at the limit. */
+/* stickslip.physics.electronics.charging._ramped: Return a part of d seconds in which the output is at its slope limit. */
 static inline ss_ramped_result ss_ramped(const ss_ChargingLimits *of, real_t d, real_t over, real_t side, real_t s, real_t rate, real_t square, bool folded, real_t least)
 {
     real_t now = R(NAN);
@@ -62,13 +62,13 @@ static inline ss_ramped_result ss_ramped(const ss_ChargingLimits *of, real_t d, 
     return (ss_ramped_result){d, square, (real_t)folded, (real_t)to_end};
 }
 
-/* stickslip.physics.electronics.charging._until_as_fast: Return the time [s] at which the output rate reaches `rate`, below abs(s). */
+/* stickslip.physics.electronics.charging._until_as_fast: Return the time [s] at which the slope of the output reaches `rate` [V/s], below abs(s). */
 static inline real_t ss_until_as_fast(real_t tau, real_t rate, real_t s, real_t bend)
 {
     return -tau * r_log(tau * (rate - r_abs(s)) / (s > R(0.0) ? bend : -bend));
 }
 
-/* stickslip.physics.electronics.charging._remembered: The mean of exp(-rate t'), by now. */
+/* stickslip.physics.electronics.charging._remembered: Return the weighted mean of exp(-rate t') over the last t seconds, with exponential weights of this memory time. */
 static inline real_t ss_remembered(real_t t, real_t memory, real_t rate)
 {
     real_t z = t / memory - rate * t;
@@ -79,7 +79,7 @@ static inline real_t ss_remembered(real_t t, real_t memory, real_t rate)
     return (r_exp(-rate * t) - left) / (R(1.0) - rate * memory);
 }
 
-/* stickslip.physics.electronics.charging._mean_square: The mean square of the current t later, of an output with this slope [V/s] and, with tau > 0, an exponential of height `bend` [V] that falls to 0. */
+/* stickslip.physics.electronics.charging._mean_square: Return the mean square of the current t seconds later, for an output with this slope [V/s] and, with tau > 0, an exponential of height `bend` [V] that decays to 0. */
 static inline real_t ss_mean_square(const ss_ChargingLimits *of, real_t t, real_t before, real_t slope, real_t bend)
 {
     real_t falling = R(NAN);
@@ -94,7 +94,7 @@ static inline real_t ss_mean_square(const ss_ChargingLimits *of, real_t t, real_
     return found;
 }
 
-/* stickslip.physics.electronics.charging._lagged: Return a part of d seconds below the limit; results as `_ramped`. */
+/* stickslip.physics.electronics.charging._lagged: Return a part of d seconds in which the output is below its slope limit; results as `_ramped`. */
 static inline ss_lagged_result ss_lagged(const ss_ChargingLimits *of, real_t d, real_t gap, real_t s, real_t rate, real_t square, bool folded, real_t least)
 {
     real_t until = R(NAN);

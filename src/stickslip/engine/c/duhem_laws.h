@@ -20,14 +20,14 @@ static inline real_t ss_decay_of(const ss_BoucWen *of, real_t h, real_t up)
     return of->beta * up + of->gamma * side;
 }
 
-/* stickslip.physics.piezo.bouc_wen.bouc_wen_slope: dh/du. */
+/* stickslip.physics.piezo.bouc_wen.bouc_wen_slope: Return dh/du. */
 static inline real_t ss_bouc_wen_slope(const ss_BoucWen *model, real_t u, real_t h, real_t up)
 {
     (void)u;
     return model->alpha - ss_decay_of(model, h, up) * h;
 }
 
-/* stickslip.physics.piezo.bouc_wen.crossing: The drive value between u and the goal at which h comes to 0; the goal if it does not. */
+/* stickslip.physics.piezo.bouc_wen.crossing: Return the drive value between u and the goal at which h becomes 0; the goal if it does not. */
 static inline real_t ss_crossing(const ss_BoucWen *model, real_t h, real_t u, real_t goal)
 {
     real_t up = goal > u ? R(1.0) : R(-1.0);
@@ -39,14 +39,14 @@ static inline real_t ss_crossing(const ss_BoucWen *model, real_t h, real_t u, re
     return r_abs(du) < r_abs(goal - u) ? u + du : goal;
 }
 
-/* stickslip.physics.piezo.bouc_wen.along_way: h after the drive has changed by du, as long as it keeps its sign. */
+/* stickslip.physics.piezo.bouc_wen.along_way: Return h after the drive has changed by du, if h does not change its sign. */
 static inline real_t ss_along_way(real_t alpha, real_t r, real_t h, real_t du)
 {
     real_t x = r * du;
     return h * r_exp(-x) - (x != R(0.0) ? alpha * du * (r_expm1(-x) / x) : R(0.0));
 }
 
-/* stickslip.physics.piezo.bouc_wen.bent: h after a way of the drive from u to the goal. */
+/* stickslip.physics.piezo.bouc_wen.bent: Return h after the drive has moved from u to the goal. */
 static inline real_t ss_bent(const ss_BoucWen *model, real_t h, real_t u, real_t goal)
 {
     if (goal == u) {

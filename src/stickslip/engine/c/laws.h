@@ -169,7 +169,7 @@ static inline real_t ss_stiction(const ss_StictionCoulombViscous *law)
     return law->stiction_force;
 }
 
-/* stickslip.friction.stribeck.stribeck_curve: g(v) [N], the magnitude of the steady sliding friction without its viscous part; at least F_C. */
+/* stickslip.friction.stribeck.stribeck_curve: Return g(v) [N], the magnitude of the steady sliding friction without its viscous part; at least F_C. */
 static inline real_t ss_stribeck_curve(real_t v, real_t coulomb_force, real_t stiction_force, real_t stribeck_velocity, real_t exponent)
 {
     if (stiction_force <= coulomb_force) {
@@ -210,7 +210,7 @@ static inline ss_dahl_result ss_dahl(const ss_Dahl *law, real_t v, real_t z)
     return (ss_dahl_result){force, v * r_pow(left, law->exponent)};
 }
 
-/* stickslip.friction.dahl.dahl_bound: An exponent below 1 has a bound that is reached: on it the steps need not shrink. */
+/* stickslip.friction.dahl.dahl_bound: Return z within the bound that an exponent below 1 reaches, so that steps on it need not become small. */
 static inline real_t ss_dahl_bound(const ss_Dahl *law, real_t z)
 {
     if (law->exponent >= R(1.0)) {
@@ -272,7 +272,7 @@ static inline ss_lugre_result ss_lugre(const ss_LuGre *law, real_t v, real_t z)
     return (ss_lugre_result){law->sigma_0 * z + sigma_1 * dz + law->sigma_2 * v, dz};
 }
 
-/* stickslip.friction.elastoplastic.plastic_share: alpha(z, v), from 0 (all motion deflects the bristle) to 1 (as in LuGre) [kang2007, fig. 2.4]. */
+/* stickslip.friction.elastoplastic.plastic_share: Return alpha(z, v), from 0 (all motion deflects the bristle) to 1 (as in LuGre) [kang2007, fig. 2.4]. */
 static inline real_t ss_plastic_share(real_t v, real_t z, real_t z_ba, real_t z_ss)
 {
     real_t deflection = r_abs(z);

@@ -24,7 +24,7 @@ typedef struct {
     real_t curved;
 } ss_along_result;
 
-/* stickslip.friction.normal_force.along: Return p(x), p'/p [1/m] and its slope [1/m^2]; NaN where the contact has lifted off. */
+/* stickslip.friction.normal_force.along: Return p(x), the ratio p'/p [1/m] and its derivative [1/m^2] at the position x [m]; NaN where the contact has lifted off. */
 static inline ss_along_result ss_along(const ss_NormalForce *force, real_t x)
 {
     real_t at = force->origin + x;
@@ -46,26 +46,26 @@ static inline ss_along_result ss_along(const ss_NormalForce *force, real_t x)
     return (ss_along_result){whole, steepness, second / whole - steepness * steepness};
 }
 
-/* stickslip.friction.normal_force.softening: Return n^(q-1), for a normal force n. */
+/* stickslip.friction.normal_force.softening: Return the factor n^(q-1) on the rate of the deflection, for a relative normal force n and the stiffness exponent q. */
 static inline real_t ss_softening(const ss_NormalForce *force, real_t n)
 {
     real_t q = force->stiffness_exponent;
     return (q != R(1.0) && n > R(0.0)) ? r_pow(n, q - R(1.0)) : R(1.0);
 }
 
-/* stickslip.friction.normal_force.kept: Return the factor on the deflection at a jump of the load, which was `ratio` times the new one. */
+/* stickslip.friction.normal_force.kept: Return the factor on the deflection at a jump of the load; `ratio` is the old load divided by the new one. */
 static inline real_t ss_kept(const ss_NormalForce *force, real_t ratio)
 {
     return ratio < R(1.0) ? ratio : r_pow(ratio, R(1.0) - force->stiffness_exponent);
 }
 
-/* stickslip.friction.normal_force.leaning: Return the factor on a force f [N] by its direction. */
+/* stickslip.friction.normal_force.leaning: Return the factor on a friction force f [N] by its direction (asymmetry). */
 static inline real_t ss_leaning(const ss_NormalForce *force, real_t f)
 {
     return f > R(0.0) ? R(1.0) + force->asymmetry : R(1.0) - force->asymmetry;
 }
 
-/* stickslip.friction.normal_force.uniform: Return whether the normal force is the same along the stroke. */
+/* stickslip.friction.normal_force.uniform: Return True if the normal force is the same along the stroke. */
 static inline bool ss_uniform(const ss_NormalForce *force)
 {
     return force->slope * force->power == R(0.0) && force->ripple == R(0.0);

@@ -14,7 +14,7 @@ typedef struct {
     real_t i3;
 } ss_weights_result;
 
-/* stickslip.physics.piezo.operators.play: The state of a play of half-width r for what it sees, v, from the state z. */
+/* stickslip.physics.piezo.operators.play: Return the new state of a play of half-width r for the input v, from its state z. */
 static inline real_t ss_play(real_t v, real_t r, real_t z)
 {
     return r_max(v - r, r_min(v + r, z));
@@ -26,7 +26,7 @@ static inline real_t ss_beyond(real_t u, real_t s)
     return r_max(u - s, R(0.0));
 }
 
-/* stickslip.physics.piezo.creep.lag_change: The change of a first-order lag x over a step, in which its input goes along a line; exact. */
+/* stickslip.physics.piezo.creep.lag_change: Return the exact change of the state x of a first-order lag over a step in which its input changes linearly. */
 static inline real_t ss_lag_change(real_t tau, real_t step, real_t x, real_t before, real_t after)
 {
     real_t part = -r_expm1(-step / tau);

@@ -1,7 +1,7 @@
-"""From contact surfaces to friction: what roughness, material, load and age say beforehand.
+"""Contact mechanics: prior knowledge of friction from roughness, material, load and ageing.
 
-Closed forms of contact mechanics, a record each, and priors of friction parameters with stated widths from
-them; materials and friction pairs by name; and, the other way, fits of several contacts compared.
+It contains closed forms of contact mechanics, one record each, and priors of friction parameters with stated
+widths; materials and friction pairs by name; and the comparison of several fitted contacts.
 """
 
 from .adhesion import AdhesiveBall as AdhesiveBall

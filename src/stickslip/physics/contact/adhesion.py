@@ -7,11 +7,11 @@ and soft (JKR) and at :math:`-2 \pi w R` where it is small and hard (DMT). Its r
 .. math:: a_{JKR}^3 = \frac{3R}{4E^*} \left( P + 3\pi w R + \sqrt{6\pi w R P + (3\pi w R)^2} \right), \qquad
           a_{DMT}^3 = \frac{3R}{4E^*} \left( P + 2\pi w R \right)
 
-and Tabor's parameter :math:`\mu_T = (R w^2 / E^{*2} z_0^3)^{1/3}` says which: above 5 JKR, below 0.1 DMT, and
-between them something between. Friction of one such contact is its area times a shear strength,
-:math:`F = \tau \pi a^2`, and goes as P^(2/3) at high load: not Amontons' law, which takes many contacts.
-Plastic ones have the area P/H: :math:`\mu = \tau/H`. Valid for smooth balls; roughness of the size of z_0
-already takes most of the adhesion away.
+and Tabor's parameter :math:`\mu_T = (R w^2 / E^{*2} z_0^3)^{1/3}` selects the limit: JKR above 5, DMT below
+0.1, and an intermediate case in between. Friction of one such contact is its area multiplied by a shear
+strength, :math:`F = \tau \pi a^2`, and proportional to P^(2/3) at high load. Amontons' law requires many
+contacts. Plastic ones have the area P/H: :math:`\mu = \tau/H`. Valid for smooth balls; roughness of the size
+of z_0 already removes most of the adhesion.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from .hertz import Modulus, Radius
 
 # m, range of the attraction: an atomic distance.
 RANGE = 0.3e-9
-# Tabor's parameter, within which neither limit holds.
+# Tabor's parameter between which neither limit holds.
 HARD, SOFT = 0.1, 5.0
 
 
 @record
 class AdhesiveBall(NamedTuple):
-    """A smooth ball on a flat that attract each other; its load may be negative, down to `pull_off`."""
+    """A smooth ball on a flat with adhesion between them; its load may be negative, down to `pull_off`."""
 
     normal_force: Annotated[float, Quantity("N", "P", "normal force, negative in tension")]
     radius: Radius
@@ -48,24 +48,25 @@ class AdhesiveBall(NamedTuple):
 
     @property
     def tabor(self) -> float:
-        """μ_T."""
+        """Return Tabor's parameter μ_T."""
         return (self.radius * self.adhesion**2 / self.contact_modulus**2) ** (1.0 / 3.0) / self.range
 
     @property
     def softness(self) -> float:
-        """0 for DMT, 1 for JKR, between them in proportion to the logarithm of Tabor's parameter."""
+        """Return 0 for DMT and 1 for JKR; in between, a linear function of the logarithm of Tabor's
+        parameter."""
         if self.tabor <= HARD:
             return 0.0
         return min(math.log(self.tabor / HARD) / math.log(SOFT / HARD), 1.0)
 
     @property
     def pull_off(self) -> float:
-        """N, negative."""
+        """Return the pull-off force, N, negative."""
         return -(2.0 - 0.5 * self.softness) * math.pi * self.adhesion * self.radius
 
     @property
     def contact_radius(self) -> float:
-        """a [m]; between the limits the mean of both, as `softness` weighs them."""
+        """Return the contact radius a [m]; between the limits, the mean of both weighted by `softness`."""
         pull, load = math.pi * self.adhesion * self.radius, self.normal_force
         dmt = max(load + 2.0 * pull, 0.0)
         jkr = load + 3.0 * pull + math.sqrt(max(6.0 * pull * load + 9.0 * pull**2, 0.0))
@@ -73,20 +74,20 @@ class AdhesiveBall(NamedTuple):
         return (1.0 - self.softness) * math.cbrt(size * dmt) + self.softness * math.cbrt(size * jkr)
 
     def friction(self, shear_strength: float | str) -> float:
-        """Bowden and Tabor's friction force [N], for a shear strength [Pa] of the contact, above 0."""
+        """Return Bowden and Tabor's friction force [N], for a shear strength [Pa] of the contact, above 0."""
         return _positive(shear_strength, "shear_strength") * math.pi * self.contact_radius**2
 
 
 def plastic_coefficient(shear_strength: float | str, hardness: float | str) -> float:
-    """μ = τ/H of contacts that yield [bowden1950].
+    """Return the friction coefficient μ = τ/H of plastic contacts [bowden1950].
 
     Args:
-        shear_strength: Pa, of the contact; at most that of the softer body, a sixth of its hardness, unless
-            the junctions grow.
-        hardness: Pa, of the softer body.
+        shear_strength: shear strength of the contact, Pa; at most that of the softer body, a sixth of its
+            hardness, unless the junctions grow.
+        hardness: hardness of the softer body, Pa.
 
     Raises:
-        QuantityError: not positive.
+        QuantityError: a value is not positive.
     """
     return _positive(shear_strength, "shear_strength") / _positive(hardness, "hardness")
 

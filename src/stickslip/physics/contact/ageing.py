@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...quantities.records import Quantity, record
 from ...quantities.units import QuantityError, array_si, to_si
 
-# Relative humidity below which oxides do not age, between which they do strongly.
+# Relative humidity: below the first, oxides do not age; between the second and third, they age strongly.
 DRY, DAMP, WET = 0.01, 0.10, 0.40
 
 
@@ -34,7 +34,7 @@ class Ageing(NamedTuple):
     cut_off: Annotated[float, Quantity("s", "t_0", "time below which nothing ages", above=0)] = 1.0
 
     def stiction_ratio(self, rest: ArrayLike) -> NDArray[np.float64]:
-        """F_S/F_C after a rest [s]."""
+        """Return F_S/F_C after a rest [s], in its shape."""
         time = array_si(rest, "s", "rest")
         if not np.all(time >= 0.0):
             raise QuantityError("rest [s] is out of range: it must be >= 0 s")
@@ -50,7 +50,7 @@ def oxide_ageing(relative_humidity: float | str) -> str:
         relative_humidity: 0 to 1, or "35 %".
 
     Raises:
-        QuantityError: out of range.
+        QuantityError: the humidity is out of range.
     """
     share = to_si(relative_humidity, "", "relative_humidity")
     if not 0.0 <= share <= 1.0:

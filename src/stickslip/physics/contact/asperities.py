@@ -1,4 +1,5 @@
-r"""Greenwood and Williamson: summits of one radius and random height against a flat [greenwood1966].
+r"""Greenwood and Williamson's rough contact: summits of one radius and random height against a flat
+[greenwood1966].
 
 .. math:: P = \tfrac43 \eta A E^* R^{1/2} \sigma^{3/2} F_{3/2}(h), \quad
           k_n = 2 \eta A E^* R^{1/2} \sigma^{1/2} F_{1/2}(h), \quad
@@ -8,17 +9,17 @@ with :math:`F_n(h) = \int_h^\infty (s - h)^n \varphi(s)\, ds` over the heights i
 separation. For Gaussian heights F_n is a parabolic cylinder function; for exponential ones (the limit
 of light loads) :math:`F_n = \Gamma(n + 1) e^{-h}`, so that k_n = P/σ exactly.
 
-From place to place the summits are others. With N of them (Poisson) and exponential heights, at one load, the
-relative deviations are
+The summits differ from place to place. For N of them (Poisson) and exponential heights, at constant load, the
+relative standard deviations are
 
 .. math:: \frac{\delta k}{k} = \sqrt{\frac{4}{\pi N}}, \qquad
           \frac{\delta A_r}{A_r} = \sqrt{\left( \frac{32}{3 \pi} - 3 \right) \frac{1}{N}}
 
 (derived here, from the moments of single contacts; the second is that of the friction force where the shear
-strength is constant). Valid where summits neither merge nor feel each other: a real area below some per cent.
-See `persson` for the other limit.
+strength is constant). Valid if summits neither merge nor interact: a real area below some per cent. See
+`persson` for the other limit.
 
-Of a measured roughness the summits follow from its spectral moments m_0, m_2, m_4 along a line [mccool1986]:
+For a measured roughness the summits follow from its spectral moments m_0, m_2, m_4 along a line [mccool1986]:
 
 .. math:: R = \frac38 \sqrt{\pi/m_4}, \quad \eta = \frac{m_4}{6\pi\sqrt3\, m_2}, \quad
           \sigma^2 = m_0 \left( 1 - 0.8968\, \frac{m_2^2}{m_0 m_4} \right)
@@ -44,7 +45,7 @@ DEEPEST, HIGHEST = -3.0, 30.0
 
 
 def moment(order: float, separation: float, heights: Heights) -> float:
-    """F_n(h), for the heights of summits; both without a unit."""
+    """Return F_n(h) for this distribution of summit heights; order n and separation h are dimensionless."""
     if heights == "exponential":
         return float(gamma(order + 1.0)) * math.exp(-separation)
     cylinder = float(pbdv(-order - 1.0, separation)[0])
@@ -85,7 +86,7 @@ class GreenwoodWilliamson(NamedTuple):
         """The model of a measured roughness; force in N, area in m², modulus in Pa.
 
         Raises:
-            QuantityError: out of range.
+            QuantityError: a value is out of range.
         """
         area = to_si(nominal_area, "m^2", "nominal_area")
         m0, m2, m4 = roughness.height**2, 0.5 * roughness.slope**2, 0.375 * roughness.curvature**2
@@ -105,13 +106,14 @@ class GreenwoodWilliamson(NamedTuple):
         )
 
     def load(self, separation: float) -> float:
-        """P [N] at a separation in deviations."""
+        """Return the load P [N] at a separation in standard deviations of the heights."""
         size = self.contact_modulus * math.sqrt(self.summit_radius) * self.summit_deviation**1.5
         return 4.0 / 3.0 * self.summits * size * moment(1.5, separation, self.heights)
 
     @property
     def separation(self) -> float:
-        """h, of the flat over the mean height of the summits, in deviations."""
+        """Return h, the distance of the flat from the mean summit height, in standard deviations of the
+        heights."""
 
         def excess(h: float) -> float:
             return math.log(self.load(h) / self.normal_force)
@@ -121,37 +123,38 @@ class GreenwoodWilliamson(NamedTuple):
 
     @property
     def contacts(self) -> float:
-        """N, expected number of summits in contact."""
+        """Return N, the expected number of summits in contact."""
         return self.summits * moment(0.0, self.separation, self.heights)
 
     @property
     def real_area(self) -> float:
-        """A_r [m²]."""
+        """Return the real area of contact A_r [m²]."""
         of = partial(moment, separation=self.separation, heights=self.heights)
         return math.pi * self.summits * self.summit_radius * self.summit_deviation * of(1.0)
 
     @property
     def normal_stiffness(self) -> float:
-        """k_n [N/m]."""
+        """Return the normal stiffness k_n [N/m]."""
         size = self.contact_modulus * math.sqrt(self.summit_radius * self.summit_deviation)
         return 2.0 * self.summits * size * moment(0.5, self.separation, self.heights)
 
     @property
     def decay_length(self) -> float:
-        """u_0 = P/k_n [m], of `ExponentialContact`."""
+        """Return the decay length u_0 = P/k_n [m], for `ExponentialContact`."""
         return self.normal_force / self.normal_stiffness
 
     @property
     def plasticity_index(self) -> float:
-        """E* √(σ/R), to be compared with the hardness [Pa]: above 1 of it most contacts are plastic."""
+        """Return E* √(σ/R), to be compared with the hardness [Pa]: above it most contacts are plastic."""
         return self.contact_modulus * math.sqrt(self.summit_deviation / self.summit_radius)
 
     @property
     def stiffness_scatter(self) -> float:
-        """Relative standard deviation of the stiffness from place to place."""
+        """Return the relative standard deviation of the stiffness from place to place."""
         return math.sqrt(4.0 / (math.pi * self.contacts))
 
     @property
     def area_scatter(self) -> float:
-        """Relative scatter of the real area, and of a friction force proportional to it."""
+        """Return the relative standard deviation of the real area, and of a friction force proportional to
+        it."""
         return math.sqrt((32.0 / (3.0 * math.pi) - 3.0) / self.contacts)

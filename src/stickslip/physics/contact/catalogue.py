@@ -23,7 +23,7 @@ _MATERIALS, _PAIRS = Path(__file__).parent / "materials", Path(__file__).parent 
 
 @record
 class Sliding(NamedTuple):
-    """Friction of a pair, and how well it is known: 68 % lie within the factor either way."""
+    """Friction coefficient of a pair, and its uncertainty: 68 % lie within the factor on either side."""
 
     friction_coefficient: Coefficient
     friction_factor: Annotated[float, Quantity("", "×/÷", "within which 68 % lie", above=1)]
@@ -31,7 +31,7 @@ class Sliding(NamedTuple):
 
 @dataclass(frozen=True)
 class FrictionPair:
-    """Two materials that slide on each other, and where the numbers are from.
+    """Two materials that slide on each other, with the sources of their numbers.
 
     `assumptions` are the numbers that no source prints, with the reason, by field: "first.hardness".
     """
@@ -45,12 +45,12 @@ class FrictionPair:
 
 
 def available_materials() -> tuple[str, ...]:
-    """The names of the materials that come with the package."""
+    """Return the names of the materials that come with the package."""
     return tuple(sorted(file.stem for file in _MATERIALS.glob("*.toml")))
 
 
 def available_pairs() -> tuple[str, ...]:
-    """The names of the friction pairs that come with the package."""
+    """Return the names of the friction pairs that come with the package."""
     return tuple(sorted(file.stem for file in _PAIRS.glob("*.toml")))
 
 
@@ -116,7 +116,7 @@ def _material(file: Path) -> tuple[Material, dict[str, SetEntry], list[str]]:
 
 
 def _head(file: Path, kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Title, citations and kind of a file, and the rest of it."""
+    """Return title, citations and kind of a file as one mapping, and the rest of it as another."""
     content = read_toml(file)
     head = {}
     for key, wanted in {"title": str, "citations": list, "kind": str}.items():

@@ -1,14 +1,14 @@
 r"""Comparison of contacts: changes of the friction parameters with surface, load and condition.
 
-Each parameter has a linear model of its logarithm over all fits i [dersimonian1986; knapp2003]:
+The logarithm of each parameter follows a linear model over all fits i [dersimonian1986; knapp2003]:
 
 .. math:: \ln \theta_i = b_0 + \sum_j b_j x_{ij} + u_i + e_i
 
-with a number's logarithm as x (b is then an exponent: 1 for Amontons' law, 1/3 for the stiffness of a ball),
-0 or 1 for a name (e^b is a ratio to the first one), e_i of the fit's own variance, and u_i of the variance
-τ² that contacts scatter by beyond it: from place to place, as they are put together. τ² by restricted
-likelihood; intervals by Student's t. Without more fits than coefficients there is no τ², and the intervals
-say what these very contacts differ by, not what surfaces do.
+For a numeric condition x is its logarithm (b is then an exponent: 1 for Amontons' law, 1/3 for the stiffness
+of a ball); for a named one x is 0 or 1 (e^b is the ratio to the first name). e_i has the variance of the fit,
+and u_i the variance τ² by which contacts scatter in addition, from place to place or by assembly. τ² comes
+from the restricted likelihood, intervals from Student's t. Without more fits than coefficients τ² is unknown,
+and the intervals apply to these individual contacts, not to the surfaces in general.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 Condition = Sequence[float | str]  # a value for each contact
 
 LEVEL = 0.95
-# τ, the most that is looked for: a factor of 20.
+# Largest τ that is searched: a factor of 20.
 MOST_SCATTER = 3.0
 
 
@@ -42,11 +42,11 @@ class ContactComparison:
 
     Attributes:
         effects: over "parameter" and "effect": `exponent` (of an effect that is a number) or `ratio` (of one
-            that is a name), `low` and `high` of its 95 % interval, `p` (chance of as much without an effect,
-            by Holm's method for all of them) and `moved` (p below 0.05).
+            that is a name), `low` and `high` of its 95 % interval, `p` (probability of such a value without
+            an effect, corrected for all tests by Holm's method) and `moved` (p below 0.05).
         values: over "contact" and "parameter": `value`, `low`, `high` of each fit.
-        scatter: over "parameter": the factor e^τ within which 68 % of contacts alike lie; NaN: not known.
-        remarks: sentences on what could not be compared.
+        scatter: over "parameter": the factor e^τ within which 68 % of equal contacts lie; NaN: unknown.
+        remarks: sentences on parameters that could not be compared.
     """
 
     effects: xr.Dataset
@@ -60,7 +60,7 @@ class ContactComparison:
         return self.report()
 
     def moved(self, effect: str) -> list[str]:
-        """The parameters that moved with an effect.
+        """Return the names of the parameters that changed significantly with an effect.
 
         Raises:
             QuantityError: there is no such effect.
@@ -74,7 +74,8 @@ class ContactComparison:
         return [str(name) for name in rows["parameter"].values[rows.values]]
 
     def report(self) -> str:
-        """A line for each parameter and effect, the scatter, and what could not be compared."""
+        """Return a text with a line for each parameter and effect, the scatter, and parameters that could not
+        be compared."""
         lines = []
         for name in self.effects["parameter"].values:
             for effect in self.effects["effect"].values:
@@ -88,7 +89,7 @@ class ContactComparison:
 
 
 class _Effect(NamedTuple):
-    """A column of the design matrix: what it is called, and whether its coefficient is an exponent."""
+    """A column of the design matrix: its name, and True if its coefficient is an exponent."""
 
     name: str
     column: Array
@@ -105,13 +106,13 @@ def compare_contacts(
 
     Args:
         fits: fit of each contact, by name; all with the same law.
-        conditions: differences between the contacts, one value per fit, in order: numbers or quantities
-            above 0 (``"normal_force": ["1 N", "2 N", "4 N"]``), or names (``"surface": ["lapped", "ground",
-            "ground"]``), the first of which is what others are compared with.
-        parameters: those to compare; left out, all that every fit has and that are positive.
+        conditions: differences between the contacts, one value per fit, in order: numbers or quantities above
+            0 (``"normal_force": ["1 N", "2 N", "4 N"]``), or names (``"surface": ["lapped", "ground",
+            "ground"]``), of which the first is the reference.
+        parameters: names of those to compare; by default, all positive ones that every fit has.
 
     Returns:
-        The comparison; its `report` says it in words.
+        The comparison; its `report` is a text.
 
     Raises:
         QuantityError: fewer than two fits, numbers that do not match, conditions that vary together so that
@@ -155,7 +156,7 @@ def compare_contacts(
 
 
 class _FittedEffects(NamedTuple):
-    """Coefficients without the first, half-widths of their intervals, chances, τ."""
+    """Coefficients without the first, half-widths of their intervals, probabilities of chance, and τ."""
 
     coefficients: Array
     half_widths: Array
@@ -167,7 +168,8 @@ def _fitted(design: Array, logarithms: Array, errors: Array) -> _FittedEffects:
     freedom = len(logarithms) - design.shape[1]
 
     def at(variance: float) -> tuple[Array, Array, float]:
-        """Coefficients, their covariance, and -2 times the restricted log-likelihood."""
+        """Return coefficients, their covariance, and -2 times the restricted log-likelihood, for this
+        variance of the contacts."""
         weight = 1.0 / (errors**2 + variance)
         normal = design.T @ (weight[:, None] * design)
         covariance = np.linalg.inv(normal)
@@ -216,7 +218,7 @@ def _effects(conditions: Mapping[str, Condition], count: int) -> list[_Effect]:
 
 
 def _numbers(name: str, given: Sequence[float | str]) -> Array | None:
-    """The condition in base units; None where it is one of names."""
+    """Return the condition in base units; None if it consists of names."""
     try:
         quantities = [with_unit(str(one)).to_base_units() for one in given]
     except QuantityError:
@@ -256,7 +258,7 @@ def _table(compared: list[str], effects: list[_Effect], rows: list[_FittedEffect
 
 
 def _holm(chances: Array) -> Array:
-    """Chances of several tests, each of none being wrong [holm1979]."""
+    """Return the probabilities of several tests corrected so that none is wrong by chance [holm1979]."""
     order = np.argsort(chances, axis=None)
     ordered = chances.ravel()[order] * np.arange(chances.size, 0, -1)
     found = np.empty(chances.size)

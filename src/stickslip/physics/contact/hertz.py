@@ -1,11 +1,11 @@
-r"""Hertz: a ball on a flat, or two balls, under a normal force [johnson1985, sec. 4.2].
+r"""Hertz contact: a ball on a flat, or two balls, under a normal force [johnson1985, sec. 4.2].
 
 .. math:: a = \left( \frac{3 P R}{4 E^*} \right)^{1/3}, \qquad \delta = \frac{a^2}{R}, \qquad
           p_0 = \frac{3 P}{2 \pi a^2}, \qquad k_n = \frac{dP}{d\delta} = 2 a E^*
 
-Stiffness goes as the cube root of the load. Valid for smooth elastic bodies without adhesion, a well below R,
-and p_0 below 1.6 times the hardness over 2.8 (first yield below the surface); rougher than a tenth of the
-approach δ, the contact is softer [johnson1985, sec. 13.5].
+Stiffness is proportional to the cube root of the load. Valid for smooth elastic bodies without adhesion, a
+well below R, and p_0 below 1.6 times the hardness over 2.8 (first yield below the surface); rougher than a
+tenth of the approach δ, the contact is softer [johnson1985, sec. 13.5].
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ class Hertz(NamedTuple):
 
     @property
     def contact_radius(self) -> float:
-        """a [m]."""
+        """Return the contact radius a [m]."""
         return (0.75 * self.normal_force * self.radius / self.contact_modulus) ** (1.0 / 3.0)
 
     @property
     def area(self) -> float:
-        """π a² [m²]."""
+        """Return the contact area π a² [m²]."""
         return math.pi * self.contact_radius**2
 
     @property
     def approach(self) -> float:
-        """δ [m], of distant points of both bodies."""
+        """Return the approach δ [m] of distant points of both bodies."""
         return self.contact_radius**2 / self.radius
 
     @property
     def peak_pressure(self) -> float:
-        """p_0 [Pa], in the middle."""
+        """Return the peak pressure p_0 [Pa], in the centre."""
         return 1.5 * self.normal_force / self.area
 
     @property
     def normal_stiffness(self) -> float:
-        """k_n [N/m]."""
+        """Return the normal stiffness k_n [N/m]."""
         return 2.0 * self.contact_radius * self.contact_modulus

@@ -1,4 +1,5 @@
-r"""Iwan: from the first loading of a contact to the springs and sliders that have it, exactly [iwan1966].
+r"""Iwan's method: from the initial loading curve of a contact to the springs and sliders that reproduce it
+[iwan1966].
 
 Elastic-perfectly-plastic elements in parallel, with the stiffness density k(x) over the displacement x at
 which they slide, follow
@@ -6,10 +7,10 @@ which they slide, follow
 .. math:: Q(\delta) = \int_0^\infty k(x) \min(\delta, x)\, dx \quad\Longleftrightarrow\quad
           k(x) = -Q''(x)
 
-so that every concave first loading is one of Maxwell slip, and with Masing's rule every loop of it too: for
+so that Maxwell slip reproduces every concave initial loading curve and, with Masing's rule, every loop: for
 Mindlin's ball :math:`k(x) = \frac{3 \mu P}{4 D^2} (1 - x/D)^{-1/2}` up to D, for a rough contact
-:math:`\frac{\mu P}{D^2} e^{-x/D}`. N elements that slide at x_1 < ... < x_N join the values there by straight
-lines: exact at these, and below the curve between them.
+:math:`\frac{\mu P}{D^2} e^{-x/D}`. N elements that slide at x_1 < ... < x_N interpolate the curve linearly:
+exact at these, and below the curve between them.
 """
 
 from __future__ import annotations
@@ -28,22 +29,22 @@ from .partial_slip import ExponentialContact
 
 Array = NDArray[np.float64]
 
-# Share of the slip force that the elements of a rough contact leave out; such a contact never slides fully.
+# Share of the slip force that the elements of a rough contact omit; such a contact never slides completely.
 LEFT_OUT = 1e-2
 # Smallest share of all stiffness or strength of an element.
 NOTHING = 1e-9
 FEWEST = 10
-# Smallest share of the position range of a turning point.
+# Smallest reversal of the position, relative to its range.
 TURN = 0.02
 
 
 class LoopElements(NamedTuple):
-    """Maxwell slip of a measured loop.
+    """Maxwell slip law fitted to a measured loop.
 
     Attributes:
         law: the elements.
-        rmse: N, of the loop's branches about those of the law, which follow Masing's rule.
-        r_squared: of the same, about their mean.
+        rmse: root mean square deviation of the loop's branches from those of the law, N.
+        r_squared: coefficient of determination of the same.
     """
 
     law: MaxwellSlip
@@ -52,19 +53,19 @@ class LoopElements(NamedTuple):
 
 
 def maxwell_slip(contact: Mindlin | ExponentialContact, elements: int = 8) -> MaxwellSlip:
-    """The law of a contact, its elements where they keep the largest error least.
+    """Return the Maxwell slip law of a contact, with elements placed to minimise the largest error.
 
     Args:
         contact: a ball, or a rough contact, at the normal force at which the law's forces hold.
-        elements: how many; the force is off by at most 0.5/elements² of the slip force, and that of a rough
-            contact by 1 % more, where it would slide for good.
+        elements: number of elements; the error of the force is at most 0.5/elements² of the slip force, and
+            for a rough contact 1 % more in complete sliding.
 
     Raises:
         QuantityError: no elements, or too many.
     """
     elements = whole(elements, "elements", 1, 1000)
     share = np.arange(1, elements + 1) / elements
-    if isinstance(contact, Mindlin):  # as dense as the root of k(x)
+    if isinstance(contact, Mindlin):  # density in proportion to the root of k(x)
         nodes = contact.presliding_distance * (1.0 - (1.0 - share) ** (4.0 / 3.0))
     else:
         end = 1.0 - np.sqrt(LEFT_OUT)
@@ -74,14 +75,15 @@ def maxwell_slip(contact: Mindlin | ExponentialContact, elements: int = 8) -> Ma
 
 
 def of_backbone(displacement: ArrayLike, force: ArrayLike) -> MaxwellSlip:
-    """The law that joins the values of a first loading by straight lines, and slides from the last one on.
+    """Return the Maxwell slip law that interpolates an initial loading curve linearly, and slides beyond its
+    last point.
 
     Args:
-        displacement: m, [n], growing, above 0.
-        force: N, [n]; from 0 on it must grow, ever more slowly.
+        displacement: m, [n], increasing, above 0.
+        force: N, [n]; it must increase from 0 with a decreasing slope.
 
     Raises:
-        QuantityError: it does not; names where.
+        QuantityError: the curve has another shape; the message names the place.
     """
     x, q = array_si(displacement, "m", "displacement"), array_si(force, "N", "force")
     if x.shape != q.shape or x.ndim != 1 or not x.size or not np.all(np.isfinite(x) & np.isfinite(q)):
@@ -102,10 +104,10 @@ def of_backbone(displacement: ArrayLike, force: ArrayLike) -> MaxwellSlip:
 
 
 def in_series(law: MaxwellSlip, stiffness: float | str) -> MaxwellSlip:
-    """The law of a contact and a spring [N/m] in series with it (a holder, a guide).
+    """Return the Maxwell slip law of a contact in series with a spring [N/m] (a holder, a guide).
 
     Raises:
-        QuantityError: not positive.
+        QuantityError: the stiffness is not positive.
     """
     spring = to_si(stiffness, "N/m", "stiffness")
     if not spring > 0.0:
@@ -117,21 +119,21 @@ def in_series(law: MaxwellSlip, stiffness: float | str) -> MaxwellSlip:
 
 
 def of_loop(position: ArrayLike, force: ArrayLike, elements: int = 12) -> LoopElements:
-    """The law of measured presliding loops: least squares with weights that are not negative.
+    """Return the Maxwell slip law of measured presliding loops, by least squares with non-negative weights.
 
-    Each branch, from one turn of the position to the next, is a first loading at twice its size (Masing),
-    counted from the turn, as far as the branch before it was long: there a loop within another ends. What no
-    elements have (a force that lags, turns that are not sharp, strength that differs by direction) is in
-    `rmse`.
+    Each branch, from one reversal of the position to the next, is an initial loading curve at twice its size
+    (Masing's rule), counted from the reversal. It is used up to the length of the previous branch, where an
+    inner loop closes. Effects that no elements have (a lagging force, rounded reversals, strength that
+    differs by direction) remain in `rmse`.
 
     Args:
-        position: m, [n], slow, with at least one turn.
-        force: N, [n], positive when the position grows.
-        elements: most; they slide at displacements spread evenly in the logarithm, and those without weight
-            are left out.
+        position: m, [n], slow, with at least one reversal.
+        force: N, [n], positive when the position increases.
+        elements: largest number; their slip displacements are evenly spaced in the logarithm, and those
+            without weight are left out.
 
     Raises:
-        QuantityError: too few samples, no turn, no force that follows the position, or fewer than two
+        QuantityError: too few samples, no reversal, no force that follows the position, or fewer than two
             elements.
     """
     elements = whole(elements, "elements", 2, 1000)
@@ -154,7 +156,8 @@ def of_loop(position: ArrayLike, force: ArrayLike, elements: int = 12) -> LoopEl
 
 
 def _branches(x: Array, q: Array) -> tuple[Array, Array]:
-    """Half the way from the last turn, and half the force since: of the samples after the first turn."""
+    """Return half the displacement since the last reversal, and half the change of the force since, for
+    samples after the first reversal."""
     turns = [*_turns(x), x.size - 1]
     moved, carried = [np.zeros(0)], [np.zeros(0)]
     for before, begin, end in zip([0, *turns], turns, turns[1:], strict=False):
@@ -167,7 +170,7 @@ def _branches(x: Array, q: Array) -> tuple[Array, Array]:
 
 
 def _turns(x: Array) -> list[int]:
-    """Samples where the position turns, by more than noise and steps of a converter make it."""
+    """Return the samples at which the position reverses, by more than noise and converter steps."""
     least = TURN * float(np.ptp(x))
     found, high, low = [], 0, 0
     for i, at in enumerate(x.tolist()):

@@ -1,15 +1,15 @@
-r"""Elastic bodies, and what two of them are together in contact [johnson1985, sec. 4.1 and 7.2].
+r"""Elastic bodies, and the combined moduli of two in contact [johnson1985, sec. 4.1 and 7.2].
 
 .. math:: \frac{1}{E^*} = \frac{1 - \nu_1^2}{E_1} + \frac{1 - \nu_2^2}{E_2}, \qquad
           \frac{1}{G^*} = \frac{2 - \nu_1}{G_1} + \frac{2 - \nu_2}{G_2}, \qquad
           \frac{k_t}{k_n} = \frac{4 G^*}{E^*}
 
-The last, tangential over normal stiffness of a contact that sticks, is 2(1 - ν)/(2 - ν) for two bodies alike,
-whether the contact is one circle [mindlin1949] or randomly rough [campana2011].
+The last, the ratio of tangential to normal stiffness of a sticking contact, is 2(1 - ν)/(2 - ν) for two equal
+materials, whether the contact is one circle [mindlin1949] or randomly rough [campana2011].
 
-Valid for isotropic bodies, half-spaces to the contact. Normal and tangential forces do not act on each other
-where Dundurs' β is 0 (bodies alike, or both incompressible); up to 0.2 in magnitude that is an error of a few
-per cent. Fibre composites and single crystals are not isotropic: their numbers are stand-ins.
+Valid for isotropic bodies, half-spaces to the contact. Normal and tangential forces do not interact if
+Dundurs' β is 0 (equal materials, or both incompressible); up to 0.2 in magnitude this is an error of a few
+per cent. Fibre composites and single crystals are not isotropic: their numbers are approximations.
 """
 
 from __future__ import annotations
@@ -29,39 +29,39 @@ class Material(NamedTuple):
 
     @property
     def shear_modulus(self) -> float:
-        """G = E/(2 (1 + ν)) [Pa]."""
+        """Return the shear modulus G = E/(2 (1 + ν)) [Pa]."""
         return self.youngs_modulus / (2.0 * (1.0 + self.poissons_ratio))
 
 
 @record
 class Bodies(NamedTuple):
-    """Two bodies in contact."""
+    """Two elastic bodies in contact, with the moduli of the pair."""
 
     first: Material
     second: Material
 
     @property
     def contact_modulus(self) -> float:
-        """E* [Pa]."""
+        """Return the contact modulus E* [Pa]."""
         return 1.0 / sum((1.0 - one.poissons_ratio**2) / one.youngs_modulus for one in self)
 
     @property
     def tangential_modulus(self) -> float:
-        """G* [Pa]."""
+        """Return the tangential modulus G* [Pa]."""
         return 1.0 / sum((2.0 - one.poissons_ratio) / one.shear_modulus for one in self)
 
     @property
     def stiffness_ratio(self) -> float:
-        """Tangential over normal stiffness of a contact that sticks."""
+        """Return the ratio of tangential to normal stiffness of a sticking contact."""
         return 4.0 * self.tangential_modulus / self.contact_modulus
 
     @property
     def dundurs(self) -> float:
-        """β, how much normal and tangential forces act on each other."""
+        """Return Dundurs' β, the strength of interaction between normal and tangential forces."""
         one, two = ((1.0 - 2.0 * of.poissons_ratio) / of.shear_modulus for of in self)
         return 0.5 * (one - two) / sum((1.0 - of.poissons_ratio) / of.shear_modulus for of in self)
 
     @property
     def hardness(self) -> float | None:
-        """Hardness of the softer material [Pa]; None if unknown."""
+        """Return the hardness of the softer material [Pa]; None if unknown."""
         return min((one.hardness for one in self if one.hardness is not None), default=None)

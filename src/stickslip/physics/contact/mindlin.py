@@ -1,14 +1,14 @@
-r"""Cattaneo and Mindlin: a ball on a flat, pressed and then pushed sideways [cattaneo1938; mindlin1949;
-mindlin1953].
+r"""Cattaneo and Mindlin's partial slip: a ball on a flat, pressed and then pushed sideways [cattaneo1938;
+mindlin1949; mindlin1953].
 
-Under a constant normal force P the rim slips and a circle of radius c sticks:
+Under a constant normal force P the outer ring slips and a circle of radius c sticks:
 
 .. math:: \delta = \frac{3 \mu P}{16 a G^*} \left( 1 - (1 - Q/\mu P)^{2/3} \right), \qquad
           c = a (1 - Q/\mu P)^{1/3}, \qquad k_t = 8 a G^*
 
-and after a turn the same curve at twice its size (Masing): a loop, whose area goes as the cube of a small
-amplitude. Valid as `Hertz`, with one coefficient of friction everywhere, and little displacement across the
-push: exact at ν = 0 [johnson1985, sec. 7.2].
+and after a reversal the same curve at twice its size (Masing): a loop, whose area is proportional to the cube
+of a small amplitude. Valid as `Hertz`, with one coefficient of friction everywhere, and little displacement
+transverse to the push: exact at ν = 0 [johnson1985, sec. 7.2].
 """
 
 from __future__ import annotations
@@ -40,50 +40,52 @@ class Mindlin(NamedTuple):
 
     @property
     def normal(self) -> Hertz:
-        """The contact before the push."""
+        """Return the Hertz contact under the normal force alone."""
         return Hertz(*self[:3])
 
     @property
     def slip_force(self) -> float:
-        """μ P [N], at which all of it slides."""
+        """Return the slip force μ P [N], at which the whole contact slides."""
         return self.friction_coefficient * self.normal_force
 
     @property
     def tangential_stiffness(self) -> float:
-        """k_t [N/m], before any of it slips."""
+        """Return the tangential stiffness k_t [N/m], before any part slips."""
         return 8.0 * self.normal.contact_radius * self.tangential_modulus
 
     @property
     def presliding_distance(self) -> float:
-        """3 μP/(2 k_t) [m], at which all of it slides."""
+        """Return the displacement 3 μP/(2 k_t) [m] at which the whole contact slides."""
         return 1.5 * self.slip_force / self.tangential_stiffness
 
     def displacement(self, force: ArrayLike) -> Array:
-        """δ [m] under a force [N] that grows from 0 to at most the slip force."""
+        """Return the displacement δ [m] under a force [N] that increases from 0 to at most the slip force."""
         q = self._share(force)
         return self.presliding_distance * np.sign(q) * (1.0 - (1.0 - np.abs(q)) ** (2.0 / 3.0))
 
     def force(self, displacement: ArrayLike) -> Array:
-        """Q [N] at a displacement [m] that grows from 0."""
+        """Return the force Q [N] at a displacement [m] that increases from 0."""
         share = array_si(displacement, "m", "displacement") / self.presliding_distance
         rest = np.maximum(1.0 - np.abs(share), 0.0)
         return self.slip_force * np.sign(share) * (1.0 - rest**1.5)
 
     def stick_radius(self, force: ArrayLike) -> Array:
-        """c [m]."""
+        """Return the stick radius c [m] under a force [N]."""
         return self.normal.contact_radius * np.cbrt(1.0 - np.abs(self._share(force)))
 
     def loop(self, amplitude: float | str, points: int = 101) -> tuple[Array, Array]:
-        """Displacement [m] and force [N] of a closed loop between forces of ± `amplitude` [N]."""
+        """Return displacement [m] and force [N], `points` each, of a closed loop between forces of ±
+        `amplitude` [N]."""
         most = to_si(amplitude, "N", "amplitude")
         up = np.linspace(-most, most, whole(points, "points", 2, 1_000_000))
         half = 2.0 * self.displacement(0.5 * (up + most)) - self.displacement(most)
         return np.append(half, -half), np.append(up, -up)
 
     def loss(self, amplitude: float | str) -> float:
-        """Energy per cycle between forces of ± `amplitude` [N], in J: the area of the loop."""
+        """Return the energy lost per cycle between forces of ± `amplitude` [N], in J: the area of the
+        loop."""
         q = float(np.abs(self._share(to_si(amplitude, "N", "amplitude"))))
-        # 1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3)) with q^3 factored out, against cancellation.
+        # 1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3)) with q^3 factored out, to avoid cancellation.
         stuck = math.cbrt(1.0 - q)
         shape = (q / (1.0 + stuck + stuck**2)) ** 3 * (1.0 + 3.0 * stuck + stuck**2)
         return 0.8 * self.slip_force * self.presliding_distance * shape

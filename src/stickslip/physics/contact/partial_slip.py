@@ -1,20 +1,20 @@
-r"""Jäger and Ciavarella: partial slip of any elastic contact, from how it is pressed [jager1998;
-ciavarella1998].
+r"""Jäger and Ciavarella's theorem: partial slip of any elastic contact follows from its normal force
+[jager1998; ciavarella1998].
 
-Where the normal force over the approach is P(u), a push δ under a constant P takes
+If the normal force at the approach u is P(u), a tangential displacement δ at constant P requires the force
 
 .. math:: Q(\delta) = \mu \left( P(u) - P(u - \tfrac{k_t}{k_n} \tfrac{\delta}{\mu}) \right)
 
-whatever the shape of the bodies: of a ball it is Mindlin's curve, and of rough surfaces, whose load is an
+for any shape of the bodies. For a ball it is Mindlin's curve. For rough surfaces, whose load is an
 exponential of the approach, :math:`P \sim e^{u/u_0}`, it is
 
 .. math:: Q = \mu P \left( 1 - e^{-\sigma_0 \delta / \mu P} \right), \qquad
           \sigma_0 = \frac{k_t}{k_n} \frac{P}{u_0}
 
-which is the first loading of Dahl's law (exponent 1), and of the LuGre law without damping. So a rough
-contact has a bristle stiffness in proportion to its load, and a presliding distance μ u_0 k_n/k_t that does
-not depend on the load. After a turn the contact follows Masing's rule, Dahl's law does not. Valid for bodies
-alike (see `material`), one coefficient of friction everywhere, and constant P.
+which is the initial loading curve of Dahl's law (exponent 1), and of the LuGre law without damping. So a
+rough contact has a bristle stiffness in proportion to its load, and a presliding distance μ u_0 k_n/k_t that
+does not depend on the load. After a reversal the contact follows Masing's rule, Dahl's law does not. Valid
+for equal materials (see `material`), one coefficient of friction everywhere, and constant P.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ def backbone(
     friction_coefficient: float | str,
     stiffness_ratio: float | str,
 ) -> Array:
-    """The force [N] of a first push, over the displacement [m].
+    """Return the tangential force [N], [n], of an initial push over the displacement [m].
 
     Args:
-        load: normal force [N] of any approach [m], 0 where there is no contact.
-        approach: m, at which the contact is held.
+        load: function for the normal force [N] at any approach [m], 0 without contact.
+        approach: constant approach, m.
         displacement: m, [n], not negative.
         friction_coefficient: μ.
         stiffness_ratio: k_t/k_n of the bodies.
@@ -66,7 +66,8 @@ def backbone(
 
 @record
 class ExponentialContact(NamedTuple):
-    """A rough contact as it slides first: its load an exponential of the approach, with the scale u_0."""
+    """A rough contact in partial slip, whose load is an exponential of the approach with the decay length
+    u_0."""
 
     normal_force: Load
     decay_length: Annotated[float, Quantity("m", "u_0", "approach by which the load grows e-fold", above=0)]
@@ -75,25 +76,26 @@ class ExponentialContact(NamedTuple):
 
     @property
     def normal_stiffness(self) -> float:
-        """k_n = P/u_0 [N/m]."""
+        """Return the normal stiffness k_n = P/u_0 [N/m]."""
         return self.normal_force / self.decay_length
 
     @property
     def tangential_stiffness(self) -> float:
-        """σ₀ [N/m]."""
+        """Return the tangential stiffness σ₀ [N/m]."""
         return self.stiffness_ratio * self.normal_stiffness
 
     @property
     def slip_force(self) -> float:
-        """μ P [N]."""
+        """Return the slip force μ P [N]."""
         return self.friction_coefficient * self.normal_force
 
     @property
     def presliding_distance(self) -> float:
-        """μP/σ₀ [m], by which the contact is 63 % on its way to sliding; at any load the same."""
+        """Return the displacement μP/σ₀ [m] at which the force is 63 % of the slip force; it is the same at
+        any load."""
         return self.slip_force / self.tangential_stiffness
 
     def force(self, displacement: ArrayLike) -> Array:
-        """Q [N] at a displacement [m] that grows from 0."""
+        """Return the force Q [N] at a displacement [m] that increases from 0."""
         x = array_si(displacement, "m", "displacement") / self.presliding_distance
         return -self.slip_force * np.sign(x) * np.expm1(-np.abs(x))

@@ -1,13 +1,13 @@
-r"""Persson: stiffness and real area of self-affine rough surfaces [persson2007; campana2011].
+r"""Persson's theory: stiffness and real area of self-affine rough surfaces [persson2007; campana2011].
 
 .. math:: k_n = \frac{P}{u_0}, \qquad u_0 = \gamma\, h_{rms}, \qquad
           \frac{A_r}{A_0} = \operatorname{erf} \frac{\sqrt 2\, p}{E^* h'_{rms}}, \qquad p = \frac{P}{A_0}
 
-Stiffness in proportion to load, since the real area grows and the pressure in it does not. γ depends on
+Stiffness is proportional to load, because the real area grows and the pressure in it does not. γ depends on
 the spectrum: 0.46 within a factor of 1.2 in a half-space solution of 8 surfaces (docs/contact.md; Hurst
-exponents of 0.3 and 0.8, with and without a plateau, 4 to 14 % in contact). It holds between a load at which
-a few summits carry it (finite size: the stiffness goes with a lower power of the load [pastewka2013]) and one
-at which a fifth of the area touches, from which on the stiffness grows faster: see `holds`.
+exponents of 0.3 and 0.8, with and without a plateau, 4 to 14 % in contact). It holds between the load that
+only a few summits carry (finite size: the stiffness follows a lower power of the load [pastewka2013]) and the
+load at which a fifth of the area is in contact, above which the stiffness grows faster: see `holds`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ...quantities.records import Quantity, record
 from .hertz import Load, Modulus
 from .roughness import Roughness
 
-# γ, and the factor within which it is known: see above.
+# γ, and the factor within which it is known.
 GAMMA, GAMMA_FACTOR = 0.46, 1.2
 # Share of the nominal area in contact beyond which stiffness grows faster than the load.
 MOST_AREA = 0.2
@@ -27,7 +27,7 @@ MOST_AREA = 0.2
 
 @record
 class Persson(NamedTuple):
-    """Two rough flats, elastic, their roughness random and of many scales [persson2007]."""
+    """Two elastic rough flats with random roughness of many scales [persson2007]."""
 
     normal_force: Load
     nominal_area: Annotated[float, Quantity("m^2", "A_0", "nominal area", above=0)]
@@ -36,32 +36,34 @@ class Persson(NamedTuple):
 
     @property
     def pressure(self) -> float:
-        """p = P/A_0 [Pa]."""
+        """Return the nominal pressure p = P/A_0 [Pa]."""
         return self.normal_force / self.nominal_area
 
     @property
     def decay_length(self) -> float:
-        """u_0 [m]."""
+        """Return the decay length u_0 [m]."""
         return GAMMA * self.roughness.height
 
     @property
     def normal_stiffness(self) -> float:
-        """k_n [N/m]."""
+        """Return the normal stiffness k_n [N/m]."""
         return self.normal_force / self.decay_length
 
     @property
     def real_area(self) -> float:
-        """A_r [m²]; it depends on the finest scale that the slope was measured at."""
+        """Return the real area of contact A_r [m²]; it depends on the finest scale at which the slope was
+        measured."""
         share = math.sqrt(2.0) * self.pressure / (self.contact_modulus * self.roughness.slope)
         return self.nominal_area * math.erf(share)
 
     @property
     def least_force(self) -> float:
-        """N, below which less than one patch of the longest wavelength carries: there k_n is not linear."""
+        """Return the force, N, below which less than one patch of the longest wavelength carries the load:
+        there k_n is not linear."""
         return self.contact_modulus * self.decay_length * self.roughness.longest
 
     def holds(self) -> str:
-        """Why the stiffness is not to be trusted; empty if nothing shows against it."""
+        """Return the reason why the stiffness is not reliable; an empty text if there is none."""
         if self.real_area > MOST_AREA * self.nominal_area:
             return (
                 f"{100.0 * self.real_area / self.nominal_area:.0f} % of the nominal area touch: above "

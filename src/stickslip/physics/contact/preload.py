@@ -1,13 +1,13 @@
-r"""The normal force as it is made, and how it changes along the stroke: preload springs and magnets.
+r"""Normal force by preload springs and magnets, and its change along the stroke.
 
-A spring of the stiffness k, pressed by the normal force P_0, whose seat rises by z over the stroke:
-:math:`P = P_0 + k z`. A soft spring, long pressed, so holds a force that a stiff one loses over a wedge of a
-micrometre. A magnet of the face A and remanent flux density B over an air gap g, against iron, of length L:
+A spring with stiffness k and preload P_0, whose seat rises by z over the stroke, has :math:`P = P_0 + k z`.
+So a soft spring with large compression keeps a force that a stiff one loses over a wedge of a micrometre. A
+magnet of the face A and remanent flux density B over an air gap g, against iron, of length L:
 
 .. math:: P = \frac{B^2 A}{2 \mu_0} \left( 1 + \frac{g}{L} \right)^{-2}
 
-the pull of two poles whose flux falls with the length of its way: good to a factor of two, since fringes and
-saturation are left out (measure it at two gaps).
+the attraction of two poles whose flux falls with the length of its path. This is accurate to a factor of two,
+because fringe fields and saturation are left out (measure it at two gaps).
 """
 
 from __future__ import annotations
@@ -36,20 +36,21 @@ class PreloadSpring(NamedTuple):
     stiffness: Annotated[float, Quantity("N/m", "k", "of the spring, across the contact", minimum=0)]
 
     def normal_force(self, rise: ArrayLike) -> Array:
-        """P [N] where the seat has risen by so much [m] against the spring.
+        """Return the normal force [N] after the seat has risen [m] against the spring.
 
         Raises:
-            QuantityError: there it has lifted off.
+            QuantityError: the contact has lifted off.
         """
         return _pressing(self.force + self.stiffness * array_si(rise, "m", "rise"))
 
     def along(self, rise: float | str, stiffness_exponent: float = 1.0) -> NormalForce:
         """Return the normal force along a stroke whose seat rises by `rise` [m] per metre.
 
-        For a wedge, or a guide that is not parallel. The friction parameters hold at the force of the spring.
+        Use it for a wedge, or a guide that is not parallel. The friction parameters hold at the preload of
+        the spring.
 
         Raises:
-            QuantityError: out of range.
+            QuantityError: a value is out of range.
         """
         slope = to_si(rise, "", "rise") * self.stiffness / self.force
         return NormalForce(slope, stiffness_exponent=stiffness_exponent)
@@ -77,7 +78,7 @@ class PreloadMagnet(NamedTuple):
         The friction parameters hold at the force over the initial gap.
 
         Raises:
-            QuantityError: out of range.
+            QuantityError: a value is out of range.
         """
         gap, opens = to_si(gap, "m", "gap"), to_si(opens, "", "opens")
         if not gap >= 0.0:

@@ -1,15 +1,15 @@
-r"""Priors of friction parameters from a contact: values, each with a stated width.
+r"""Priors of friction parameters from contact mechanics: values, each with a stated width.
 
-A width is a factor within which 68 % lie either way (a normal distribution of the logarithm). What is
-known apart multiplies in squares: the factor of the friction coefficient (lists of one pair differ by 1.5
-and more), of γ (see `persson`), of the number of contacts, of the roughness (assumed: 1.3), and of theory
-itself. That is assumed to be 2: films, plastic summits, and what is in series make real contacts softer than
-elastic theory.
+A width is a factor within which 68 % lie on either side (a normal distribution of the logarithm). Logarithms
+of independent factors add in quadrature: the factor of the friction coefficient (lists of one pair differ by
+1.5 and more), of γ (see `persson`), of the number of contacts, of the roughness (assumed: 1.3), and of the
+theory itself, assumed to be 2: films, plastic summits, and compliance in series make real contacts softer
+than elastic theory.
 
 .. math:: \sigma_0 = k_t, \qquad F_C = \mu P, \qquad \frac{1}{k_t} = \frac{1}{k_{contact}} +
 \frac{1}{k_{holder}}
 
-What no contact says beforehand: the bristle's damping σ_1, viscous friction, the Stribeck velocity,
+Contact mechanics does not predict the bristle's damping σ_1, viscous friction, the Stribeck velocity,
 lubricated or contaminated surfaces, and how a pair wears.
 """
 
@@ -36,17 +36,17 @@ from .partial_slip import ExponentialContact
 from .persson import GAMMA_FACTOR, Persson
 from .roughness import Roughness
 
-# Factors within which 68 % of measured contacts lie.
+# Factors within which 68 % of measured contacts lie: of theory, roughness and ball radius.
 THEORY, OF_ROUGHNESS, OF_BALL = 2.0, 1.3, 1.1
 _THEORY = Quantity("", "", "the factor within which stiffness follows theory", minimum=1)
-# Standard deviations within which a prior is said to have held.
+# Largest deviation, in standard deviations, at which a prior is said to agree with a fit.
 HELD = 1.96
 
 UNITS = {"sigma_0": "N/m", "coulomb_force": "N"}
 
 
 class ExpectedValue(NamedTuple):
-    """Prior of a parameter: `value` in `unit`, and the `factor` that contains 68 % either way."""
+    """Prior of a parameter: `value` in `unit`, and the `factor` that contains 68 % on either side."""
 
     value: float
     factor: float
@@ -54,7 +54,8 @@ class ExpectedValue(NamedTuple):
 
     @property
     def prior(self) -> tuple[float, float]:
-        """Value and standard deviation, as fits take it of a parameter on a logarithmic scale."""
+        """Return value and standard deviation in the form in which fits take the prior of a parameter on a
+        logarithmic scale."""
         return self.value, self.value * math.log(self.factor)
 
     def interval(self, deviations: float = HELD) -> tuple[float, float]:
@@ -68,7 +69,7 @@ class ContactPrior:
 
     Attributes:
         known: priors by the names of the LuGre law, "sigma_0" and "coulomb_force".
-        contact: model of the contact; `holder`, N/m, stiffness in series with it.
+        contact: model of the contact; `holder`, stiffness in series with it, N/m.
         assumptions: values without a source, by name.
         doubts: sentences on the limits of the model.
     """
@@ -82,20 +83,20 @@ class ContactPrior:
     _repr_html_ = preformatted
 
     def priors(self, *names: str) -> dict[str, tuple[float, float]]:
-        """Return the `priors` for `identify_friction` and `identify_loops`; of all parameters if none is
-        named.
+        """Return the argument `priors` for `identify_friction` and `identify_loops`, by default for all
+        parameters.
 
         Raises:
-            QuantityError: the contact says nothing of that parameter.
+            QuantityError: there is no prior for that parameter.
         """
         return {name: self._of(name).prior for name in names or self.known}
 
     def draws(self, count: int, *names: str, seed: int = 0) -> dict[str, NDArray[np.float64]]:
-        """Independent draws [count] by name: the `draws` of `plan_experiment`, the `parameters` of
-        `simulate_ensemble` and `steady_steps`.
+        """Return independent random draws [count] by name, for the `draws` of `plan_experiment` and the
+        `parameters` of `simulate_ensemble` and `steady_steps`.
 
         Raises:
-            QuantityError: the contact says nothing of a parameter, or no count of draws.
+            QuantityError: there is no prior for a parameter, or the count is invalid.
         """
         count, random = whole(count, "count", 1, 1_000_000), np.random.default_rng(seed)
         return {
@@ -104,7 +105,8 @@ class ContactPrior:
         }
 
     def law(self, sigma_1: float | str = 0.0) -> LuGre:
-        """The LuGre law at the expected values, its damping [N s/m] given: a start for fits."""
+        """Return the LuGre law at the expected values, with a given damping [N s/m], as initial values for
+        fits."""
         force = self.known["coulomb_force"].value
         return LuGre(
             sigma_0=self.known["sigma_0"].value,
@@ -116,16 +118,17 @@ class ContactPrior:
         )
 
     def maxwell_slip(self, elements: int = 8) -> MaxwellSlip:
-        """The law with all of its presliding loop, at the expected values; see `iwan`."""
+        """Return the Maxwell slip law with the complete presliding loop, at the expected values; see
+        `iwan`."""
         law = maxwell_slip(self.contact, elements)
         return law if self.holder is None else in_series(law, self.holder)
 
     def widened(self, factor: float | str, *names: str) -> ContactPrior:
-        """With so much more room: known factors times another, in squares; of all parameters, if none is
-        named.
+        """Return the prior with its factors combined in quadrature with a further factor, by default for all
+        parameters.
 
         Raises:
-            QuantityError: out of range, or no such parameter.
+            QuantityError: the factor is out of range, or there is no such parameter.
         """
         more = to_si(factor, "", "factor")
         if not 1.0 <= more < math.inf:
@@ -149,7 +152,7 @@ class ContactPrior:
         }
 
     def report(self) -> str:
-        """A text table, and what is assumed and doubtful."""
+        """Return a text table of the priors, with assumptions and doubts."""
         lines = [f"{'parameter':16}{'expected':>14}{'factor':>9}   95 % of what is expected"]
         for name, of in self.known.items():
             low, high = (with_prefix(end, of.unit, 3) for end in of.interval())
@@ -182,14 +185,14 @@ def rough_prior(
 
     Args:
         pair: friction pair; see `load_pair`.
-        normal_force: N, of all contacts together.
+        normal_force: normal force of all contacts together, N.
         roughness: roughness of both surfaces; a single number such as Ra is not enough (see `roughness`).
-        nominal_area: m², of all contacts together.
+        nominal_area: area of all contacts together, m².
         holder_stiffness: N/m along the motion, in series with the contact; by default rigid.
         theory: factor within which stiffness follows theory.
 
     Raises:
-        QuantityError: out of range.
+        QuantityError: a value is out of range.
     """
     force = to_si(normal_force, "N", "normal_force")
     area = to_si(nominal_area, "m^2", "nominal_area")
@@ -225,24 +228,24 @@ def ball_prior(
     holder_stiffness: float | str | None = None,
     theory: float | str = THEORY,
 ) -> ContactPrior:
-    """Return the prior of smooth balls on a flat that share the load: stiffness as the cube root of it
+    """Return the prior of smooth balls on a flat that share the load: stiffness proportional to its cube root
     [mindlin1949].
 
     Args:
         pair, holder_stiffness, theory: as for `rough_prior`.
-        normal_force: N, of all balls together.
-        radius: m, of a ball.
+        normal_force: normal force of all balls together, N.
+        radius: radius of a ball, m.
         contacts: number of balls.
 
     Raises:
-        QuantityError: out of range.
+        QuantityError: a value is out of range.
     """
     force = to_si(normal_force, "N", "normal_force")
     radius = to_si(radius, "m", "radius")
     holder = optional_si(holder_stiffness, "N/m", "holder_stiffness")
     theory = _THEORY.check(theory, "theory")
     contacts = whole(contacts, "contacts", 1, 10_000)
-    # n balls, each with its share, are one of n times the moduli: its radius of contact is that of each.
+    # n balls that share the load equal one ball with n times the moduli: its contact radius is that of each.
     bodies = pair.bodies
     contact = Mindlin(
         force,

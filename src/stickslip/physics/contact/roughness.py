@@ -7,7 +7,7 @@ with the isotropic spectrum C(q) [m⁴] over the wavevector q [rad/m], whose int
 variance of the heights [jacobs2017]. A self-affine one is constant from q_l to q_r (the plateau) and falls as
 q^(-2-2H) to q_s.
 
-One number such as Ra is no roughness here: 2,088 measurements in a challenge showed that it cannot be used
+A single number such as Ra is not sufficient: 2,088 measurements in a challenge showed that it is useless
 without a lateral scale [pradhan2025]; neither slope nor the longest wavelength follow from it.
 """
 
@@ -39,7 +39,7 @@ class Roughness(NamedTuple):
     """Heights, slopes and curvatures of both surfaces together, between two wavelengths.
 
     Slope and curvature are those of the surface in all directions; both, and so the real area, depend on the
-    shortest wavelength. Two rough surfaces add in squares: `with_other`.
+    shortest wavelength. Two rough surfaces add in quadrature: `with_other`.
     """
 
     height: Annotated[float, Quantity("m", "h_rms", "root mean square of the heights", above=0)]
@@ -73,16 +73,16 @@ def self_affine(
     shortest: float | str,
     roll_off: float | str | None = None,
 ) -> Roughness:
-    """A self-affine surface, by its spectrum.
+    """Return the roughness of a self-affine surface from its spectrum.
 
     Args:
-        height: m, root mean square.
-        hurst: H, above 0 and at most 1.
-        longest, shortest: m, wavelengths at which the spectrum ends.
-        roll_off: m, wavelength above which the spectrum is constant; left out, there is no plateau.
+        height: root mean square height, m.
+        hurst: Hurst exponent H, above 0 and at most 1.
+        longest, shortest: wavelengths at which the spectrum ends, m.
+        roll_off: wavelength above which the spectrum is constant, m; by default there is no plateau.
 
     Raises:
-        QuantityError: out of range.
+        QuantityError: a value is out of range.
     """
     height, hurst = to_si(height, "m", "height"), to_si(hurst, "", "hurst")
     longest, shortest = to_si(longest, "m", "longest"), to_si(shortest, "m", "shortest")
@@ -97,7 +97,7 @@ def self_affine(
     q_l, q_r, q_s = (2.0 * math.pi / wavelength for wavelength in (longest, bend, shortest))
 
     roots = []
-    for power in (1, 3, 5):  # of q^power over the spectrum, which is 1 on its plateau
+    for power in (1, 3, 5):  # moments of the spectrum, which is 1 on its plateau
         flat = (q_r ** (power + 1) - q_l ** (power + 1)) / (power + 1)
         left, ends = power - 1.0 - 2.0 * hurst, math.log(q_s / q_r)
         fall = q_r**left * ends * float(exprel(left * ends))  # (q_s^left - q_r^left)/left
@@ -114,11 +114,11 @@ def measured(heights: ArrayLike, spacing: float | str | tuple[float | str, ...])
     instrument.
 
     Args:
-        heights: m, [n] for a line scan, or [n, m] for a map.
-        spacing: m between neighbours; for a map one for both directions, or one for each.
+        heights: heights in m, [n] for a line scan, or [n, m] for a map.
+        spacing: distance between neighbours, m; for a map one for both directions, or one for each.
 
     Raises:
-        QuantityError: there is no lateral scale, heights are missing, too few, or all alike.
+        QuantityError: there is no lateral scale, heights are missing, too few, or all equal.
     """
     steps = _spacing(spacing)
     if np.ndim(heights) == 0:
@@ -143,7 +143,7 @@ def measured(heights: ArrayLike, spacing: float | str | tuple[float | str, ...])
         raise QuantityError("heights are all alike, or a plane: there is no roughness in them")
     slopes = [np.mean((np.diff(z, axis=i) / steps[i]) ** 2) for i in range(z.ndim)]
     bends = [np.diff(z, 2, axis=i) / steps[i] ** 2 for i in range(z.ndim)]
-    if z.ndim == 1:  # isotropic: of all directions there is twice, and 8/3, what a line shows
+    if z.ndim == 1:  # isotropic: for all directions the squares are 2 and 8/3 times those of a line
         slope, curvature = 2.0 * slopes[0], 8.0 / 3.0 * np.mean(bends[0] ** 2)
     else:
         slope, curvature = sum(slopes), np.mean((bends[0][:, 1:-1] + bends[1][1:-1, :]) ** 2)
@@ -163,7 +163,7 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
         ModuleNotFoundError: SurfaceTopography is missing (extra ``stickslip[topography]``).
     """
     try:
-        with warnings.catch_warnings():  # it runs without MPI, and says so
+        with warnings.catch_warnings():  # it warns that it runs without MPI
             warnings.simplefilter("ignore", ImportWarning)
             from SurfaceTopography.IO import open_topography
     except ModuleNotFoundError as missing:
@@ -174,7 +174,7 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
     try:
         with open_topography(os.fspath(path)) as reader:
             scan = reader.topography(channel_index=channel)
-    except Exception as error:  # of three dozen formats
+    except Exception as error:  # three dozen formats raise any error
         said = str(error).strip().split("\n")[0]
         raise QuantityError(
             f"{path} cannot be read as a topography: {said or type(error).__name__}"
@@ -208,7 +208,7 @@ def _spacing(given: float | str | tuple[float | str, ...]) -> tuple[float, ...]:
 
 
 def _bowed(z: Array) -> Array:
-    """Plane and parabola of the heights."""
+    """Return the least-squares plane and parabola of the heights."""
     axes = np.meshgrid(*(np.linspace(-1.0, 1.0, n) for n in z.shape), indexing="ij")
     columns = [np.ones(z.size)]
     for i, one in enumerate(axes):

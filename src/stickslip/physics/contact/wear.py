@@ -2,10 +2,10 @@ r"""Wear by Archard's law, and friction while a pair runs in [archard1953; blau2
 
 .. math:: V = k P s, \qquad F(s) = F_\infty + (F_0 - F_\infty)\, e^{-s/s_0}
 
-with the worn volume V after sliding s under the load P; k [m²/N] is 1e-18 to 1e-13 for dry pairs, known to a
-factor of ten at best, and jumps where a pair changes from mild to severe wear. The exponential is a
-description of curves without a maximum, of which there are as many with one [blau2005]. In a stick-slip
-actuator s is the path of all sliding, there and back, not the travel.
+V is the worn volume after a sliding distance s under the load P; k [m²/N] is 1e-18 to 1e-13 for dry pairs,
+known to a factor of ten at best, and jumps where a pair changes from mild to severe wear. The exponential
+describes curves without a maximum; curves with one are as frequent [blau2005]. In a stick-slip actuator s is
+the total path of sliding in both directions, not the travel.
 """
 
 from __future__ import annotations
@@ -21,14 +21,16 @@ from ...quantities.units import QuantityError, array_si, to_si
 
 @record
 class RunningIn(NamedTuple):
-    """Friction over the sliding path while a pair runs in, and approaches its end without a maximum."""
+    """Friction force during running-in as a function of the sliding path; it approaches its final value
+    without a maximum."""
 
     first: Annotated[float, Quantity("N", "F_0", "friction at the beginning", above=0)]
     last: Annotated[float, Quantity("N", "F_∞", "friction at the end", above=0)]
     path: Annotated[float, Quantity("m", "s_0", "path in which 63 % of it happen", above=0)]
 
     def force(self, slid: ArrayLike) -> NDArray[np.float64]:
-        """F [N] after a path [m] of sliding; raises QuantityError for one below 0."""
+        """Return the friction force F [N] after a path [m] of sliding; raise QuantityError for a negative
+        one."""
         path = array_si(slid, "m", "slid")
         if not np.all(path >= 0.0):
             raise QuantityError("slid [m] is out of range: it must be >= 0 m")
@@ -38,16 +40,16 @@ class RunningIn(NamedTuple):
 def worn_depth(
     wear_rate: float | str, normal_force: float | str, slid: float | str, area: float | str
 ) -> float:
-    """Depth [m] worn off an area that is always in contact [archard1953].
+    """Return the depth [m] worn off an area that is always in contact [archard1953].
 
     Args:
         wear_rate: k, m²/N (or "1e-6 mm^3/(N m)").
-        normal_force: N, pressing.
-        slid: m, path of all sliding.
-        area: m², of the worn surface.
+        normal_force: normal force, N.
+        slid: total path of sliding, m.
+        area: area of the worn surface, m².
 
     Raises:
-        QuantityError: out of range.
+        QuantityError: a value is out of range.
     """
     given = {
         "wear_rate": (wear_rate, "m^2/N"),
@@ -63,9 +65,12 @@ def worn_depth(
 
 
 def sliding_path(sliding_displacement: ArrayLike) -> float:
-    """m, path of all sliding, there and back, of a simulation's or recording's sliding_displacement [m]; the
-    elastic presliding at each turn is in it, which wears nothing. Raises QuantityError for what are no finite
-    samples [n]."""
+    """Return the total path of sliding in both directions, m, of a sliding_displacement [m], shape (n,), from
+    a simulation or recording.
+
+    It includes the elastic presliding at each reversal, which does not cause wear. Raises QuantityError
+    unless the samples are finite.
+    """
     x = array_si(sliding_displacement, "m", "sliding_displacement")
     if x.ndim != 1 or not np.all(np.isfinite(x)):
         raise QuantityError(f"sliding_displacement [m] of the shape {x.shape} must be finite samples [n]")

@@ -1,8 +1,7 @@
-"""The parts between a computer and an actuator: converters, amplifier, stack, sensors, filters.
+"""Signal chain between a computer and an actuator: converters, amplifier, piezo stack, sensors, filters.
 
-Each is a record of datasheet numbers and a function on arrays, usable alone; `stickslip.rig` makes a signal
-chain of them. Noise comes from the ``numpy.random.Generator`` that is handed in: the same seed, the same
-noise.
+Each part is a record of datasheet numbers and a function on arrays, usable alone; `stickslip.rig` combines
+them. Noise comes from the given ``numpy.random.Generator``: the same seed gives the same noise.
 """
 
 from .account import electrical as electrical

@@ -1,11 +1,12 @@
-r"""The electrical account of a run: current, charge, power, and the temperature of the stack.
+r"""Electrical quantities of a piezo stack during a run: current, charge, power and temperature.
 
-Between two points the voltage is a line, so the current is constant there, and every sum below is exact.
-Where capacitance and loss grow with the temperature, by c = 1 + α (ϑ - ϑ_0), between two points
+Between two points the voltage is linear, so the current is constant, and every sum is exact. If capacitance
+and loss grow with the temperature, by c = 1 + α (ϑ - ϑ_0), then between two points
 
 .. math:: C_\vartheta \dot\vartheta = c(\vartheta)\, P - \frac{\vartheta - \vartheta_a}{R_\vartheta}
 
-with a constant P is an exponential still, of the rate 1/(R C) - α P / C_ϑ; below 0 it runs away.
+with constant P still has an exponential solution, with the rate 1/(R C) - α P / C_ϑ; if that is negative, the
+temperature runs away.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from .stack import TEMPERATURE, Stack, TemperatureDependence
 
 Array = NDArray[np.float64]
 
-_WARMING = 0.02  # of the stack's time constant: points no farther apart show how it warms and cools
+# of the stack's time constant: largest distance of points that resolve its warming and cooling
+_WARMING = 0.02
 
 _OVER_TIME = {
     "drive_voltage": ("V", "drive voltage"),
@@ -56,10 +58,10 @@ def electrical(
     tolerance: float | str = 5e-3,
     dependence: TemperatureDependence | None = None,
 ) -> xr.Dataset:
-    """Current, charge, power and temperature of a stack over a run.
+    """Return current, charge, power and temperature of a piezo stack during a run.
 
-    The current is that of the capacitance; what is lost adds to its rms value by less than the square of the
-    loss tangent. Noise of a recording is current, too: smooth it first.
+    The current is that of the capacitance; losses increase its rms value by less than the square of the loss
+    tangent. Noise of a recorded voltage counts as current, so smooth it first.
 
     Args:
         source: voltage at the piezo: a waveform in V without jumps (`driven` returns one); or a recording
@@ -68,23 +70,24 @@ def electrical(
         duration: s; by default the duration of the waveform.
         times: s, ascending, within the run: times of the result; by default the points of
             the computation.
-        ambient: K, of the surroundings; the initial temperature of the stack.
-        tolerance: V, largest error of the lines that approximate a waveform.
+        ambient: temperature of the surroundings, and initially of the stack, K.
+        tolerance: largest error of the straight lines that approximate a waveform, V.
         dependence: dependence of capacitance and gain on temperature; the loss follows the capacitance, and
             all are fed back. By default none.
 
     Returns:
-        Dataset over "time", the given times, or those of the lines or samples, and closer where the stack's
-        temperature bends: `drive_voltage` [V], `charge` [C] and `temperature` [K] at each point, `current`
-        [A], `reactive_power` (into the field, negative: out of it) and `loss_power` [W] from it to the next;
-        with a `dependence` also `gain_factor` at each point, which multiplies the actuator's gain. For
+        Dataset over "time": the given times, or those of the lines or samples, with more where the stack's
+        temperature curves: `drive_voltage` [V], `charge` [C] and `temperature` [K] at each point, `current`
+            [A], `reactive_power` (into the field, negative: out of it) and `loss_power` [W] from that point
+            to the next; with a `dependence` also `gain_factor` at each point, which multiplies the actuator's
+            gain. For
         the whole: `peak_current`, `rms_current`, `mean_loss`, and `steady_temperature`, the final temperature
         if the run continued: infinite if the loss grows faster than the heat leaves.
 
     Raises:
         QuantityError: a waveform without a duration, in m or with a jump, which takes an infinite current; a
             recording without drive_voltage, without two samples or with gaps; a number out of range; a
-            temperature beyond those for which the dependence holds.
+            temperature outside the range of the dependence.
     """
     seconds = optional_si(duration, "s", "duration")
     kelvin = TEMPERATURE.check(to_si(ambient, "K", "ambient"), "ambient")
@@ -142,7 +145,7 @@ def electrical(
 
 
 def _points(source: Any, duration: float | None, tolerance: float) -> tuple[Array, Array]:
-    """Times [s] and voltages of the run, joined by lines."""
+    """Return times [s] and voltages [V] of the run, for linear interpolation."""
     if isinstance(source, Mapping):
         return _samples(source)
     if not hasattr(source, "drive"):
@@ -165,7 +168,7 @@ def _points(source: Any, duration: float | None, tolerance: float) -> tuple[Arra
 
 
 def _closer(times: Array, volts: Array, farthest: float) -> tuple[Array, Array]:
-    """The points, and more on the lines between those that are farther apart [s]."""
+    """Return the points with more interpolated ones where they are farther apart than `farthest` [s]."""
     parts = np.maximum(np.ceil(np.diff(times) / farthest), 1.0).astype(np.int64)
     if parts.max() == 1:
         return times, volts
@@ -176,7 +179,7 @@ def _closer(times: Array, volts: Array, farthest: float) -> tuple[Array, Array]:
 
 
 def _and_at(times: Array, volts: Array, wanted: Array) -> tuple[Array, Array, Any]:
-    """The points, more on the lines at the times wanted, and where these stand."""
+    """Return the points with further interpolated ones at the wanted times, and the indices of these."""
     if wanted.ndim != 1 or not wanted.size or not np.all(np.diff(wanted) > 0.0):
         raise QuantityError("times [s] must be a list of numbers that ascend")
     if not (times[0] <= wanted[0] and wanted[-1] <= times[-1]):
@@ -217,8 +220,9 @@ def _held(values: Array) -> Array:
 
 
 def _warmed(step: Array, power: Array, stack: Stack, slope: float, first: float) -> Array:
-    """K above the surroundings at each point, of a power [W] that is constant in between but for a factor:
-    `first` at the surroundings' temperature, and by `slope` [1/K] more above."""
+    """Return the temperature above the surroundings at each point, K. The power [W] is constant between
+    points except for a factor, which is `first` at the surroundings' temperature and increases by `slope`
+    [1/K]."""
     rate = 1.0 / stack.time_constant - slope * power / stack.heat_capacity
     left = np.exp(-rate * step)
     lasting = np.where(rate == 0.0, step, -np.expm1(-rate * step) / np.where(rate == 0.0, 1.0, rate))

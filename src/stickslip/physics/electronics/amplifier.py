@@ -4,24 +4,24 @@ r"""An amplifier that charges the capacitance of a piezo: bandwidth, slew rate, 
           u^* = \operatorname{clip}(G u_{in} + u_0, u_{low}, u_{high}), \qquad
           \tau = \frac{1}{2\pi f_B} + R_o C_p, \qquad R = \min\left(R_{max}, \frac{I}{C_p}\right)
 
-The peak current flows for a limited window, as the data sheets have it: I is I_max while the mean square of
-the current, with exponential forgetting, is below the square of the rms current, and then I_rms, until
-the demand falls below it,
+The peak current flows for a limited time, as in data sheets. I is I_max while the exponentially weighted mean
+square of the current is below the square of the rms current; then it is I_rms until the demand falls below
+that,
 
 .. math:: T \dot q = i^2 - q, \qquad I = I_{max} \ (q < I_{rms}^2), \quad I_{rms} \ (q = I_{rms}^2), \qquad
           T = \frac{t_{peak}}{-\ln(1 - I_{rms}^2/I_{max}^2)}
 
-so that from rest I_max flows for t_peak. That the measure is exponential is an assumption: the makers print
-the window and what is left after it, not the circuit.
+so that from rest I_max flows for t_peak. The exponential weight is an assumption: makers print the duration
+and the remaining current, not the circuit.
 
-One lag with the sum of both time constants is not two in a row, but closer to what is measured
-[piezodrive2021, p. 13]: of PiezoDrive's PD200X4 from 0 to 30 uF (seven loads, 684 to 2.4 kHz) it leaves 5.6 %
-rms and at most 10 % of the bandwidth, with 717 kHz and 2.35 ohm; two lags in a row leave 8.6 and 14 %. At 10
-and 30 nF that amplifier peaks (759 and 720 kHz), which neither does, and at 110 uF both are 30 to 35 % too
-slow.
+One lag with the sum of both time constants differs from two lags in series, but is closer to measurements
+[piezodrive2021, p. 13]. For PiezoDrive's PD200X4 with 0 to 30 uF (seven loads, 684 to 2.4 kHz), 717 kHz and
+2.35 ohm, the error of the bandwidth is 5.6 % rms and at most 10 %; with two lags in series 8.6 and 14 %. At
+10 and 30 nF that amplifier has a resonance peak (759 and 720 kHz), which neither model has, and at 110 uF
+both are 30 to 35 % too slow.
 
-A charge amplifier is not covered: with a linear capacitance, charge and voltage are equivalent. What
-it avoids is the hysteresis between both, which belongs to the piezo's model.
+A charge amplifier is not covered: with a linear capacitance, charge and voltage are equivalent. It avoids the
+hysteresis between both, which belongs to the piezo's model.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ _RATE = Quantity("Hz", "f", "samples of the input per second", above=0)
 
 @record
 class Amplifier(NamedTuple):
-    """See the module. `bandwidth` is that of small signals (-3 dB) without a load."""
+    """Amplifier that charges a piezo: gain, output range, bandwidth, slew rate and currents; see the module.
+    `bandwidth` is the small-signal one (-3 dB) without a load."""
 
     gain: Annotated[float, Quantity("", "G", "voltage gain", above=0)]
     offset: Annotated[float, Quantity("V", "u_0", "output at input zero")]
@@ -80,14 +81,14 @@ class Amplifier(NamedTuple):
 
 
 def small_signal_bandwidth(amplifier: Amplifier, capacitance: float | str) -> float:
-    """The bandwidth of small signals (-3 dB) into a capacitance [F], Hz."""
+    """Return the small-signal bandwidth (-3 dB) into a capacitance [F], Hz."""
     tau = limits(amplifier, CAPACITANCE.check(capacitance, "capacitance")).tau
     return 0.5 / (math.pi * tau) if tau > 0.0 else math.inf
 
 
 def limits(amplifier: Amplifier, farad: float) -> ChargingLimits:
-    """Return the limits within which an amplifier charges a capacitance [F]; raises QuantityError for what is
-    no amplifier."""
+    """Return the limits within which an amplifier charges a capacitance [F]; raise QuantityError unless
+    `amplifier` is an `Amplifier`."""
     of_kind(amplifier, Amplifier, "amplifier")
     tau = 0.5 / (math.pi * amplifier.bandwidth) + amplifier.output_resistance * farad
     peak, steady = amplifier.max_current, min(amplifier.rms_current, amplifier.max_current)
@@ -112,21 +113,22 @@ def amplifier_output(
     *,
     tolerance: float | str = 5e-3,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The output for an input that is held from sample to sample, as points to be joined by lines.
+    """Return the output of an amplifier for an input that is held from sample to sample, as points for linear
+    interpolation.
 
     Args:
-        amplifier: its numbers.
-        volts: input, V, shape (n,); before the first sample it was like the first.
-        sample_rate: Hz, of the input.
-        capacitance: F, of the piezo.
-        tolerance: V, greatest error of the lines; the points themselves are exact.
+        amplifier: data of the amplifier.
+        volts: input, V, shape (n,); before the first sample it equals the first.
+        sample_rate: sample rate of the input, Hz.
+        capacitance: capacitance of the piezo, F.
+        tolerance: largest error of the interpolation, V; the points themselves are exact.
 
     Returns:
         times [s], ascending from 0, the last one n / sample_rate; and the output there [V].
 
     Raises:
-        QuantityError: a number is out of range or not finite, or the amplifier has neither a lag nor a slew
-            limit, whose output would jump.
+        QuantityError: a number is out of range or not finite, or the output would jump because the amplifier
+            has neither a lag nor a slew limit.
     """
     tolerance = TOLERANCE.check(to_si(tolerance, "V", "tolerance"), "tolerance")
     farad = CAPACITANCE.check(capacitance, "capacitance")

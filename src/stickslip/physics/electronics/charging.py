@@ -1,7 +1,9 @@
-"""The voltage at a capacitance behind a lag with a limited, and for a time only larger, current.
+"""Voltage at a capacitance behind a first-order lag with limited current; a larger peak current flows for a
+limited time.
 
-Between two breaks the target is a line, and the output is a line (at the limit) or a line and an exponential,
-both in closed form, as are the times at which one becomes the other: no time step, no error that builds up.
+Between two breaks the target is linear, and the output is linear (at the limit) or the sum of a line and an
+exponential. Both have closed forms, and so have the times at which one becomes the other; so there is no time
+step and no accumulating error.
 """
 
 from __future__ import annotations
@@ -18,15 +20,17 @@ from ...engine.library import library
 
 Array = NDArray[np.float64]
 
-# Shares: of the limit of the mean square, by which it must fall before the peak current is there again, and
-# what is rounding; of the memory, after which it is looked whether the limit was reached in between.
+# Relative: how far the mean square must fall below its limit before the peak current is available again;
+# rounding; and the share of the memory time after which the limit is checked.
 _BELOW, _SAME, _OFTEN = 1e-9, 1e-12, 1.0 / 32.0
 
 
 class ChargingLimits(NamedTuple):
-    """tau [s], greatest slopes with the peak and with the steady current [V/s], the square of the steady
-    current [A²], the time over which the mean square forgets [s] (infinite: the peak lasts for ever), and the
-    capacitance [F]."""
+    """Limits of an amplifier into a capacitance.
+
+    Fields: tau [s]; largest slopes with peak and with steady current [V/s]; square of the steady current
+    [A²]; memory time of the mean square [s] (infinite: the peak current never ends); and the capacitance [F].
+    """
 
     tau: float
     rate: float
@@ -37,12 +41,14 @@ class ChargingLimits(NamedTuple):
 
 
 def rest(volts: float) -> Array:
-    """The state at rest: output [V], mean square of the current [A²], and 1 while the steady one limits."""
+    """Return the state at rest: output [V], mean square of the current [A²], and 0 (1 while the steady
+    current limits)."""
     return np.array([volts, 0.0, 0.0])
 
 
 def _remembered(t, memory, rate):
-    """The mean of exp(-rate t'), by now."""
+    """Return the weighted mean of exp(-rate t') over the last t seconds, with exponential weights of this
+    memory time."""
     z = t / memory - rate * t
     left = math.exp(-t / memory)
     if abs(z) < 1e-3:
@@ -51,8 +57,8 @@ def _remembered(t, memory, rate):
 
 
 def _mean_square(of, t, before, slope, bend):
-    """The mean square of the current t later, of an output with this slope [V/s] and, with tau > 0, an
-    exponential of height `bend` [V] that falls to 0."""
+    """Return the mean square of the current t seconds later, for an output with this slope [V/s] and, with
+    tau > 0, an exponential of height `bend` [V] that decays to 0."""
     steady = of.farad * slope
     left = math.exp(-t / of.memory)
     found = before * left + steady * steady * (1.0 - left)
@@ -64,7 +70,7 @@ def _mean_square(of, t, before, slope, bend):
 
 
 def _until_as_fast(tau, rate, s, bend):
-    """Return the time [s] at which the output rate reaches `rate`, below abs(s).
+    """Return the time [s] at which the slope of the output reaches `rate` [V/s], below abs(s).
 
     The output approaches a ramp of slope s [V/s] from an initial deviation `bend` [V].
     """
@@ -72,7 +78,7 @@ def _until_as_fast(tau, rate, s, bend):
 
 
 def _ramped(of, d, over, side, s, rate, square, folded, least):
-    """Return a part of d seconds at the limit.
+    """Return a part of d seconds in which the output is at its slope limit.
 
     Four results: its duration (at least `least`), the mean square, whether the steady current limits
     afterwards, and whether the part reaches the end of the piece.
@@ -96,17 +102,17 @@ def _ramped(of, d, over, side, s, rate, square, folded, least):
 
 
 def _lagged(of, d, gap, s, rate, square, folded, least):
-    """Return a part of d seconds below the limit; results as `_ramped`."""
+    """Return a part of d seconds in which the output is below its slope limit; results as `_ramped`."""
     to_end = True
     bend = gap - s * of.tau
-    if abs(s) > rate and of.tau > 0.0:  # it falls behind until the limit is reached
+    if abs(s) > rate and of.tau > 0.0:  # the output lags until the limit is reached
         until = max(_until_as_fast(of.tau, rate, s, bend), least)
         if until < d:
             d, to_end = until, False
     if not math.isinf(of.memory):
-        if not folded:  # the steady current may be reached: look often, but only while there is more of it
+        if not folded:  # the steady current may be reached: check often, but only while the current increases
             calm = math.sqrt(of.steady_square) / of.farad
-            above = False  # of a line the mean square goes one way
+            above = False  # at constant slope the mean square is monotonic
             if of.tau > 0.0:
                 above = abs(gap) >= calm * of.tau * (1.0 - _BELOW)
                 if not above and abs(s) > calm:
@@ -133,9 +139,11 @@ def _lagged(of, d, gap, s, rate, square, folded, least):
 def charged(
     of: ChargingLimits, bounds: Array, values: Array, slopes: Array, state: Array, tolerance: float
 ) -> tuple[Array, Array]:
-    """Compute times and voltages to be joined by lines, for targets values[k] + slopes[k] (t - bounds[k])
-    from bounds[k] to bounds[k + 1]. `state` (see `rest`) is the one at the start, and becomes the one at
-    the end."""
+    """Return times and voltages of the output, for linear interpolation.
+
+    The targets are values[k] + slopes[k] (t - bounds[k]) from bounds[k] to bounds[k + 1]. `state` (see
+    `rest`) is the one at the start, and is replaced by the one at the end.
+    """
     sized("bounds", bounds, values.size + 1)
     sized("slopes", slopes, values.size)
     sized("state", state, 3)

@@ -1,4 +1,4 @@
-"""Converters between numbers and volts: quantised, and saturated at the ends of their range."""
+"""Converters between numbers and volts, with quantisation and saturation at the ends of their range."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Low = Annotated[float, Quantity("V", "u_low", "voltage of the lowest code")]
 High = Annotated[float, Quantity("V", "u_high", "voltage one step above that of the highest code")]
 
 
-# Taken into both classes by name: a NamedTuple cannot have a second base class.
+# Copied into both classes by name, because a NamedTuple cannot have a second base class.
 @property
 def _step(converter: Any) -> float:
-    """One step, V."""
+    """Return the voltage of one step, V."""
     return (converter.high - converter.low) / 2.0**converter.bits
 
 
@@ -36,8 +36,8 @@ def _check(converter: Dac | Adc) -> None:
 class Dac(NamedTuple):
     """A digital-to-analogue converter that holds each value until the next (zero-order hold).
 
-    `gain` is the voltage that the number 1 asks for. One that `truncates` takes the step at or below the
-    wanted voltage, else the nearest.
+    `gain` is the voltage for the number 1. A converter that `truncates` takes the step at or below the wanted
+    voltage, otherwise the nearest.
     """
 
     bits: Bits
@@ -55,7 +55,8 @@ class Dac(NamedTuple):
 
 @record
 class Adc(NamedTuple):
-    """An analogue-to-digital converter: the nearest step, at most `max_rate` samples per second."""
+    """An analogue-to-digital converter that rounds to the nearest step and takes at most `max_rate` samples
+    per second."""
 
     bits: Bits
     low: Low
@@ -69,9 +70,9 @@ class Adc(NamedTuple):
 
 
 def dac_output(dac: Dac, numbers: ArrayLike) -> NDArray[np.float64]:
-    """The voltages that come out for the numbers that a program writes, V, of the same shape."""
+    """Return the output voltages for the numbers that a program writes, V, in the same shape."""
     steps = (array_si(numbers, "", "numbers") * dac.gain - dac.low) / dac.step
-    # A number computed for a step may fall short of it by rounding.
+    # A number computed for a step may be slightly below it by rounding.
     return _at_steps(dac, np.floor(steps + 1e-6) if dac.truncates else np.rint(steps))
 
 

@@ -1,8 +1,8 @@
-"""The closed cycles of a voltage, and what they lose: rainflow counting.
+"""Closed cycles of a voltage and their hysteresis loss, by rainflow counting.
 
-A material with hysteresis returns from a small cycle to where it left the large one: each cycle loses what it
-would lose alone. So noise on a recording adds many cycles that lose next to nothing, and does not hide the
-large ones.
+A material with hysteresis returns from a small cycle to the point at which it left the large one. Each cycle
+loses what it would lose alone. So noise on a recording adds many cycles with almost no loss, and does not
+hide the large ones.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ Index = NDArray[np.int64]
 
 
 def turning_points(values: Array) -> Index:
-    """Return the indices where a signal starts to move, turns (start of a flat stretch), and stops moving.
+    """Return the indices at which a signal starts to move, reverses (start of a flat stretch), and stops
+    moving.
 
-    Empty if it never moves.
+    The result is empty if the signal never moves.
     """
     step = np.diff(values)
     moving = np.flatnonzero(step)
@@ -32,13 +33,13 @@ def half_cycles(values: Array) -> tuple[Array, Index, Array, Array]:
     """Return the swing [V] of each half cycle, and the pieces of its path.
 
     For each piece: the index of its half cycle, and its start and end, in samples and fractions. A closed
-    cycle is two half cycles; what stays open at the end is single ones. A small cycle interrupts the path of
-    a large one, which continues where the voltage returns to the start of the small one.
+    cycle is two half cycles; cycles that are open at the end are single half cycles. A small cycle interrupts
+    the path of a large one, which continues where the voltage returns to the start of the small one.
     """
     swings, which = list[float](), list[int]()
     begins, ends = list[float](), list[float]()
     points = turning_points(values).tolist()
-    # Points that are still open with their voltages, and the way from each of them to the next, in pieces.
+    # Open reversal points with their voltages, and the path from each of them to the next, in pieces.
     volts, ways = list[float](), list[list[tuple[float, float]]]()
 
     def note(swing: float, way: list[tuple[float, float]]) -> None:
@@ -50,7 +51,7 @@ def half_cycles(values: Array) -> tuple[Array, Index, Array, Array]:
 
     for before, point in pairwise([points[0], *points] if points else []):
         volts.append(float(values[point]))
-        ways.append([(float(before), float(point))])  # the first one's is of no length
+        ways.append([(float(before), float(point))])  # the path of the first has no length
         while len(volts) > 3:
             a, b, c, d = volts[-4:]
             inner = abs(c - b)
@@ -79,8 +80,8 @@ def _reached(values: Array, first: int, last: int, level: float) -> float:
 
 
 def lost_power(times: Array, values: Array, cycle_loss: Callable[[ArrayLike], Array]) -> Array:
-    """Power [W] in each interval between samples [n - 1]: half the loss of a cycle [J] over the time on the
-    way of each half, evenly; its integral is what is lost."""
+    """Return the power [W] in each interval between samples [n - 1]: half the loss of a cycle [J], divided by
+    the time on the path of each half cycle. Its integral is the total loss."""
     swings, which, begins, ends = half_cycles(values)
     if not swings.size:
         return np.zeros(times.size - 1)

@@ -1,12 +1,12 @@
-"""Voltage at the piezo for a requested drive.
+"""Voltage at the piezo when an amplifier plays a waveform.
 
-The target is approximated by lines, and the response of the amplifier to lines has a closed form (see
-`charging`); each has half of the tolerance. A lag and a slope limit do not enlarge errors, so the tolerance
-is a bound. With current foldback (see `amplifier`), the switching time depends on the target: lines are then
-eight times as fine, and the tolerance is an estimate.
+The target is approximated by straight lines, and the response of the amplifier to these has a closed form
+(see `charging`); each has half of the tolerance. A lag and a slope limit do not enlarge errors, so the
+tolerance is a bound. With current foldback (see `amplifier`), the switching time depends on the target: lines
+are then eight times as fine, and the tolerance is an estimate.
 
-Under a periodic drive the response becomes periodic. A period is repeated as soon as the remaining drift of
-all later periods together is a small part of the tolerance.
+Under a periodic drive the response becomes periodic. The last computed period is repeated once the remaining
+drift of all later periods together is a small part of the tolerance.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 # share of the squared rms current.
 _SAME_VOLTS, _SAME_SQUARE = 0.02, 1e-4
 _MOST_PERIODS = 100_000
-# By how many times lines are finer where the current folds back (docs/decisions/electronics.md).
+# Factor by which lines are finer if the current folds back (docs/decisions/electronics.md).
 _FINER = 8.0
 
 
@@ -45,22 +45,22 @@ def driven(
     """Return the voltage at the piezo when an amplifier plays a waveform.
 
     Args:
-        amplifier: gain and offset are not used, because the waveform is in volts at the piezo. What
-            exceeds the amplifier's range is cut off.
+        amplifier: gain and offset are not used, because the waveform is in volts at the piezo. Voltages
+            outside the amplifier's range are cut off.
         waveform: V; before t = 0 the amplifier rests at its value there.
-        capacitance: F, of the piezo, at the amplitude in question.
-        duration: s, for which it is computed.
-        tolerance: V, greatest error; see the module. The error estimate of a simulation does not contain it:
-            times the gain, it should be below the tolerance of the simulation.
+        capacitance: capacitance of the piezo at this amplitude, F.
+        duration: duration for which it is computed, s.
+        tolerance: largest error, V; see the module. A simulation does not include it in its error estimate:
+            multiplied by the gain, it should be below the tolerance of the simulation.
 
     Returns:
-        A waveform that is right for 0 <= t <= duration: a `Sampled`, joined by lines; of a periodic waveform
-        whose answer repeats before the end, a `Sequence` of the `Sampled` until then and of a period. An
-        amplifier without lag and limits gives the waveform itself.
+        A waveform for 0 <= t <= duration: a `Sampled` with linear interpolation. If the response to a
+        periodic waveform repeats before the end, it is a `Sequence` of the `Sampled` until then and of one
+        period. An amplifier without lag and limits returns the waveform itself.
 
     Raises:
-        QuantityError: a number is out of range, the waveform is not in V, or it jumps beyond the range of
-            an amplifier that has neither a lag nor a slew limit, and would jump with it.
+        QuantityError: a number is out of range, the waveform is not in V, or the output would jump because
+            the amplifier has neither a lag nor a slew limit.
     """
     tolerance = TOLERANCE.check(to_si(tolerance, "V", "tolerance"), "tolerance")
     farad = CAPACITANCE.check(capacitance, "capacitance")
@@ -80,7 +80,7 @@ def driven(
     times, volts, state, repeats = _until_it_repeats(of, asked, tolerance, whole)
     if repeats:
         begin = times[-1][-1]
-        volts[-1][-1] = volts[-1][0]  # where the last period is repeated: the same but for rounding
+        volts[-1][-1] = volts[-1][0]  # of the last period, which is repeated: equal except for rounding
         again = _period(times[-1], volts[-1], period)
         return Sequence(Sampled(*_joined(times, volts)), (again, max(duration - begin, SLIVER * begin)))
     left = duration - whole * period
@@ -95,10 +95,11 @@ def driven(
 def driven_period(
     amplifier: Amplifier, waveform: Waveform, capacitance: float | str, *, tolerance: float | str = 5e-3
 ) -> Sampled:
-    """The voltage at the piezo under an endless periodic waveform, once it repeats: one period, for ever.
+    """Return the voltage at the piezo under an endless periodic waveform in the periodic state: one period,
+    repeated without end.
 
-    Args and errors: as for `driven`; also QuantityError where the waveform has no period, does not last for
-    ever, or where nothing repeats within 100,000 periods.
+    Arguments and errors are as for `driven`; also QuantityError if the waveform has no period or an end, or
+    if the response does not repeat within 100,000 periods.
     """
     tolerance = TOLERANCE.check(to_si(tolerance, "V", "tolerance"), "tolerance")
     farad = CAPACITANCE.check(capacitance, "capacitance")
@@ -120,7 +121,8 @@ def _for_lines(of: ChargingLimits, tolerance: float) -> float:
 
 
 def _endless(waveform: Waveform) -> float | None:
-    """The period of a waveform that repeats for ever, s; raises QuantityError for what is no waveform."""
+    """Return the period of a waveform that repeats without end, s, otherwise None; raise QuantityError unless
+    `waveform` is a waveform."""
     if not hasattr(waveform, "drive"):
         raise QuantityError(f"waveform = {waveform!r:.60} must be a waveform in V")
     period = getattr(waveform, "period", None)
@@ -137,13 +139,13 @@ def _follows(of: ChargingLimits, amplifier: Amplifier, waveform: Waveform) -> bo
 def _asked(
     of: ChargingLimits, amplifier: Amplifier, waveform: Waveform, duration: float, tolerance: float
 ) -> PiecewiseLinear:
-    """Return the target of the amplifier, as lines within half of the tolerance."""
+    """Return the target of the amplifier as straight lines within half of the tolerance."""
     if waveform.unit != "V":
         raise QuantityError(f"{type(waveform).__name__} is in {waveform.unit}: an amplifier gives volts")
     lines = lines_of(waveform.drive(duration), duration, 0.5 * tolerance)
     asked = clipped(lines, amplifier.low, amplifier.high)
     jumped = np.abs(jumps(asked)[0]).max()
-    if _endless(waveform) is not None:  # at the end of a period too
+    if _endless(waveform) is not None:  # also at the end of a period
         jumped = max(jumped, abs(asked.values[0] - asked.end))
     if of.tau == 0.0 and math.isinf(of.rate) and jumped > tolerance:
         raise QuantityError(
@@ -157,7 +159,8 @@ def _asked(
 def _answer(
     of: ChargingLimits, asked: PiecewiseLinear, state: Array, tolerance: float
 ) -> tuple[Array, Array]:
-    """Times and volts of the output, from the state on, which is left as it is at the end."""
+    """Return times and voltages of the output, starting from the state, which is replaced by that at the
+    end."""
     if of.tau == 0.0 and math.isinf(of.rate):  # the output equals the target
         state[0] = asked.end
         return asked.bounds, np.append(asked.values, state[0])
@@ -167,7 +170,7 @@ def _answer(
 def _until_it_repeats(
     of: ChargingLimits, asked: PiecewiseLinear, tolerance: float, most: int, keep: bool = True
 ) -> tuple[list[Array], list[Array], Array, bool]:
-    """Follow period after period, until one ends as it started.
+    """Compute period after period until one ends as it started.
 
     Returns the times from the start of the first period and the volts of each period (only of the last one
     unless `keep`), the state at the end, and whether the response repeats.
@@ -182,8 +185,8 @@ def _until_it_repeats(
         times.append(t + k * period)
         volts.append(u)
         moved = np.abs(state - before)
-        # A lag and a limit of the slope bring two outputs no further apart, so no later period moves more;
-        # of the mean square a fixed part of what is lacking is forgotten in each.
+        # A lag and a slope limit do not increase the difference of two outputs, so no later period changes
+        # more; of the missing mean square a fixed share remains in each period.
         lacks = -moved[1] / math.expm1(-period / of.memory) if math.isfinite(of.memory) else 0.0
         if moved[0] * (most - k) <= _SAME_VOLTS * tolerance and lacks <= _SAME_SQUARE * of.steady_square:
             return times, volts, state, True

@@ -1,6 +1,6 @@
-"""Low-pass filters: the IIR filter of a signal processor, the anti-alias filter, a sensor's bandwidth.
+"""Low-pass filters: the IIR filter of a signal processor, the anti-alias filter, or a sensor's bandwidth.
 
-All start in the steady state of the first sample.
+All filters start in the steady state of the first sample.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Filter(NamedTuple):
     """A low-pass filter by its family, order and corner frequency.
 
     The corner is at -3 dB (Bessel: normalised in magnitude), for the Chebyshev and elliptic families at the
-    end of the ripple. `ripple` is for those two, `attenuation` in the stop band for the elliptic one.
+    end of the ripple. `ripple` applies to those two, `attenuation` (of the stop band) to the elliptic one.
     """
 
     order: Annotated[float, Quantity("", "n", "order", minimum=1, maximum=12)]
@@ -45,7 +45,7 @@ class Filter(NamedTuple):
 
 
 def sections(filter: Filter, sample_rate: float) -> NDArray[np.float64]:
-    """Second-order sections, as SciPy has them, of the filter at a sample rate [Hz].
+    """Return the second-order sections of the filter at a sample rate [Hz], in SciPy's form.
 
     Raises:
         QuantityError: the corner is not below half the sample rate.
@@ -54,7 +54,7 @@ def sections(filter: Filter, sample_rate: float) -> NDArray[np.float64]:
         corner, rate = with_prefix(filter.corner, "Hz"), with_prefix(sample_rate, "Hz")
         raise QuantityError(f"Filter.corner = {corner} must be below half the sample rate, {rate}")
     order = int(filter.order)
-    if filter.family == "bessel":  # SciPy's general function knows only the normalisation in phase
+    if filter.family == "bessel":  # SciPy's general function only has the normalisation in phase
         made = scipy.signal.bessel(order, filter.corner, norm="mag", output="sos", fs=sample_rate)
     else:
         made = scipy.signal.iirfilter(
@@ -71,13 +71,14 @@ def sections(filter: Filter, sample_rate: float) -> NDArray[np.float64]:
 
 
 def filtered(filter: Filter, signal: NDArray[np.float64], sample_rate: float | str) -> NDArray[np.float64]:
-    """The signal [n] behind the filter; raises QuantityError as `sections`."""
+    """Return the signal [n] after the filter; raise QuantityError as `sections`."""
     made = sections(filter, to_si(sample_rate, "Hz", "sample_rate"))
     return scipy.signal.sosfilt(made, signal, zi=scipy.signal.sosfilt_zi(made) * signal[0])[0]
 
 
 def first_order(signal: NDArray[np.float64], sample_rate: float, bandwidth: float) -> NDArray[np.float64]:
-    """The signal [n] behind one pole at `bandwidth` [Hz]; unchanged where that is not below half the rate."""
+    """Return the signal [n] after a first-order low-pass with this bandwidth [Hz]; unchanged unless that is
+    below half the rate."""
     if bandwidth >= 0.5 * sample_rate:
         return signal
     return filtered(Filter(1, bandwidth), signal, sample_rate)

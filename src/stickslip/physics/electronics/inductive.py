@@ -1,4 +1,4 @@
-"""An inductive (eddy-current) displacement sensor [kang2007, sec. 4.4]."""
+"""Inductive (eddy-current) displacement sensor [kang2007, sec. 4.4]."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .strain_gauge import Bandwidth, Drift, NoiseDensity
 @registry.sensors.add
 @record
 class InductiveSensor(NamedTuple):
-    """Position in, voltage out: a nonlinear curve, bandwidth, delay, noise, drift.
+    """Inductive sensor from position to voltage: a nonlinear curve, bandwidth, delay, noise, drift.
 
     The curve is a cubic spline through `voltages` at `gaps`, and ends with them. `standoff` is the gap at
     position 0; the gap grows with the position.
@@ -45,13 +45,13 @@ class InductiveSensor(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Unit of the output."""
+        """Return the unit of the output."""
         return "V"
 
     def sense(
         self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
     ) -> NDArray[np.float64]:
-        """Its output [n], V, for the position [n], m, sampled at `sample_rate` Hz."""
+        """Return the sensor's output [n], V, for the position [n], m, sampled at `sample_rate` Hz."""
         gap = np.clip(position + self.standoff, self.gaps[0], self.gaps[-1])
         ideal = scipy.interpolate.CubicSpline(self.gaps, self.voltages)(gap)
         clean = delayed(first_order(ideal, sample_rate, self.bandwidth), sample_rate, self.delay)

@@ -1,5 +1,5 @@
-"""Sensors that give out the position itself: the ideal one, the interferometer, which the thesis wishes for
-[kang2007, sec. 6.2], and the encoder of what turns."""
+"""Sensors whose output is the position itself: an ideal one, an interferometer [kang2007, sec. 6.2], and an
+encoder for rotary stages."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from .noise import delayed, white_noise
 @registry.sensors.add
 @record
 class PositionSensor(NamedTuple):
-    """The ideal sensor: the position itself, in m."""
+    """Ideal sensor: its output is the position itself, in m."""
 
     @property
     def unit(self) -> str:
-        """Unit of the output."""
+        """Return the unit of the output."""
         return "m"
 
     def sense(
         self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
     ) -> NDArray[np.float64]:
-        """The position [n], m."""
+        """Return the position [n], m."""
         del sample_rate, random
         return position
 
@@ -34,7 +34,7 @@ class PositionSensor(NamedTuple):
 def _counted(
     self: Any, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Its output [n] for the position [n], both in its unit, sampled at `sample_rate` Hz."""
+    """Return the sensor's output [n] for the position [n], both in its unit, sampled at `sample_rate` Hz."""
     noise = white_noise(position.size, self.noise_density, sample_rate, random)
     return np.rint((delayed(position, sample_rate, self.delay) + noise) / self.resolution) * self.resolution
 
@@ -42,7 +42,7 @@ def _counted(
 @registry.sensors.add
 @record
 class Interferometer(NamedTuple):
-    """A laser interferometer: position in, position in whole steps of its resolution out."""
+    """Laser interferometer: its output is the position in whole steps of its resolution."""
 
     resolution: Annotated[float, Quantity("m", "δ", "one count", above=0)]
     delay: Annotated[float, Quantity("s", "t_d", "delay", minimum=0)] = 0.0
@@ -50,7 +50,7 @@ class Interferometer(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Unit of the output."""
+        """Return the unit of the output."""
         return "m"
 
     sense = _counted
@@ -59,7 +59,7 @@ class Interferometer(NamedTuple):
 @registry.sensors.add
 @record
 class Encoder(NamedTuple):
-    """An incremental encoder of what turns: angle in, angle in whole steps of its resolution out."""
+    """Incremental encoder of a rotary stage: its output is the angle in whole steps of its resolution."""
 
     resolution: Annotated[float, Quantity("rad", "δ", "one count", above=0)]
     delay: Annotated[float, Quantity("s", "t_d", "delay", minimum=0)] = 0.0
@@ -67,7 +67,7 @@ class Encoder(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Unit of the output."""
+        """Return the unit of the output."""
         return "rad"
 
     sense = _counted

@@ -1,4 +1,5 @@
-"""A drive signal as lines within a tolerance: few where it is straight, many where it bends."""
+"""Approximation of a drive signal by straight lines within a tolerance: few where it is straight, many where
+it is curved."""
 
 from __future__ import annotations
 
@@ -14,13 +15,15 @@ from ...waveform.drive import Drive
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_COARSE = 64  # parts of a segment, whose bends are looked at one by one where they need more lines
+_COARSE = 64  # parts of a segment, each of which gets its own number of lines if many are needed
 
 
 class PiecewiseLinear(NamedTuple):
-    """values[k] + slopes[k] (t - bounds[k]) from bounds[k] to bounds[k + 1]; there may be jumps between.
+    """Straight lines values[k] + slopes[k] (t - bounds[k]) from bounds[k] to bounds[k + 1]; there may be
+    jumps between them.
 
-    `before` is the value for t < 0; bounds [s] have one more than values [V] and slopes [V/s]."""
+    `before` is the value for t < 0; bounds [s] have one more entry than values [V] and slopes [V/s].
+    """
 
     before: float
     bounds: Array
@@ -29,24 +32,24 @@ class PiecewiseLinear(NamedTuple):
 
     @property
     def ends(self) -> Array:
-        """V, of each line"""
+        """Return the voltage at the end of each line, V."""
         return self.values + self.slopes * np.diff(self.bounds)
 
     @property
     def end(self) -> float:
-        """V, of the last line"""
+        """Return the voltage at the end of the last line, V."""
         return float(self.ends[-1])
 
 
 def lines_of(drive: Drive, duration: float, tolerance: float) -> PiecewiseLinear:
-    """A drive for 0 <= t < duration [s] as lines that leave it by at most the tolerance [V]."""
+    """Return straight lines that approximate a drive for 0 <= t < duration [s] within the tolerance [V]."""
     used = (drive.start < duration) & (np.diff(drive.start, append=np.inf) > 0.0)
     start, segment = drive.start[used], np.flatnonzero(used)
     length = np.append(start[1:], duration) - start
     count = _wanted(drive, segment, start, length, tolerance)
     asked = f"duration = {duration:g} s in lines that are off by at most {tolerance:g} V"
     refuse_too_many(float(np.sum(np.abs(count.astype(float)))), asked, 20)
-    for finest in (_COARSE, 0):  # where all of them are needed, each part by its own bend
+    for finest in (_COARSE, 0):  # with many lines, each part gets its own number
         parts = np.minimum(count, finest) if finest else count
         which = np.repeat(np.arange(parts.size), parts)
         place = np.arange(which.size) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -61,8 +64,8 @@ def lines_of(drive: Drive, duration: float, tolerance: float) -> PiecewiseLinear
 
 
 def _wanted(drive: Drive, segment: Index, start: Array, length: Array, tolerance: float) -> Index:
-    """In how many equal parts to draw each part of a segment: a line over h leaves h²/8 of the second
-    derivative, of which this takes a bound."""
+    """Return the number of equal lines for each part of a segment. The error of a line over h is h²/8 of the
+    second derivative, for which a bound is used."""
     c2, c3 = drive.polynomial[segment, 2], drive.polynomial[segment, 3]
     near = start - drive.start[segment]
     far = near + length
@@ -75,7 +78,7 @@ def _wanted(drive: Drive, segment: Index, start: Array, length: Array, tolerance
 
 
 def _values(drive: Drive, segment: Index, t: Array) -> Array:
-    """By the formulas of these segments, also at their ends."""
+    """Return the values of the formulas of these segments at times t, also at their ends."""
     tau = t - drive.start[segment]
     c0, c1, c2, c3 = drive.polynomial[segment].T
     values = c0 + tau * (c1 + tau * (c2 + tau * c3))
@@ -94,7 +97,7 @@ def _harmonics(drive: Drive, segment: Index) -> Iterator[tuple[Index, Index]]:
 
 
 def clipped(lines: PiecewiseLinear, low: float, high: float) -> PiecewiseLinear:
-    """The lines within a range, with breaks where they enter and leave it."""
+    """Return the lines clipped to a range, with breaks where they enter and leave it."""
     bounds, values, slopes = lines.bounds, lines.values, lines.slopes
     with np.errstate(divide="ignore", invalid="ignore"):
         crossings = [bounds[:-1] + (limit - values) / slopes for limit in (low, high)]

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 def white_noise(
     count: int, density: float, sample_rate: float, random: np.random.Generator
 ) -> NDArray[np.float64]:
-    """White Gaussian noise whose one-sided power spectrum is density² up to half the sample rate.
+    """Return white Gaussian noise [count] whose one-sided power spectrum is density² up to half the sample
+    rate.
 
     Args:
-        count: samples.
+        count: number of samples.
         density: unit/√Hz.
         sample_rate: Hz.
-        random: the source.
+        random: generator of random numbers.
     """
     return random.standard_normal(count) * (density * math.sqrt(0.5 * sample_rate))
 
@@ -25,7 +26,8 @@ def white_noise(
 def random_walk(
     count: int, drift: float, sample_rate: float, random: np.random.Generator
 ) -> NDArray[np.float64]:
-    """A drift: a random walk from 0 whose standard deviation after a time t is drift √t, in unit/√s each."""
+    """Return a drift [count]: a random walk from 0 whose standard deviation after a time t is drift √t, with
+    drift in unit/√s."""
     steps = random.standard_normal(count) * (drift / math.sqrt(sample_rate))
     steps[:1] = 0.0
     return np.cumsum(steps)

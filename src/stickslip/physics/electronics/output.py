@@ -1,6 +1,6 @@
-"""The output of a drive, from a program's values to the voltage at the piezo.
+"""Output stage of a drive: from a program's values to the voltage at the piezo.
 
-Step tables, loops and searches for drives know the hardware by this record alone.
+Step tables, loops and searches for drives know the hardware only through this record.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from ...waveform.signal import Waveform
 from .amplifier import Amplifier, limits
 from .driven import driven_period
 
-FEWEST = 4  # updates of a period; fewer make no waveform
+FEWEST = 4  # fewest updates in a period
 _INF = math.inf
 _RATE = Quantity("Hz", "f_DA", "updates per second", above=0)
-_FAR = 1e9  # V, ends of an amplifier that limits nothing but the slope
+_FAR = 1e9  # V, range of an amplifier that limits only the slope
 
 
 @record
 class OutputStage(NamedTuple):
-    """A converter that updates, and an amplifier that charges the piezo.
+    """A converter with a fixed update rate, and an amplifier that charges the piezo.
 
-    The values of a drive are multiples of `step` at the piezo (0: any), each held until the next update or
-    joined by lines; `points` are the most of a period. An `update_rate` of infinity follows every waveform.
-    A drive keeps within `slew_rate` and `current` (which needs the capacitance, `Stack.load`); with the
-    `amplifier` itself, a drive is judged by what that makes of it.
+    The values of a drive are multiples of `step` at the piezo (0: any value), each held until the next update
+    or interpolated linearly; `points` is the largest number in a period. An infinite `update_rate` follows
+    every waveform. A drive keeps within `slew_rate` and `current` (which requires the capacitance,
+    `Stack.load`). With an `amplifier`, a drive is judged by the amplifier's output.
     """
 
     update_rate: Annotated[float, Quantity("Hz", "f_DA", "updates per second", above=0, maximum=_INF)] = _INF
@@ -65,8 +65,7 @@ class OutputStage(NamedTuple):
 
     @classmethod
     def of_amplifier(cls, amplifier: Amplifier, capacitance: float | str) -> OutputStage:
-        """Return the limits of an amplifier into a capacitance [F]; its current is the one that it gives for
-        ever."""
+        """Return the limits of an amplifier into a capacitance [F]; its current is the steady one."""
         current = min(amplifier.max_current, amplifier.rms_current)
         farad = to_si(capacitance, "F", "capacitance")
         return cls(slew_rate=amplifier.slew_rate, current=current, capacitance=farad, amplifier=amplifier)
@@ -82,30 +81,30 @@ class OutputStage(NamedTuple):
 
     @property
     def updates(self) -> bool:
-        """True if the output changes at updates only."""
+        """Return True if the output changes at updates only."""
         return math.isfinite(self.update_rate)
 
     @property
     def slope(self) -> float:
-        """Greatest slope of a drive, V/s."""
+        """Return the largest slope of a drive, V/s."""
         return min(self.slew_rate, self.current / self.capacitance if self.capacitance else _INF)
 
     @property
     def lag(self) -> float:
-        """Time constant of the amplifier into the piezo, s."""
+        """Return the time constant of the amplifier into the piezo, s."""
         if self.amplifier is None or self.capacitance is None:
             return 0.0
         return float(limits(self.amplifier, self.capacitance).tau)
 
     def played_period(self, period: Any) -> Any:
-        """Return periods [s] as the converter plays them, each the nearest whole number of updates."""
+        """Return periods [s] as the converter outputs them, each the nearest whole number of updates."""
         if not self.updates:
             return period
         return np.maximum(np.rint(np.asarray(period) * self.update_rate), 1.0) / self.update_rate
 
     def played(self, waveform: Waveform, low: float, high: float) -> Sampled:
-        """Return one period as the converter plays it, for ever: the nearest whole number of updates long,
-        with the nearest steps within the voltages."""
+        """Return one period, repeated without end, as the converter outputs it: the nearest whole number of
+        updates long, rounded to steps within the voltages `low` to `high`."""
         period = float(waveform.period)  # type: ignore[attr-defined]
         count = round(self.played_period(period) * self.update_rate)
         at = np.arange(count) * (period / count)
@@ -118,7 +117,7 @@ class OutputStage(NamedTuple):
         )
 
     def at_piezo(self, waveform: Waveform) -> Waveform:
-        """Return the voltage at the piezo under an endless periodic waveform, once it repeats."""
+        """Return the voltage at the piezo under an endless periodic waveform, in the periodic state."""
         if self.amplifier is not None and self.capacitance is not None:
             return driven_period(self.amplifier, waveform, self.capacitance)
         if not math.isfinite(self.slope):
@@ -127,12 +126,12 @@ class OutputStage(NamedTuple):
         return driven_period(Amplifier(1.0, 0.0, _INF, self.slope, _INF, -_FAR, _FAR), waveform, farad)
 
     def behind(self, waveform: Waveform) -> Waveform:
-        """Return the voltage at the piezo when a program plays an endless periodic waveform; raises
-        QuantityError for a period of too few updates, or too many."""
+        """Return the voltage at the piezo when a program outputs an endless periodic waveform; raise
+        QuantityError for a period of too few or too many updates."""
         if not self.updates:
             return self.at_piezo(waveform)
         low, high = waveform.range()
-        half = 0.5 * self.step  # a converter gives the nearest step, not the nearest within the drive
+        half = 0.5 * self.step  # a converter rounds to the nearest step, which may exceed the drive's range
         played = self.played(waveform, low - half, high + half)
         count, period = played.times.size, float(waveform.period)  # type: ignore[attr-defined]
         if not FEWEST <= count <= self.points:
@@ -144,10 +143,11 @@ class OutputStage(NamedTuple):
 
 
 def output_of(given: OutputStage | float | str) -> OutputStage:
-    """Return an output stage, or one of this update rate [Hz] without further limits; else QuantityError."""
+    """Return a given output stage, or one with this update rate [Hz] without further limits; raise
+    QuantityError for other values."""
     return given if isinstance(given, OutputStage) else OutputStage(_RATE.check(given, "output.update_rate"))
 
 
 def codes_within(step: float, low: float, high: float) -> tuple[float, float]:
-    """Return the numbers of the first and the last step within two voltages."""
+    """Return the numbers of the first and the last converter step within two voltages [V]."""
     return math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)

@@ -1,4 +1,4 @@
-"""Amplifiers and stacks by name: their datasheet numbers, from TOML files like parameter sets.
+"""Amplifiers and piezo stacks by name: their datasheet numbers, from TOML files like parameter sets.
 
 A file has ``title``, ``citations`` and ``kind`` ("amplifier" or "stack"), and a table per number, with its
 unit and source, or ``assumed = true`` and a reason (see `stickslip.parameters.load`).
@@ -23,7 +23,7 @@ _TOP = {"title": str, "citations": list, "kind": str}
 
 @dataclass(frozen=True)
 class Part:
-    """An amplifier or a stack with where its numbers are from.
+    """An amplifier or a stack with the sources of its numbers.
 
     `record` is the `Amplifier` or `Stack`; `entries` has value and source of each number as written.
     """
@@ -37,7 +37,7 @@ class Part:
 
     @property
     def assumptions(self) -> dict[str, str]:
-        """The numbers that no source prints, with the reason, by field."""
+        """Return the numbers that no source prints, with the reason, by field."""
         return {
             field: f"{entry.value} {entry.unit}".rstrip() + f": {entry.reason}"
             for field, entry in self.entries.items()
@@ -46,16 +46,17 @@ class Part:
 
 
 def available_parts(kind: str = "") -> tuple[str, ...]:
-    """The names of the parts that come with the package; of one kind ("amplifier", "stack"), or all."""
+    """Return the names of the parts that come with the package; of one kind ("amplifier", "stack"), or
+    all."""
     names = sorted(file.stem for file in _PARTS.glob("*.toml"))
     return tuple(name for name in names if not kind or load_part(name).kind == kind)
 
 
 def load_part(name: str | os.PathLike[str]) -> Part:
-    """A part that comes with the package, or that of a TOML file, with its sources.
+    """Return a part that comes with the package, or from a TOML file, with its sources.
 
     Raises:
-        ParameterSetError: there is no such part, or the file is wrong; names file and field.
+        ParameterSetError: there is no such part, or the file is wrong; the message names file and field.
     """
     file = named_file(name, _PARTS, "part")
     with damaged(ParameterSetError, str(file)):

@@ -1,17 +1,18 @@
-r"""A piezo stack as its amplifier and its surroundings see it: a capacitance with losses, and heat.
+r"""Electrical and thermal model of a piezo stack: a capacitance with losses, and heat.
 
 .. math:: E(U) = \frac{\pi}{4} C \tan\delta \, m(U) \, U^2, \qquad
           m(U) = 1 + (M - 1) \frac{U}{U_{full}}, \qquad
           C_\vartheta \dot\vartheta = P - \frac{\vartheta - \vartheta_a}{R_\vartheta}
 
-E is what a cycle of swing U (peak to peak) loses. A data sheet's C and tan(delta) are of small signals; of a
-cycle of the full field their product is M = 7 to 10 times that [noliac2026], so that current and heat by the
-data sheet alone are wrong by an order of magnitude. Between, the loss tangent is taken to grow linearly with
-the field, as Rayleigh's law has it: an assumption. Loss within the stack's mechanics is not in it, nor what
-the leads and the amplifier lose.
+E is the energy lost in a cycle with the swing U (peak to peak). A data sheet's C and tan(delta) apply to
+small signals; in a cycle of the full field their product is M = 7 to 10 times larger [noliac2026], so current
+and heat from the data sheet alone are wrong by an order of magnitude. In between, the loss tangent is assumed
+to grow linearly with the field, as in Rayleigh's law. Mechanical losses and losses in leads and amplifier are
+not included.
 
-One temperature for the whole stack: right where its own resistance to heat is small beside that to its
-surroundings, as of a short one, or in still air; the core of a long stack that is cooled well is warmer.
+The whole stack has one temperature. This is valid if its internal thermal resistance is small compared with
+that to its surroundings, as for a short stack, or in still air; the core of a well-cooled long stack is
+warmer.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ TEMPERATURE = Quantity("K", "ϑ", "temperature", minimum=0)
 
 @record
 class Stack(NamedTuple):
-    """See the module. `capacitance` and `loss_tangent` are those of the data sheet, of small signals; the
-    current flows into `capacitance_factor` times that, which may be 1.5 [useurotek2026]."""
+    """Piezo stack: capacitance, losses and thermal data; see the module. `capacitance` and `loss_tangent` are
+    the small-signal values of the data sheet; the current flows into `capacitance_factor` times that
+    capacitance, which may be 1.5 [useurotek2026]."""
 
     capacitance: Annotated[float, Quantity("F", "C", "capacitance at small signals", above=0)]
     loss_tangent: Annotated[float, Quantity("", "tan δ", "loss tangent at small signals", minimum=0)]
@@ -49,12 +51,12 @@ class Stack(NamedTuple):
 
     @property
     def load(self) -> float:
-        """F, the capacitance that current flows into: what an amplifier has to charge."""
+        """Return the capacitance that an amplifier has to charge, F."""
         return self.capacitance * self.capacitance_factor
 
     @property
     def time_constant(self) -> float:
-        """s, of warming up"""
+        """Return the thermal time constant, s."""
         return self.thermal_resistance * self.heat_capacity
 
     def cycle_loss(self, swing: ArrayLike) -> Array:
@@ -92,15 +94,17 @@ class TemperatureDependence(NamedTuple):
                 )
 
     def gain_factor(self, temperature: float | str | ArrayLike) -> Array:
-        """The gain over that at the reference; raises QuantityError outside of the range."""
+        """Return the gain relative to that at the reference temperature; raise QuantityError outside the
+        range."""
         return 1.0 + self.gain * self._above(temperature)
 
     def capacitance_factor(self, temperature: float | str | ArrayLike) -> Array:
-        """The capacitance over that at the reference; raises QuantityError outside of the range."""
+        """Return the capacitance relative to that at the reference temperature; raise QuantityError outside
+        the range."""
         return 1.0 + self.capacitance * self._above(temperature)
 
     def _above(self, temperature: float | str | ArrayLike) -> Array:
-        """K above the reference."""
+        """Return the temperature difference from the reference, K."""
         kelvin = array_si(temperature, "K", "temperature")
         if not np.all((kelvin >= self.low) & (kelvin <= self.high)):
             worst = float(kelvin.flat[np.argmax(np.abs(kelvin - 0.5 * (self.low + self.high)))])

@@ -1,4 +1,4 @@
-"""A strain gauge on the piezo, with its bridge and conditioner [kang2007, eq. 4.1]."""
+"""Strain gauge on the piezo, with its bridge and conditioner [kang2007, eq. 4.1]."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Drift = Annotated[float, Quantity("V/√s", "d", "drift, a random walk", minimum
 @registry.sensors.add
 @record
 class StrainGauge(NamedTuple):
-    r"""Elongation in, voltage of the conditioner out, with a bandwidth, noise and drift.
+    r"""Strain gauge from elongation to the conditioner's voltage, with a bandwidth, noise and drift.
 
     .. math:: \Delta L = s\,(u + u_0)
     """
@@ -38,13 +38,13 @@ class StrainGauge(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Unit of the output."""
+        """Return the unit of the output."""
         return "V"
 
     def sense(
         self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
     ) -> NDArray[np.float64]:
-        """Its output [n], V, for the elongation [n], m, sampled at `sample_rate` Hz."""
+        """Return the sensor's output [n], V, for the elongation [n], m, sampled at `sample_rate` Hz."""
         ideal = position / self.sensitivity - self.offset
         clean = first_order(ideal, sample_rate, self.bandwidth)
         noise = white_noise(position.size, self.noise_density, sample_rate, random)

@@ -1,4 +1,4 @@
-"""Piezo models: what lies between the voltage and the free stroke of an actuator."""
+"""Piezo models: hysteresis and creep between the voltage and the free stroke of an actuator."""
 
 from .bouc_wen import BoucWen as BoucWen
 from .creep import Creep as Creep

@@ -3,12 +3,12 @@ r"""Bouc-Wen hysteresis between voltage and free stroke, of the order n = 1 [wen
 .. math:: H[u] = u - h, \qquad
           \dot h = \alpha \dot u - \beta |\dot u| h - \gamma \dot u |h|, \qquad y = C H[u]
 
-Rate-independent, smooth after a reversal, three numbers. Its loops are point-symmetric, and minor loops
-drift until they close [ikhouane2007], which those of a piezo do not: a Prandtl-Ishlinskii model predicts
-better where the amplitude changes. On each way of the drive h is an exponential of u on either side of 0, so
-that nothing is integrated.
+The model is rate-independent, smooth after a reversal, and has three parameters. Its loops are
+point-symmetric, and minor loops drift until they close [ikhouane2007], unlike those of a piezo: a
+Prandtl-Ishlinskii model predicts better if the amplitude changes. While the drive moves in one direction, h
+is an exponential of u on either side of 0, so no numerical integration is needed.
 
-|h| stays below α/(β + γ). With 2 α β < β + γ the stroke follows the drive on each way, so that H has an
+|h| stays below α/(β + γ). With 2 α β < β + γ the stroke increases with the drive, so that H has an
 inverse.
 """
 
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 @record
 class BoucWen(NamedTuple):
-    """Hysteresis of three numbers, the Bouc-Wen equation of order 1: see the module."""
+    """Bouc-Wen hysteresis of order 1 with three parameters; see the module."""
 
     alpha: Annotated[float, Quantity("", "α", "share of a change of the drive that h takes up", minimum=0)]
     beta: Annotated[float, Quantity("1/V", "β", "decay of h on any way of the drive", above=0)]
@@ -52,27 +52,28 @@ class BoucWen(NamedTuple):
 
     @property
     def least_slope(self) -> float:
-        """dH/du just after a reversal from large strokes."""
+        """Return dH/du just after a reversal at a large stroke."""
         return 1.0 - self.alpha * max(1.0, 2.0 * self.beta / (self.beta + self.gamma))
 
     def at_rest(self, drive: float) -> float:
-        """H [V] at a drive value [V] that was reached from 0 V, without turning back."""
+        """Return H [V] at a drive value [V] that was reached from 0 V without a reversal."""
         return float(self.output([drive], drive)[0])
 
     def output(self, drive: ArrayLike, rest: float | str = 0.0) -> Array:
-        """H[u] [V], shape (n,), of samples of a drive [V] between which it does not turn back.
+        """Return the output H[u] [V], shape (n,), for samples of a drive [V] without reversals between them.
 
         Args:
-            drive: shape (n,).
+            drive: V, shape (n,).
             rest: V at which it rested before the first sample, reached from 0 V.
 
         Raises:
-            QuantityError: a sample, or rest, is no finite voltage.
+            QuantityError: a sample, or `rest`, is not a finite voltage.
         """
         return output(self, drive, rest)
 
     def inverse(self, wanted: ArrayLike, rest: float | str = 0.0) -> Array:
-        """The drive [V], shape (n,), for which `output` is as wanted [V]. Raises QuantityError as that."""
+        """Return the drive [V], shape (n,), for which `output` equals `wanted` [V]. Raises QuantityError as
+        that."""
         w, at = samples(wanted, "wanted"), REST.check(rest, "rest")
         found = np.empty(w.size)
         rows = contiguous(w), at, rested(self, at), self.least_slope, doubles(found, "found", True)
@@ -88,13 +89,13 @@ def decay_of(of, h, up):
 
 
 def along_way(alpha, r, h, du):
-    """h after the drive has changed by du, as long as it keeps its sign."""
+    """Return h after the drive has changed by du, if h does not change its sign."""
     x = r * du
     return h * math.exp(-x) - (alpha * du * (math.expm1(-x) / x) if x != 0.0 else 0.0)
 
 
 def crossing(model, h, u, goal):
-    """The drive value between u and the goal at which h comes to 0; the goal if it does not."""
+    """Return the drive value between u and the goal at which h becomes 0; the goal if it does not."""
     up = 1.0 if goal > u else -1.0
     if h * up >= 0.0 or model.alpha == 0.0:
         return goal
@@ -105,7 +106,7 @@ def crossing(model, h, u, goal):
 
 
 def bent(model, h, u, goal):
-    """h after a way of the drive from u to the goal."""
+    """Return h after the drive has moved from u to the goal."""
     if goal == u:
         return h
     up = 1.0 if goal > u else -1.0
@@ -115,7 +116,7 @@ def bent(model, h, u, goal):
 
 
 def bouc_wen_slope(model, u, h, up):
-    """dh/du."""
+    """Return dh/du."""
     return model.alpha - decay_of(model, h, up) * h
 
 

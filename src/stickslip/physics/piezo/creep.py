@@ -1,11 +1,11 @@
-r"""Creep: Kelvin-Voigt terms, each a first-order lag; evenly spread over decades they are the logarithmic
-law.
+r"""Creep as a sum of Kelvin-Voigt terms, each a first-order lag; evenly spread over decades they give the
+logarithmic law.
 
 .. math:: y = C \Bigl( h + \sum_k a_k x_k \Bigr), \qquad \tau_k \dot x_k = h - x_k
 
-h [V] is the hysteresis' output. Of a step at t = 0, terms of equal share a that are d decades apart creep as
-:math:`1 + g \log_{10}(t/t_0)` between the first and the last time constant, with g = a/d: 0.01 to 0.02 for
-PZT stacks [pi2009]. Time constants beyond the length of a recording are not determined by it.
+h [V] is the output of the hysteresis. After a step at t = 0, terms of equal share a that are d decades apart
+creep as :math:`1 + g \log_{10}(t/t_0)` between the first and the last time constant, with g = a/d: 0.01 to
+0.02 for PZT stacks [pi2009]. A recording does not determine time constants beyond its duration.
 """
 
 from __future__ import annotations
@@ -26,15 +26,17 @@ from ...quantities.units import QuantityError, to_si
 
 Array = NDArray[np.float64]
 
-# Terms per decade of the logarithmic law, about: it then deviates from a straight line by 0.02 of g.
+# Approximate number of terms per decade of the logarithmic law, which then deviates from a straight line by
+# 0.02 of g.
 PER_DECADE = 2
-FEWEST = 2  # terms, for it takes two to show how far apart they are
+FEWEST = 2  # fewest terms: their spacing needs two
 
 
 @registry.piezos.add
 @record
 class Creep(NamedTuple):
-    """Lags that add to the stroke for seconds to hours, logarithmic or of one's own: see the module."""
+    """Creep of the stroke over seconds to hours by first-order lags, logarithmic or with given time
+    constants; see the module."""
 
     time_constants: Annotated[tuple[float, ...], Quantity("s", "τ_k", "time constant of each term", above=0)]
     shares: Annotated[tuple[float, ...], Quantity("", "a_k", "share of each term", minimum=0)]
@@ -50,20 +52,20 @@ class Creep(NamedTuple):
 
     @classmethod
     def logarithmic(cls, per_decade: float, begin: float | str = 0.1, end: float | str = 100.0) -> Creep:
-        """Logarithmic creep by `per_decade` (a share) from `begin` to `end`, s."""
+        """Return logarithmic creep by `per_decade` (a share) from `begin` to `end`, s."""
         times = spread(to_si(begin, "s", "begin"), to_si(end, "s", "end"))
         share = to_si(per_decade, "", "per_decade") * distance(times)
         return cls(tuple(times.tolist()), (share,) * times.size)
 
     @property
     def per_decade(self) -> float:
-        """Mean share per decade of time: the argument of `logarithmic`. A single term counts for half a
-        decade."""
+        """Return the mean share per decade of time: the argument of `logarithmic`. A single term counts for
+        half a decade."""
         return sum(self.shares) / len(self.shares) / distance(self.time_constants)
 
 
 def spread(begin: float, end: float) -> Array:
-    """Time constants [s], evenly over the decades between two times."""
+    """Return time constants [s] that are evenly spaced over the decades between two times."""
     if not 0.0 < begin < end < math.inf:
         raise QuantityError(f"creep from {begin:g} s to {end:g} s is out of range: 0 s < begin < end, finite")
     count = max(FEWEST, round(PER_DECADE * float(np.log10(end / begin))))
@@ -81,26 +83,27 @@ def distance(times: Sequence[float] | Array) -> float:
 
 
 class Lags(NamedTuple):
-    """Time constants as the engine takes them, s."""
+    """Time constants in the engine's form, s."""
 
     tau: Array
 
 
 def lag_change(tau, step, x, before, after):
-    """The change of a first-order lag x over a step, in which its input goes along a line; exact."""
+    """Return the exact change of the state x of a first-order lag over a step in which its input changes
+    linearly."""
     part = -math.expm1(-step / tau)
     return part * (before - x) + (after - before) * (1.0 - part * (tau / step))
 
 
 def struct_of(tau: Array, shares: Array) -> Any:
-    """Return the terms as the engine takes them; valid as long as the arrays live."""
+    """Return the terms as a C struct for the engine; it is valid as long as the arrays exist."""
     sized("shares", shares, tau.size)
     return ffi.new("struct lags *", (tau.size, doubles(tau, "time constants"), doubles(shares, "shares")))
 
 
 def relaxed(lags: Lags, times: Array, values: Array, x: Array, out: Array) -> None:
-    """Compute first-order lags of what is joined by lines, exactly: out[sample, lag], from the states x,
-    which become those at the end."""
+    """Compute first-order lags of a signal that is linear between samples, exactly, into out[sample, lag];
+    the states x are replaced by those at the end."""
     sized("x", x, lags.tau.size)
     sized("out", out, times.size * x.size)
     sized("values", values, times.size)
@@ -109,8 +112,8 @@ def relaxed(lags: Lags, times: Array, values: Array, x: Array, out: Array) -> No
 
 
 def before_creep(lags: Lags, times: Array, values: Array, shares: Array, x: Array, out: Array) -> None:
-    """Compute what creeps into `values` at the times: h of h + sum of shares x lags of h, joined by lines,
-    from the states x, which become those at the end."""
+    """Compute the input h of creep whose total is `values` at the times, into `out`: h plus the sum of shares
+    and lags of h. h is linear between samples, and the states x are replaced by those at the end."""
     sized("x", x, lags.tau.size)
     sized("out", out, times.size)
     sized("values", values, times.size)

@@ -1,15 +1,15 @@
-r"""Hysteresis of your own on the drive, in the form of Duhem [oh2005]: one function, dh/du.
+r"""User-defined hysteresis of the drive in Duhem's form [oh2005]: one function, dh/du.
 
 .. math:: H[u] = u - h, \qquad \frac{dh}{du} = s(u, h, \operatorname{sign} \dot u), \qquad y = C H[u]
 
-h [V] is what the hysteresis takes from the voltage u; it is 0 at 0 V at first. A model is a record and its
-slope s. Rate-independent: how fast the voltage moves does not matter, only where it turns. On each way h is
-integrated by Runge-Kutta's formula of fourth order, in steps that are halved until both halves agree with the
-whole. `BoucWen` is of this form too, and has its ways in closed form.
+h [V] is the hysteretic part that is subtracted from the voltage u; it is initially 0 at 0 V. A model is a
+record and its slope s. It is rate-independent: only the reversals of the voltage matter, not its speed.
+Between reversals h is integrated by the fourth-order Runge-Kutta formula, in steps that are halved until both
+halves agree with the whole. `BoucWen` is also of this form, with a closed-form solution.
 
-Valid where s is finite for every voltage that occurs; else h is NaN, and drives are refused. With s below 1
-the stroke follows each way. Models with more memory than one number (plays, Preisach's relays) have not this
-form.
+Valid if s is finite for every voltage that occurs; otherwise h is NaN, and drives are refused. With s below 1
+the stroke increases with the voltage. Models whose memory is more than one number (plays, Preisach's relays)
+do not have this form.
 """
 
 from __future__ import annotations
@@ -58,19 +58,20 @@ def register(
     way: Callable[..., Any] | None = None,
     corner: Callable[..., Any] | None = None,
 ) -> None:
-    """Make a record a piezo model, known by its name from then on.
+    """Register a record as a piezo model, which is then available by its name.
 
     Args:
         model_type: the record, a ``typing.NamedTuple``.
-        slope: ``slope(model, u, h, up) -> dh/du``, up being 1.0 or -1.0, a plain function. It runs
-            compiled where it can be, else as it is (see docs/extending.md).
-        way: ``way(model, h, u, goal) -> h`` after a way of the voltage from u to the goal, in closed form;
-            left out, the slope is integrated.
-        corner: ``corner(model, h, u, goal) -> u`` where h comes to 0 on that way, for a slope that jumps
-            there; the goal where it does not.
+        slope: ``slope(model, u, h, up) -> dh/du``, up being 1.0 or -1.0, a plain function. It is compiled if
+            possible (see docs/extending.md).
+        way: ``way(model, h, u, goal) -> h`` after the voltage has moved from u to the goal, in closed form;
+            by default, the slope is integrated.
+        corner: ``corner(model, h, u, goal) -> u`` at which h becomes 0 between u and the goal, for a slope
+            that jumps there; the goal if it does not.
 
     Raises:
-        TypeError: the record is no named tuple, or the arguments of a function have other names than above.
+        TypeError: the record is not a named tuple, or the arguments of a function have other names than
+            above.
     """
     name, made = model_type.__name__, _DuhemImplementation(slope, way, corner)
     if not hasattr(model_type, "_fields"):
@@ -84,7 +85,7 @@ def register(
 
 
 def is_duhem(candidate: object) -> bool:
-    """Return whether the object is a record registered here."""
+    """Return True if the object is a record registered here."""
     return type(candidate) in _IMPLEMENTATIONS
 
 
@@ -101,7 +102,7 @@ def _inputs(role: str) -> list[tuple[float, ...]]:
     return [(h, u, goal) for h in volts for u in volts for goal in volts]
 
 
-# The roles of a model in `struct duhem`, with their declarations there.
+# Functions of a model in `struct duhem`, with their declarations there.
 DUHEM = Interface(
     name="duhem",
     noun="piezo model",
@@ -120,7 +121,7 @@ DUHEM = Interface(
 
 
 class EngineModel:
-    """A model as the engine takes it."""
+    """A model in the engine's form."""
 
     def __init__(self, model: Any) -> None:
         self._law = law_of(model, interface=DUHEM)
@@ -131,7 +132,7 @@ class EngineModel:
         """Call a function of the engine with this model.
 
         Raises:
-            BaseException: whatever the model's function in Python has raised.
+            BaseException: the error that the model's Python function has raised.
         """
         if self._law.how != "python":
             return function(self._struct, *arguments)
@@ -141,29 +142,29 @@ class EngineModel:
 
 
 def duhem_response(model: Any, drive: Array, u: float, h: float, out: Array) -> None:
-    """Compute H at each sample, from the drive u and the state h on."""
+    """Compute H at each sample of the drive into `out`, starting from the drive u and the state h."""
     sized("out", out, drive.size)
     function, of = library().stickslip_duhem_response, EngineModel(model)
     of.call(function, drive.size, contiguous(drive), u, h, doubles(out, "out", True))
 
 
 def rested(model: Any, drive: float) -> float:
-    """h [V] at a drive value [V] that was reached from 0 V, without turning back."""
+    """Return h [V] at a drive value [V] that was reached from 0 V without a reversal."""
     found = np.empty(1)
     duhem_response(model, np.array([float(drive)]), 0.0, 0.0, found)
     return float(drive) - float(found[0])
 
 
 def output(model: Any, drive: ArrayLike, rest: float | str = 0.0) -> Array:
-    """H[u] [V], shape (n,), of samples of a drive [V] between which it does not turn back.
+    """Return the output H[u] [V], shape (n,), for samples of a drive [V] without reversals between them.
 
     Args:
         model: a registered record.
-        drive: shape (n,).
+        drive: V, shape (n,).
         rest: V at which it rested before the first sample, reached from 0 V.
 
     Raises:
-        QuantityError: a sample, or rest, is no finite voltage.
+        QuantityError: a sample, or `rest`, is not a finite voltage.
     """
     at, u = REST.check(rest, "rest"), samples(drive, "drive")
     found = np.empty(u.size)

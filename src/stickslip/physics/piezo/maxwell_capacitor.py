@@ -1,21 +1,22 @@
-r"""Maxwell slip with charge: the piezo as a two-port of voltage, charge, force and displacement.
+r"""Maxwell slip model with charge: the piezo as a two-port of voltage, charge, force and displacement.
 
 .. math:: u = \sum_i k_i E_{q_i}[q] + \frac{q - T y}{C_0}, \qquad
           F = T\,\frac{q - T y}{C_0}, \qquad q_i = v_i / k_i
 
 u is the voltage, q the charge, y the stroke, F the force of the ceramic and T its force per volt (the
 actuator's `drive_force_per_volt`) [goldfarb1997, eq. 5-9]. E_r is the stop operator of half-width r: an
-element takes voltage in proportion to the charge until v_i, and then slips. Between charge and force nothing
-is hysteretic, so an actuator that is driven by charge has no loop; under a voltage, what moves the stage
-moves charge as well, and the elements feel it.
+element takes voltage in proportion to the charge until v_i, and then slips. There is no hysteresis between
+charge and force, so an actuator under charge control has no loop. Under voltage control, a motion of the
+stage also moves charge and so acts on the elements.
 
-Driven by voltage the charge is a Prandtl-Ishlinskii operator of u + T y/C_0, with weights that follow from
-the k_i in closed form [krejci2001]:
+Under voltage control the charge is a Prandtl-Ishlinskii operator of u + T y/C_0, with weights that follow
+from the k_i in closed form [krejci2001]:
 
 .. math:: q = C_0 \left( e - \sum_j a_j E_{\rho_j}[e] \right), \qquad e = u + T y / C_0
 
-Rate-independent, without creep; no leakage, so that a charge stays for ever, where a real charge amplifier
-lets it go at low frequencies. Valid for voltages up to those that the elements are from.
+The model is rate-independent, without creep and without leakage: a charge remains without end, whereas a real
+charge amplifier loses it at low frequencies. It is valid for voltages up to those from which the elements
+were identified.
 """
 
 from __future__ import annotations
@@ -37,11 +38,12 @@ Array = NDArray[np.float64]
 @registry.piezos.add
 @record
 class MaxwellCapacitor(NamedTuple):
-    """Maxwell slip with charge, a two-port that feels the load: see the module.
+    """Maxwell slip model with charge: a two-port that reacts to the load; see the module.
 
-    `charge_drive`: the drive commands the charge, not the voltage, by the capacitance of
-    the free piezo, so that the stroke at rest is the gain times the command; where that jumps, the current
-    is infinite for an instant, which no sample of it shows."""
+    `charge_drive`: the drive commands the charge instead of the voltage, scaled by the capacitance of the
+    free piezo, so that the static stroke is the gain multiplied by the command. If the command jumps, the
+    current is infinite for an instant, which no sample shows.
+    """
 
     capacitance: Annotated[
         float, Quantity("F", "C_0", "of the blocked piezo, all elements slipping", above=0)
@@ -64,8 +66,8 @@ class MaxwellCapacitor(NamedTuple):
             )
 
     def stops(self) -> tuple[Array, Array]:
-        """Widths ρ_j [V] and shares a_j of the stop operators on e = u + T y/C_0, [elements]; where fields
-        are arrays of members, [elements, members]."""
+        """Return widths ρ_j [V] and shares a_j of the stop operators on e = u + T y/C_0, [elements]; if
+        fields are arrays of members, [elements, members]."""
         every = np.array(np.broadcast_arrays(*self.stiffnesses, *self.breakaways, self.capacitance))
         n = len(self.stiffnesses)
         k, v, c_0 = every[:n], every[n:-1], every[-1]
@@ -75,7 +77,7 @@ class MaxwellCapacitor(NamedTuple):
 
     @property
     def operators(self) -> Operators:
-        """Plays of the charge [C]: the voltage across the elements is Σ k_i q less their output."""
+        """Return plays of the charge [C]: the voltage across the elements is Σ k_i q minus their output."""
         k, v, none = np.array(self.stiffnesses), np.array(self.breakaways), np.zeros(0)
         return Operators(v / k, k, none, none, none)
 
@@ -90,11 +92,11 @@ class MaxwellCapacitor(NamedTuple):
         """Return the two-port whose unloaded stage follows a slow voltage like the plays.
 
         Args:
-            plays: one of threshold 0 among them, without dead zones, with weights that sum to 1 (the gain is
+            plays: including one with threshold 0, without dead zones, with weights that sum to 1 (the gain is
                 then that of large strokes).
             capacitance: C_0, F.
-            gain: m/V, of the actuator.
-            stiffness: N/m, of piezo and stage together.
+            gain: gain of the actuator, m/V.
+            stiffness: stiffness of piezo and stage together, N/m.
 
         Raises:
             QuantityError: the plays are not of this form, or the gain or stiffness is not above 0.
@@ -112,8 +114,8 @@ class MaxwellCapacitor(NamedTuple):
             raise QuantityError(
                 f"capacitance = {farad} F, gain = {gain} m/V and stiffness = {stiffness} N/m must be > 0"
             )
-        slope = np.cumsum(w)  # of the plays on their first way, between the thresholds
-        wanted = np.cumsum(np.diff(r) * slope[:-1])  # their output where each is taken along
+        slope = np.cumsum(w)  # of the plays on the initial curve, between the thresholds
+        wanted = np.cumsum(np.diff(r) * slope[:-1])  # their output where each starts to move
         charge = farad + gain**2 * stiffness  # charge per volt of the plays' output
         lost = -np.diff(1.0 / slope)
         return cls(

@@ -1,4 +1,4 @@
-"""A piezo between voltage and free stroke: hysteresis at once, then creep."""
+"""Piezo model between voltage and free stroke: hysteresis, which acts at once, then creep."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from .maxwell_capacitor import MaxwellCapacitor
 class Piezo(NamedTuple):
     """Model of a piezo: hysteresis of the drive, then creep.
 
-    `hysteresis` is a `PrandtlIshlinskii`, `BoucWen`, `MaxwellCapacitor` or your own model, `creep` a `Creep`;
-    None leaves out either. The stroke at rest is the actuator's gain times the result.
+    `hysteresis` is a `PrandtlIshlinskii`, `BoucWen`, `MaxwellCapacitor` or a user's model, `creep` a `Creep`;
+    None leaves it out. The static stroke is the actuator's gain multiplied by the result.
     """
 
     hysteresis: Any = None
@@ -39,7 +39,8 @@ class Piezo(NamedTuple):
             raise QuantityError("Piezo.creep is not part of a MaxwellCapacitor: leave it out")
 
     def resting_at(self, wanted: float) -> float:
-        """The voltage [V], reached from 0 V, at which both give `wanted` [V] for ever."""
+        """Return the voltage [V], reached from 0 V, at which hysteresis and creep together finally give
+        `wanted` [V]."""
         share = 1.0 + (sum(self.creep.shares) if self.creep is not None else 0.0)
         level = wanted / share
         return level if self.hysteresis is None else float(self.hysteresis.inverse([level])[0])

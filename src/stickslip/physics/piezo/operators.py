@@ -1,15 +1,15 @@
-r"""Play operators and dead zones on samples: their response, and the drive that gives a wanted one.
+r"""Play operators and dead zones on samples: their response and its inverse.
 
 .. math:: z_i(t) = \max\bigl(v - r_i, \min(v + r_i, z_i(t^-))\bigr), \qquad
           H[u] = \sum_i w_i z_i + \sum_j c_j \max(u - s_j, 0)
 
-A play stands still until v has turned back by 2 r_i [krejci2001; kuhnen2003]; v is the drive u, or skewed,
+After a reversal a play does not move until v has returned by 2 r_i [krejci2001; kuhnen2003]; v is the drive
+u, or the skewed drive
 
 .. math:: v = u + \sum_j d_j \bigl(\max(u - s_j, 0) - \max(-s_j, 0)\bigr),
 
-so that loops differ in width between low and high voltage. Both sums grow with u on each way, so that H has
-an inverse on any history: between the points where a play is taken along, or a dead zone ends, it is a
-straight line.
+so that loops differ in width between low and high voltage. Both sums increase with u, so H has an inverse for
+any history: between the points at which a play starts to move, or a dead zone ends, it is linear.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ REST = Quantity("V", "u", "voltage at which it rested")
 
 
 class Operators(NamedTuple):
-    """Operators as the engine takes them.
+    """Play operators and dead zones in the engine's form.
 
-    Thresholds r [V] and weights w of the plays; ends s [V], ascending, slopes c and skews d of the dead
-    zones.
+    Fields: thresholds r [V] and weights w of the plays; ends s [V], ascending, slopes c and skews d of the
+    dead zones.
     """
 
     threshold: Array
@@ -45,10 +45,10 @@ class Operators(NamedTuple):
 
 
 def samples(values: ArrayLike, field: str) -> Array:
-    """Samples [n] in V, numbers or what has units.
+    """Return samples [n] in V from numbers or from values with units.
 
     Raises:
-        QuantityError: another unit, no list of numbers, or one that is not finite.
+        QuantityError: another unit, not a list of numbers, or a number that is not finite.
     """
     volts = np.ascontiguousarray(array_si(values, "V", field))
     if volts.ndim != 1:
@@ -60,7 +60,7 @@ def samples(values: ArrayLike, field: str) -> Array:
 
 
 def play(v, r, z):
-    """The state of a play of half-width r for what it sees, v, from the state z."""
+    """Return the new state of a play of half-width r for the input v, from its state z."""
     return max(v - r, min(v + r, z))
 
 
@@ -70,24 +70,24 @@ def beyond(u, s):
 
 
 def struct_of(plays: Operators) -> Any:
-    """Return the operators as the engine takes them; valid as long as their arrays live."""
+    """Return the operators as a C struct for the engine; it is valid as long as their arrays exist."""
     threshold, weight, zone, slope, skew = (doubles(row, "operators") for row in plays)
     sizes = plays.threshold.size, plays.zone.size
     return ffi.new("struct plays *", (*sizes, threshold, weight, zone, slope, skew))
 
 
 def skewed(plays: Operators, u: float) -> float:
-    """Return v, what the plays see of the drive value u."""
+    """Return v, the input of the plays, for the drive value u."""
     return library().stickslip_plays_skewed(struct_of(plays), u)
 
 
 def unskewed(plays: Operators, v: float) -> float:
-    """Return the drive value u of which plays see v."""
+    """Return the drive value u for which the input of the plays is v."""
     return library().stickslip_plays_unskewed(struct_of(plays), v)
 
 
 def response(plays: Operators, drive: Array, z: Array, out: Array) -> None:
-    """Compute H at each sample of a drive, from the states z, which become those at the end."""
+    """Compute H at each sample of a drive into `out`; the states z are replaced by those at the end."""
     sized("z", z, plays.threshold.size)
     sized("out", out, drive.size)
     arrays = contiguous(drive), doubles(z, "z", True), doubles(out, "out", True)
@@ -95,7 +95,8 @@ def response(plays: Operators, drive: Array, z: Array, out: Array) -> None:
 
 
 def states(plays: Operators, drive: Array, z: Array, out: Array) -> None:
-    """Compute the state of each play at each sample, out[sample, play]."""
+    """Compute the state of each play at each sample of a drive, into out[sample, play]; z are replaced by
+    those at the end."""
     sized("z", z, plays.threshold.size)
     sized("out", out, drive.size * z.size)
     arrays = contiguous(drive), doubles(z, "z", True), doubles(out, "out", True)
@@ -103,8 +104,8 @@ def states(plays: Operators, drive: Array, z: Array, out: Array) -> None:
 
 
 def inverse(plays: Operators, wanted: Array, u: float, z: Array, out: Array) -> None:
-    """Compute the drive [V] at which H is as wanted at each sample, from the drive u and the states z on; NaN
-    where none gives it."""
+    """Compute the drive [V] at which H equals `wanted` at each sample, into `out`, starting from the drive u
+    and the states z; NaN if no drive gives it."""
     sized("z", z, plays.threshold.size)
     sized("out", out, wanted.size)
     arrays = doubles(z, "z", True), doubles(out, "out", True)

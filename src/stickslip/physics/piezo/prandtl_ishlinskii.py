@@ -1,16 +1,17 @@
-r"""Prandtl-Ishlinskii hysteresis, with dead zones for what differs between low and high voltage.
+r"""Prandtl-Ishlinskii hysteresis, with dead zones for differences between low and high voltage.
 
 .. math:: H[u] = \sum_i w_i P_{r_i}[v] + \sum_j c_j \max(u - s_j, 0), \qquad
           v = u + \sum_j d_j \bigl(\max(u - s_j, 0) - \max(-s_j, 0)\bigr), \qquad y = C H[u]
 
-P_r is the play operator of half-width r (see `operators`); with skews d_j it sees the voltage bent, so that
-loops are wider at one end [kuhnen2003 bends what comes out]. With weights that are not negative, loops and
-minor loops close as those of a piezo do, and H has an inverse in closed form [krejci2001; kuhnen2003].
-Rate-independent; loops are congruent and, without dead zones, point-symmetric. In the literature the dead
-zones follow the plays; here they are beside them, which leaves the weights linear in a fit.
+P_r is the play operator of half-width r (see `operators`); with skews d_j its input is a nonlinear function
+of the voltage, so that loops are wider at one end (in [kuhnen2003] the output is nonlinear). With
+non-negative weights, loops and minor loops close like those of a piezo, and H has an inverse in closed form
+[krejci2001; kuhnen2003]. The model is rate-independent; loops are congruent and, without dead zones,
+point-symmetric. In the literature the dead zones follow the plays; here they are in parallel, which leaves
+the weights linear in a fit.
 
-Valid at temperatures and preloads near those of the recordings that it is from, and for voltages within
-theirs: beyond the largest threshold nothing further turns.
+Valid at temperatures, preloads and voltages near those of the recordings from which it was identified: beyond
+the largest threshold no further play reverses.
 """
 
 from __future__ import annotations
@@ -31,10 +32,12 @@ Array = NDArray[np.float64]
 @registry.piezos.add
 @record
 class PrandtlIshlinskii(NamedTuple):
-    """Plays and dead zones in parallel, the inverse in closed form: see the module.
+    """Prandtl-Ishlinskii hysteresis: plays and dead zones in parallel, with an inverse in closed form; see
+    the module.
 
-    Weights and slopes are shares of the actuator's gain; that of threshold 0 follows the
-    drive without hysteresis, so it must be there for the inverse to be smooth."""
+    Weights and slopes are shares of the actuator's gain; the play with threshold 0 follows the drive without
+    hysteresis and is needed for a smooth inverse.
+    """
 
     thresholds: Annotated[tuple[float, ...], Quantity("V", "r_i", "half-width of each play", minimum=0)]
     weights: Annotated[tuple[float, ...], Quantity("", "w_i", "share of each play", minimum=0)]
@@ -75,42 +78,42 @@ class PrandtlIshlinskii(NamedTuple):
 
     @property
     def least_slope(self) -> float:
-        """dH/du just after a reversal, at the voltage where it is least."""
+        """Return dH/du just after a reversal, at the voltage at which it is least."""
         at_once = self.weights[0] if self.thresholds[0] == 0.0 else 0.0
         return float(np.min(at_once * self._shares + np.cumsum((0.0, *self.slopes))))
 
     @property
     def _shares(self) -> Array:
-        """dv/du before the first dead zone, and beyond each."""
+        """Return dv/du before the first dead zone, and beyond each."""
         return np.cumsum((1.0, *(self.skews or (0.0,) * len(self.dead_zones))))
 
     @property
     def operators(self) -> Operators:
-        """Thresholds, weights and slopes of the operators as arrays [V, -]."""
+        """Return thresholds, weights and slopes of the operators as arrays [V, -]."""
         skews = self.skews or (0.0,) * len(self.dead_zones)
         rows = (self.thresholds, self.weights, self.dead_zones, self.slopes, skews)
         return Operators(*(np.array(row, dtype=float) for row in rows))
 
     def rested(self, drive: float) -> Array:
-        """The states z [V] at a drive value [V] that was reached from 0 V, without turning back."""
+        """Return the states z [V] at a drive value [V] that was reached from 0 V without a reversal."""
         return rested(np.array(self.thresholds), skewed(self.operators, float(drive)))
 
     def corners(self, drive: float, up: float) -> Array:
-        """The voltages [V] at which plays are taken along, from that one in the direction `up` (1.0, -1.0),
-        to which it came from 0 V without turning back, and those where dead zones end."""
+        """Return the voltages [V] at which plays start to move or dead zones end, when the drive moves on in
+        the direction `up` (1.0, -1.0) from `drive`, which it reached from 0 V without a reversal."""
         plays = self.operators
         along = [unskewed(plays, v) for v in self.rested(drive) + up * plays.threshold]
         return np.append(along, plays.zone)
 
     def output(self, drive: ArrayLike, rest: float | str = 0.0) -> Array:
-        """H[u] [V], shape (n,), of samples of a drive [V] between which it does not turn back.
+        """Return the output H[u] [V], shape (n,), for samples of a drive [V] without reversals between them.
 
         Args:
-            drive: shape (n,).
+            drive: V, shape (n,).
             rest: V at which it rested before the first sample, reached from 0 V.
 
         Raises:
-            QuantityError: a sample, or rest, is no finite voltage.
+            QuantityError: a sample, or `rest`, is not a finite voltage.
         """
         u, at = samples(drive, "drive"), REST.check(rest, "rest")
         found = np.empty(u.size)
@@ -118,11 +121,11 @@ class PrandtlIshlinskii(NamedTuple):
         return found
 
     def at_rest(self, drive: float) -> float:
-        """H [V] at a drive value [V] that was reached from 0 V, without turning back."""
+        """Return H [V] at a drive value [V] that was reached from 0 V without a reversal."""
         return float(self.output([drive], drive)[0])
 
     def inverse(self, wanted: ArrayLike, rest: float | str = 0.0) -> Array:
-        """The drive [V], shape (n,), for which `output` is as wanted [V].
+        """Return the drive [V], shape (n,), for which `output` equals `wanted` [V].
 
         Raises:
             QuantityError: no drive gives it, or as `output`.
@@ -137,5 +140,5 @@ class PrandtlIshlinskii(NamedTuple):
 
 
 def rested(thresholds: Array, drive: float) -> Array:
-    """The states of plays [V] for what they see of a drive [V] that came from 0 V without turning back."""
+    """Return the states of plays [V] for an input `drive` [V] that came from 0 V without a reversal."""
     return np.sign(drive) * np.maximum(abs(drive) - thresholds, 0.0)
