@@ -1,4 +1,5 @@
-"""A lab's history: an index of the recordings and fits in a folder; the files stay the truth."""
+"""History of a laboratory: an index of the recordings and fits in a folder; the files remain the source of
+truth."""
 
 from .acts import note_act as note_act
 from .acts import read_acts as read_acts

@@ -1,4 +1,4 @@
-"""Acts on the runs of a folder that leave no file of their own: exports, renamings, drives sent."""
+"""Log of acts on the runs of a folder that leave no file themselves: exports, renamings, drives sent."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from ..gate.files import opened
 from ..gate.text import load_json
 from .storable import storable
 
-FILE = "acts.jsonl"  # in the folder: one line an act, in plain words
-MOST_BYTES = 8_000_000  # bytes that are read, the last of the file: 60,000 acts
-_FIELDS = ("time", "act", "name", "was", "of", "file", "drive", "kind")  # of an act, all of them texts
+FILE = "acts.jsonl"  # in the folder: one JSON line for each act
+MOST_BYTES = 8_000_000  # number of bytes that are read, from the end of the file: 60,000 acts
+_FIELDS = ("time", "act", "name", "was", "of", "file", "drive", "kind")  # fields of an act, all of them texts
 
 
 def note_act(folder: Path, act: str, name: str, **more: Any) -> dict[str, Any]:
-    """Write down an act on a run; `more` is kept with it.
+    """Append an act on a run to the folder's log, with the fields in `more`, and return it.
 
     Raises:
         OSError: the folder cannot be written.
@@ -31,7 +31,7 @@ def note_act(folder: Path, act: str, name: str, **more: Any) -> dict[str, Any]:
     time = datetime.now(UTC).isoformat(timespec="seconds")
     line = storable({"time": time, "act": act, "name": name, **more})
     path = folder / FILE
-    if path.is_symlink() or (path.exists() and not path.is_file()):  # a pipe would keep who writes waiting
+    if path.is_symlink() or (path.exists() and not path.is_file()):  # writing to a pipe would block
         raise FileExistsError(errno.EEXIST, "no plain file", str(path))
     with path.open("a", encoding="utf-8") as file:
         file.write(json.dumps(line, ensure_ascii=False) + "\n")
@@ -43,9 +43,10 @@ _READING = threading.Lock()
 
 
 def read_acts(folder: Path) -> list[dict[str, Any]]:
-    """Return the acts, the oldest first, with the names that the runs have now; damaged lines are left out,
-    and so are all but the last `MOST_BYTES` of the file. While the file cannot be read for now, they are
-    those that were known before.
+    """Return the acts, oldest first, with the present names of the runs.
+
+    Damaged lines are left out, and so are all but the last `MOST_BYTES` of the file. If the file cannot be
+    read at the moment, the last known acts are returned.
     """
     path = folder / FILE
     with _READING:
@@ -65,7 +66,7 @@ def read_acts(folder: Path) -> list[dict[str, Any]]:
 
 
 def present_names(acts: Iterable[dict[str, Any]]) -> dict[str, str]:
-    """Return the present names of runs that were renamed, by each name that they had; of `read_acts`."""
+    """Return the present names of renamed runs, by each earlier name, from the result of `read_acts`."""
     found: dict[str, str] = {}
     for one in acts:
         if one["act"] == "renamed":
@@ -82,7 +83,7 @@ def _acts_of(path: Path) -> list[dict[str, Any]]:
 
 
 def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
-    """Return the acts that lines tell."""
+    """Return the acts in lines of a file."""
     found = []
     for line in filter(None, lines):
         try:
@@ -91,14 +92,14 @@ def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
             texts = ["act", "name", *(["was"] if one["act"] == "renamed" else [])]
             if all(isinstance(one[key], str) for key in texts):
                 found.append({key: one[key] for key in _FIELDS if isinstance(one.get(key), str)})
-        except (ValueError, TypeError, LookupError):  # no act
+        except (ValueError, TypeError, LookupError):  # not an act
             continue
     return found
 
 
 def _with_present_names(acts: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return acts, each with the name that its run has after all renamings that follow."""
-    later: dict[str, str] = {}  # name -> name after the acts that were seen: from the last one backwards
+    """Return acts, each with the name that its run has after all later renamings."""
+    later: dict[str, str] = {}  # name -> present name, collected from the last act backwards
     found = []
     for one in reversed(acts):
         was = str(one["name"])

@@ -1,4 +1,4 @@
-"""Two or more runs side by side: what differed, and their channels on one clock."""
+"""Comparison of two or more runs: their differences, and their channels on one clock."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ..gate.text import load_json
 from ..recording import RecordingError
 from ..recording.shown_drive import drive_begins
 
-TRIGGER, DRIVE = "trigger", "begin of the drive"  # possible zeros of a clock, the better first
+TRIGGER, DRIVE = "trigger", "begin of the drive"  # possible zeros of a clock, the preferred one first
 
 
 def differences(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """Return what differs between rows of an index: name -> one value per row; None without a value.
+    """Return the differences between rows of an index: name -> one value per row; None without a value.
 
-    Settings are taken apart: ``variables.voltage``, ``capture.interval``.
+    Settings are compared one by one: ``variables.voltage``, ``capture.interval``.
     """
     flat = flat_rows(rows)
     names = dict.fromkeys(name for one in flat for name in one if name not in _ALWAYS)
@@ -28,7 +28,7 @@ def differences(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
 
 
 def flat_rows(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Each row with its settings taken apart."""
+    """Return each row with its settings as separate columns."""
     return [_flat({**row, "settings": json.loads(row.get("settings") or "{}")}) for row in rows]
 
 
@@ -48,27 +48,27 @@ def _flat(content: Any, name: str = "") -> dict[str, Any]:
 class Zero(NamedTuple):
     """Zero of the clock of a compared recording.
 
-    `time` [s] of its own clock at which `event` happened; "" for a recording without one, whose clock stays
-    as it is.
+    `time` [s] is the time of `event` on the recording's own clock; without an event ("") the clock is
+    unchanged.
     """
 
     time: float
     event: str
-    triggered: bool  # whether it was recorded with a trigger
+    triggered: bool  # it was recorded with a trigger
 
 
 def common_zeros(recordings: Sequence[xr.Dataset]) -> list[Zero]:
     """Return the zero of each clock, so that simultaneous events coincide.
 
-    All start at the same event if they have one: that event of the first which most of the others have too.
-    Only recordings with that zero are compared with the first: see `comparable`.
+    All use the same event if possible: an event of the first recording that most of the others have too. Only
+    recordings with that zero are compared with the first: see `comparable`.
     """
     known = [_events(one) for one in recordings]
 
     def shared(event: str) -> int:
         return sum(event in one for one in known) if event in known[0] else -1
 
-    common = max((TRIGGER, DRIVE), key=shared)  # the first of equals
+    common = max((TRIGGER, DRIVE), key=shared)  # the first of equal ones
     zeros = []
     for one in known:
         event = common if common in one else next(iter(one), "")
@@ -77,26 +77,26 @@ def common_zeros(recordings: Sequence[xr.Dataset]) -> list[Zero]:
 
 
 def comparable(zeros: Sequence[Zero]) -> list[bool]:
-    """Return whether each recording has the same zero as the first; differences between other clocks mean
-    nothing."""
+    """Return True for each recording with the same zero as the first; differences between other clocks are
+    meaningless."""
     return [zero.event != "" and zero.event == zeros[0].event for zero in zeros]
 
 
 def _events(recording: xr.Dataset) -> dict[str, float]:
-    """Return the events that a clock may start at, and their times [s], the better first."""
+    """Return the events that can be the zero of a clock, with their times [s], the preferred one first."""
     capture = _capture(recording)
     before, triggered = capture.get("pre_trigger", 0.0), bool(capture.get("trigger"))
     found = {TRIGGER: float(before)} if triggered else {}
     begins = drive_begins(recording)
     if begins is None and capture and not triggered:
-        begins = before  # by the capture's own words, see `rig.Capture`
+        begins = before  # from the capture's own data, see `rig.Capture`
     if begins is None and ("model" in recording.attrs or recording.attrs.get("source") == "simulation"):
         begins = float(recording["time"][0]) if "drive_voltage" in recording else None
     return found if begins is None else {**found, DRIVE: float(begins)}
 
 
 def _capture(recording: xr.Dataset) -> dict[str, Any]:
-    """The capture that a rig recorded it with; nothing for somebody's own file, or where it is damaged."""
+    """Return the settings of the rig's capture; empty for a user's own file, or if they are damaged."""
     try:
         found = load_json(str(recording.attrs.get("capture") or "{}"), "capture")
         float(found.get("pre_trigger", 0.0))
@@ -106,13 +106,14 @@ def _capture(recording: xr.Dataset) -> dict[str, Any]:
 
 
 def on_one_clock(recordings: Sequence[xr.Dataset], channel: str) -> xr.Dataset:
-    """A channel of several recordings at the times of the first, as far as all of them go.
+    """Return a channel of several recordings at the times of the first, within the times of all.
 
     Returns:
-        over "time" [s] and "run": the channel, and `difference` of each from the first, in its unit.
+        Dataset over "time" [s] and "run": the channel, and `difference` of each from the first, in its unit.
 
     Raises:
-        RecordingError: one has no such channel, or it has another unit, or they have no time in common.
+        RecordingError: a recording lacks the channel or has another unit, or the recordings have no time in
+            common.
     """
     for one in recordings:
         if channel not in one:

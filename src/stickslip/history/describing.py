@@ -22,18 +22,18 @@ from .storable import links_of, storable
 
 RECORDINGS = (".nc", ".csv", ".mat", ".npz", ".npy", ".tsv", ".txt", ".mf4")
 
-MOST_LISTED = 50  # values of a list that an entry holds
+MOST_LISTED = 50  # largest number of values of a list in an entry
 
-NOTE, LINKS = "notes.json", "links.json"  # in a fit's folder: somebody's words, and what it was made of
+NOTE, LINKS = "notes.json", "links.json"  # in a fit's folder: the user's notes, and the recordings of the fit
 NOTES = (NOTE, LINKS)
 
 
 def described(recording: xr.Dataset) -> dict[str, Any]:
-    """The columns of a recording, but for its name and size.
+    """Return the columns of a recording for the index, except its name and size.
 
-    `settings` is what makes it: drive, capture, limits, variables of the experiment, the actuator as the file
-    says it, and what a virtual rig says of its contact in that run; of what no rig recorded, where it is
-    from, a file that was taken in by its name.
+    `settings` are drive, capture, limits, variables of the experiment, the actuator as in the file, and data
+    of a virtual rig on its contact in that run. For a recording from a user's file, they contain the name of
+    that file.
     """
     attrs = {str(name): value for name, value in recording.attrs.items()}
     time = recording["time"].values
@@ -67,13 +67,13 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
 
 
 def described_fit(path: Path) -> dict[str, Any]:
-    """Return the columns of a fit from its results.json, and, of the panel, what was asked for.
+    """Return the columns of a fit from its results.json, and from the request of the panel, if there is one.
 
     `links` are the recordings that it was made from, those that verified it, and steps of the stage.
 
     Raises:
         GateError: a file of the folder cannot be read, or leads out of it.
-        RecordingError: a file of the folder is not as it must be.
+        RecordingError: a file of the folder is not valid.
     """
     results, state, linked, said = (
         _mapping(path.parent, name) for name in (path.name, "shown.json", LINKS, NOTE)
@@ -141,7 +141,7 @@ def _outcome(phase: str, failures: Any) -> str:
 
 
 def _brief(value: Any) -> Any:
-    """Return a value; for long lists only their length and a checksum."""
+    """Return a value; a long list is replaced by its length and a checksum."""
     if isinstance(value, dict):
         return {key: _brief(one) for key, one in value.items()}
     if isinstance(value, list) and len(value) > MOST_LISTED:
@@ -157,7 +157,7 @@ def _read(text: object) -> Any:
 
 
 def described_set(path: Path) -> dict[str, Any]:
-    """The columns of a parameter set that a fit was saved as; `links` is that fit."""
+    """Return the columns of a parameter set that was saved from a fit; `links` is that fit."""
     found = load_set(path)
     entries = found.entries()
     fits = {one.source.removeprefix("fit ") for one in entries.values() if one.source.startswith("fit ")}
@@ -177,7 +177,7 @@ def annotate(
     tags: list[str] | None = None,
     read: Callable[[Path], xr.Dataset] = open_recording,
 ) -> None:
-    """Change the notes or the tags that a recording, or the folder of a fit, keeps; all of it or nothing.
+    """Change the notes or tags of a recording, or of the folder of a fit, completely or not at all.
 
     Raises:
         RecordingError, GateError: it is neither a .nc file nor a fit, or cannot be read.

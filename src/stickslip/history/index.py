@@ -24,20 +24,20 @@ COLUMNS = (
     "outcome", "seconds", "samples", "channels", "settings", "links", "problem",
 )  # fmt: skip
 _NUMBERS = {"changed": "REAL", "bytes": "INTEGER", "seconds": "REAL", "samples": "INTEGER"}
-TEXTS = tuple(column for column in COLUMNS if column not in _NUMBERS)  # what a search looks at
+TEXTS = tuple(column for column in COLUMNS if column not in _NUMBERS)  # columns that a search examines
 _FOLDER = ".stickslip"
-READING = 20.0  # s in which a request of a page reads new files; one file may take another `STUCK` times 8 s
+READING = 20.0  # s in which a page's request reads new files; one file may take `STUCK` times 8 s more
 
 
 class Index:
-    """The recordings and fits of a folder and of those in it; hidden ones are left out.
+    """Index of the recordings and fits of a folder and its subfolders; hidden ones are left out.
 
     Args:
-        folder: the lab's.
-        read: the process that reads files; left out, one of its own.
+        folder: folder of the laboratory.
+        read: process that reads files; by default a new one.
 
     Raises:
-        OSError: the folder is missing. (Where it cannot be written, the index is kept in memory.)
+        OSError: the folder is missing. (If it cannot be written, the index is kept in memory.)
     """
 
     def __init__(self, folder: str | os.PathLike[str], read: Reader | None = None) -> None:
@@ -45,7 +45,7 @@ class Index:
         if not self.folder.is_dir():
             said = "is a file, not a folder" if self.folder.exists() else "there is no such folder"
             raise NotADirectoryError(20, f"{said}; name the folder of your recordings", str(folder))
-        self.patience = math.inf  # s in which one question reads new files; others are listed as not read yet
+        self.patience = math.inf  # s in which a query reads new files; others are listed as not read yet
         self._own = Reader() if read is None else None
         self._read: Reader = read or self._own  # type: ignore[assignment]
 
@@ -56,7 +56,7 @@ class Index:
         self.close()
 
     def close(self) -> None:
-        """End the process that reads."""
+        """End the process that reads files."""
         if self._own is not None:
             self._own.close()
 
@@ -79,7 +79,7 @@ class Index:
                 raise ValueError(f"there is no column {column!r}; there are {', '.join(COLUMNS)}")
         try:
             rows = self._found(search, equal)
-        except (sqlite3.DatabaseError, ValueError, RecursionError):  # damaged somewhere inside
+        except (sqlite3.DatabaseError, ValueError, RecursionError):  # some damage in the file
             self.rebuild()
             rows = self._found(search, equal)
         acts = read_acts(self.folder)
@@ -94,7 +94,7 @@ class Index:
         return rows
 
     def _found(self, search: str, equal: dict[str, str]) -> list[dict[str, Any]]:
-        """Return the rows of `rows`, as the index has them, links as a mapping."""
+        """Return the rows for `rows` from the table, with links as a mapping."""
         with closing(self._opened()) as database:
             self._update(database)
             where, given = ["1"], list[str]()
@@ -106,7 +106,7 @@ class Index:
                     "instr(lower(" + " || ' ' || ".join(f"coalesce({c}, '')" for c in TEXTS) + "), ?)"
                 )
                 given.append(storable_text(word.lower()))
-            # Start of a run; for somebody's own file, its last change.
+            # Start of a run; for a user's own file, its last change.
             made = "coalesce(CAST(strftime('%s', nullif(begun, '')) AS REAL), changed)"
             chosen = (
                 f"SELECT * FROM runs WHERE {' AND '.join(where)} ORDER BY {made} DESC, changed DESC, name"
@@ -115,7 +115,7 @@ class Index:
         return [{**row, "links": json.loads(row["links"] or "{}")} for row in rows]
 
     def binned(self) -> list[str]:
-        """Names of what is in the bin, the last one first."""
+        """Return the names in the bin, the latest first."""
         root = self.folder / BIN
         moved = [path.parent for path in root.rglob("results.json")]
         moved += [p for p in root.rglob("*") if p.is_file() and not any(p.is_relative_to(m) for m in moved)]
@@ -125,10 +125,10 @@ class Index:
         ]
 
     def restore(self, name: str) -> str:
-        """Take something out of the bin again; its name, which nothing else has.
+        """Restore an entry from the bin, and return its name, which is unused.
 
         Raises:
-            ValueError: there is no such thing in the bin, or another one has its place.
+            ValueError: there is no such entry in the bin, or another one has its place.
         """
         root = self.folder / BIN
         if name not in self.binned():
@@ -141,7 +141,7 @@ class Index:
         return name
 
     def to_bin(self, name: str) -> Path:
-        """Move a file, or a fit's folder, to the bin, `.bin` in the folder; where it is now.
+        """Move a file, or a fit's folder, to the bin (`.bin` in the folder), and return its new path.
 
         Raises:
             ValueError: there is no such run.
@@ -155,7 +155,7 @@ class Index:
     def _opened(self) -> sqlite3.Connection:
         path = self.folder / _FOLDER / "runs.sqlite"
         columns = ", ".join(f"{one} {_NUMBERS.get(one, 'TEXT')}" for one in COLUMNS)
-        # A link that leads elsewhere would have another program's database changed.
+        # A link that leads elsewhere would change another program's database.
         own = not path.is_symlink() and not path.parent.is_symlink()
         for place in ((str(path), str(path)) if own else ()) + (":memory:",):
             try:
@@ -169,14 +169,14 @@ class Index:
                 database.execute(f"PRAGMA user_version = {VERSION}")
                 database.commit()
                 return database
-            except (sqlite3.DatabaseError, OSError):  # damaged, or a folder that cannot be written
+            except (sqlite3.DatabaseError, OSError):  # damaged, or a folder without write access
                 if path.is_file() and os.access(path, os.W_OK):
                     path.unlink()
         raise OSError(f"no index can be made of {self.folder}")
 
     def _update(self, database: sqlite3.Connection) -> None:
-        """Read what is new or was changed, forget what is gone. Rows of files that were not read for now are
-        not committed: they are part of this answer only."""
+        """Read new and changed files, and remove missing ones. Rows of files that could not be read now are
+        not committed; they belong only to this answer."""
         known = {
             row["name"]: (row["changed"], row["bytes"])
             for row in database.execute("SELECT name, changed, bytes FROM runs")
@@ -205,11 +205,11 @@ class Index:
         database.execute(f"INSERT OR REPLACE INTO runs VALUES ({marks})", values)
 
     def _row(self, name: str, entry: FoundRun) -> dict[str, Any]:
-        """Return the row of an entry. No other way leads from a file to the table: what is returned can be
-        stored, and whatever fails is the row's problem.
+        """Return the row of an entry. All rows are made here, so they can be stored; any failure becomes the
+        problem of the row.
 
         Raises:
-            ReaderBusy: the file was not read for now.
+            ReaderBusy: the file was not read now.
         """
         path = Path(entry.path)
         try:

@@ -1,4 +1,4 @@
-"""Values as SQLite and JSON can store them: what files hold is made so in one place, or refused."""
+"""Conversion of values from files to forms that SQLite and JSON can store, or their refusal."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from typing import Any
 
 from ..recording import RecordingError
 
-MOST_LETTERS = 20_000  # of a text in a row: the longest notes that the panel takes; the file has the rest
-MOST_SETTINGS = 1_000_000  # letters of the settings or links of a row, as JSON
-_LARGEST = 2**63 - 1  # integer of SQLite
+# largest number of letters of a text in a row: the longest notes of the panel; the file has the rest
+MOST_LETTERS = 20_000
+MOST_SETTINGS = 1_000_000  # largest number of letters of a row's settings or links, as JSON
+_LARGEST = 2**63 - 1  # largest integer of SQLite
 _ESCAPE = re.compile(r"\\(?:\\|x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8})")
 
 
@@ -40,7 +41,7 @@ def storable_row(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return the columns of a row as the table stores them: texts, finite numbers, and JSON.
 
     Raises:
-        RecordingError: settings are no mapping, or links no mapping of lists of names.
+        RecordingError: settings are not a mapping, or links are not a mapping of lists of names.
     """
     return {name: _STORED.get(name, storable_text)(value) for name, value in row.items()}
 
@@ -58,7 +59,8 @@ def links_of(value: Any) -> dict[str, list[str]]:
 def shown_name(name: str) -> str:
     """Return the name of a file as text that can be printed, stored and sent.
 
-    Bytes that are no UTF-8, control characters and backslashes are escaped: different names stay different.
+    Bytes that are not UTF-8, control characters and backslashes are escaped, so that different names stay
+    different.
     """
     if name.isprintable() and "\\" not in name:
         return name
@@ -66,7 +68,7 @@ def shown_name(name: str) -> str:
 
 
 def real_name(shown: str) -> str:
-    """Return the name of a file from `shown_name`."""
+    """Return the original name of a file from `shown_name`."""
     return _ESCAPE.sub(lambda found: _unescaped(found[0]), shown)
 
 

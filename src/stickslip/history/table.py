@@ -1,4 +1,4 @@
-"""The history of a folder as a table."""
+"""History of a folder as a pandas table."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def runs(folder: str | os.PathLike[str], search: str = "", **equal: str) -> pd.D
     """Return the recordings and fits of a folder and its subfolders, the newest first, as a pandas table.
 
     Columns: name (the path in the folder), kind (recording, fit, run), changed (time), bytes, begun, title,
-    notes, tags, operator, rig, parameter_set, outcome ("complete", why it was stopped, or, of a fit, what is
-    "not as required"), seconds, samples, channels, settings (a dictionary: variables, capture, limits, drive,
-    actuator; of a fit its numbers), links (of a fit: the recordings fitted and verified), problem (why a file
-    cannot be read). An index beside the files (``.stickslip/runs.sqlite``) spares reading them again; it may
-    be deleted at any time.
+    notes, tags, operator, rig, parameter_set, outcome ("complete", the reason of a stop, or "not as required"
+    for a fit), seconds, samples, channels, settings (a dictionary: variables, capture, limits, drive,
+    actuator; for a fit its numbers), links (for a fit: the recordings fitted and verified), problem (reason
+    why a file cannot be read). An index beside the files (``.stickslip/runs.sqlite``) makes later calls
+    faster; it may be deleted at any time.
 
     Args:
         folder: folder of the laboratory.

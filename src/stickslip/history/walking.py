@@ -1,4 +1,4 @@
-"""Walk through a lab's folder: which files and folders are runs, without reading one."""
+"""Search of a laboratory's folder for files and folders that are runs, without reading them."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from typing import NamedTuple
 from ..rig.samples import SAMPLES, recover
 from .describing import NOTES, RECORDINGS
 
-SETS = "parameters"  # the folder of parameter sets that fits were saved as
-LOGS = ("experiment.log", "experiment.yaml")  # in the folder of an experiment, which has recordings or none
-MOST_LEVELS = 40  # folders within each other that are searched; a lab's have up to 6
+SETS = "parameters"  # folder of parameter sets that were saved from fits
+LOGS = ("experiment.log", "experiment.yaml")  # in the folder of an experiment, with or without recordings
+MOST_LEVELS = 40  # largest depth of nested folders; usual laboratories have up to 6
 
 
 class FoundRun(NamedTuple):
-    """A run, or what has the name of one.
+    """A run, or a file or folder with the name of one.
 
-    Its path, kind ("recording", "fit", "parameters", "run", "folder"), time of change [s], size [bytes], and
-    why it is not read, "" if it can be. A "run" is the folder of an experiment that has no recording.
+    Fields: path, kind ("recording", "fit", "parameters", "run", "folder"), time of change [s], size [bytes],
+    and the reason why it cannot be read, or "". A "run" is the folder of an experiment that has no recording.
     """
 
     path: str
@@ -31,9 +31,9 @@ class FoundRun(NamedTuple):
 
 
 def entries(root: str) -> Iterator[FoundRun]:
-    """Yield the runs of a folder and of those in it, but not hidden ones and those in a study's store.
+    """Yield the runs of a folder and its subfolders, except hidden ones and those in a study's store.
 
-    Of the samples that a killed program left, a recording is made first: it is a run, too.
+    Samples that a killed program has left are first converted to a recording.
     """
     waiting = [(root, 0)]
     while waiting:
@@ -56,7 +56,7 @@ def entries(root: str) -> Iterator[FoundRun]:
         for one in there:
             if kind := _kind(root, folder, one):
                 yield from _looked_at(root, one.path, kind)
-        if folder != root and "zarr.json" in names:  # a study's store, whose chunks are no recordings
+        if folder != root and "zarr.json" in names:  # a study's store, whose chunks are not recordings
             continue
         below = [one.path for one in there if not one.name.startswith(".") and _is_folder(one)]
         if below and level == MOST_LEVELS:
@@ -67,7 +67,7 @@ def entries(root: str) -> Iterator[FoundRun]:
 
 
 def is_run(root: str, path: str) -> bool:
-    """Return whether a file or a folder is a run, as `entries` yields it."""
+    """Return True if a file or a folder is a run, as `entries` yields it."""
     folder = os.path.dirname(path)
     try:
         with os.scandir(folder) as found:

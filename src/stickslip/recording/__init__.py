@@ -1,4 +1,4 @@
-"""Recordings: one schema for measured and simulated data, in memory and on disk."""
+"""Recordings: one schema for measured and simulated data, in memory and on disk; readers of other files."""
 
 from .._lazy import attach
 

@@ -1,4 +1,5 @@
-"""The chain between a plant and the samples of its position: one record for fits, predictions and files."""
+"""Signal chain between a plant and the samples of its position: one record for fits, predictions and
+files."""
 
 from __future__ import annotations
 
@@ -30,7 +31,7 @@ class Chain(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Unit of the channel."""
+        """Return the unit of the channel."""
         return "m"
 
     def sense(
@@ -45,5 +46,5 @@ class Chain(NamedTuple):
 
     @property
     def known_slew_rate(self) -> float | None:
-        """V/s; None for an amplifier that follows at once."""
+        """Return the slew rate, V/s; None for an amplifier without a limit."""
         return self.slew_rate if math.isfinite(self.slew_rate) else None

@@ -1,4 +1,4 @@
-"""From the unit that a file or a user names to the SI unit in which a recording holds the quantity."""
+"""Conversion from the units of files and users to the SI units of a recording."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 from ..quantities.units import LONGEST_UNIT, QuantityError, to_si
 
-# Units that turn, with any prefix.
+# Angular units with any prefix.
 _ANGLE = re.compile(r"\w*?(rad(ian)?s?|deg(ree)?s?|arcsec(ond)?s?|arcmin(ute)?s?|turns?|revolutions?)")
 # Allowed values of a recording's ``units`` attribute; the last one is a plain number.
 _MECHANICAL = "s,m,kg,N,m/s,m/s^2,rad/s,rad/s^2,N/m,N s/m,N m,J,Pa,W,m^2,m^3,1/m"
 _ELECTRICAL = "V,A,C,F,ohm,H,T,V/s,A/s,m/V,N/V"
 SI_UNITS = (*_MECHANICAL.split(","), *_ELECTRICAL.split(","), "K", "Hz", "rad", "")
 
-# Spellings in headers that the unit parser takes for something else ("Nm" for nautical miles) or not at all.
+# Spellings in headers that the unit parser misunderstands ("Nm" as nautical miles) or does not know.
 _SPELLINGS = {"Nm": "N m", "Nmm": "N mm", "mNm": "mN m", "-": "", "1": "", "°": "deg"}
 _SPELLINGS |= {"Ohm": "ohm", "kOhm": "kohm", "MOhm": "Mohm", "mil": "thou", "mils": "thou"}
 
@@ -26,7 +26,7 @@ _SCALED = re.compile(r"(?P<number>[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)\s*\*?\s
 
 
 class Conversion(NamedTuple):
-    """``value in unit = factor * value + offset``; the offset is for temperatures."""
+    """Conversion of a unit to SI: ``SI value = factor * value + offset``; the offset is for temperatures."""
 
     unit: str
     factor: float
@@ -38,7 +38,7 @@ def to_si_unit(unit: str) -> Conversion:
     """Return the conversion of numbers in `unit` ("mm", "uN", "degC") to SI.
 
     Raises:
-        QuantityError: the unit is not known, or of a dimension that no recording holds.
+        QuantityError: the unit is not known, or has a dimension that recordings do not have.
     """
     if len(unit) > LONGEST_UNIT:
         raise QuantityError(f"the unit {unit[:LONGEST_UNIT]!r}... is not known here")
@@ -60,7 +60,8 @@ def to_si_unit(unit: str) -> Conversion:
 
 
 def to_si_scale(text: str) -> Conversion:
-    """Return the conversion for a unit with a number before it: "20 V" for a probe, "0.5 um/V" for a sensor.
+    """Return the conversion to SI for a unit with a number before it: "20 V" for a probe, "0.5 um/V" for a
+    sensor.
 
     Raises:
         QuantityError: see `to_si_unit`; or the number is 0 or not finite.
@@ -75,7 +76,7 @@ def to_si_scale(text: str) -> Conversion:
 
 
 def is_number(text: str) -> bool:
-    """Return whether a text is a number and nothing else."""
+    """Return True if a text is only a number."""
     try:
         float(text)
     except ValueError:
@@ -88,7 +89,7 @@ def _targets(unit: str) -> tuple[str, ...]:
     numbers."""
     if "hz" in unit.lower():
         return ("Hz",)
-    if unit.endswith("J"):  # of the same dimension as a torque
+    if unit.endswith("J"):  # joule has the same dimension as a torque
         return ("J",)
     if _ANGLE.fullmatch(unit):
         return ("rad",)
@@ -96,7 +97,7 @@ def _targets(unit: str) -> tuple[str, ...]:
 
 
 def is_unit(text: str, convert: Callable[[str], Conversion] = to_si_unit) -> bool:
-    """Return whether `convert` knows the unit."""
+    """Return True if `convert` knows the unit."""
     try:
         convert(text)
     except QuantityError:

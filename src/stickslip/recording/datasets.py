@@ -1,7 +1,7 @@
-"""Measured data, made and published by others: where they are, and how to get them.
+"""Published measured data of others: where they are, and how to get them.
 
-The data are no part of this package. They are taken from a folder if there is one, else from their makers'
-own repositories, at a fixed commit and checked by SHA-256.
+The data are not part of this package. They are taken from a local folder if there is one, otherwise from
+their makers' own repositories, at a fixed commit and checked by SHA-256.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _BESIDE_CHECKOUT = Path(__file__).resolve().parents[3].parent / "shared" / "data
 
 
 class Dataset(NamedTuple):
-    """Files of one publication."""
+    """Files of one published data set."""
 
     url: str
     licence: str
@@ -33,18 +33,18 @@ DATASETS = {name: Dataset(**entry) for name, entry in tomllib.loads(_FILE.read_t
 
 
 def dataset_path(name: str, file: str) -> Path:
-    """The path of a file of a published data set, fetched if need be.
+    """Return the path of a file of a published data set, after downloading it if necessary.
 
-    Looked for in the folder that the environment variable STICKSLIP_DATASETS names, in ``../shared/datasets``
-    beside a checkout of this project, then in the user's cache, which is filled from the makers' repository
-    (by pooch: the extra "data").
+    It is searched in the folder that the environment variable STICKSLIP_DATASETS names, in
+    ``../shared/datasets`` beside a checkout of this project, then in the user's cache, which is filled from
+    the makers' repository (by pooch: the extra "data").
 
     Args:
         name: a key of `DATASETS`.
         file: one of its files.
 
     Raises:
-        RecordingError: there is no such data set or file, or it is not here and cannot be fetched.
+        RecordingError: there is no such data set or file, or it is not here and cannot be downloaded.
     """
     if name not in DATASETS:
         raise RecordingError(f"there is no data set {name!r}; there are {', '.join(DATASETS)}")
@@ -68,13 +68,13 @@ def dataset_path(name: str, file: str) -> Path:
 
 
 def fetch(url: str, sha256: str, name: str) -> Path:
-    """The file at `url` from the user's cache, downloaded at the first time.
+    """Return the path of the file at `url` in the user's cache, downloaded the first time.
 
     Raises:
         RecordingError: pooch is not installed, the address cannot be reached, or the checksum differs.
     """
     try:
-        import pooch  # an extra: the data are fetched for examples, not for work
+        import pooch  # an extra: only examples download data
     except ImportError as error:
         raise RecordingError("fetching it needs pooch: pip install 'stickslip[data]'") from error
     cache, outer = Path(pooch.os_cache("stickslip")) / name, sys.exception()

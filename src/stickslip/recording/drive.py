@@ -1,7 +1,7 @@
-"""The waveform of a recording as data: the attribute "drive" is JSON, whole, for other programs as well.
+"""The waveform of a recording as data: the attribute "drive" is JSON, also for other programs.
 
-``{"waveform": "Sawtooth", "amplitude": 65.0, "frequency": 5.0, "periods": 8}``: the name that it is known by
-and the fields that are not at their defaults, SI; of a sequence its parts, of a user's own where it is from.
+``{"waveform": "Sawtooth", "amplitude": 65.0, "frequency": 5.0, "periods": 8}``: the registered name and the
+fields that differ from their defaults, SI; for a sequence its parts, for a user's own waveform its origin.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from ..waveform.signal import Waveform
 
 
 def drive_text(waveform: Waveform) -> str:
-    """The waveform as the attribute "drive"."""
+    """Return the JSON text of a waveform for the attribute "drive"."""
     return json.dumps(_data(waveform))
 
 
 def named_drive(recording: xr.Dataset) -> Waveform | None:
-    """Return the waveform of a recording from its own start on.
+    """Return the waveform named in a recording's attribute "drive", in time since its own start.
 
-    None if the attribute is missing or invalid, or names an unknown waveform (see `registry.use_file`).
+    It is None if the attribute is missing or invalid, or names an unknown waveform (see `registry.use_file`).
     """
     content = json_attribute(recording.attrs, "drive")
     with suppress(QuantityError), damaged(QuantityError, "drive"):
@@ -59,13 +59,14 @@ def _fields(waveform: Any) -> dict[str, Any]:
         defaults = getattr(waveform, "_field_defaults", {})
         values = waveform._asdict() if hasattr(waveform, "_asdict") else vars(waveform)
         of = {name: (value, defaults.get(name, ...)) for name, value in values.items()}
-    # An array is nobody's default, and is not compared.
+    # An array has no default to compare with.
     kept = {n: value for n, (value, usual) in of.items() if isinstance(value, np.ndarray) or value != usual}
     return {name: _data(value) for name, value in kept.items()}
 
 
 def _made(data: Any) -> Any:
-    if isinstance(data, list) and data and isinstance(data[0], dict):  # a part of a sequence, and how long
+    # a part of a sequence, and its duration
+    if isinstance(data, list) and data and isinstance(data[0], dict):
         return tuple(map(_made, data))
     if not isinstance(data, dict):
         return data

@@ -22,7 +22,7 @@ from .replacing import replaced_whole
 from .schema import RecordingError, validate_recording
 
 Layout = Literal["trace", "controldesk"]
-_ROWS = 10_000  # rows of a table that are written at a time
+_ROWS = 10_000  # number of rows that are written at a time
 
 
 def save_matlab(
@@ -43,8 +43,9 @@ def save_matlab(
         units: variable -> unit in the file ("um"); SI if not named.
 
     Raises:
-        RecordingError: the recording breaks the schema, a unit does not fit, or the name is no ``.mat``.
-        OSError: it cannot be written.
+        RecordingError: the recording breaks the schema, a unit does not fit, or the name does not end in
+            ``.mat``.
+        OSError: the file cannot be written.
     """
     from scipy.io import savemat
 
@@ -72,7 +73,7 @@ def save_csv(
 ) -> Path:
     """Write a recording to a ``.csv`` file, "time [s],drive_voltage [V],...", and return the path.
 
-    Every digit is kept. `units` as for `save_matlab`; raises as that.
+    Every digit is kept. `units` and errors are as for `save_matlab`.
     """
     target = _target(path, ".csv")
     columns = _columns(recording, units)
@@ -80,7 +81,7 @@ def save_csv(
     whole = [recording["time"].values, *(values for _, _, values in columns)]
     with replaced_whole(target) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.write(header + "\n")
-        for at in range(0, whole[0].size, _ROWS):  # numbers of Python take ten times the memory of an array's
+        for at in range(0, whole[0].size, _ROWS):  # Python numbers take ten times the memory of an array
             rows = np.array([values[at : at + _ROWS] for values in whole]).T.tolist()
             file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
     return target
@@ -134,7 +135,7 @@ def _structure(
 
 
 def _matlab_identifier(text: str) -> str:
-    """A name that MATLAB takes for a variable: letters, digits and underscores, 31 at most."""
+    """Return a text as a valid name of a MATLAB variable: letters, digits and underscores, 31 at most."""
     name = "".join(sign if sign.isascii() and sign.isalnum() else "_" for sign in text)
     return (name if name[:1].isalpha() else f"r_{name}")[:31]
 

@@ -1,4 +1,4 @@
-"""White noise of a channel, from its samples alone."""
+"""Estimation of the white noise of a channel from its samples alone."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 
 def noise_level(u: NDArray[np.float64], order: int = 4) -> float:
-    """Standard deviation of the samples' noise, in their unit: by differences of an order, which leave
-    nothing of what is smooth; their median is not moved by jumps and kinks.
+    """Return the standard deviation of the samples' noise, in their unit.
+
+    It is estimated from differences of this order, which remove smooth motion; their median is not affected
+    by jumps and kinks.
     """
     change = np.abs(np.diff(u, order))
     of_white = 0.6745 * math.sqrt(math.comb(2 * order, order))

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, what such a file says, and the bin for those that make room."""
+"""Files that are replaced as a whole or not at all, small JSON files, and the bin for deleted files."""
 
 from __future__ import annotations
 
@@ -23,12 +23,13 @@ def part_of(target: Path) -> Path:
 
 @contextmanager
 def replaced_whole(target: Path) -> Iterator[Path]:
-    """A path beside the target to write to; at the end it goes onto the disk and takes the target's name.
+    """Provide a temporary path beside the target to write to; at the end it is flushed to disk and renamed to
+    the target.
 
-    At every moment the name holds a whole file, the old one or the new one.
+    At every moment the name refers to a complete file, the old one or the new one.
 
     Raises:
-        OSError: it cannot be written; names the target.
+        OSError: the file cannot be written; the message names the target.
     """
     temporary = part_of(target)
     try:
@@ -38,11 +39,11 @@ def replaced_whole(target: Path) -> Iterator[Path]:
     except OSError as error:
         if error.errno is None:
             raise
-        # A full disk names no file, and a missing folder the temporary one.
+        # The error of a full disk has no file name, and that of a missing folder the temporary one.
         raise OSError(error.errno, error.strerror, str(target)) from error
     finally:
         temporary.unlink(missing_ok=True)
-    if os.name == "posix":  # elsewhere a folder cannot be opened
+    if os.name == "posix":  # other systems cannot open a folder
         _sync(target.parent)
 
 
@@ -50,14 +51,14 @@ def read_small(path: Path, most: int = 100_000) -> dict[str, Any] | None:
     """Return the mapping in a small JSON file; None if the file does not exist.
 
     Raises:
-        ValueError: the file is not plain, too large, or not such JSON.
+        ValueError: the path is not a regular file, or the file is too large or not a JSON mapping.
         OSError: the file cannot be read.
     """
     if not os.path.lexists(path):
         return None
-    if not path.is_file() or path.stat().st_size > most:  # a pipe may never answer who opens it
+    if not path.is_file() or path.stat().st_size > most:  # opening a pipe may never return
         raise ValueError(f"no plain file of up to {most} bytes")
-    # A state of the program's own: not behind the fence of a server, which may be busy.
+    # The program's own state: read directly, because a server's file checker may be busy.
     found = load_json(read_file(path, most), str(path))
     if not isinstance(found, dict):
         raise ValueError("no JSON of names and values")
@@ -65,8 +66,7 @@ def read_small(path: Path, most: int = 100_000) -> dict[str, Any] | None:
 
 
 def to_bin(folder: Path, name: str) -> Path:
-    """Move a file or folder in a folder to that folder's bin, under a name that nothing there has; where it
-    is now."""
+    """Move a file or folder to the bin of its folder, under an unused name, and return its new path."""
     called, number = Path(name), 1
     target = folder / BIN / name
     while os.path.lexists(target):
@@ -77,7 +77,7 @@ def to_bin(folder: Path, name: str) -> Path:
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove what killed processes left of unfinished files in a folder; how many there were."""
+    """Remove unfinished files of killed processes in a folder; return their number."""
     gone = 0
     for path in folder.glob(".*.part"):
         process = path.name.split(".")[-2]
@@ -88,14 +88,14 @@ def remove_leftovers(folder: Path) -> int:
 
 
 def is_running(process: int) -> bool:
-    """Return whether a process with that number, other than this one, exists."""
+    """Return True if a process with that number, other than this one, exists."""
     if process in (0, os.getpid()):
-        return False  # an earlier process had the number of this one, which is writing nothing yet
+        return False  # an earlier process had the number of this one, which has not started to write
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
         return False
-    except OSError:  # somebody else's
+    except OSError:  # a process of another user
         return True
     return True
 

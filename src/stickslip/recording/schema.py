@@ -1,4 +1,4 @@
-"""Schema of a recording: an ``xarray.Dataset`` over "time", the same from a file, a rig or a simulation.
+"""Schema of a recording: an ``xarray.Dataset`` over "time", the same for files, rigs and simulations.
 
 The schema and its reasons: docs/decisions/recording-schema.md.
 """
@@ -23,16 +23,16 @@ from ..quantities.units import QuantityError, turned
 from .conversion import to_si_unit
 
 SCHEMA_VERSION = 1
-# Attribute of a variable: relative standard uncertainty of its scale, which all its samples have in common.
+# Attribute of a variable: relative standard uncertainty of its scale, common to all its samples.
 SCALE_UNCERTAINTY = "scale_uncertainty"
 
 
 class RecordingError(ValueError):
-    """A recording, or the file it should come from, is not as it must be."""
+    """Error: a recording, or the file from which it comes, does not satisfy the requirements."""
 
 
 class RecordingWarning(UserWarning):
-    """A recording does not show something that matters; the message says what was assumed."""
+    """Warning: a recording lacks relevant information; the message names the assumption."""
 
 
 class Meaning(NamedTuple):
@@ -42,8 +42,8 @@ class Meaning(NamedTuple):
     long_name: str
 
 
-# Names that every part of the package understands. Others are free. Where a body turns, its positions are
-# angles and the forces on it torques (`fits_name`).
+# Names that every part of the package knows; others are free. For rotary bodies, positions are angles and
+# forces are torques (`fits_name`).
 STANDARD_NAMES = {
     "drive_voltage": Meaning("V", "drive voltage"),
     "stage_position": Meaning("m", "stage position"),
@@ -63,17 +63,18 @@ STANDARD_NAMES = {
 
 
 def fits_name(name: str, unit: str) -> bool:
-    """Return whether a channel with that name may have the unit (SI); without a standard name, any unit."""
+    """Return True if a channel with that name may have the unit (SI); without a standard name, any unit is
+    allowed."""
     standard = STANDARD_NAMES.get(name)
     return standard is None or unit in (standard.unit, turned(standard.unit))
 
 
 @functools.cache
 def meant_name(name: str) -> str:
-    """The known name that a name is a misspelling of; "" where it is one, or a name of its own such as
-    ``end_effector_position_2`` or ``position_raw``, which hold the words of a known one."""
+    """Return the known name of which a name is a misspelling. The result is "" for a known name, and for a
+    user's name that contains the words of one, such as ``end_effector_position_2`` or ``position_raw``."""
     known = ["time", *STANDARD_NAMES]
-    cutoff = 0.9 if len(name) > 4 else 0.85  # "tme" is as near to "time" as short names can be
+    cutoff = 0.9 if len(name) > 4 else 0.85  # "tme" is as close to "time" as short names can be
     close = get_close_matches(name.lower(), known, n=1, cutoff=cutoff)
     words = set(re.split(r"[\W\d_]+", name))
     return "" if not close or words.issuperset(close[0].split("_")) else close[0]
@@ -105,7 +106,7 @@ class Sampling(NamedTuple):
 
 
 def sampling(recording: xr.Dataset) -> Sampling:
-    """The sampling of a recording, computed from its time axis."""
+    """Return the sampling of a recording, computed from its time axis."""
     return _sampling(recording["time"].values)
 
 
@@ -128,19 +129,19 @@ def make_recording(
     epoch: str = "",
     long_names: Mapping[str, str] | None = None,
 ) -> xr.Dataset:
-    """A recording from arrays.
+    """Return a recording made from arrays.
 
     Args:
         time: seconds, strictly ascending, at least two samples.
         variables: name -> array, taken to be in SI, or (array, unit) such as ``(counts, "um")``. One number
-            per time. Arrays already in SI are not copied. The unit that a quantity of pint has, or that the
-            attribute ``units`` of a DataArray says, is taken, that of the time too.
+            per time. Arrays already in SI are not copied. The unit of a pint quantity, or in the attribute
+            ``units`` of a DataArray, is used, also for the time.
         title, notes: free text.
-        source, reader: the file that the data come from, and what read it.
+        source, reader: origin file of the data, and its reader.
         calibration: how the sensors were calibrated, as text or JSON.
-        processing: what was done to the data since they were measured.
-        epoch: the moment of time zero, in ISO 8601, if known.
-        long_names: plain names of variables whose name does not say it.
+        processing: processing steps since the measurement.
+        epoch: date and time of time zero, in ISO 8601, if known.
+        long_names: descriptive names of variables with unclear names.
 
     Raises:
         RecordingError: see `validate_recording`; or a unit is unknown or does not fit a standard name.
@@ -183,11 +184,12 @@ class _Label(NamedTuple):
 
 
 def _frame(seconds: bytes, labels: tuple[_Label, ...]) -> xr.Dataset:
-    """A recording but for its samples: the time axis, with how it is sampled, and the variables' labels."""
+    """Return a recording without its samples: the time axis with its sampling, and the labels of the
+    variables."""
     time = np.frombuffer(seconds)
     empty = np.broadcast_to(0.0, time.shape)
     data = {one.name: ("time", empty, {"units": one.unit, "long_name": one.long_name}) for one in labels}
-    # An index at once: xarray makes one of an array, too, but imports pint to do so.
+    # An explicit index: xarray would make one from an array, but imports pint for it.
     axis = ("time", pd.Index(time, name="time"), {"units": "s", "long_name": "time"})
     frame = validate_recording(xr.Dataset(data, coords={"time": axis}))
     found = _sampling(time)
@@ -197,20 +199,21 @@ def _frame(seconds: bytes, labels: tuple[_Label, ...]) -> xr.Dataset:
     return frame
 
 
-# Most of what xarray does for a recording is to put variables together. One of thousands of simulations is
-# sampled as the one before: it gets a copy of the same frame. With many samples, other things take longer.
+# Most of xarray's time for a recording is spent on combining variables. Thousands of simulations have the
+# same sampling as the previous one: each gets a copy of the same frame. With many samples, other steps take
+# longer.
 _kept_frame = functools.lru_cache(maxsize=8)(_frame)
 _OFTEN = 20_000
 
 
 def _with_unit(value: Any) -> tuple[Any, str | None]:
-    """An array, and the unit that it brings with it; None where it brings none."""
+    """Return an array and its own unit; None if it has none."""
     match value:
         case (array, str() | None as unit) if isinstance(value, tuple):
             return array, unit
     if isinstance(value, xr.DataArray):
         return value.values, value.attrs.get("units")
-    if hasattr(value, "magnitude"):  # of pint, which NumPy would strip of its unit
+    if hasattr(value, "magnitude"):  # a pint quantity, whose unit NumPy would remove
         return value.magnitude, str(value.units)
     return value, None
 
@@ -230,10 +233,11 @@ def _seconds(time: Any) -> np.ndarray:
 
 
 def _in_si(name: str, array: Any, unit: str | None) -> tuple[np.ndarray, str]:
-    """The array as float64 in SI, and its SI unit: the standard name's where none is said."""
+    """Return the array as float64 in SI, and its SI unit: that of the standard name if none is given."""
     standard = STANDARD_NAMES.get(name)
     try:
-        if np.ma.isMaskedArray(array):  # what is masked is missing; NumPy would take what lies below
+        # masked values are missing; NumPy would take the values below the mask
+        if np.ma.isMaskedArray(array):
             array = np.ma.filled(array.astype(np.float64), np.nan)
         values = np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -252,7 +256,7 @@ def _in_si(name: str, array: Any, unit: str | None) -> tuple[np.ndarray, str]:
 
 
 def with_schema(attrs: Mapping[str, Any]) -> dict[str, Any]:
-    """The attributes of a data set, completed by those that the schema asks for."""
+    """Return the attributes of a data set, completed by those that the schema requires."""
     own = {
         "schema_version": SCHEMA_VERSION,
         "library": f"stickslip {__version__}",
@@ -263,10 +267,10 @@ def with_schema(attrs: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def validate_recording(recording: xr.Dataset) -> xr.Dataset:
-    """The recording itself, if it follows the schema.
+    """Return the recording itself if it follows the schema.
 
     Raises:
-        RecordingError: it is no Dataset; "time" is missing or not the only coordinate, has fewer than two
+        RecordingError: it is not a Dataset; "time" is missing or not the only coordinate, has fewer than two
             samples, or is not strictly ascending; a variable is not float64 over "time", not finite, or lacks
             units or long_name; the schema is newer than this library.
     """
@@ -283,7 +287,7 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
         )
     if not recording.data_vars:
         raise RecordingError("the recording has no variables")
-    # Not recording[name]: that makes a DataArray each time, which costs more than all checks.
+    # Not recording[name], which makes a DataArray each time and costs more than all checks.
     for name in ("time", *recording.data_vars):
         _check_variable(str(name), recording.variables[name])
     time = recording.variables["time"].values
@@ -299,11 +303,11 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
 
 
 def refuse_unit(name: str, unit: str, where: str = "") -> None:
-    """Raise RecordingError for numbers that are not in SI: those of a recording are."""
+    """Raise RecordingError for a unit that is not SI, which recordings must have."""
     try:
         conversion = to_si_unit(unit)
     except QuantityError:
-        return  # one of the user's own
+        return  # a user's own name
     if (conversion.factor, conversion.offset) != (1.0, 0.0):
         raise RecordingError(
             f"{name}{where} is labelled {unit!r}, but recordings are in {conversion.unit or 'numbers'}: "

@@ -19,29 +19,26 @@ from .noise import noise_level
 Array = NDArray[np.float64]
 Drive = Step | Sawtooth | ReverseSawtooth | Triangle | Sine
 
-# The drive has moved if it differs from its first value by this share of its range; it started where it
-# differed by more than its noise, or this share.
+# The drive has moved if it differs from its first value by the first share of its range; it started where it
+# differed by more than its noise, or the second share.
 MOVED, STILL = 0.02, 1e-4
 SURELY = 6.0  # standard deviations of the noise that no sample reaches by chance
 # Largest distances, as shares of the drive's range: `_NEAR` for half of the samples, `_OFTEN` for 95 %; the
 # rest is near jumps.
 _NEAR, _OFTEN = 0.01, 0.05
-# People set round numbers: the roundest within this share, and what it may add to the residual, or as much as
-# chance does (three standard errors).
+# People choose round numbers: the search for the roundest within the first share; the second is the allowed
+# increase of the residual, and the third the same in terms of chance (three standard errors).
 _ROUND, _AS_GOOD, _CHANCE = 0.003, 0.005, 4.5
-_EXPLAINED = 1.3  # times its white noise: what is left of a channel by the right waveform
-_STEPS = 8  # of a search by Gauss and Newton, which takes two or three
+_EXPLAINED = 1.3  # ratio of the residual of the right waveform to the white noise of a channel
+_STEPS = 8  # largest number of Gauss-Newton steps; two or three are usual
 _EXACT = 1e-6  # of the range: residuals that differ by less are equal
 MOST_FITTED = 100_000  # largest number of samples for the fit of a waveform; a longer recording is thinned
 MOST_SAMPLES = 2000  # largest number of samples for the search of a start
 
 
 class RecognisedDrive(NamedTuple):
-    """A recognised waveform.
-
-    Its start [s] in the recording, the waveform from there on, and the residual of the channel beside its
-    jumps, V rms.
-    """
+    """A recognised waveform: its start [s] in the recording, the waveform in time since then, and the
+    residual of the channel away from its jumps, V rms."""
 
     begin: float
     waveform: Drive
@@ -50,7 +47,7 @@ class RecognisedDrive(NamedTuple):
 
 def drive_begins(recording: xr.Dataset) -> float | None:
     """Return the time [s] of the last sample before the drive of a recording changes; None without a drive,
-    or where it never does."""
+    or if it never changes."""
     if "drive_voltage" not in recording:
         return None
     drive = recording["drive_voltage"].values
@@ -69,7 +66,7 @@ def drive_begins(recording: xr.Dataset) -> float | None:
 
 
 def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
-    """Find the start of a drive in a channel by least squares: by whole samples, then between them.
+    """Return the start of a drive in a channel by least squares, first for whole samples, then between them.
 
     Args:
         since: times from 0 on, s.
@@ -101,7 +98,8 @@ def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
 
 
 def shown_drive(recording: xr.Dataset) -> RecognisedDrive | None:
-    """Recognise the waveform in a recording's channel drive_voltage; None where it is not a usual one."""
+    """Return the standard waveform that a recording's channel drive_voltage shows; None if it is not one of
+    these."""
     if "drive_voltage" not in recording or recording.sizes["time"] < 3:
         return None
     start = float(recording["time"].values[0])
@@ -132,7 +130,7 @@ def shown_drive(recording: xr.Dataset) -> RecognisedDrive | None:
 
 
 def flow(drive: Drive) -> str:
-    """Return the waveform as files name it."""
+    """Return the waveform in the notation of input files."""
     units = {"amplitude": " V", "offset": " V", "frequency": " Hz", "periods": ""}
     fields = {name: getattr(drive, name) for name in units if name in drive._fields}
     said = {name: f"{value:g}{units[name]}" for name, value in fields.items() if value}
@@ -140,7 +138,7 @@ def flow(drive: Drive) -> str:
 
 
 def off_jumps(shape: Array) -> NDArray[np.bool_]:
-    """Return which samples of a waveform [n] are not beside its jumps, whose side is a matter of a sample."""
+    """Return a mask of the samples of a waveform [n] that are not next to its jumps."""
     return np.abs(np.gradient(shape)) < 0.2 * np.ptp(shape)
 
 
@@ -160,7 +158,7 @@ def _candidates(time: Array, moved: Array) -> list[Drive]:
     apart = float(edges[-1] - edges[0])
     rate = (len(edges) - 1) / apart
     left = time[np.abs(moved) > max(0.02 * (high - low), SURELY * noise_level(moved))]
-    if not left.size:  # nothing but noise
+    if not left.size:  # only noise
         return []
     count = float(max(1, round(float(left[-1]) * rate + 0.02)))
     shapes: list[Drive] = [one(size, rate, periods=count) for one in (Sawtooth, ReverseSawtooth, Triangle)]
@@ -197,7 +195,8 @@ class _Fitted(NamedTuple):
         return best
 
     def slopes(self, since: Array) -> tuple[NDArray[np.bool_], dict[str, Array]]:
-        """Return the samples beside no jump, and the derivatives of the waveform by what is fitted."""
+        """Return a mask of the samples away from jumps, and the derivatives of the waveform by the fitted
+        fields."""
         own, after = self.at(since), np.maximum(since - self.begin, 0.0)
         slope = np.where(since >= self.begin, self.shape.slope(after), 0.0)
         columns = {
@@ -226,12 +225,12 @@ class _Fitted(NamedTuple):
         return self._replace(residual=float(np.sqrt(np.mean(off**2))) if off.size else np.inf)
 
     def off(self, since: Array, volts: Array) -> Array:
-        """Return what the channel differs by beside the jumps, V."""
+        """Return the difference between channel and waveform away from the jumps, V."""
         own = self.at(since)
         return np.abs(volts - own)[off_jumps(own)]
 
     def is_shown(self, since: Array, volts: Array) -> bool:
-        """Return whether the channel is this waveform beyond doubt."""
+        """Return True if the channel is this waveform beyond doubt."""
         span, off = float(np.ptp(volts)), self.off(since, volts)
         if off.size <= 0.8 * volts.size:
             return False
@@ -261,7 +260,7 @@ class _Fitted(NamedTuple):
         return of(_roundest(value, within, lambda one: of(one).residual <= most))
 
     def shown(self, start: float) -> RecognisedDrive:
-        """Return the same in the time of a recording that starts at `start`."""
+        """Return the recognised waveform in the time of a recording that starts at `start`."""
         return RecognisedDrive(start + self.begin, self.shape, self.residual)
 
 
@@ -270,7 +269,7 @@ def _residual(one: _Fitted) -> float:
 
 
 def _roundest(value: float, within: float, fits: Callable[[float], bool]) -> float:
-    """Return the roundest number that is so near to a value and fits; the value itself where none does."""
+    """Return the roundest number close to a value that fits; the value itself if none does."""
     roundings = (0.0, *(float(f"{value:.{digits}g}") for digits in (1, 2, 3, 4, 5)))
     near = (one for one in roundings if abs(one - value) <= within)
     return next((one for one in near if fits(one)), value)

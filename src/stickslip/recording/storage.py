@@ -15,12 +15,12 @@ from .schema import RecordingError, storable_attributes, validate_recording, wit
 def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """Write a recording to a ``.nc`` file (NetCDF 4) and return the path.
 
-    The data go into a new file beside the target, onto the disk, and only then take the target's name: at
-    every moment the name holds a whole recording, the old one or the new one.
+    The data are first written to a new file beside the target, which then takes the target's name: at every
+    moment the name refers to a complete recording, the old one or the new one.
 
     Raises:
-        RecordingError: the recording breaks the schema, an attribute cannot be stored, or the name is no
-            ``.nc``.
+        RecordingError: the recording breaks the schema, an attribute cannot be stored, or the name does not
+            end in ``.nc``.
         OSError: the folder is missing or cannot be written.
     """
     target = Path(path).resolve()
@@ -32,7 +32,7 @@ def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     for name in stored.variables:
         stored[name].attrs = storable_attributes(recording[name].attrs, f"{name}.")
         stored[name].encoding = {"_FillValue": None}  # a recording has no missing values
-    # Through memory: where a disk is full, HDF5 brings the whole process down when it closes the file.
+    # Through memory: on a full disk, HDF5 would crash the whole process when it closes the file.
     content = stored.to_netcdf(None, engine="h5netcdf")
     with replaced_whole(target) as temporary:
         temporary.write_bytes(content)
@@ -52,7 +52,8 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
         recording = _stored(path)
     except GateError as error:
         raise RecordingError(f"{error}") from error
-    except (ValueError, TypeError, OSError) as error:  # xarray, of axes that do not fit each other; a disk
+    # errors of xarray for inconsistent axes, and of the disk
+    except (ValueError, TypeError, OSError) as error:
         said = " ".join(str(error).split())
         raise RecordingError(f"{path}: not a readable NetCDF 4 file (damaged?): {said}") from error
     if "schema_version" not in recording.attrs:
@@ -64,10 +65,10 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def _stored(path: Path) -> xr.Dataset:
-    """Return the variables of the file as they are, without xarray's reader, which takes several times as
+    """Return the variables of the file unchanged, without xarray's reader, which takes several times as
     long."""
     from ..gate.hdf5 import has_attribute
-    from ..gate.netcdf import read_netcdf  # HDF5 is not for those who only simulate
+    from ..gate.netcdf import read_netcdf  # simulations need not load HDF5
     from ..gate.nexus import ATTRIBUTES, read_nexus
 
     found = read_netcdf(path)

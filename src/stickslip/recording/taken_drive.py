@@ -1,7 +1,7 @@
 """Choice of the drive of a recording.
 
-In this order: the waveform in the recording's attribute, the waveform that its channel drive_voltage shows,
-the samples of that channel.
+It is the first available of: the waveform in the recording's attribute, the waveform that its channel
+drive_voltage shows, the samples of that channel.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ from .noise import noise_level
 from .shown_drive import best_begin, off_jumps, shown_drive
 
 CHANNEL = "drive_voltage"
-# Rms of what the channel differs by beside the jumps, over its range. A waveform that the recording names was
-# commanded, and monitors are calibrated to a percent or two; one that is recognised has the channel's size.
+# Largest rms difference from the channel away from jumps, relative to its range. A waveform that the
+# recording names was commanded, and monitors are calibrated to a percent or two; a recognised waveform has
+# the channel's scale.
 NAMED, RECOGNISED = 0.02, 0.005
-NOISY = 2.0  # times the white noise of the channel: as much differs from a right waveform too
+NOISY = 2.0  # multiple of the channel's white noise by which it may differ from the right waveform
 
 Array = NDArray[np.float64]
 
@@ -38,10 +39,10 @@ class TakenDrive(NamedTuple):
     Attributes:
         waveform: starts at `begin` [s] in the recording; None if unknown.
         named: True if the recording's attribute names it.
-        residual: V rms, difference to the channel beside the jumps.
-        noise: V rms, white noise of the channel.
-        whole: True if the waveform explains the channel and is the drive; otherwise the samples are, and the
-            waveform only shows the period.
+        residual: rms difference from the channel away from the jumps, V.
+        noise: rms white noise of the channel, V.
+        whole: True if the waveform explains the channel and is the drive; otherwise the samples are the
+            drive, and the waveform only gives the period.
     """
 
     waveform: Waveform | None
@@ -63,7 +64,7 @@ class TakenDrive(NamedTuple):
         return Sequence(Rest(rests, level), (self.waveform, min(self.waveform.duration, lasts)))
 
     def said(self) -> str:
-        """Say what was taken, for a report."""
+        """Return a sentence on the chosen drive, for a report."""
         if self.waveform is None:
             return f"the samples of {CHANNEL}, which are none of the usual waveforms"
         what = said_waveform(self.waveform)
@@ -75,7 +76,7 @@ class TakenDrive(NamedTuple):
 
     @property
     def how(self) -> str:
-        """Say where the waveform is from, and what it leaves."""
+        """Return the origin of the waveform and its residual, in words."""
         source = "named by the recording" if self.named else f"recognised in {CHANNEL}"
         return f"{source}; residual {with_prefix(self.residual, 'V', 2)} rms"
 
@@ -87,11 +88,11 @@ def from_zero(recording: xr.Dataset) -> xr.Dataset:
 
 
 def taken_drive(recording: xr.Dataset, slew_rate: float | None = None) -> TakenDrive | None:
-    """Decide what the drive of a recording is.
+    """Return the drive of a recording and its origin.
 
     Args:
-        recording: with the channel drive_voltage; else the answer is None.
-        slew_rate: V/s at which the amplifier follows jumps; left out, at once.
+        recording: with the channel drive_voltage; without it the result is None.
+        slew_rate: V/s at which the amplifier follows jumps; by default at once.
     """
     if CHANNEL not in recording or recording.sizes["time"] < 3:
         return None
@@ -112,7 +113,7 @@ def taken_drive(recording: xr.Dataset, slew_rate: float | None = None) -> TakenD
 
 
 def said_waveform(waveform: Any) -> str:
-    """Say a waveform in a few words, such as "Sawtooth 65 V, 5 Hz, 8 periods"."""
+    """Return a waveform in a few words, such as "Sawtooth 65 V, 5 Hz, 8 periods"."""
     name, fields = type(waveform).__name__, getattr(waveform, "_fields", ())
     said = [
         f"{getattr(waveform, field):.6g} {unit}"
@@ -127,14 +128,14 @@ def said_waveform(waveform: Any) -> str:
 def _judged(
     waveform: Any, begin: float, named: bool, time: Array, u: Array, noise: float, slew_rate: float | None
 ) -> TakenDrive:
-    """Compare a waveform with the channel."""
+    """Return the drive with the comparison between a waveform and the channel."""
     driven, span = waveform, float(np.ptp(u))
     if slew_rate is not None:
         driven = Slewed(waveform, slew_rate)
         begin = float(time[0]) + best_begin(time - time[0], u, driven)[0]
     own = evaluate(driven.drive(max(float(time[-1]) - begin, 1e-12)), time - begin)[0]
     near = off_jumps(own)
-    if slew_rate is not None:  # on a flank, a fraction of a sample is many volts
+    if slew_rate is not None:  # on a flank, a fraction of a sample corresponds to many volts
         slow = np.abs(np.gradient(own, time)) < 0.5 * slew_rate
         near = near & slow if np.mean(slow) > 0.5 else near
     left = (u - own)[near]

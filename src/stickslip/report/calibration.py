@@ -1,4 +1,4 @@
-"""The report of a calibration."""
+"""Report of a calibration."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .figures.style import svg
 def calibration_document(
     calibration: Calibration, table: CalibrationTable, left_out: Mapping[int, float]
 ) -> Document:
-    """Report of a calibration: coefficients, errors, and points left out.
+    """Return the report of a calibration: coefficients, errors, and points left out.
 
     Args:
-        calibration: fitted to the table.
-        table: the readings (behind another calibration, where this one recalibrates).
-        left_out: rms error at points left out, by order, as `cross_validation` gives it.
+        calibration: calibration fitted to the table.
+        table: the readings (after an earlier calibration, if this one corrects it).
+        left_out: rms error at points left out, by order, from `cross_validation`.
     """
     unit, keys = calibration.y_unit, keys_in(table.source)
     errors = calibration.standard_errors or (None,) * len(calibration.coefficients)

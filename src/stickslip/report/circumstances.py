@@ -15,7 +15,8 @@ _LIBRARIES = ("numpy", "scipy", "xarray", "pandas", "h5netcdf", "matplotlib", "j
 
 @dataclass(frozen=True)
 class Circumstances:
-    """`made` in ISO 8601 with the time zone, `versions` by name, `elapsed` in s (None: not measured)."""
+    """Circumstances of a report: date and time `made` in ISO 8601 with the time zone, machine, `versions` by
+    name, `elapsed` time in s (None: not measured)."""
 
     made: str
     command: str
@@ -25,7 +26,7 @@ class Circumstances:
 
 
 def circumstances(command: str = "", elapsed: float | None = None) -> Circumstances:
-    """Return time, machine and versions of the libraries that are installed."""
+    """Return time, machine and versions of the installed libraries."""
     versions = {"stickslip": __version__, "Python": platform.python_version()}
     for name in _LIBRARIES:
         try:

@@ -19,16 +19,16 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
 
 
 class DocumentError(ValueError):
-    """A document that does not fit together; the message names the part."""
+    """Error: parts of a document do not fit together; the message names the part."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """A value with its unit (SI, "" for a plain number) and, where it is known, how sure it is.
+    """A value with its unit (SI, "" for a plain number) and, if known, its uncertainty.
 
-    `low` and `high` bound the confidence interval of the `level`; `note` says why a value is missing (NaN),
-    or anything else that has to be known about it. `systematic` are the ends for systematic errors alone,
-    `both` those for these and the statistical ones together.
+    `low` and `high` bound the confidence interval of the `level`; `note` is the reason for a missing value
+    (NaN), or another remark. `systematic` is the interval for systematic errors alone, `both` that for
+    systematic and statistical errors.
     """
 
     value: float
@@ -56,9 +56,10 @@ Cell = str | float | Number | None
 
 @dataclass(frozen=True)
 class Column:
-    """A column's name and unit: None for text and for `Number` cells of several units, "" for plain numbers.
+    """A column of a table: its name and unit, None for text and for `Number` cells of several units, "" for
+    plain numbers.
 
-    `digits` are the significant ones that are shown.
+    `digits` is the number of significant digits shown.
     """
 
     name: str
@@ -99,9 +100,10 @@ def _check_cell(cell: Any, column: Column, where: str) -> None:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure: `svg` as `figures.style.svg` makes it, `alt` what it shows to those who cannot see it.
+    """A figure: `svg` is its text, from `figures.style.svg`, `alt` a description for people who cannot see
+    it.
 
-    `name` is also that of its file.
+    `name` is also the name of its file.
     """
 
     name: str
@@ -122,7 +124,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Listing:
-    """Text to be shown as it is: an input file, a log."""
+    """Text to be shown unchanged: an input file, a log."""
 
     caption: str
     text: str
@@ -130,7 +132,8 @@ class Listing:
 
 @dataclass(frozen=True)
 class Section:
-    """A section, shown in this order; `points` are a list of plain statements."""
+    """A section of a document; its parts are shown in the order of the fields, `points` as a list of
+    sentences."""
 
     title: str
     paragraphs: Sequence[str] = ()
@@ -149,16 +152,16 @@ class Document:
     """A whole report.
 
     Args:
-        title, summary: what was done and what came out, in a few sentences.
+        title, summary: what was done and the result, in a few sentences.
         sections: the body.
         highlights: the main results: (name, number).
-        numbers: for results.json, nested: name -> `Number`, or a mapping with "value" and "unit" (and "low",
-            "high", whatever else), or a mapping of such.
-        assumptions: what was assumed, a sentence each.
+        numbers: for results.json, nested: name -> `Number`, or a mapping with "value" and "unit" (and others
+            such as "low", "high"), or a mapping of these.
+        assumptions: assumptions, a sentence each.
         citations: BibTeX.
         failures: requirements that are not met, a sentence each.
         files: texts to write beside the report, by file name.
-        interrupted: the work was ended (Ctrl-C): the report shows the finished part.
+        interrupted: True if the work was stopped (Ctrl-C); the report shows the finished part.
     """
 
     title: str
@@ -185,7 +188,8 @@ class Document:
         return document_text(self)
 
     def _repr_html_(self) -> str:
-        """The report in a frame of its own, whose style no other cell of a notebook shares."""
+        """Return the report as HTML in its own frame, so that its style does not affect other cells of a
+        notebook."""
         from .circumstances import circumstances
         from .html import report_html
 
@@ -193,16 +197,16 @@ class Document:
         return f'<iframe srcdoc="{page}" style="width: 100%; height: 40rem; border: 0"></iframe>'
 
     def pictures(self) -> tuple[Picture, ...]:
-        """All pictures, in order."""
+        """Return all pictures, in order."""
         return tuple(p for section in _flat(self.sections) for p in section.figures)
 
     def tables(self) -> tuple[Table, ...]:
-        """All tables, in order."""
+        """Return all tables, in order."""
         return tuple(t for section in _flat(self.sections) for t in section.tables)
 
 
 def joined(*documents: Document) -> Document:
-    """The first document with the summaries, sections and numbers of the others after its own."""
+    """Return the first document with the summaries, sections and numbers of the others appended."""
     first = documents[0]
     together: dict[str, Any] = {"summary": " ".join(filter(None, (one.summary for one in documents)))}
     for name in ("sections", "highlights", "assumptions", "failures"):
@@ -215,7 +219,7 @@ def joined(*documents: Document) -> Document:
 
 
 def begun_by(document: Document, text: str) -> Document:
-    """The document with a paragraph at the head of its first section; as it is without a text."""
+    """Return the document with a paragraph at the start of its first section; unchanged without a text."""
     if not text:
         return document
     head, *others = document.sections
@@ -242,7 +246,8 @@ def _flat(sections: Sequence[Section]) -> list[Section]:
 
 
 def _freeze(part: Any, where: str, names: Sequence[str]) -> None:
-    """Sequences to tuples; a lone text would be taken for a sequence of letters."""
+    """Convert sequences to tuples; raise an error for a single text, which would be taken for a sequence of
+    letters."""
     for name in names:
         value = getattr(part, name)
         if isinstance(value, str):

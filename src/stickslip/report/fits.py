@@ -1,4 +1,4 @@
-"""Fits in a report: tables of what was found and how well it describes the data, and the same as numbers."""
+"""Tables and numbers of fits for a report: values found, and goodness of fit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .thresholds import threshold_numbers
 
 
 def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:
-    """Each parameter with its standard error and confidence interval, which a fixed one has not."""
+    """Return each parameter with its standard error and confidence interval; a fixed one has neither."""
     errors, intervals = fit.standard_errors, fit.confidence_intervals(level)
     wider = systematic_numbers(fit, level)
     found = {}
@@ -34,12 +34,14 @@ def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:
     return found
 
 
-# A table of more parameters is read by nobody: it shows the first ones, which are the poles of many modes.
+# Largest number of rows of a parameter table; of more parameters, the first ones are shown, such as the poles
+# of modes.
 MOST_ROWS, FIRST_ROWS = 60, 30
 
 
 def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
-    """The estimates of a fit with their intervals; below it, in words, what the data do not determine."""
+    """Return a table of the estimates of a fit with their intervals; below it, in words, undetermined
+    parameters."""
     columns = (
         Column("parameter"),
         Column(f"estimate [{100 * level:g} % interval]"),
@@ -67,14 +69,14 @@ def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
 
 
 def _wider(number: Number) -> Number | None:
-    """Return the value with the interval that allows for systematic errors too."""
+    """Return the value with the interval that includes systematic errors."""
     if number.both is None:
         return None
     return Number(number.value, number.unit, *number.both, level=number.level)
 
 
 def fit_summary(fit: Fit, fitted: int, failures: Sequence[str], verified: str = "") -> str:
-    """Return a summary: how many parameters and recordings, r², and sentences on what speaks against the fit.
+    """Return a summary: numbers of parameters and recordings, r², and sentences on problems of the fit.
 
     Args:
         fit: the fit.
@@ -93,9 +95,9 @@ def prediction_picture(name: str, caption: str, found: xr.Dataset, channel: str,
     """Return a picture of measured and predicted values of a channel over time, with the residuals.
 
     Args:
-        name, caption: of the picture.
+        name, caption: name and caption of the picture.
         found: a recording of `Verification.predictions`.
-        channel: its name in words; unit: that of its values.
+        channel: name of the channel in words; unit: unit of its values.
     """
     columns = (found[key].values for key in ("time", "measured", "predicted"))
     what = channel.rpartition(" ")[2].capitalize()
@@ -104,7 +106,7 @@ def prediction_picture(name: str, caption: str, found: xr.Dataset, channel: str,
 
 
 def doubts(fit: Fit) -> tuple[str, ...]:
-    """Why the fit is not to be trusted, and what was decided for the user, in sentences."""
+    """Return sentences on reasons not to trust the fit, and on automatic decisions."""
     return (*(one.sentence for one in fit.lack if one.seen), *fit.doubts, *fit.remarks)
 
 
@@ -113,7 +115,7 @@ def _sentence(text: str) -> str:
 
 
 def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
-    """All numbers of a fit for results.json; `unit` is that of the data."""
+    """Return all numbers of a fit for results.json; `unit` is that of the data."""
     units = {p.name: p.unit for p in fit.shown}
     return {
         "parameters": estimates(fit, level),
@@ -161,7 +163,7 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
 
 
 def advice_numbers(advice: Advice | None) -> dict[str, Any] | None:
-    """Return the cause of a misfit, for results.json."""
+    """Return the advice on a missing term as numbers and texts, for results.json."""
     if advice is None:
         return None
     return {
@@ -189,5 +191,5 @@ def disturbance_numbers(one: Disturbance) -> dict[str, Any]:
 
 
 def lack_numbers(lacks: Sequence[Lack]) -> dict[str, Any]:
-    """Return whether each recording contradicts the model, by its name."""
+    """Return the lack-of-fit test of each recording, by its name, for results.json."""
     return {one.name: {"seen": one.seen, "residual_over_noise": Number(one.ratio, "")} for one in lacks}

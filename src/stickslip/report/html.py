@@ -1,4 +1,4 @@
-"""report.html from a document: one file that needs nothing else, for screen, dark screen and paper."""
+"""Conversion of a document to report.html: one self-contained file, for light and dark screens and paper."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _EMPTY = "–"
 
 
 def report_html(document: Document, made: Circumstances, *, beside: bool = True) -> str:
-    """The text of report.html; it names the results.json that is `beside` it."""
+    """Return the text of report.html; with `beside` it refers to the results.json next to it."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent, encoding="utf-8"),
         autoescape=True,
@@ -43,12 +43,13 @@ def report_html(document: Document, made: Circumstances, *, beside: bool = True)
 
 
 def _joined(value: Any) -> Any:
-    """Return the text with per cent signs joined to their numbers: no line starts with one."""
+    """Return the text with per cent signs joined to their numbers, so that no line starts with one."""
     return type(value)(re.sub(r"(?<=\d) %", "\u00a0%", value)) if isinstance(value, str) else value
 
 
 def significant(value: float, digits: int = 4) -> str:
-    """Return a number with `digits` significant digits, all of those before the point: "0.9979", "12345"."""
+    """Return a number with `digits` significant digits, and all digits before the point: "0.9979",
+    "12345"."""
     if not math.isfinite(value):
         return _EMPTY if math.isnan(value) else f"{'−' if value < 0 else ''}∞"
     if isinstance(value, Integral):
@@ -62,12 +63,13 @@ def significant(value: float, digits: int = 4) -> str:
 
 
 def _digits(value: float, own: Scale, digits: int) -> str:
-    """As `significant`; but a number without a unit, such as r² = 0.9999935, is not shown as 1."""
+    """Return a number as `significant` does; but a plain number such as r² = 0.9999935 is not shown as 1."""
     return near_one(value, digits) if not own.unit and 0.9 < value < 1.0 else significant(value, digits)
 
 
 def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> Markup:
-    """A number, its interval and its unit; the unit is left out where the scale of a column gives it."""
+    """Return a number with its interval and unit as HTML; the unit is left out if a column's scale gives
+    it."""
     own = scale or scale_for(number.unit, number.value)
     value = _shown(number.value, own)
     if math.isnan(value) and number.note:
@@ -95,12 +97,12 @@ def _to_same_decimals(value: float, low: float, high: float, digits: int) -> tup
 
 
 def _shown(value: float, scale: Scale) -> float:
-    """In the scale; counts stay whole."""
+    """Return a value in the scale; counts stay whole."""
     return value if scale.factor == 1.0 else value * scale.factor
 
 
 def _scales(table: Table) -> list[Scale | None]:
-    """The scale of each column that has a unit."""
+    """Return the scale of each column; None for columns without a unit."""
     return [
         None if column.unit is None else scale_for(column.unit, [_value(row[i]) for row in table.rows])
         for i, column in enumerate(table.columns)
@@ -114,7 +116,7 @@ def _value(cell: Cell) -> float:
 
 
 def table_heads(table: Table) -> list[dict[str, Any]]:
-    """Name, unit as shown ("" for text) and whether it is one of numbers, for each column."""
+    """Return name, shown unit ("" for text) and whether it contains numbers, for each column."""
     return [
         {"name": column.name, "unit": _unit(column, scale), "numeric": _numeric(table, i)}
         for i, (column, scale) in enumerate(zip(table.columns, _scales(table), strict=True))
@@ -133,7 +135,7 @@ def _numeric(table: Table, i: int) -> bool:
 
 
 def table_body(table: Table) -> list[list[tuple[Markup, bool]]]:
-    """Text of each cell, and whether it is a number."""
+    """Return the text of each cell, with True for a number."""
     scales = _scales(table)
     return [
         [
@@ -156,7 +158,7 @@ def _cell(cell: Cell, scale: Scale | None, digits: int) -> Markup:
 
 
 def drawing(picture: Picture) -> Markup:
-    """The SVG with its text alternative, and with identifiers that no other picture of the page has."""
+    """Return the SVG with its text alternative, and with identifiers that are unique on the page."""
     svg = re.sub(r'(\sid="|href="#|url\(#)', rf"\g<1>{picture.name}-", picture.svg.lstrip())
     label = html.escape(picture.alt, quote=True)
     return Markup(svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1))

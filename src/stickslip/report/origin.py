@@ -1,4 +1,4 @@
-"""Origin of the values of a model that no fit found: its parameter set, or that of another actuator."""
+"""Origin of a model's values that were not fitted: a parameter set, possibly of another actuator."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class Origin(NamedTuple):
 
 
 def origin_of(model: Actuator, recordings: Iterable[xr.Dataset], fitted: Collection[str] = ()) -> Origin:
-    """The origin of a model's values in a report on recordings.
+    """Return the origin of a model's values for a report on recordings.
 
-    A parameter set of this package is that of another actuator, unless the recordings name it as theirs, as
-    those of a virtual rig and simulations do. Its assumptions say nothing of the one that was measured then.
+    A parameter set of this package belongs to another actuator, unless the recordings name it, as those of a
+    virtual rig and of simulations do. In that case its assumptions do not apply to the measured actuator.
 
     Args:
         model: its `name` is the parameter set.
-        recordings: all that were fitted or predicted.
-        fitted: what a fit found, "gain" or "friction.sigma_0"; of friction also "sigma_0".
+        recordings: all recordings that were fitted or predicted.
+        fitted: names of fitted values, "gain" or "friction.sigma_0"; for friction also "sigma_0".
     """
     inner = quantities(type(model.friction))
     found = {f"friction.{name}" if name in inner else name for name in fitted} | set(fitted)
@@ -55,8 +55,8 @@ def origin_of(model: Actuator, recordings: Iterable[xr.Dataset], fitted: Collect
 
 
 def _of_any(model: Actuator, field: str) -> bool:
-    """Return whether no simulated motion depends on a value, or any real actuator has it: friction acts
-    back."""
+    """Return True if no simulated motion depends on a value, or if it holds for any real actuator, such as
+    the reaction of the friction."""
     law = model.friction
     if field == "friction.stribeck_velocity":
         return getattr(law, "stiction_force", None) == getattr(law, "coulomb_force", None)
@@ -64,7 +64,8 @@ def _of_any(model: Actuator, field: str) -> bool:
 
 
 def _scaled(model: Actuator, field: str) -> str:
-    """Return the effect of a wrong mass: without reaction on the stage, a motion only shows ratios to it."""
+    """Return a sentence on the effect of a wrong mass: without reaction on the stage, a motion only shows
+    ratios to it."""
     if field != "end_effector_mass" or model.stage_reaction:
         return ""
     return "; the friction that is found, forces and stiffness, is in proportion to it"

@@ -1,4 +1,4 @@
-"""report.pdf: report.html as a browser prints it, for those who file paper."""
+"""Conversion of report.html to report.pdf by a browser."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _SECONDS = 120.0
 
 
 class PdfError(ValueError):
-    """No PDF can be made; the message says what is missing, or what the browser said."""
+    """Error: no PDF can be made; the message says what is missing, or the browser's error."""
 
 
 def find_browser() -> str:
-    """The path of a browser that prints to PDF.
+    """Return the path of a browser that can print to PDF.
 
     Raises:
         PdfError: no browser is installed.
@@ -35,17 +35,17 @@ def find_browser() -> str:
 
 
 def write_pdf(page: Path, browser: str = "") -> Path:
-    """Print an HTML file to a PDF beside it, of the same name; replaced as a whole or not at all.
+    """Print an HTML file to a PDF beside it with the same name, which is replaced as a whole or not at all.
 
     Args:
         page: the HTML file.
-        browser: path of a Chromium browser; left out, one that is found.
+        browser: path of a Chromium browser; by default one that is found.
 
     Raises:
-        PdfError: there is no browser, or it does not print.
+        PdfError: there is no browser, or it fails.
     """
     browser, target = browser or find_browser(), page.with_suffix(".pdf")
-    # As root, as in a container, Chromium refuses its sandbox. The page is our own.
+    # As root, such as in a container, Chromium refuses to use its sandbox. The page is our own.
     alone = ["--no-sandbox"] if getattr(os, "geteuid", lambda: 1)() == 0 else []
     with tempfile.TemporaryDirectory() as profile:
         made = Path(profile) / "made.pdf"

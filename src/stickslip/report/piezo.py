@@ -1,4 +1,4 @@
-"""A fit of hysteresis and creep in a report: its numbers, pictures of what was measured and what is left."""
+"""Fit of hysteresis and creep in a report: its numbers, and figures of measurement and residuals."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .figures.piezo import hysteresis_loops
 from .figures.style import svg
 from .fits import fit_numbers
 
-# Samples from an edge of the drive on that loops leave out.
+# Number of samples after an edge of the drive that loops leave out.
 AFTER = 10
 
 
 def hysteresis_numbers(fit: Fit, straight: Fit) -> dict[str, Any]:
-    """For results.json: the fit, the piezo that it is, and what a straight line leaves."""
+    """Return the fit, the piezo model, and the residual of a straight line, for results.json."""
     unit = fit.recordings[0].unit
     piezo = getattr(fit.model, "piezo", fit.model)
     return {
@@ -37,14 +37,16 @@ def hysteresis_numbers(fit: Fit, straight: Fit) -> dict[str, Any]:
 
 
 def hysteresis_pictures(fit: Fit, recordings: Sequence[xr.Dataset], name: str) -> list[Picture]:
-    """Loops, measured and fitted, of the first recording, and all of it over time."""
+    """Return figures of the loops of the first recording, measured and fitted, and of the complete recording
+    over time."""
     one, unit = recordings[0], fit.recordings[0].unit
     assert fit.predict is not None
     shown = fit.predict(one)
     measured = one[fit.observed].values
     drive = one["drive_voltage"].values
-    still = np.convolve(edges(drive), np.ones(AFTER))[: drive.size] == 0  # a late sensor makes no loop
-    still[:AFTER] = False  # it may begin with one
+    # a sensor's delay must not look like a loop
+    still = np.convolve(edges(drive), np.ones(AFTER))[: drive.size] == 0
+    still[:AFTER] = False  # the recording may start with an edge
     voltage = drive[still]
     return [
         Picture(

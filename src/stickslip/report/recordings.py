@@ -1,4 +1,4 @@
-"""The report of an experiment: its recordings, together and in detail."""
+"""Report of an experiment: its recordings, together and in detail."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from .document import Column, Document, Listing, Number, Picture, Section, Table
 from .figures.recordings import recording_detail, recordings_together
 from .figures.style import svg
 
-_MOST_LINES = 7  # of one figure
+_MOST_LINES = 7  # largest number of lines in a figure
 _BEFORE, _AFTER = 3e-3, 7e-3  # s around the trigger
 
 
 def recordings_document(title: str, recorded: Sequence[Recorded], log: Path) -> Document:
-    """Report of recordings of an experiment.
+    """Return the report on the recordings of an experiment.
 
     Args:
-        title: of the experiment.
-        recorded: what `run_experiment` returned.
-        log: its log file.
+        title: title of the experiment.
+        recorded: result of `run_experiment`.
+        log: path of its log file.
     """
     data = {one.cell.name: open_recording(one.path) for one in recorded}
     sections, numbers = [], {}

@@ -1,6 +1,6 @@
 """results.json: every number of a document with its unit, in strict JSON.
 
-NaN and infinity do not exist in JSON: such a value is null, with a "reason".
+JSON has neither NaN nor infinity: such a value is null, with a "reason".
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .document import Document, DocumentError, Number, Table
 
 
 def results_json(document: Document, made: Circumstances) -> str:
-    """The text of results.json.
+    """Return the text of results.json.
 
     Raises:
         DocumentError: a number without a unit; the message names its path.
@@ -57,7 +57,8 @@ def _number(number: Number) -> dict[str, Any]:
 
 
 def _quantity(found: Mapping[str, Any]) -> dict[str, Any]:
-    """A mapping with value and unit, with null and a reason in place of what JSON does not know."""
+    """Return a mapping with value and unit, with null and a reason in place of values that JSON does not
+    have."""
     strict = {key: _strict(value) for key, value in found.items()}
     if strict["value"] is None and "reason" not in strict:
         strict["reason"] = strict.get("note") or _missing(found["value"])
@@ -71,7 +72,7 @@ def _missing(value: Any) -> str:
 
 
 def _strict(value: Any) -> Any:
-    """JSON's own types; null for NaN and infinity."""
+    """Return a value in JSON's own types; null for NaN and infinity."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if value is None or isinstance(value, str):
@@ -90,7 +91,8 @@ def _strict(value: Any) -> Any:
 
 
 def _numbers(node: Any, path: str) -> Any:
-    """Nested numbers; text and truth may stand among them, a bare number may not."""
+    """Return nested numbers for JSON. Texts and booleans may occur among them; a number without a unit may
+    not."""
     if isinstance(node, Number):
         return _number(node)
     if isinstance(node, Mapping):

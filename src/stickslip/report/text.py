@@ -1,4 +1,4 @@
-"""A document as plain text: what a terminal and a notebook without HTML show."""
+"""Conversion of a document to plain text for a terminal or a notebook without HTML."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from .html import number_text, table_body, table_heads
 
 
 def document_text(document: Document) -> str:
-    """Title, summary, highlights and the sections with their tables; pictures as their captions."""
+    """Return title, summary, highlights and the sections with their tables; pictures are shown as their
+    captions."""
     lines = [document.title, "=" * len(document.title), document.summary, ""]
     lines += [f"NOT AS REQUIRED: {failure}" for failure in document.failures]
     lines += [f"{what}: {shown_number(number)}" for what, number in document.highlights]

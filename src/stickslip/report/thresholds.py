@@ -1,4 +1,4 @@
-"""Thresholds of a decision in a report: their values with what each means."""
+"""Thresholds of a decision in a report: their values and meanings."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from .document import Column, Number, Section, Table
 
 
 def thresholds_table(policy: Any, caption: str, unit: str = "m") -> Table:
-    """A row for each threshold of a record such as `Judgement` or `Plausibility`.
+    """Return a table with a row for each threshold of a record such as `Judgement` or `Plausibility`.
 
     Args:
         policy: the thresholds.
-        caption: what follows beyond them.
-        unit: of positions, m or rad.
+        caption: consequence of exceeding them, in words.
+        unit: unit of positions, m or rad.
     """
     rows = []
     for name, quantity in quantities(type(policy)).items():
@@ -24,11 +24,11 @@ def thresholds_table(policy: Any, caption: str, unit: str = "m") -> Table:
 
 
 def threshold_numbers(policy: Any) -> dict[str, Number]:
-    """The same for results.json."""
+    """Return the thresholds by name for results.json."""
     return {name: Number(getattr(policy, name), q.unit) for name, q in quantities(type(policy)).items()}
 
 
 def judgement_section(judgement: Any) -> Section:
-    """By which thresholds a fit was judged."""
+    """Return a section with the thresholds by which a fit was judged."""
     said = "Thresholds of the statements on the fit. fit.judged(...) judges it by others."
     return Section("How the fit was judged", tables=(thresholds_table(judgement, said),))

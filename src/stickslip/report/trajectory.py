@@ -1,4 +1,4 @@
-"""The report of a simulation."""
+"""Report of a simulation."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def trajectory_document(
     trajectory: xr.Dataset,
     steady_step: Number | None = None,
 ) -> Document:
-    """Report of a simulation: motion, parameters, assumptions.
+    """Return the report of a simulation: motion, parameters, assumptions.
 
     Args:
-        model, waveform: what was simulated.
-        trajectory: what `simulate` returned.
+        model, waveform: simulated model and drive.
+        trajectory: result of `simulate`.
         steady_step: net displacement per period of the periodic motion, m; None without one.
     """
     name = model.name or type(model).__name__
@@ -120,9 +120,10 @@ def _title(key: str) -> str:
 
 
 def _entries(record: Any, prefix: str = "", owner: Any = None) -> Iterator[tuple[str, str, str, Any]]:
-    """Field, symbol, meaning and value (a `Number` where it has a unit) of all fields, the law's included."""
+    """Yield field, symbol, meaning and value (a `Number` if it has a unit) of all fields, including the
+    law's."""
     known = quantities_of(record, owner)
-    of_drive = getattr(record, "unit", "V")  # a waveform's fields in V are in m where the waveform is
+    of_drive = getattr(record, "unit", "V")  # fields of a waveform in V are in m if the waveform is
     for name, value in record._asdict().items():
         if is_law(value):
             yield f"{prefix}{name}", "", "friction law", type(value).__name__
@@ -139,7 +140,7 @@ def _entries(record: Any, prefix: str = "", owner: Any = None) -> Iterator[tuple
 
 
 def _origins(model: Actuator | PulledSlider) -> dict[str, str]:
-    """Return the source of each field's value; nothing for a model that was loaded from no parameter set."""
+    """Return the source of each field's value; empty for a model that does not come from a parameter set."""
     if not model.name:
         return {}
     entries = load_set(model.name).entries()

@@ -1,4 +1,4 @@
-"""One way to show a result: `view` makes the document that reports, notebooks and terminals show."""
+"""The function `view`, which makes the document of a result for reports, notebooks and terminals."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ def view(result: Any, title: str = "") -> Document:
     ``results.json``.
 
     Args:
-        result: a `Fit`, a `Verification`, a `Comparison` of models, `Conditions` or a `Posterior`; what
-            `step_map`, `plan_experiment`, `optimise_waveform`, `waveform_front`, `optimise_actuator`,
-            `from_data_sheet`, `tune` and `fit_steps` return; a recording, a trajectory or a frequency
-            response.
-        title: of the document; left out, that of the kind of result.
+        result: a `Fit`, a `Verification`, a `Comparison` of models, `Conditions` or a `Posterior`; a result
+            of `step_map`, `plan_experiment`, `optimise_waveform`, `waveform_front`, `optimise_actuator`,
+            `from_data_sheet`, `tune` or `fit_steps`; a recording, a trajectory or a frequency response.
+        title: title of the document; by default that of the kind of result.
 
     Raises:
         QuantityError: there is no view of this type.
@@ -36,13 +35,13 @@ def view(result: Any, title: str = "") -> Document:
 
 @cache
 def _register_views() -> None:
-    """Import each module of `views`, which registers what it shows."""
+    """Import each module of `views`, which registers the types that it shows."""
     for module in iter_modules(views.__path__):
         import_module(f"{views.__name__}.{module.name}")
 
 
 @singledispatch
 def document_of(result: Any) -> Document:
-    """The document of a result by its type; ``document_of.register`` adds a type of one's own."""
+    """Return the document of a result by its type; ``document_of.register`` adds a user's type."""
     known = sorted(kind.__name__ for kind in document_of.registry if kind is not object)
     raise QuantityError(f"there is no view of {type(result).__name__}: there are views of {', '.join(known)}")

@@ -1,4 +1,4 @@
-"""The report of a fit to walks: its parameters, and every walk, fitted or not, beside the prediction."""
+"""Report of a fit to walks: its parameters, and every walk, fitted or not, with the prediction."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ROLE = {"fit": "fitted", "verify": "predicted"}
 
 
 class UsedWalk(NamedTuple):
-    """A recording of a walk, fitted or to be predicted, and its drive (None: as recorded)."""
+    """A recording of a walk, fitted or predicted, and its drive (None: as recorded)."""
 
     use: Literal["fit", "verify"]
     recording: xr.Dataset
@@ -39,9 +39,10 @@ def walk_document(
     notes: str = "",
     progress: Progress = unheard,
 ) -> Document:
-    """Report of a fit: its parameters, and each recording, by name, beside the model's prediction.
+    """Return the report of a fit to walks: its parameters, and each recording, by name, with the model's
+    prediction.
 
-    `model` is the start of the fit; its assumptions and citations are listed.
+    `model` is the initial model of the fit; its assumptions and citations are listed.
     """
     rows, pictures, numbers = [], [], {}
     unit = fit.recordings[0].unit

@@ -1,5 +1,5 @@
-"""A report on disk: results.json first; report.html and the figures, replaced together once all are
-written."""
+"""Writing of a report to disk: results.json first; then report.html and the figures, replaced together once
+all are written."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def write_report(
     """Write ``report.html``, ``results.json``, ``figures/NAME.svg`` and the document's own files into a
     folder, made if missing.
 
-    The numbers are written first, before any picture is drawn: whatever happens to those, they are kept. The
-    other files take their names only when all of them are whole on disk: a full disk leaves the report that
-    was there. Other files in the folder are left alone.
+    The numbers are written before any figure is drawn, so that they are kept if that fails. The other files
+    take their names only when all of them are complete on disk: a full disk leaves the previous report. Other
+    files in the folder are not touched.
 
     Args:
-        document: what to write.
-        folder: where.
-        command: what the user typed, for the record.
-        elapsed: how long it took, s.
+        document: the document to write.
+        folder: target folder.
+        command: the user's command line, for the record.
+        elapsed: duration of the work, s.
 
     Returns:
         The path of report.html.
@@ -67,7 +67,7 @@ def _file_of(svg: str) -> str:
 
 
 def _written_beside(target: Path, text: str) -> Path:
-    """A file beside the target, whole on disk."""
+    """Write a complete temporary file beside the target, and return its path."""
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = part_of(target)
     try:

@@ -1,4 +1,4 @@
-"""Calibration of sensors: polynomials fitted to tables, with their uncertainty; kept as files, applied by
+"""Calibration of sensors: polynomials fitted to tables, with their uncertainty, saved as files and applied by
 name."""
 
 from .applying import apply_calibration as apply_calibration

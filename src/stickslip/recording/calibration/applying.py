@@ -1,4 +1,4 @@
-"""Apply calibrations to the variables of a recording."""
+"""Application of calibrations to the variables of a recording."""
 
 from __future__ import annotations
 
@@ -26,15 +26,16 @@ from .storage import load_calibration, to_text
 
 Part = Calibration | str | os.PathLike[str]
 Chain = Part | Sequence[Part]
-# Largest excess of noise beyond the range of a calibration, relative to the range.
+# Largest excess beyond the range of a calibration that counts as noise, relative to the range.
 BEYOND = 0.05
 
 
 def calibration_chain(chain: Chain, unit: str) -> tuple[Calibration, ...]:
-    """The calibrations to be applied one after the other to values in `unit`; names and paths are loaded.
+    """Return the calibrations for values in `unit`, in the order of application; names and paths are loaded.
 
     Raises:
-        CalibrationError: one cannot be loaded, or takes another unit than what comes before gives.
+        CalibrationError: a calibration cannot be loaded, or its input has another unit than the previous
+            output.
     """
     parts = (chain,) if isinstance(chain, Calibration | str | os.PathLike) else tuple(chain)
     loaded = tuple(part if isinstance(part, Calibration) else load_calibration(part) for part in parts)
@@ -53,22 +54,22 @@ def calibration_chain(chain: Chain, unit: str) -> tuple[Calibration, ...]:
 def apply_calibration(
     recording: xr.Dataset, calibrations: Mapping[str, Chain], rename: Mapping[str, str] | None = None
 ) -> xr.Dataset:
-    """The recording with some of its variables calibrated; what was applied is kept in its attributes.
+    """Return the recording with some of its variables calibrated; its attributes name the calibrations.
 
     Args:
         recording: over "time".
-        calibrations: variable -> calibration, or its name or file, or a sequence of them:
-            ``{"sensor": ["kang2007-inductive-5", "kang2007-recalibration"]}``.
-        rename: variable -> what it is called from then on: a variable of a standard name cannot be in V,
-            ``{"sensor": "end_effector_position"}`` gives it that name when it is in m.
+        calibrations: variable -> calibration, or its name or file, or a sequence of them: ``{"sensor":
+            ["kang2007-inductive-5", "kang2007-recalibration"]}``.
+        rename: variable -> new name. A variable with a standard name cannot be in V; ``{"sensor":
+            "end_effector_position"}`` gives that name to the calibrated variable in m.
 
     Raises:
         CalibrationError: a calibration cannot be loaded, or does not fit the variable's unit or new name.
         RecordingError: the recording has no such variable.
 
     Warns:
-        RecordingWarning: a variable leaves the range for which a calibration was made: the polynomial says
-            nothing there.
+        RecordingWarning: a variable leaves the range of a calibration, outside which the polynomial is not
+            valid.
     """
     made, applied = recording.copy(), dict[str, list[str]]()
     for name, chain in calibrations.items():
@@ -102,9 +103,9 @@ def apply_calibration(
 
 
 def scale_attribute(chain: Sequence[Calibration], before: float = 0.0) -> dict[str, float]:
-    """Return the attribute of a variable that says how uncertain its scale is after these calibrations.
+    """Return the attribute with the uncertainty of a variable's scale after these calibrations.
 
-    It is empty where one of them does not say; `before` is the uncertainty of what they are applied to.
+    It is empty if the uncertainty of one is unknown; `before` is the uncertainty of the uncalibrated scale.
     """
     known = [one.scale_uncertainty for one in chain if one.scale_uncertainty is not None]
     return {SCALE_UNCERTAINTY: math.hypot(before, *known)} if chain and len(known) == len(chain) else {}
@@ -128,7 +129,7 @@ def calibration_attribute(applied: Mapping[str, Sequence[str]], before: str = ""
     """Return the attribute "calibration" of a recording: JSON, variable -> list of calibrations."""
     known = json_attribute({"calibration": before}, "calibration")
     if before and not known:
-        known["notes"] = before  # free text of a reader
+        known["notes"] = before  # free text from a reader
     for name, texts in applied.items():
         if not texts:
             continue

@@ -1,4 +1,4 @@
-"""A polynomial from what a sensor says to what is true: least squares, standard errors, prediction band."""
+"""Polynomial from a sensor's reading to the true value: least squares, standard errors, prediction band."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ LARGEST_ORDER = 20
 
 
 class CalibrationError(ValueError):
-    """A calibration cannot be fitted, read, inverted or applied."""
+    """Error: a calibration cannot be fitted, read, inverted or applied."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """y = c_0 + c_1 x + c_2 x² + ..., x being the sensor's output and y the quantity, both in SI.
+    """Calibration polynomial y = c_0 + c_1 x + c_2 x² + ... from the sensor's output x to the quantity y,
+    both in SI.
 
     Fields: `coefficients` [order + 1], lowest power first, in y_unit/x_unit^k; `low`, `high`, range of x for
     which it was made; `max_error`, `rms_error`, in y_unit, against the single readings; `residual_deviation`,
     in y_unit, of the fitted means, with its `degrees_of_freedom`; `covariance` of the coefficients;
-    `scale_uncertainty`, relative standard uncertainty of dy/dx, root mean square over the range. What a
-    source does not say is None.
+    `scale_uncertainty`, relative standard uncertainty of dy/dx, root mean square over the range. Values that
+    the source does not give are None.
     """
 
     name: str
@@ -47,38 +48,38 @@ class Calibration:
 
     @property
     def order(self) -> int:
-        """The highest power."""
+        """Return the order, the highest power."""
         return len(self.coefficients) - 1
 
     @property
     def standard_errors(self) -> tuple[float, ...] | None:
-        """Standard errors of the coefficients, in their units; None without a covariance."""
+        """Return the standard errors of the coefficients, in their units; None without a covariance."""
         if self.covariance is None:
             return None
         return tuple(float(np.sqrt(self.covariance[k][k])) for k in range(self.order + 1))
 
     def __call__(self, x: ArrayLike) -> Array:
-        """y at x, of the same shape."""
+        """Return y at x, in the same shape."""
         return _polynomial(self.coefficients, array_si(x, self.x_unit, "x"))
 
     def slope(self, x: ArrayLike) -> Array:
-        """dy/dx at x, of the same shape."""
+        """Return dy/dx at x, in the same shape."""
         derivative = np.polynomial.polynomial.polyder(self.coefficients)
         return _polynomial(derivative, array_si(x, self.x_unit, "x"))
 
     def prediction_band(self, x: ArrayLike, level: float = 0.95) -> Array:
-        """Half the width of the band in which a new mean reading lies with the probability `level`.
+        """Return half the width of the band that contains a new mean reading with the probability `level`.
 
         Raises:
-            CalibrationError: the covariance is not known, no degrees of freedom are left, or the level is no
-                probability.
+            CalibrationError: the covariance is not known, no degrees of freedom are left, or the level is not
+                a probability.
         """
         if isinstance(level, str) or not 0.0 < level < 1.0:
             raise CalibrationError(f"level = {level!r} is out of range: a probability must be > 0 and < 1")
         if self.covariance is None or not self.degrees_of_freedom or self.residual_deviation is None:
             raise CalibrationError(f"the calibration {self.name!r} says nothing of its uncertainty")
         x = array_si(x, self.x_unit, "x")
-        # The covariance of powers of x is badly scaled: work in x over its largest value.
+        # The covariance of powers of x is badly scaled, so x is divided by its largest value.
         scale = max(abs(self.low), abs(self.high), 1e-300)
         units = scale ** np.arange(self.order + 1.0)
         powers = np.power.outer(x / scale, np.arange(self.order + 1))
@@ -108,7 +109,7 @@ class Calibration:
                 f"{self.y_unit}; {y.min():.6g} to {y.max():.6g} {self.y_unit} is asked for"
             )
         x = np.interp(y, values, grid)
-        for _ in range(3):  # Newton from three digits: to the last one
+        for _ in range(3):  # Newton's method from three accurate digits to the last one
             x = x - (self(x) - y) / self.slope(x)
         return x
 
@@ -123,19 +124,19 @@ def fit_calibration(
     y_unit: str = "m",
     source: str = "",
 ) -> Calibration:
-    """The polynomial of least squares through a table.
+    """Fit a polynomial to a calibration table by least squares.
 
     Args:
-        x: what the sensor said, SI: shape (n,), or (n, r) for r readings at each point, whose means are
+        x: readings of the sensor, SI: shape (n,), or (n, r) for r readings at each point, whose means are
             fitted.
-        y: the truth there, SI, shape (n,).
-        order: of the polynomial.
-        name, source: what to call it, and where it comes from.
+        y: true values, SI, shape (n,).
+        order: order of the polynomial.
+        name, source: name of the calibration, and origin of the table.
         x_unit, y_unit: SI units.
 
     Raises:
         QuantityError: values with another unit.
-        CalibrationError: arrays that do not fit, values that are no numbers, too few points for the order.
+        CalibrationError: arrays that do not fit, values that are not numbers, too few points for the order.
     """
     readings, y = _checked(array_si(x, x_unit, "x"), array_si(y, y_unit, "y"))
     means = readings.mean(axis=1)
@@ -186,13 +187,14 @@ def _of_slope(coefficients: Sequence[float], covariance: ArrayLike, low: float, 
 
 
 def cross_validation(x: ArrayLike, y: ArrayLike, orders: Sequence[int] = range(1, 8)) -> dict[int, float]:
-    """The rms error at points left out one at a time, in the unit of y, for each order that the points allow.
+    """Return the rms error at points left out one at a time, in the unit of y, for each order that the points
+    allow.
 
-    The order with the least error is the one to take: more of them follow the noise of the points.
+    Take the order with the least error: higher ones follow the noise of the points.
 
     Args:
         x, y: as for `fit_calibration`.
-        orders: to be compared.
+        orders: orders to compare.
 
     Raises:
         CalibrationError: as `fit_calibration`, or no order is possible.

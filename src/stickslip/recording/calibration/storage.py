@@ -1,4 +1,4 @@
-"""Calibrations as JSON files, and those that come with the package."""
+"""Storage of calibrations as JSON files, and the calibrations that come with the package."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NEEDED = {"name", "coefficients", "x_unit", "y_unit", "low", "high"}
 
 
 def available_calibrations() -> tuple[str, ...]:
-    """The names of the calibrations that come with the package."""
+    """Return the names of the calibrations that come with the package."""
     return tuple(sorted(file.stem for file in _SETS.glob("*.json")))
 
 
@@ -31,7 +31,7 @@ def load_calibration(name: str | os.PathLike[str]) -> Calibration:
     """Return a calibration of the package by its name, or a JSON file by its path.
 
     Raises:
-        CalibrationError: the name is unknown, or the file is wrong; names file and field.
+        CalibrationError: the name is unknown, or the file is wrong; the message names file and field.
     """
     text = os.fspath(name)
     path = Path(text)
@@ -55,8 +55,8 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
     """Write a calibration to a ``.json`` file and return the path; the file is replaced as a whole.
 
     Raises:
-        CalibrationError: the name is no ``.json``.
-        OSError: it cannot be written.
+        CalibrationError: the name does not end in ``.json``.
+        OSError: the file cannot be written.
     """
     target = Path(path)
     if target.suffix != ".json":
@@ -67,7 +67,7 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
 
 
 def to_text(calibration: Calibration, indent: int | None = None) -> str:
-    """The calibration as JSON."""
+    """Return the calibration as JSON text."""
     content = {"kind": _KIND, **asdict(calibration)}
     return json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
 

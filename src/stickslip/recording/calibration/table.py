@@ -19,12 +19,13 @@ from ..conversion import to_si_unit
 from .polynomial import CalibrationError
 
 _TABLES = Path(__file__).parent / "tables"
-MOST_TABLE_BYTES = 10_000_000  # bytes of a table: 300,000 lines of three numbers
+MOST_TABLE_BYTES = 10_000_000  # largest size of a table in bytes: 300,000 lines of three numbers
 _HEADER = re.compile(r"\s*(?P<name>[^\[\](]*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*")
 
 
 class CalibrationTable(NamedTuple):
-    """A table in SI: `x` [n, readings] is what the sensor said, `y` [n] the truth."""
+    """A calibration table in SI: `x` [n, readings per point] are readings of the sensor, `y` [n] the true
+    values."""
 
     name: str
     x: NDArray[np.float64]
@@ -35,7 +36,7 @@ class CalibrationTable(NamedTuple):
 
 
 def available_tables() -> tuple[str, ...]:
-    """The names of the tables that come with the package."""
+    """Return the names of the tables that come with the package."""
     return tuple(sorted(file.stem for file in _TABLES.glob("*.csv")))
 
 
@@ -46,7 +47,7 @@ def read_table(name: str | os.PathLike[str]) -> CalibrationTable:
     one or more readings of the sensor, all in one unit. Lines that start with # are notes.
 
     Raises:
-        CalibrationError: there is no such table, or it is not as described; names file and line.
+        CalibrationError: there is no such table, or it is not as described; the message names file and line.
     """
     path = Path(name)
     if os.fspath(name) in available_tables():

@@ -1,4 +1,4 @@
-"""Readers of the files that measurements come in."""
+"""Readers of files of measurements."""
 
 from .blocks import read_log as read_log
 from .frequency_table import read_frequency_response as read_frequency_response

@@ -1,4 +1,4 @@
-"""Channels from named arrays, as NPY, NPZ and MAT files hold them."""
+"""Channels made from named arrays in NPY, NPZ and MAT files."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ class Leaf(NamedTuple):
 
     shape: tuple[int, ...]
     load: Callable[[], np.ndarray]
-    of_complex: bool = False  # whether the numbers are complex
-    unit: str = ""  # as the file says it
-    epoch: float = 0.0  # of dates: what their numbers count from, s since 1970
-    load_part: Callable[[int, slice], np.ndarray] | None = None  # a part along an axis, where it is quicker
+    of_complex: bool = False  # the numbers are complex
+    unit: str = ""  # in the file
+    epoch: float = 0.0  # for dates: zero of the numbers, s since 1970
+    # reads a part along an axis, if that is faster
+    load_part: Callable[[int, slice], np.ndarray] | None = None
 
 
 def total_bytes(leaves: Iterable[Leaf]) -> int:
@@ -32,23 +33,23 @@ def total_bytes(leaves: Iterable[Leaf]) -> int:
 
 
 class ArrayChannel(NamedTuple):
-    """A channel as a part of an array: all samples along `axis`, one index along each other axis."""
+    """A channel that is a part of an array: all samples along `axis`, one index along each other axis."""
 
     array: str
     axis: int
     others: tuple[int, ...]
-    alone: bool  # the array has no other channel
+    alone: bool  # the array has only this channel
 
     @property
     def subscripts(self) -> list[str]:
-        """The index along each axis, from 0; ":" for time."""
+        """Return the index along each axis, from 0; ":" for time."""
         texts = [str(i) for i in self.others]
         return [*texts[: self.axis], ":", *texts[self.axis :]]
 
 
 def array_parts(leaves: Mapping[str, Leaf]) -> list[ArrayChannel]:
     """Return the channels of arrays by name, array by array. Time runs along the longest axis of an array,
-    the first of them if two are as long.
+    the first of equally long ones.
 
     Raises:
         RecordingError: there are more channels than `LIMITS` allows.
@@ -68,7 +69,7 @@ def array_parts(leaves: Mapping[str, Leaf]) -> list[ArrayChannel]:
 
 
 def real_leaves(leaves: Mapping[str, Leaf]) -> dict[str, Leaf]:
-    """Return the arrays with complex ones as two: "real(G)" and "imag(G)"."""
+    """Return the arrays with complex ones split into two: "real(G)" and "imag(G)"."""
     found: dict[str, Leaf] = {}
     for name, leaf in leaves.items():
         if not leaf.of_complex:
@@ -85,7 +86,8 @@ def _part(load: Callable[[], np.ndarray], part: str) -> np.ndarray:
 
 
 def subscripted(part: ArrayChannel) -> str:
-    """The name of a channel as in Python: "table[:, 2]"; the only one of an array is called as the array."""
+    """Return the name of a channel as in Python: "table[:, 2]"; the only channel of an array has the array's
+    name."""
     name = part.array
     return name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
 
@@ -93,7 +95,7 @@ def subscripted(part: ArrayChannel) -> str:
 def array_source(
     reader: str, leaves: Mapping[str, Leaf], channels: Sequence[tuple[ArrayChannel, FileChannel]]
 ) -> FileContent:
-    """A source whose channels are parts of arrays. An array is loaded once per reading."""
+    """Return a source whose channels are parts of arrays. Each array is loaded once per reading."""
 
     def read(indices: Sequence[int], rows: Rows) -> list[np.ndarray]:
         loaded: dict[str, np.ndarray] = {}

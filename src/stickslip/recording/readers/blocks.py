@@ -1,7 +1,7 @@
-"""Logs in blocks of "key: value", such as a program prints after each move.
+"""Logs in blocks of "key: value", as a program prints them after each move.
 
-"Trial 1 - Forward: Error: 37.48 nm, Time: 0.63 sec" is one record. So are lines "Target: 10 um" and
-"Reached: 9.98 um" up to a blank line, a rule, or a key that comes again.
+"Trial 1 - Forward: Error: 37.48 nm, Time: 0.63 sec" is one record. So are lines "Target: 10 um" and "Reached:
+9.98 um" up to a blank line, a rule, or a repeated key.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ...quantities.units import QuantityError
 from .. import RecordingError
 from .file_units import to_si_unit
 
-FEWEST = 2  # records of a log
+FEWEST = 2  # fewest records of a log
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PAIR = re.compile(
     rf"(?P<key>[^\W\d_][^:=,;|\t\n]{{0,60}}?)\s*[:=]\s*(?P<number>{_NUMBER})\s*(?P<unit>[^\s\d,;|:=]*)\s*(?=[,;|\t]|$)"
@@ -35,7 +35,7 @@ class _Record(NamedTuple):
 
 
 def read_log(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Return the table in a log of "key: value" blocks: a variable per key over "record", in SI; what stands
+    """Return the table in a log of "key: value" blocks: a variable per key over "record", in SI; the text
     before the keys is `label`.
 
     Raises:
@@ -64,7 +64,7 @@ def read_log(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def _in_si(number: float, unit: str) -> tuple[float, str]:
-    """A number in SI; in its own unit where that is not known."""
+    """Return a number and its unit in SI; unchanged if the unit is not known."""
     try:
         conversion = to_si_unit(unit) if unit else None
     except QuantityError:

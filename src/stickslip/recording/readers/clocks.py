@@ -1,4 +1,4 @@
-"""Samples with their times: what is missing, whether time ascends, and several clocks made one."""
+"""Samples with their times: missing samples, ascending time, and the combination of several clocks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Place = Callable[[int], str]
 class Clocked(NamedTuple):
     """Channels with a common clock; times in s."""
 
-    clock: str  # the name of the clock
+    clock: str  # name of the clock
     time: np.ndarray
     values: Mapping[str, np.ndarray]
 
@@ -23,13 +23,14 @@ class Clocked(NamedTuple):
 def complete_samples(
     group: Clocked, labels: Mapping[str, str], missing: Literal["error", "drop"], place: Place
 ) -> Clocked:
-    """Return the group without incomplete samples, if they may be dropped, and with ascending time.
+    """Return the group of channels without incomplete samples, if they may be dropped, after a check that
+    time ascends.
 
     Args:
         group: the channels and their time.
         labels: name of each channel in an error: column and unit.
-        missing: "drop" drops samples of which a part is missing, "error" raises at the first one.
-        place: sample -> its place in the file.
+        missing: "drop" drops incomplete samples, "error" raises at the first one.
+        place: function from a sample to its place in the file, in words.
 
     Raises:
         RecordingError: a number is missing, or time does not ascend.
@@ -62,7 +63,7 @@ def complete_samples(
 
 
 def without_empty_end(group: Clocked) -> Clocked:
-    """The group up to its last tick: of two groups in one table the shorter ends with blanks."""
+    """Return the group up to its last time; in a table, a shorter group ends with blanks."""
     ticks = np.flatnonzero(np.isfinite(group.time))
     end = int(ticks[-1]) + 1 if ticks.size else 0
     return Clocked(
@@ -71,7 +72,8 @@ def without_empty_end(group: Clocked) -> Clocked:
 
 
 def onto_one_clock(common: Clocked, others: list[Clocked]) -> Clocked:
-    """All channels at the times of `common` that lie within every other clock, by linear interpolation.
+    """Return all channels at the times of `common` that lie within every other clock, by linear
+    interpolation.
 
     Raises:
         RecordingError: a clock does not overlap with the common one.

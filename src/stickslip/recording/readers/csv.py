@@ -1,8 +1,8 @@
-"""Text files of numbers: CSV, TSV, white space.
+"""Reader of text files of numbers: CSV, TSV, or separated by white space.
 
-Read by pandas in chunks, 70 to 100 MB/s on one core (four times ``numpy.loadtxt``), into arrays that grow in
-place: memory stays at the result plus one chunk. Dates become seconds since the first of them: since 1970 a
-double would round them to 0.2 us.
+pandas reads them in chunks, 70 to 100 MB/s on one core (four times ``numpy.loadtxt``), into arrays that grow
+in place: the memory is that of the result plus one chunk. Dates become seconds since the first of them,
+because a double of seconds since 1970 would round them to 0.2 us.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from .progress import reading_progress
 from .source import FileContent, Rows
 from .stamps import Stamped, iso
 
-CHUNK = 1 << 23  # bytes of text
+CHUNK = 1 << 23  # bytes of text in a chunk
 
 
-# Numbers are read to the last bit: what pandas does from 3.1 on, and did before where asked to.
+# Exact reading of numbers: default of pandas from 3.1 on, an option before.
 _EXACT: Any = (
     {} if (*map(int, pd.__version__.split(".")[:2]),) >= (3, 1) else {"float_precision": "round_trip"}
 )
@@ -42,11 +42,11 @@ def read_csv(
     skip: int = 0,
     missing_values: Sequence[str] = (),
 ) -> FileContent:
-    r"""The columns of a text file; see `find_layout` for the arguments.
+    r"""Return the columns of a text file; see `find_layout` for the arguments.
 
     Raises:
-        RecordingError: there are no numbers; when reading, a field is no number or a row has too many or, at
-            the end of the file, too few.
+        RecordingError: there are no numbers; or, when reading, a field is not a number or a row has too many
+            or, at the end of the file, too few fields.
     """
     layout = find_layout(path, delimiter, decimal, skip, missing_values)
     channels = layout.channels
@@ -70,7 +70,7 @@ def read_csv(
 
 
 def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows) -> list[np.ndarray]:
-    # Too much costs nothing: memory is taken when it is written to.
+    # Too large an estimate costs nothing: memory is taken only when it is used.
     capacity = int(path.stat().st_size / layout.line_bytes) + 1
     if rows.stop is not None:
         capacity = min(capacity, rows.stop)
@@ -102,7 +102,7 @@ def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows
             raise
         except (ValueError, OverflowError, pd.errors.ParserError) as error:
             raise _explained(path, layout, indices, error) from error
-    if rows.stop is None or position < rows.stop:  # it has been read to its end
+    if rows.stop is None or position < rows.stop:  # the file has been read to its end
         filled = max(filled - _blank_rows_at_the_end(path, layout), 0)
     for column in columns:
         column.resize(filled, refcheck=False)
@@ -112,7 +112,7 @@ def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows
 
 
 class _Lines:
-    """A text file, as pandas reads one, in which no line is longer than `LIMITS.line`."""
+    """A text file for pandas in which no line may be longer than `LIMITS.line`."""
 
     def __init__(self, path: Path, file: TextIO, layout: TextLayout) -> None:
         self._path, self._file, self._layout, self._run = path, file, layout, 0
@@ -136,8 +136,8 @@ class _Lines:
 
 
 def _chunks(file: Any, layout: TextLayout, indices: list[int], stop: int | None) -> Iterator[pd.DataFrame]:
-    # A column that nobody asked for is kept as one byte per row: were it left out by ``usecols``, pandas
-    # would not see rows that are too long.
+    # A column that was not requested is kept as one byte per row: with ``usecols``, pandas would not detect
+    # rows that are too long.
     types: dict[Hashable, Any] = dict.fromkeys(range(len(layout.kinds)), "S1")
     dates = [layout.stamps[i].date for i in indices if i in layout.stamps]
     types |= {i: np.float64 if layout.kinds[i] == "n" else str for i in indices}
@@ -172,7 +172,7 @@ def _numbers(chunk: pd.DataFrame, layout: TextLayout, i: int) -> np.ndarray:
 
 
 def _since(texts: pd.Series, how: Stamped) -> np.ndarray:
-    """Stamps in s since the epoch of their column; NaN of blank ones."""
+    """Return time stamps in s since the zero of their column; NaN for blank ones."""
     made = texts.map(lambda text: iso(text, how.first_is_day), na_action="ignore")
     times = pd.to_datetime(made, utc=True, format="ISO8601")
     return (times - pd.Timestamp(how.epoch, unit="s", tz="UTC")).dt.total_seconds().to_numpy()
@@ -187,7 +187,7 @@ def _is_date(text: str, how: Stamped) -> bool:
 
 
 def _rows(path: Path, layout: TextLayout) -> Iterator[tuple[int, str]]:
-    """Number (from 1) and text of each line of data: the slow way, to say where an error is."""
+    """Yield number (from 1) and text of each line of data; slow, used to locate an error."""
     with opened(path) as raw, TextIOWrapper(raw, encoding=layout.encoding, errors="replace") as file:
         for number, line in enumerate(_Lines(path, file, layout), 1):
             if number > layout.first_line and layout.is_data(line):
@@ -200,7 +200,7 @@ def _line_of(path: Path, layout: TextLayout, row: int) -> int:
 
 
 def _explained(path: Path, layout: TextLayout, indices: list[int], error: Exception) -> RecordingError:
-    """The first field that is no number, or the first row that is too long, by name."""
+    """Return an error that names the first field that is not a number, or the first row that is too long."""
     width = len(layout.kinds)
     for number, line in _rows(path, layout):
         fields = layout.split(line)
@@ -216,7 +216,7 @@ def _explained(path: Path, layout: TextLayout, indices: list[int], error: Except
 
 
 def _tail(path: Path, layout: TextLayout) -> list[str]:
-    """The last lines of a file."""
+    """Return the last lines of a file."""
     with opened(path) as file:
         file.seek(max(os.fstat(file.fileno()).st_size - (1 << 16), 0))
         tail = file.read().decode(layout.encoding, errors="replace")
@@ -224,7 +224,7 @@ def _tail(path: Path, layout: TextLayout) -> list[str]:
 
 
 def _blank_rows_at_the_end(path: Path, layout: TextLayout) -> int:
-    """Number of last rows that hold delimiters and nothing between them, as spreadsheets leave them."""
+    """Return the number of final rows with delimiters only, as spreadsheets leave them."""
     count = 0
     for line in reversed(_tail(path, layout) if layout.encoding != "utf-16" else []):
         if layout.is_data(line):
@@ -235,9 +235,10 @@ def _blank_rows_at_the_end(path: Path, layout: TextLayout) -> int:
 
 
 def _check_last_line(path: Path, layout: TextLayout) -> None:
-    """A file that ends in the middle of a row was cut off, and even its last number may be wrong."""
+    """Raise an error for a file that ends in the middle of a row: it was cut off, and even its last number
+    may be wrong."""
     if layout.encoding == "utf-16":
-        return  # a cut may fall between the bytes of a sign
+        return  # the end may be in the middle of a character
     last = _tail(path, layout)[-1]  # empty if the file ends with a line end, as most do
     fields = layout.split(last)
     if layout.is_data(last) and len(fields) < len(layout.kinds):

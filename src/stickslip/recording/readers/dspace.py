@@ -1,9 +1,9 @@
-"""Captures of dSPACE boards in MAT files, in both layouts.
+"""Captures (recordings) of dSPACE boards in MAT files, in both layouts.
 
 Flat: ``trace_x`` is the time [s] and each row of ``trace_y`` a signal, without names or units [kang2007, app.
-    8]; our own files say them in ``trace_names`` and ``trace_units``.
-Structure, as ControlDesk writes it: one variable with ``.X(j).Data``, the clocks, and ``.Y(k).Name``,
-``.Y(k).Data``, the signals; with several clocks, ``.Raster`` of a signal is that of its clock.
+8]; files of this package have them in ``trace_names`` and ``trace_units``. Structure, as ControlDesk writes
+it: one variable with ``.X(j).Data``, the clocks, and ``.Y(k).Name``, ``.Y(k).Data``, the signals; with
+several clocks, ``.Raster`` of a signal is that of its clock.
 
 The clocks are the first channels; with one clock, the index of a signal is therefore its row or k in MATLAB.
 """
@@ -23,7 +23,8 @@ Capture = tuple[dict[str, Leaf], list[tuple[ArrayChannel, FileChannel]]]
 
 
 def find_capture(tree: dict[str, Any]) -> Capture | None:
-    """The arrays and channels of a capture in the variables of a MAT file; None if there is no capture.
+    """Return the arrays and channels of a dSPACE capture in the variables of a MAT file; None if there is
+    none.
 
     Raises:
         RecordingError: a capture whose signals and clocks do not fit together.
@@ -40,7 +41,7 @@ def _flat(trace_x: Leaf, trace_y: Leaf, tree: dict[str, Any]) -> Capture:
     samples = int(np.prod(trace_x.shape))
     if len(trace_y.shape) != 2 or samples not in trace_y.shape:
         raise RecordingError(f"trace_y has the shape {trace_y.shape}, trace_x {samples} samples")
-    # A square capture, as many signals as samples, is in rows as all others are.
+    # A square capture, with as many signals as samples, has signals in rows like all others.
     axis = 1 if trace_y.shape[1] == samples else 0
     channels = [(array_parts({"trace_x": trace_x})[0], FileChannel("trace_x", "s", ("trace_x", 0), 0))]
     count = trace_y.shape[1 - axis]

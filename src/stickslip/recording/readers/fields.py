@@ -1,4 +1,4 @@
-"""Fields of a text file: numbers, what programs write where a number is missing, dates, and words."""
+"""Kinds of fields in a text file: numbers, marks for missing numbers, dates, and words."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ def _missing() -> frozenset[str]:
     return frozenset(signed | signs | {"", "…", "–", "—", "- -", "-.-", "-.--", "--.--", *SHEET_ERRORS})
 
 
-# Texts that stand where a number is missing, infinite or beyond a range; `missing_values` adds one's own.
+# Texts in place of a missing, infinite or out-of-range number; `missing_values` adds further ones.
 MISSING = _missing()
-# Numbers that say the same: instruments write 9.9e37 (SCPI) or the largest number that they know.
+# Numbers with the same meaning: instruments write 9.9e37 (SCPI) or their largest number.
 OVERLOAD = 9.89e37
 
-# Regular expressions here read a text in one pass: none has two ways to take the same signs, for a field may
-# be as long as a line.
+# Regular expressions here match in one pass, without alternatives for the same characters, because a field
+# may be as long as a line.
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?")
 FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")  # "1.0D-03"
 # Texts of Microsoft's C library for missing numbers: "1.#QNAN", "-1.#IND00", "1.#INFe+000".
 LIBRARY = re.compile(r"[+-]?1[.,]#[A-Za-z]+\d*([eE][+-]?\d+)?")
 
 
-SPACE = r"\s+"  # as a delimiter
-# An error of Excel, "#N/A", is no comment.
+SPACE = r"\s+"  # white space as a delimiter
+# An error of Excel, such as "#N/A", is not a comment.
 COMMENT = re.compile(rf"\s*(#(?!{'|'.join(re.escape(one[1:]) for one in SHEET_ERRORS)})|%|//)+")
 
 
@@ -59,7 +59,7 @@ class Signs(NamedTuple):
     missing: frozenset[str] = MISSING
 
     def kind(self, field: str) -> str:
-        """Return "e" of a field without a value, "n" of a number, "d" of a date or time, "s" of words."""
+        """Return the kind of a field: "e" without a value, "n" a number, "d" a date or time, "s" words."""
         if field in self.missing or LIBRARY.fullmatch(field):
             return "e"
         if _NUMBER.fullmatch(

@@ -1,8 +1,8 @@
-"""Units as files of measurements mean them, where the unit parser takes a short name for something else.
+"""Meaning of units in files of measurements, where the unit parser would take a short name for another unit.
 
-"mil" is a thousandth of an inch in every data sheet, and a part of a turn to the parser; "C" is a charge, but
-of a temperature a degree; "(rod)" says what was measured, and is a length of five metres to it. What files do
-not agree about is refused by name.
+"mil" is a thousandth of an inch in every data sheet, but an angle to the parser; "C" is a charge, but a
+degree for a temperature; "(rod)" names what was measured, but is a length of five metres to the parser. Units
+with several meanings in files are refused by name.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .. import conversion
 from ..conversion import Conversion
 from .source import FileChannel
 
-# Meaning of units in files, as the parser spells it.
+# Meaning of units in files, in the parser's spelling.
 _MEANT = {"MIL": "thou", "pct": "percent"}
 _MEANT |= {"rev": "turn", "revs": "turn", "gon": "grad", "cycle": "", "cycles": ""}
 _MIL = re.compile(r"\b[mM]ils?\b")
@@ -35,7 +35,7 @@ _UNSURE = {
 _WORDS = frozenset(
     ["hand", "rod", "pole", "perch", "link", "chain", "point", "pica", "act", "ch", "b", "B", "c", "D", "e"]
 )
-# Texts in round brackets after a name that are not an unknown unit: a place, a role, a statistic.
+# Texts in round brackets after a name that are not units: a place, a role, a statistic.
 _ROLE = re.compile(
     r"left|right|top|bottom|upper|lower|front|rear|back|inner|outer|raw|filtered|smoothed|measured|actual|real|"
     r"set ?point|target|ref(erence)?|command(ed)?|cmd|demand|desired|input|output|in|out|sensor|encoder|"
@@ -44,29 +44,30 @@ _ROLE = re.compile(
     r"ch(an(nel)?)? ?\w+|a[io]\d+|\W*\d*\W*",
     re.IGNORECASE,
 )
-# By what a column is called: a unit of one letter is that of another quantity.
+# Units of one letter that have another meaning for columns with these names.
 _BY_NAME = (
     ("g", re.compile(r"acc|beschl", re.IGNORECASE), "standard_gravity"),
     ("C", re.compile(r"temp", re.IGNORECASE), "degC"),
     ("F", re.compile(r"temp", re.IGNORECASE), "degF"),
 )
-# Units in round brackets that are as often a word ("max (min)", "Voltage (in)"), and the columns they are of.
+# Units in round brackets that are also words ("max (min)", "Voltage (in)"), and the columns in which they are
+# units.
 _LENGTH = re.compile(r"pos|disp|dist|stroke|travel|elongation|gap|weg|length", re.IGNORECASE)
 _TIME = re.compile(r"^t\b|time|zeit|temps|elapsed|duration", re.IGNORECASE)
 _ONLY_OF = {"in": _LENGTH, "min": _TIME, "d": _TIME, "h": _TIME}
 
 
 def to_si_unit(unit: str) -> Conversion:
-    """Return the conversion of a unit as files mean it, see `recording.conversion`.
+    """Return the conversion to SI of a unit in its usual meaning in files, see `recording.conversion`.
 
     Raises:
-        QuantityError: the unit is unknown, or files use it differently.
+        QuantityError: the unit is unknown, or has several meanings in files.
     """
     return conversion.to_si_unit(_meant(unit))
 
 
 def to_si_scale(text: str) -> Conversion:
-    """Return the conversion of a unit with a number, as files mean it: "0.5 mil/V".
+    """Return the conversion to SI of a unit with a number, in its usual meaning in files: "0.5 mil/V".
 
     Raises:
         QuantityError: see `to_si_unit`; or the number is 0 or not finite.
@@ -76,36 +77,37 @@ def to_si_scale(text: str) -> Conversion:
 
 @functools.lru_cache(
     maxsize=10_000
-)  # a file may have as many columns, each of which is checked several times
+)  # number of columns that a file may have, each of which is checked several times
 def is_unit(text: str) -> bool:
-    """Return whether `to_si_unit` knows the unit."""
+    """Return True if `to_si_unit` knows the unit."""
     return conversion.is_unit(text, to_si_unit)
 
 
 def is_unit_of(name: str, text: str) -> bool:
-    """Return whether a text in round brackets after a name is its unit, and not a word."""
+    """Return True if a text in round brackets after a name is its unit, not a word."""
     only = _ONLY_OF.get(text)
     return is_unit(text) and (only is None or only.search(name) is not None)
 
 
 def is_word(text: str) -> bool:
-    """Return whether a text in round brackets after a name is certainly not a unit: "left", "load cell"."""
+    """Return True if a text in round brackets after a name is certainly not a unit: "left", "load cell"."""
     several = len(text.split()) > 1 and "unit" not in text.lower()
     return text in _WORDS or text in _ONLY_OF or several or _ROLE.fullmatch(text) is not None
 
 
 def is_unsure(unit: str) -> bool:
-    """Return whether files use a unit with different meanings."""
+    """Return True if a unit has several meanings in files."""
     return unit.strip() in _UNSURE
 
 
 def in_seconds(channel: FileChannel) -> bool:
-    """Return whether a channel is in a unit of time."""
+    """Return True if the unit of a channel is a time."""
     return is_unit(channel.unit) and to_si_unit(channel.unit).unit == "s"
 
 
 def of_its_name(channel: FileChannel) -> FileChannel:
-    """The channel with a unit of one letter spelled as that of what it is called: [C] of a temperature."""
+    """Return the channel with a unit of one letter as its name suggests: [C] for a temperature becomes
+    degrees Celsius."""
     for unit, name, meant in _BY_NAME:
         if channel.unit == unit and name.search(channel.name):
             return channel._replace(unit=meant, header=channel.shown)

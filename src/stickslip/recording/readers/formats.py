@@ -1,4 +1,4 @@
-"""Format of a file: by its content, which its extension must not contradict."""
+"""Recognition of a file's format by its content, which its extension must not contradict."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .. import RecordingError
 from .signatures import is_text, known_format, not_read
 from .source import Format
 
-# Formats that read_recording takes without a `Format`.
+# Formats that `read_recording` reads without a `Format`.
 TEXT = "text"
 TEXT_LINE = (
     "Numbers in lines: CSV, TSV, LabVIEW's LVM, tables of oscilloscopes, with or without headers and units."
@@ -23,11 +23,11 @@ TEXT_LINE = (
 _TEXT = (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".lvm")
 
 
-_NAMES = 1000  # of the folder that are compared with the name of a missing file
+_NAMES = 1000  # largest number of files in the folder that are compared with the name of a missing file
 
 
 def _near(path: Path) -> str:
-    """Return a hint: the folder that is missing, or the file whose name is nearest."""
+    """Return a hint: the missing folder, or the file with the most similar name."""
     if not path.parent.is_dir():
         return f": the folder {path.parent} is missing"
     names: list[str] = []
@@ -37,11 +37,11 @@ def _near(path: Path) -> str:
 
 
 def find_format(path: Path) -> str:
-    """The format of a file: "text", "nc" (a recording of ours), or the name of a `Format`.
+    """Return the format of a file: "text", "nc" (a recording of this package), or the name of a `Format`.
 
     Raises:
-        RecordingError: there is no such file, it is a folder, is empty, is of no known format, or its name
-            says another format than its content.
+        RecordingError: there is no such file, it is a folder, is empty, has an unknown format, or its
+            extension contradicts its content.
     """
     if path.is_dir():
         raise RecordingError("is a folder, not a file; name a file in it")
@@ -50,7 +50,7 @@ def find_format(path: Path) -> str:
     if not path.is_file():
         raise RecordingError("no plain file: a pipe or a device")
     check_regular(path)
-    if not path.stat().st_size:  # of the system's own files (/proc), some of which wait for ever, too
+    if not path.stat().st_size:  # empty, or a system file (/proc), of which some never end
         raise RecordingError("the file is empty; record or export it again")
     with opened(path) as file:
         head = file.read(1 << 16)
@@ -70,13 +70,14 @@ def find_format(path: Path) -> str:
 
 
 def _formats() -> list[Format]:
-    """Return the formats: those of the user and of other packages first."""
+    """Return the formats, those of the user and of other packages first."""
     return sorted((one for _, one in registry.readers.all()), key=lambda one: not registry.origin(one.read))
 
 
 def _is_recording(path: Path, ending: str) -> bool:
-    """Return whether an HDF5 file is one of our recordings; a damaged file with our ending counts."""
-    from ...gate.hdf5 import has_attribute  # HDF5 is not for those who only read text
+    """Return True if an HDF5 file is a recording of this package; a damaged file with its extension
+    counts."""
+    from ...gate.hdf5 import has_attribute  # readers of text need not load HDF5
     from ...gate.nexus import ATTRIBUTES
 
     try:

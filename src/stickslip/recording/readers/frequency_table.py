@@ -1,7 +1,8 @@
-"""Frequency responses that another instrument or program has measured: tables of frequency, gain and phase.
+"""Frequency responses measured by other instruments or programs: tables of frequency, gain and phase.
 
 Columns are found by their names: "Frequency (Hz)", "Gain (dB)", "Phase (deg)"; or real and imaginary parts,
-which complex numbers of MAT and NPZ files become; or functions of frequency in a universal file (UFF).
+also made from complex numbers in MAT and NPZ files. Functions of frequency in a universal file (UFF) are read
+too.
 """
 
 from __future__ import annotations
@@ -36,23 +37,23 @@ _ROLES = (
     ("real", r"\breal\b|\bre\b"),
     ("imag", r"\bimag|\bim\b"),
     ("gain", r"gain|magn|\bmag\b|ratio|transfer|\bfrf\b|\|.*\||\bdb\b|^abs\b"),
-    ("amplitude", r"ampl"),  # of what was sent or received, where there is a gain too
+    ("amplitude", r"ampl"),  # amplitude sent or received, besides a gain
 )
-# The unit behind a name, which may be none that files of recordings have: "(dB)", "in °", "Phase_deg".
+# Units after a name that recordings do not have: "(dB)", "in °", "Phase_deg".
 _UNITS = re.compile(
     r"[\[(<]([^\[\]()<>:]+)[\])>]\s*$|\bin (\S+)\s*$|[,_/ ](dB|deg|degrees?|°|rad|Hz|kHz|MHz|rad/s)\s*$"
 )
 _OMEGA = re.compile(r"omega|^[wω]$|^wout$", re.IGNORECASE)
 _DECIBEL = re.compile(r"db", re.IGNORECASE)
-_RESPONSES = (4, 5)  # kinds of functions in a universal file: frequency response, transmissibility
+_RESPONSES = (4, 5)  # function types in a universal file: frequency response, transmissibility
 _MEANT = {"°": "deg", "degree": "deg", "degrees": "deg", "hz": "Hz", "khz": "kHz", "rad/sec": "rad/s"}
 _MEANT |= {text.lower(): text for text in ("deg", "rad", "dB", "rad/s")}
 _TWO_PI = 2.0 * np.pi
 
 
 class ResponseColumns(NamedTuple):
-    """The channels of a frequency response: of the frequency, and pairs of gain and phase, or of real and
-    imaginary parts, output by output."""
+    """Channels of a frequency response: the frequency, and for each output a pair of gain and phase, or of
+    real and imaginary parts."""
 
     frequency: int
     polar: bool
@@ -66,22 +67,22 @@ def read_frequency_response(
     *,
     scale: str = "1",
 ) -> xr.Dataset:
-    """Return a frequency response from a table or a universal file, for `identify_frequency`.
+    """Read a frequency response from a table or a universal file, for `identify_frequency`.
 
     Args:
         path: text, MAT, NPZ, HDF5 or another file of columns, or a universal file (UFF, data set 58).
         columns: "frequency" with "gain" and "phase", or with "real" and "imag", -> column, as for
-            `read_recording`; by default found by their names, then several outputs too.
+            `read_recording`; by default found by their names, also for several outputs.
         units: of "frequency" (Hz, rad/s), "gain" (dB, "1", "um/V") and "phase" (deg, rad); they override
             the file. The unit of the gain also holds for real and imaginary parts.
         scale: response at a gain of 1 (0 dB), with its unit: "0.5 um/V".
 
     Returns:
         Over "frequency" [Hz, ascending], "output" and "input" the `response`, complex. It has no `deviation`:
-        all lines count alike in `identify_frequency`.
+        all frequencies have equal weights in `identify_frequency`.
 
     Raises:
-        RecordingError: there is no frequency response in the file, a unit is not said, or a value is no
+        RecordingError: there is no frequency response in the file, a unit is missing, or a value is not a
             number.
     """
     path = Path(path)
@@ -167,7 +168,7 @@ def _read(
 
 
 def _unit(channel: FileChannel) -> str:
-    """The unit of a column as its header says it, known to the parser or not."""
+    """Return the unit of a column as its header has it, whether known or not."""
     said = _UNITS.search(channel.shown)
     text = channel.unit or next((group for group in (said.groups() if said else ()) if group), "")
     text = text.strip()
@@ -175,7 +176,7 @@ def _unit(channel: FileChannel) -> str:
 
 
 def _frequency(channel: FileChannel, values: Array, said: str) -> Array:
-    """Frequencies in Hz; those without a unit are in Hz where the column is not called omega."""
+    """Return frequencies in Hz; without a unit they are in Hz unless the column is called omega."""
     unit = said or _unit(channel)
     if not unit:
         if _OMEGA.search(channel.name.strip()):
@@ -199,7 +200,7 @@ def _phase(channel: FileChannel, values: Array, said: str) -> Array:
 
 
 def _gain(channel: FileChannel, values: Array, said: str, scale: str, polar: bool) -> tuple[Array, str]:
-    """A gain (or a real part) as a ratio in SI, and its unit."""
+    """Return a gain (or a real part) as a ratio in SI, and its unit."""
     unit = said or (_unit(channel) if polar else channel.unit)
     whole = _converted(channel, scale, None, "scale", "a number and a unit, '0.5 um/V'")
     if _DECIBEL.match(unit) and polar:
@@ -249,7 +250,8 @@ def _ratio(unit: str) -> Conversion:
 
 
 def _of_functions(functions: Sequence[dict[str, Any]], said: str, scale: str, path: Path) -> xr.Dataset:
-    """The responses of a universal file: output by point of the response, input by that of the reference."""
+    """Return the frequency response of functions in a universal file; outputs are response points, inputs
+    reference points."""
     responses = [one for one in functions if one.get("func_type") in _RESPONSES]
     if not responses:
         raise RecordingError("the universal file (UFF) holds no frequency responses")
@@ -280,7 +282,7 @@ def _reference(one: dict[str, Any]) -> str:
 
 
 def _dataset(frequency: Array, values: NDArray[Any], unit: str, path: Path) -> xr.Dataset:
-    """The response, by ascending frequency; a line at 0 Hz, which has no phase, is left out."""
+    """Return the response sorted by frequency, without 0 Hz, which has no phase."""
     order = np.argsort(frequency, kind="stable")
     order = order[frequency[order] > 0.0]
     frequency, values = frequency[order], values[order]

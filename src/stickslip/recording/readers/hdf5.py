@@ -1,8 +1,8 @@
-"""HDF5 files of other programs, NetCDF 4 among them: every array of real numbers is a signal.
+"""Reader of HDF5 files of other programs, including NetCDF 4: every array of real numbers is a signal.
 
-Names are the groups and the array, joined by dots: "run_1.position", and rows of a table are counted from 0:
-"run_1.table[:, 2]". Units are those of an attribute "units" or "unit"; scale, offset and missing values of
-NetCDF are taken into account.
+Names are the groups and the array, joined by dots: "run_1.position"; columns of a table are counted from 0:
+"run_1.table[:, 2]". Units come from an attribute "units" or "unit"; scale, offset and missing values of
+NetCDF are applied.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from .arrays import Leaf, array_parts, array_source, real_leaves, subscripted, t
 from .source import FileChannel, FileContent, add_format, is_clock
 
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS")
-_SECONDS_SINCE = " since "  # of times of NetCDF: "seconds since 2020-02-20"
+_SECONDS_SINCE = " since "  # in units of NetCDF times: "seconds since 2020-02-20"
 _PLACES = (0, 512, 1024, 2048)  # possible starts of HDF5 content, after a block of another program
 
 
 class _Signal(NamedTuple):
-    """An array of numbers: its group, its unit, and what turns its numbers into values."""
+    """An array of numbers: its group, its unit, and the conversion from stored numbers to values."""
 
     group: str
     array: Hdf5Array
@@ -35,10 +35,10 @@ class _Signal(NamedTuple):
 
 
 def read_hdf5(path: Path) -> FileContent:
-    """The signals of an HDF5 file: every array of real numbers.
+    """Return the signals of an HDF5 file: every array of real numbers.
 
     Raises:
-        RecordingError: the file is damaged, or holds no arrays of real numbers.
+        RecordingError: the file is damaged, or contains no arrays of real numbers.
     """
     found: dict[str, _Signal] = {}
     others: list[str] = []
@@ -74,7 +74,7 @@ def _collect(
             _collect(tree, one, name, found, others)
         elif not one.kind or one.kind == "r":
             others.append(name)
-        elif np.prod(one.shape) > 1:  # a single number is a setting, no signal
+        elif np.prod(one.shape) > 1:  # a single number is a setting, not a signal
             found[name] = _signal(prefix, one)
 
 
@@ -103,7 +103,8 @@ def _leaf(path: Path, signal: _Signal) -> Leaf:
 
 
 def _clocks(found: dict[str, _Signal], order: list[str]) -> dict[str, int | None]:
-    """The channel of the time of each array: the only one in its group that is called so and as long."""
+    """Return the channel with the time of each array: the only one in its group with such a name and the same
+    length."""
     clocks: dict[str, int | None] = {}
     for name, one in found.items():
         times = [

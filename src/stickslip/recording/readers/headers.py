@@ -6,9 +6,9 @@ import re
 
 from .source import FileChannel, is_clock, time_unit
 
-# Ends of names that are units, spelled as names are. Of one letter V anywhere, s after a time, m after a
-# length and a large N after a force only: "x_m" may be "measured", "force_n" the normal one or one of n, and
-# A is as often a channel as ampere or angstrom.
+# Endings of names that are units, in the spelling of names. Of one-letter units, V counts anywhere, s after a
+# time, m after a length and a large N after a force only: "x_m" may be "measured", "force_n" the normal force
+# or one of n, and A is a channel as often as ampere or angstrom.
 _ENDS = {"sec": "s", "msec": "ms", "usec": "us", "nsec": "ns", "v": "V", "mv": "mV", "kv": "kV", "uv": "uV"}
 _ENDS |= {
     "mn": "mN",
@@ -29,7 +29,7 @@ _ENDS |= {one: one for one in ("ms", "us", "ns", "pm", "nm", "um", "mm", "cm", "
 _ENDS |= {one: one for one in ("uin", "mil", "thou")}
 _ENDS |= {f"{one}_{per}": f"{one}/s" for one in ("nm", "um", "mm", "m") for per in ("s", "per_s")}
 _ENDS |= {"s": "s", "m": "m", "n": "N"}
-# The shortest name comes first, so that "v_m_s" ends with m_s, not with s.
+# The shortest possible name comes first, so that "v_m_s" ends with m_s, not with s.
 _ENDED = re.compile(
     rf"(?P<name>.*?[^\W_])[_ ](?P<unit>{'|'.join(sorted(_ENDS, key=len, reverse=True))})", re.I
 )
@@ -38,8 +38,8 @@ _FORCE = re.compile(r"force|friction|load|kraft|reibung", re.IGNORECASE)
 
 
 def named_unit(channel: FileChannel) -> FileChannel:
-    """The channel with the unit that ends its name, "disp_um": displacement in um, or that is its name,
-    "seconds"; else as it is."""
+    """Return the channel with the unit at the end of its name ("disp_um": displacement in um) or equal to its
+    name ("seconds"); otherwise unchanged."""
     if channel.unit or not channel.numeric:
         return channel
     if time_unit(channel.name):
@@ -53,7 +53,7 @@ def named_unit(channel: FileChannel) -> FileChannel:
 
 
 def ends_in_m(name: str) -> bool:
-    """Return whether a length's name ends with "_m", which can mean metres or "measured"."""
+    """Return True if a length's name ends with "_m", which can mean metres or "measured"."""
     return name[-2:].lower() in ("_m", " m") and _LENGTH.search(name) is not None
 
 

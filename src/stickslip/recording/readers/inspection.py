@@ -1,4 +1,4 @@
-"""Inspection of a file before anything is done with it: columns, units, sampling, noise, names to give."""
+"""Inspection of a file before it is used: columns, units, sampling, noise, and suggested names."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ from .reading import read_recording, said
 from .source import FileChannel
 from .uff import ENDINGS as UNIVERSAL
 
-# A pause is a step of the clock longer than this many usual ones.
+# Smallest pause, in usual intervals of the clock.
 PAUSE = 1.5
 LARGE, MOST = 50_000_000, 50_000  # size of a large file in bytes, and the number of its samples that are read
-WIDEST = 80  # characters of a name in the table of columns
-ROUNDED = 1e-6  # of an interval: what a time may be off by rounding
+WIDEST = 80  # largest number of characters of a name in the table of columns
+ROUNDED = 1e-6  # share of an interval by which rounding may change a time
 
 
 class Inspection(NamedTuple):
     """Result of `inspect_file`.
 
     Attributes:
-        columns: see `preview.look`; empty for a recording of ours; ranges of the first samples if `cut`.
+        columns: see `preview.look`; empty for a recording of this package; ranges of the first samples if
+            `large`.
         named, units, clocks: arguments of `read_recording`, guessed where the file does not state them.
         recording: the recording read with them, or None, with the `problem`.
         response: a frequency response, if the file contains one instead.
@@ -57,7 +58,7 @@ class Inspection(NamedTuple):
 
     @property
     def interval(self) -> float:
-        """From sample to sample, median, s."""
+        """Return the median sampling interval, s."""
         assert self.recording is not None
         return float(np.median(np.diff(self.recording["time"].values)))
 
@@ -71,8 +72,8 @@ class Inspection(NamedTuple):
 
     @property
     def drive_begins(self) -> float | None:
-        """Time of the last sample before the drive changes, s; None without a drive, or where it never
-        does."""
+        """Return the time of the last sample before the drive changes, s; None without a drive, or if it
+        never changes."""
         return None if self.recording is None else drive_begins(self.recording)
 
     def noise(self, name: str) -> float:
@@ -88,7 +89,8 @@ class Inspection(NamedTuple):
 
     @property
     def yaml(self) -> str:
-        """The entry under ``recordings:`` of a job, or an identification file."""
+        """Return the entry for this file under ``recordings:`` of a job, or a complete identification
+        file."""
 
         def flow(mapping: Mapping[str, str | int]) -> str:
             parts = (f"{name}: {json.dumps(text, ensure_ascii=False)}" for name, text in mapping.items())
@@ -133,7 +135,7 @@ class Inspection(NamedTuple):
         assert self.recording is not None
         time, interval = self.recording["time"].values, self.interval
         steps = np.diff(time) / interval
-        jitter = float(np.max(np.abs(steps[steps <= PAUSE] - 1.0)))  # gaps are said below
+        jitter = float(np.max(np.abs(steps[steps <= PAUSE] - 1.0)))  # gaps are reported below
         lines = [
             f"{time.size} samples, {with_prefix(interval, 's')} apart ({with_prefix(1.0 / interval, 'Hz')}"
             f"{f', up to {100 * jitter:.2g} % irregular' if jitter > 1e-3 else ''}), from "
@@ -160,10 +162,10 @@ class Inspection(NamedTuple):
 
 
 def inspect_file(path: str | Path) -> Inspection:
-    """Return the content of a file that `read_recording` reads, with guesses where the file is silent.
+    """Return the content of a file that `read_recording` reads, with guesses for missing units and names.
 
     Args:
-        path: file of a format in `stickslip list readers`, or a recording of ours.
+        path: file of a format in `stickslip list readers`, or a recording of this package.
 
     Raises:
         RecordingError: the format is unknown, or the file is damaged or has no columns of numbers.
@@ -218,7 +220,7 @@ def _roles(columns: list[dict[str, Any]]) -> dict[str, str | int]:
 
 
 def _log(path: Path) -> xr.Dataset | None:
-    """The table of a log in blocks of "key: value"; None of other files."""
+    """Return the table of a log in blocks of "key: value"; None for other files."""
     try:
         return read_log(path) if find_format(path) == TEXT else None
     except (ValueError, OSError):
@@ -238,7 +240,7 @@ def _said_of_log(log: xr.Dataset) -> list[str]:
 
 
 def _response(path: Path) -> tuple[xr.Dataset | None, str]:
-    """The frequency response of a file, or None with the problem."""
+    """Return the frequency response of a file, or None and the problem."""
     try:
         return read_frequency_response(path), ""
     except RecordingError as error:
@@ -262,6 +264,6 @@ def _table(rows: list[list[str]]) -> list[str]:
 
 
 def _cell(text: str) -> str:
-    """A text of a file in one line that a terminal can show."""
+    """Return a text of a file as one line of printable characters."""
     shown = "".join(sign if sign.isprintable() else "?" for sign in text)
     return shown if len(shown) <= WIDEST else f"{shown[: WIDEST - 3]}..."

@@ -1,7 +1,7 @@
 """Layout of a text file of numbers: encoding, delimiter, decimal sign, start of the data, header.
 
-Found from the first lines: of all ways to split them (delimiter and decimal sign) the one is taken that turns
-most lines into most numbers. Whatever stands above the header is noise.
+It is found from the first lines. Of all combinations of delimiter and decimal sign, the one is taken that
+turns most lines into most numbers. Lines above the header are ignored.
 """
 
 from __future__ import annotations
@@ -23,47 +23,47 @@ from .source import FileChannel
 from .stamps import Stamped, find_stamps
 from .titles import channel_of, cut, header_fields, titles, with_header_clock
 
-SAMPLE = 100  # lines, at least and spread over the head, that settle the delimiter
-HEADER = 400  # lines in which the settings of an instrument are looked for
-FEW = 20  # rows by which a column of times is known
-END = "\x1a"  # of DOS, by which old programs end a file
+SAMPLE = 100  # fewest lines, spread over the start of the file, that determine the delimiter
+HEADER = 400  # number of lines in which settings of an instrument are searched
+FEW = 20  # number of rows that identify a column of times
+END = "\x1a"  # end-of-file mark of DOS programs
 LINE_END = re.compile(r"\r\n|\n|\r")
 
 
 class TextLayout(NamedTuple):
-    """Result of `find_layout`; `channels` and `kinds` have one entry per column."""
+    """Layout of a text file, the result of `find_layout`; `channels` and `kinds` have one entry per
+    column."""
 
     encoding: str
     delimiter: str
     decimal: str
     comment: str | None
-    first_line: int  # lines above the data
+    first_line: int  # number of lines above the data
     line_bytes: float  # mean length of a line
     channels: tuple[FileChannel, ...]
     kinds: str  # "n" numbers, "d" dates, "s" text, "e" always empty
     missing: frozenset[str] = MISSING  # texts for missing numbers
     fortran: bool = False  # numbers are written "1.0D-03"
-    # Clocks in the header, by the index of their channel: a blank column, one that numbers the
-    # samples, or one more than the file has.
+    # Clocks in the header, by the index of their channel: a blank column, one that numbers the samples, or an
+    # additional one.
     clocks: Mapping[int, HeaderClock] = MappingProxyType({})
     counts: bool = False  # the first column numbers the samples
     stamps: Mapping[int, Stamped] = MappingProxyType({})  # columns of dates and times
 
     def split(self, line: str) -> list[str]:
-        """The fields of a line, without quotes."""
+        """Return the fields of a line, without quotes."""
         return split(line, self.delimiter)
 
     def fits(self, field: str, column: int) -> bool:
-        """Return whether a field is of its column's kind, or missing."""
+        """Return True if a field has its column's kind, or is missing."""
         return Signs(self.decimal, self.missing).kind(field) in (self.kinds[column], "e")
 
     def is_data(self, line: str) -> bool:
-        """Return whether a line below the header is a row of data."""
+        """Return True if a line below the header is a row of data."""
         return bool(line.strip()) and not (self.comment and COMMENT.match(line))
 
     def rewritten(self, text: str) -> str:
-        """Return lines as pandas reads them: "1.0D-03" becomes "1.0e-03", "1.#QNAN" starts no
-        comment."""
+        """Return lines in a form for pandas: "1.0D-03" becomes "1.0e-03", and "1.#QNAN" is not a comment."""
         if END in text:
             text = text.replace(END, "")
         if "#" in text:
@@ -151,7 +151,7 @@ def _head(path: Path) -> tuple[str, bytes, list[str]]:
         head = file.read(LIMITS.line)
         more = len(head) == LIMITS.line and file.read(1) != b""
     encoding = _encoding(head)
-    # str.splitlines breaks at more signs than text files do
+    # str.splitlines breaks at further characters
     lines = LINE_END.split(head.decode(encoding, errors="replace"))
     if len(lines) == 1 and more:
         raise RecordingError(f"its first line has more than {LIMITS.line:,} characters: no table of numbers")
@@ -189,14 +189,16 @@ def _ways(delimiter: str | None, decimal: str | None) -> list[tuple[str, str]]:
 def _judge(
     lines: Sequence[str], ways: Sequence[tuple[str, str]], missing: frozenset[str]
 ) -> tuple[str, str, str]:
-    """The kinds of the columns, delimiter and decimal sign of the best way; the first of equals."""
+    """Return the kinds of the columns, delimiter and decimal sign of the best combination; the first of equal
+    ones."""
     best, best_score = ("", "", "."), (0, 0, 0)
     quoted = any('"' in line for line in lines)
     for delimiter, decimal in ways:
         if delimiter == decimal and not quoted:
             continue
         rows = (Signs(decimal, missing).kinds(split(line, delimiter)) for line in lines)
-        # Blanks count as numbers only beside one: else lines of words that end with a delimiter were rows.
+        # Blank fields count as numbers only next to a number; otherwise lines of words that end with a
+        # delimiter would be rows.
         counted = Counter(kinds.replace("e", "n") for kinds in rows if "n" in kinds)
         for kinds, count in counted.most_common(1):
             score = (count, -kinds.count("s"), len(kinds) - max(kinds.count("d") - 1, 0))
@@ -206,8 +208,8 @@ def _judge(
 
 
 def _refuse_thousands(rows: Sequence[Sequence[str]], kinds: str, signs: Signs) -> None:
-    """Raise RecordingError where a sign may part thousands: in a column of "531" and "1,062", or where one
-    column has another decimal sign than the others."""
+    """Raise RecordingError if a sign may be a thousands separator: in a column of "531" and "1,062", or if
+    one column has another decimal sign than the others."""
     decimal, other = signs.decimal, "," if signs.decimal == "." else "."
     parted = re.compile(rf"[+-]?[1-9]\d{{0,2}}{re.escape(decimal)}\d{{3}}")
     rows = [row for row in rows if "n" in signs.kinds(row)]
@@ -231,7 +233,7 @@ def _refuse_thousands(rows: Sequence[Sequence[str]], kinds: str, signs: Signs) -
 
 
 def _refuse_split_numbers(rows: dict[int, list[str]], first: int, delimiter: str, count: int) -> None:
-    """Raise RecordingError where a delimiter is the decimal comma: rows of twice as many fields as the line
+    """Raise RecordingError if the delimiter is the decimal comma: rows with twice as many fields as the line
     of names and units above them."""
     above = [fields for i, fields in rows.items() if i < first and any(fields)]
     names = [channel_of(field) for field in above[-1]] if above else []
@@ -243,7 +245,7 @@ def _refuse_split_numbers(rows: dict[int, list[str]], first: int, delimiter: str
 
 
 def _begins(fields: Sequence[str], kinds: str, signs: Signs) -> bool:
-    """Return whether a line is the first row of data."""
+    """Return True if a line is the first row of data."""
     found = signs.kinds(fields)
     return len(found) == len(kinds) and all(
         b == "e" or a in (b, "e") for a, b in zip(found, kinds, strict=True)
@@ -251,8 +253,8 @@ def _begins(fields: Sequence[str], kinds: str, signs: Signs) -> bool:
 
 
 def _without_settings(rows: Sequence[Sequence[str]], kinds: str, signs: Signs) -> str:
-    """The kinds of the columns, those empty in which an oscilloscope keeps its settings beside the first
-    samples: words in a few rows, blank in the others."""
+    """Return the kinds of the columns with "empty" for those in which an oscilloscope stores its settings
+    beside the first samples: words in a few rows, blank in the others."""
     found = [row for row in map(signs.kinds, rows) if len(row) == len(kinds) and "n" in row]
     blank = [sum(row[k] == "e" for row in found) > 0.9 * len(found) for k in range(len(kinds))]
     if not any(b and any(row[k] == "s" for row in found) for k, b in enumerate(blank)):

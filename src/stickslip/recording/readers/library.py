@@ -1,4 +1,4 @@
-"""Files that a library of an extra reads: the library, its errors, and signals on their clocks."""
+"""Files that an optional library reads: the library, its errors, and signals with their clocks."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from ...gate.limits import LIMITS, check_count, check_regular, check_size
 from .. import RecordingError
 from .source import FileChannel, FileContent, Rows
 
-_OPEN = re.compile(r"'?/dev/fd/\d+'?")  # the name that a library has of an open file
+_OPEN = re.compile(r"'?/dev/fd/\d+'?")  # name of an open file for a library
 
 
 def library(module: str, kind: str, package: str, extra: str) -> Any:
-    """Return a module of an extra; raises RecordingError that says how to install it."""
+    """Return a module of an optional dependency; raise RecordingError that says how to install it."""
     try:
         return import_module(module)
     except ImportError:
@@ -31,7 +31,7 @@ def library(module: str, kind: str, package: str, extra: str) -> Any:
 
 @contextmanager
 def read_by_library(kind: str) -> Iterator[None]:
-    """Turn every error of a library into one sentence; it reports damage in a dozen ways."""
+    """Turn every error of a library into one RecordingError, because libraries report damage in many ways."""
     try:
         yield
     except (RecordingError, GateError, MemoryError):
@@ -43,7 +43,7 @@ def read_by_library(kind: str) -> Iterator[None]:
 
 @contextmanager
 def no_file_left_open() -> Iterator[None]:
-    """Close the files that a library leaves open."""
+    """Close files that a library leaves open."""
     try:
         yield
     finally:
@@ -61,18 +61,18 @@ class Signal(NamedTuple):
     load: Callable[[Rows], np.ndarray]
     key: tuple[Any, ...] = ()
     numeric: bool = True
-    epoch: float = 0.0  # of dates: what their numbers count from, s since 1970
+    epoch: float = 0.0  # for dates: zero of the numbers, s since 1970
 
 
 class SignalGroup(NamedTuple):
-    """Signals that share a time; None where the file says none."""
+    """Signals that share a time; the time is None if the file has none."""
 
     time: Signal | None
     signals: Sequence[Signal]
 
 
 def clocked_source(path: Path, reader: str, clocks: Sequence[SignalGroup], what: str) -> FileContent:
-    """A source of signals on their clocks, each clock before its signals.
+    """Return a source of signals with their clocks, each clock before its signals.
 
     Raises:
         RecordingError: there are no signals.
@@ -100,7 +100,7 @@ def clocked_source(path: Path, reader: str, clocks: Sequence[SignalGroup], what:
 
 
 def held(values: np.ndarray) -> Callable[[Rows], np.ndarray]:
-    """Return what gives some of the samples of an array."""
+    """Return a function that returns some of the samples of an array."""
     return lambda rows: values[rows.start : rows.stop]
 
 

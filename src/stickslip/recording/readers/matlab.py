@@ -1,9 +1,9 @@
 """MAT files: versions 4 to 7 through SciPy, version 7.3 (HDF5) through h5py.
 
 Both become one tree: structures are dictionaries, arrays of structures and cells are lists, text is str,
-objects (tables, strings) are what `matlab_objects` makes of them, and every array of real numbers is a
-`Leaf`. The names of channels are written as in MATLAB, rows counted from 1: "t", "trace_y(2,:)",
-"measurement.force". As a tuple, ("trace_y", 1) is that same second row, counted from 0.
+objects (tables, strings) are converted by `matlab_objects`, and every array of real numbers is a `Leaf`. The
+names of channels are written as in MATLAB, rows counted from 1: "t", "trace_y(2,:)", "measurement.force". As
+a tuple, ("trace_y", 1) is that same second row, counted from 0.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ from .arrays import ArrayChannel, Leaf, array_parts, array_source, real_leaves, 
 from .matlab_objects import FUNCTION, MatlabTable, Opaque, holds_objects, not_read, read_objects, shown
 from .source import FileChannel, FileContent, add_format
 
-_OPAQUE = "3"  # how MATLAB marks an object in version 7.3
-_SUBSYSTEM = "__function_workspace__"  # what SciPy calls the variables in which MATLAB keeps its objects
-_V73_BLOCK = 512  # MATLAB puts its own header before that of HDF5
+_OPAQUE = "3"  # mark of an object in version 7.3
+_SUBSYSTEM = "__function_workspace__"  # SciPy's name for the variables in which MATLAB stores objects
+_V73_BLOCK = 512  # size of MATLAB's own header before that of HDF5
 
 
 def read_matlab(path: Path) -> FileContent:
-    """The channels of a MAT file: every array of real numbers, or the signals of a dSPACE capture.
+    """Return the channels of a MAT file: every array of real numbers, or the signals of a dSPACE capture.
 
     Raises:
-        RecordingError: the file is damaged or of no known version, or holds no numbers.
+        RecordingError: the file is damaged or has an unknown version, or contains no numbers.
     """
     try:
         hdf5 = is_hdf5(path)
         tree = _tree_of_hdf5(path) if hdf5 else _tree_of_v5(path)
     except (RecordingError, GateError):
         raise
-    except Exception as error:  # both libraries report damage in a dozen ways, down to zlib.error
+    except Exception as error:  # both libraries report damage in many ways, down to zlib.error
         raise RecordingError(f"not a readable MAT file (cut off or damaged?): {error}") from error
     objects = [name for name, node in tree.items() if holds_objects(node)]
     tree |= read_objects(path, objects)
@@ -89,8 +89,8 @@ def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[ArrayChann
 def _collect(
     prefix: str, node: Any, leaves: dict[str, Leaf], clocks: dict[str, str], objects: dict[str, str]
 ) -> None:
-    """Add the arrays of a part of the tree by name, with the names of their clocks, and the objects that are
-    not read."""
+    """Add the arrays of a part of the tree by name, with the names of their clocks, and the objects that
+    cannot be read."""
     if isinstance(node, MatlabTable):
         for name in node.columns:
             clocks[f"{prefix}.{name}"] = f"{prefix}.{node.time}"
@@ -103,12 +103,13 @@ def _collect(
             _collect(f"{prefix}({i + 1})", value, leaves, clocks, objects)
     elif isinstance(node, Opaque):
         objects[prefix] = node.of
-    elif isinstance(node, Leaf) and np.prod(node.shape) > 1:  # a single number is a setting, no signal
+    elif isinstance(node, Leaf) and np.prod(node.shape) > 1:  # a single number is a setting, not a signal
         leaves[prefix] = node
 
 
 def matlab_name(part: ArrayChannel) -> str:
-    """The channel in MATLAB's notation; the only one of an array is called as the array."""
+    """Return the name of a channel in MATLAB's notation; the only channel of an array has the array's
+    name."""
     if part.alone:
         return part.array
     subscripts = (text if text == ":" else str(int(text) + 1) for text in part.subscripts)
@@ -131,7 +132,7 @@ def _v5_node(value: Any) -> Any:
     if isinstance(value, MatlabOpaque):
         return Opaque(str(value["s2"].flat[0], "utf-8", "replace"))
     if not isinstance(value, np.ndarray) or isinstance(value, MatlabFunction):
-        return None  # sparse matrices, functions and the like
+        return None  # such as sparse matrices and functions
     if value.dtype.names:
         names = value.dtype.names
         elements = [{name: _v5_node(element[name]) for name in names} for element in value.flat]
@@ -158,8 +159,8 @@ def _hdf5_node(tree: Hdf5Tree, visits: Visits, item: Hdf5Group | Hdf5Array, dept
         return Opaque(of)
     if isinstance(item, Hdf5Group):
         fields = {name: _hdf5_node(tree, visits, one, depth + 1) for name, one in item.members.items()}
-        # MATLAB writes an array of structures field by field: each field a list of references, marked no
-        # cell.
+        # MATLAB writes an array of structures field by field, each field as a list of references without the
+        # mark of a cell.
         lists = [
             name
             for name, one in item.members.items()

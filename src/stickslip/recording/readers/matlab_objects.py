@@ -1,8 +1,8 @@
-"""Objects in MAT files (tables, timetables, durations, strings, time series); by mat-io, extra
+"""Objects in MAT files (tables, timetables, durations, strings, time series), read by mat-io, extra
 stickslip[matlab].
 
-A variable that is an object holds numbers that name parts of another, hidden variable: without mat-io it is
-named, and not read.
+A variable that is an object contains references to parts of a hidden variable. Without mat-io it is named,
+but not read.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FUNCTION = "function_handle"
 
 
 class Opaque(NamedTuple):
-    """An object that is not read, by the name of its class."""
+    """An object that cannot be read, with the name of its class."""
 
     of: str
 
@@ -37,7 +37,7 @@ class MatlabTable(NamedTuple):
 
 
 def not_read(name: str, of: str) -> str:
-    """Say what an object is, and how its numbers can be read."""
+    """Return a sentence on an object that is not read, and on how its numbers can be read."""
     variable = name.partition(".")[0].partition("(")[0]
     by_library = "" if _library() else " pip install 'stickslip[matlab]' (mat-io), or"
     return (
@@ -47,14 +47,14 @@ def not_read(name: str, of: str) -> str:
 
 
 def shown(name: str, of: str) -> str:
-    """Name an object that is not read, in a list of channels."""
+    """Return the text for an object that cannot be read, in a list of channels."""
     return f"{name} ({of} of MATLAB{'' if _library() else ', needs stickslip[matlab]'})"
 
 
 def _library() -> Any:
-    """Return mat-io; None where it is not installed."""
+    """Return the module mat-io; None if it is not installed."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # on options of pandas
+        warnings.simplefilter("ignore")  # warnings on options of pandas
         try:
             return import_module("matio")
         except ImportError:
@@ -62,15 +62,15 @@ def _library() -> Any:
 
 
 def holds_objects(node: Any) -> bool:
-    """Return whether there are objects in a part of the tree of a MAT file."""
+    """Return True if a part of the tree of a MAT file contains objects."""
     if isinstance(node, dict):
         return any(map(holds_objects, node.values()))
     return isinstance(node, Opaque) or (isinstance(node, list) and any(map(holds_objects, node)))
 
 
 def read_objects(path: Path, names: Sequence[str]) -> dict[str, Any]:
-    """Return variables that are, or contain, objects, as parts of the tree of a MAT file whose structure was
-    checked; none where mat-io is not installed.
+    """Return variables that are, or contain, objects, by name, as parts of the tree of a MAT file; empty
+    without mat-io. The structure of the file must have been checked.
 
     Raises:
         RecordingError: mat-io cannot read them.
@@ -79,13 +79,13 @@ def read_objects(path: Path, names: Sequence[str]) -> dict[str, Any]:
     if matio is None:
         return {}
     with read_by_library("MAT file with objects"), opened(path) as file, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # on formats of dates and time zones
+        warnings.simplefilter("ignore")  # warnings on formats of dates and time zones
         found = matio.load_from_mat(name_of(file), variable_names=list(names), add_table_attrs=True)
         return {name: _node(found[name]) for name in names if name in found}
 
 
 def _node(value: Any) -> Any:
-    """A value of mat-io as a part of the tree."""
+    """Return a value of mat-io as a part of the tree."""
     if hasattr(value, "columns"):
         return _table(value)
     if isinstance(value, Mapping):
@@ -107,7 +107,7 @@ def _node(value: Any) -> Any:
 
 
 def _leaf(values: np.ndarray, unit: str) -> Leaf | None:
-    """Numbers, durations or dates as an array of numbers; None for others."""
+    """Return numbers, durations or dates as an array of numbers; None for other values."""
     kind, epoch = values.dtype.kind, 0.0
     if kind == "m":
         years = np.datetime_data(values.dtype)[0] == "Y"
@@ -123,7 +123,7 @@ def _leaf(values: np.ndarray, unit: str) -> Leaf | None:
 
 
 def _table(frame: Any) -> Any:
-    """A table or timetable as its columns; times of the rows are a column more."""
+    """Return a table or timetable as its columns; the times of the rows are a further column."""
     units = frame.attrs.get("VariableUnits", frame.attrs.get("varUnits", []))
     units = dict(zip(frame.columns, units, strict=False)) if len(units) == len(frame.columns) else {}
     columns: dict[str, Any] = {

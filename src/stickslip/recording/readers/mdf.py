@@ -1,4 +1,4 @@
-"""MDF 4 (.mf4), as measurement systems of the automotive world write it; by asammdf, extra stickslip[mdf]."""
+"""MDF 4 files (.mf4) of automotive measurement systems, read by asammdf, extra stickslip[mdf]."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _TEXTS = range(7, 12)  # conversions whose result is text
 
 
 class _Place(NamedTuple):
-    """A channel in its file: group, index in it, and whether it is the group's time."""
+    """Place of a channel in its file: group, index in it, and True if it is the group's time."""
 
     group: int
     channel: int
@@ -28,7 +28,7 @@ class _Place(NamedTuple):
 
 
 def read_mdf(path: Path) -> FileContent:
-    """The channels of an MDF 4 file: each group's own time is the clock of its channels.
+    """Return the channels of an MDF 4 file; each group's own time is the clock of its channels.
 
     Raises:
         RecordingError: asammdf is not installed, the file is damaged, of version 3, or has no samples.
@@ -58,7 +58,7 @@ def _opened(path: Path) -> Any:
     try:
         with opened(path) as plain:
             file = MDF(name_of(plain))
-    except Exception as error:  # it has exceptions of its own, and lets others through
+    except Exception as error:  # asammdf has its own exceptions, and passes others
         raise RecordingError(f"not a readable MDF file (cut off or damaged?): {error}") from error
     return file
 
@@ -111,7 +111,8 @@ def _read(
 
 
 def _refuse_formula(conversion: Any, name: str) -> None:
-    """Raise RecordingError for a channel that a formula in the file computes: it would run as a program."""
+    """Raise RecordingError for a channel that a formula in the file computes, because it would be
+    executed."""
     if conversion is None:
         return
     if conversion.conversion_type == _FORMULA:

@@ -1,4 +1,4 @@
-"""NumPy's own files: one array (.npy) or several by name (.npz)."""
+"""NumPy files: one array (.npy) or several by name (.npz)."""
 
 from __future__ import annotations
 
@@ -12,28 +12,29 @@ from .. import RecordingError
 from .arrays import Leaf, array_parts, array_source, real_leaves, subscripted, total_bytes
 from .source import FileChannel, FileContent, add_format
 
-_NAME_LENGTH, _NAME = 26, 30  # of the first file in a ZIP archive, from its start
+_NAME_LENGTH, _NAME = 26, 30  # offsets in the first entry of a ZIP archive
 
 
 def read_npy(path: Path) -> FileContent:
-    """The channels of a .npy file: an index along each axis but the longest, which is time.
+    """Return the channels of a .npy file: one for each index along all axes except the longest, which is
+    time.
 
     In a two-dimensional array the index of a column is that of the channel; in a higher one it is a tuple, in
     the
     order of the axes: (0, 2, 1) is the channel ``array[:, 0, 2, 1]``.
 
     Raises:
-        RecordingError: the file is damaged, holds objects, or a single number.
+        RecordingError: the file is damaged, or contains objects or a single number.
     """
     array = gate.read_npy(path, mapped=True)
     return _source(path, "npy", {"": _leaf(array)})
 
 
 def read_npz(path: Path) -> FileContent:
-    """The channels of a .npz file; one of a two-dimensional array is ("name", 3), the fourth column.
+    """Return the channels of a .npz file; ("name", 3) is the fourth column of a two-dimensional array.
 
     Raises:
-        RecordingError: the file is damaged or holds objects.
+        RecordingError: the file is damaged or contains objects.
     """
     arrays = gate.read_npz(path)
     if not arrays:
@@ -60,7 +61,7 @@ def _source(path: Path, reader: str, leaves: dict[str, Leaf]) -> FileContent:
 
 
 def _is_npz(head: bytes, ending: str) -> bool:
-    """Return whether a ZIP archive is an NPZ file, by its name or its first file."""
+    """Return True if a ZIP archive is an NPZ file, judged by its name or its first entry."""
     name = int.from_bytes(head[_NAME_LENGTH : _NAME_LENGTH + 2], "little")
     first = head[_NAME : _NAME + name]
     return head.startswith(b"PK\x03\x04") and (ending == ".npz" or first.endswith(b".npy"))

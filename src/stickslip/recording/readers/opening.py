@@ -1,4 +1,4 @@
-"""The source of a file, by its format."""
+"""Source of the channels of a file, by its format."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def source_of(path: Path, kind: str, **text: Any) -> FileContent:
     `text`.
 
     Raises:
-        GateError: a channel has a longer name than `LIMITS` allows: every page, table and figure shows it.
-        RecordingError: the file is damaged, or not of its format.
+        GateError: a channel has a longer name than `LIMITS` allows.
+        RecordingError: the file is damaged, or has another format.
         RegistryError: there is no such format.
     """
     source = read_csv(path, **text) if kind == "text" else registry.readers.find(kind).read(path)

@@ -1,4 +1,4 @@
-"""Points of velocity and friction force in a table, as a tribometer or a servo drive gives them."""
+"""Points of velocity and friction force from a table, as a tribometer or a servo drive measures them."""
 
 from __future__ import annotations
 
@@ -27,18 +27,19 @@ def read_points(
     columns: Mapping[str, Column] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Velocities and forces of a table without a clock, in SI, as `identify_stribeck` takes them.
+    """Return velocities and forces from a table without a clock, in SI, for `identify_stribeck`.
 
     Args:
         path: any file of columns that `read_recording` reads.
-        columns: "velocity" and "force" -> column, as for `read_recording`; found by their names if left out.
-        units: of them, stronger than what the file says; without a unit the numbers must be in SI.
+        columns: "velocity" and "force" -> column, as for `read_recording`; by default found by their names.
+        units: their units, which override those of the file; without a unit the numbers must be in SI.
 
     Returns:
         "velocity" [m/s] and "force" [N], one value per point.
 
     Raises:
-        RecordingError: a column is not there, is not sure, or holds other numbers; names file and column.
+        RecordingError: a column is missing, ambiguous, or contains other numbers; the message names file and
+            column.
     """
     path = Path(path)
     with named_file(path):
@@ -63,7 +64,7 @@ def read_points(
 
 
 def _found(channels: tuple[FileChannel, ...]) -> dict[str, Column]:
-    """The columns that are called velocity and force, each where there is one of them alone."""
+    """Return the columns that are called velocity and force, each if it is the only one."""
     result: dict[str, Column] = {}
     for name, pattern in _NAMES:
         text = [re.sub(r"[_.]+", " ", one.name).lower() for one in channels]

@@ -1,4 +1,4 @@
-"""A look at a file before it is taken: its columns, their first values, and what they might be."""
+"""Preview of a file: its columns, their first values, and their probable meaning."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from .opening import source_of
 from .selection import common_clock
 from .source import FileChannel, Rows, is_clock, pointer
 
-SHOWN = 8  # values of a column
+SHOWN = 8  # number of shown values of a column
 MOST_COLUMNS = 200
-LOOKED_AT = 20_000  # samples from which ranges and units are guessed
-# Words of a column's name, and what it then is; the first that is found.
+LOOKED_AT = 20_000  # number of samples from which ranges and units are guessed
+# Words in a column's name and their meaning; the first that is found counts.
 _MEANINGS = (
     (r"strain|elongation|stage|piezo (pos|disp)", "stage_position"),
     (r"volt|drive|\bu\b|\bhv\b|excitation|command|input", "drive_voltage"),
@@ -38,11 +38,11 @@ def look(path: Path) -> dict[str, Any]:
     """Return the content of a file that `read_recording` reads.
 
     Returns:
-        reader, samples, and columns: index, name, column (what points at it: name or index), numeric,
-        first (values as in the file), low, high, clock (whether it is a time), time (of several time
-        columns, what points at its own), unit (as the file says it; "" where it does not), known
-        (whether we know that unit), guess (the name that we give to such a quantity; "" for none),
-        guessed_unit (from the range of values, where the file says none).
+        reader, samples, and columns: index, name, column (reference to it: name or index), numeric, first
+            (values as in the file), low, high, clock (True for a time), time (reference to its time column,
+            if there are several), unit (in the file; "" without one), known (True for a known unit), guess
+            (standard name of such a quantity; "" for none), guessed_unit (from the range of values, if the
+            file has none).
 
     Raises:
         RecordingError: the format is unknown, or the file is damaged or has no columns.
@@ -62,7 +62,7 @@ def look(path: Path) -> dict[str, Any]:
         for i in range(len(source.channels[:MOST_COLUMNS]))
     ]
     taken: dict[str, str] = {}
-    for one in columns:  # a name is given once, and counted where the file has its name again
+    for one in columns:  # a name is used once, and numbered if the file repeats it
         first = taken.setdefault(one["guess"], one["name"])
         again = [other for other in columns[: one["index"]] if other["name"] == one["name"]]
         if one["guess"] and (again or first != one["name"]):
@@ -82,7 +82,7 @@ def _as_of_an_actuator(columns: list[dict[str, Any]]) -> None:
 
 
 def _as_of_a_contact(columns: list[dict[str, Any]]) -> None:
-    """A position beside a friction force, without a drive, is that of a tribometer."""
+    """Name a position and a friction force without a drive as those of a tribometer."""
     by_guess = {one["guess"]: one for one in columns}
     if "friction_force" not in by_guess or "position" in by_guess or _DRIVES & by_guess.keys():
         return
@@ -133,7 +133,7 @@ def _meaning(channel: FileChannel) -> str:
     if whole in STANDARD_NAMES:
         return whole
     said = _dimension(channel.unit)
-    if said in ("rad", "") and re.search(r"\bphase\b|\barg\b", text):  # of a response, not of a rotor
+    if said in ("rad", "") and re.search(r"\bphase\b|\barg\b", text):  # phase of a response, not of a rotor
         return ""
     for pattern, name in _MEANINGS:
         if re.search(pattern, text) and (not said or fits_name(name, said)):
@@ -151,7 +151,7 @@ def _dimension(unit: str) -> str:
 
 
 def likely_unit(name: str, values: np.ndarray) -> str:
-    """A unit in which such values are likely: of a time by its step, of a position by its range."""
+    """Return a probable unit for such values: for a time by its step, for a position by its range."""
     if name == "time":
         step = float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 0.0
         return "s" if step < 0.02 else "ms" if step < 20.0 else "us"

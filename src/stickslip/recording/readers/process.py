@@ -1,4 +1,4 @@
-"""A reader of recordings in a process that can be killed."""
+"""Reader of recordings in a separate process that can be killed."""
 
 from __future__ import annotations
 
@@ -16,38 +16,39 @@ from ...quantities.units import QuantityError
 from .. import RecordingError
 from .reading import read_recording
 
-PATIENCE = 8.0  # s of computing for a file
-SLOWEST = 5e6  # bytes of a file per second, beyond that
-_MARGIN = 256 * 2**20  # bytes over what a file may hold
+PATIENCE = 8.0  # s, CPU time for a file
+SLOWEST = 5e6  # bytes of a file per second, for additional time
+_MARGIN = 256 * 2**20  # bytes in addition to the largest content of a file
 
 
 class ReaderBusy(RecordingError):
-    """A file was not read, and nothing is known of it: it can be tried again."""
+    """Error: a file was not read for lack of time or memory, which says nothing about it; it can be tried
+    again."""
 
 
 class Reader:
-    """Files are read one after the other. What computes for too long is given up, and not tried again unless
-    it changes.
+    """Reader of files, one after the other, in a separate process. A file that takes too long is given up,
+    and not tried again unless it changes.
 
     Args:
-        modules: names of modules that the process imports when it starts; see `Fence`.
+        modules: names of modules that the process imports at its start; see `Fence`.
     """
 
     def __init__(self, modules: Iterable[str] = ()) -> None:
         self._fence = Fence(modules)
 
     def __call__(self, path: str | os.PathLike[str], use: Callable[[Any], Any] | None = None) -> Any:
-        """Return the recording of a file, or what `use`, a function of a module, makes of it.
+        """Return the recording of a file, or the result of the function `use` of a module for it.
 
         Raises:
-            RecordingError: it cannot be read, not in time or not in the memory that such a file may take.
+            RecordingError: it cannot be read, or not within the time and memory allowed for such a file.
             ReaderBusy: it was not tried, or the machine had no time or memory for it.
         """
         return self.apply(partial(_recorded, use=use), path)
 
     def apply(self, act: Callable[[Path], Any], path: str | os.PathLike[str]) -> Any:
-        """Return what a function of a module, or a partial of one, makes of a file that may be no recording;
-        raises as a call does."""
+        """Return the result of a module's function (or a partial of one) for a file that need not be a
+        recording; errors as for a call."""
         path = Path(path)
         try:
             check_regular(path)
@@ -60,7 +61,7 @@ class Reader:
             raise RecordingError(str(error) or type(error).__name__) from None
 
     def within_limits(self, act: Callable[[Path], Any], path: Path) -> Any:
-        """Return what a function makes of a file; see `Fence` for what is raised."""
+        """Return the result of a function for a file; see `Fence` for the errors."""
         computing = PATIENCE + path.stat().st_size / SLOWEST
         return self._fence(act, path, computing, 3 * allowed_bytes(path) + _MARGIN)
 

@@ -1,4 +1,4 @@
-"""A progress bar for the files that take a while."""
+"""Progress bar for files that take a while to read."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ LARGE = 100_000_000  # bytes; about a second of reading
 
 @contextmanager
 def reading_progress(path: Path) -> Iterator[Callable[[int], None]]:
-    """A function to tell how many bytes have been read; it draws a bar for a large file on a terminal."""
+    """Provide a function that takes the number of bytes read; it draws a bar for a large file on a
+    terminal."""
     size = path.stat().st_size
     if size < LARGE or not sys.stderr.isatty():
         yield lambda position: None

@@ -1,6 +1,6 @@
-"""Read a user's file as a recording: choose the columns, convert to SI, check, label.
+"""Conversion of a user's file to a recording: choice of columns, conversion to SI, checks, labels.
 
-The readers of the formats know only their format; everything that a recording must be is seen to here.
+The readers of the formats know only their format; all requirements of a recording are checked here.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from .selection import FileVariable, Selection, select
 from .source import Column, FileContent, Rows
 from .unlikely import refuse_unlikely, warn_of_unsaid
 
-# No recording runs for three years: a clock beyond this counts from 1970.
+# No recording lasts three years: larger times count from 1970.
 _SINCE_1970 = 1e8
 _LAST_DATE = 1e11  # the year 5138
-_LONGEST_MESSAGE = 1500  # characters; the names in a file may be many
-_LONGEST_QUOTE = 80  # characters; a field of a file may be as long as a line
-# A text in quotes, as Python writes it, that is longer: "'abc...'", but no apostrophe.
+_LONGEST_MESSAGE = 1500  # largest number of characters, because a file may have many names
+_LONGEST_QUOTE = 80  # largest number of characters, because a field may be as long as a line
+# A longer text in quotes, as Python writes it: "'abc...'", but not an apostrophe.
 _SIGN = r"(?:[^{0}\\]|\\.)"
 _QUOTE = re.compile(
     "|".join(
@@ -63,37 +63,38 @@ def read_recording(
     calibration: str = "",
     reader: str = "",
 ) -> xr.Dataset:
-    r"""A recording from a file of a format that `stickslip list readers` names, or from our own ``.nc``.
+    r"""Return the recording in a file of a format that `stickslip list readers` names, or in a ``.nc`` file
+    of this package.
 
     Args:
         path: the file. Its content decides how it is read; its extension must not contradict.
-        columns: our name -> column: the name in the file (with or without its unit), the index from 0, or a
-            tuple of an array's name and indices from 0, ``("trace_y", 1)``. "time" names the time column;
-            without it, the column called time (or t, timestamp, ...) is taken. Without other names, all
-            columns are read.
-        units: our name -> unit of the file ("mm", "uN"), stronger than what the file says, also with a
-            number: "20 V" (a divider), "0.5 um/V" (a sensor, whose column is in volts). Where neither a name
-            ("disp_um"), a header nor this says a unit, the numbers are taken to be in SI if they may be, and
-            a RecordingWarning says so.
+        columns: standard name -> column: the name in the file (with or without its unit), the index from 0,
+            or a tuple of an array's name and indices from 0, ``("trace_y", 1)``. "time" names the time
+            column; without it, the column called time (or t, timestamp, ...) is taken. Without other names,
+            all columns are read.
+        units: standard name -> unit in the file ("mm", "uN"), which overrides the file's own, also with a
+            number: "20 V" (a divider), "0.5 um/V" (a sensor, whose column is in volts). Without a unit here,
+                in a name ("disp_um") or in a header, plausible numbers are taken as SI, with a
+                RecordingWarning.
         sample_rate: Hz, for a file without time.
-        start_time: time of the first sample, s. By default what the file says; 0 for dates and where it says
+        start_time: time of the first sample, s. By default that of the file; 0 for dates and if the file has
             none.
-        clocks: our name -> time column of this one, if not the common one. Such a channel is interpolated
-            linearly onto the common time.
+        clocks: standard name -> its time column, if it differs from the common one. Such a channel is
+            interpolated linearly onto the common time.
         rows: samples (start, stop) to read, from 0, stop not included; None for the end.
-        missing: what to do where a number is missing, NaN, infinite or an overload (9.9E37): raise, or drop
+        missing: action for a number that is missing, NaN, infinite or an overload (9.9E37): raise, or drop
             the sample.
         missing_values: texts by which a text file says that a number is missing ("n.v.", "-9999"), beside
             those that are known: blank, NaN, OL, --, #DIV/0!, 1.#QNAN and the like.
-        delimiter, decimal: of a text file; found out by default. ``r"\s+"`` is any white space.
+        delimiter, decimal: those of a text file; by default found automatically. ``r"\s+"`` is any white
+            space.
         skip: lines at the top of a text file that are neither header nor data.
         title, notes, calibration: free text, kept with the recording.
-        reader: the format by name ("text", "npy"), or one of one's own, "my_reader.py:scope"; by default that
-            of the content.
+        reader: the format by name ("text", "npy"), or a user's, "my_reader.py:scope"; by default found from
+            the content.
 
     Raises:
-        RecordingError: anything that keeps the file from being a recording; names file, line or sample, and
-            column.
+        RecordingError: the file is not a recording; the message names file, line or sample, and column.
     """
     path = Path(path)
     text_options = delimiter is not None or decimal is not None or skip != 0 or len(missing_values) > 0
@@ -148,7 +149,7 @@ def _kind(path: Path, reader: str) -> str:
 
 
 def _check_arguments(**given: Any) -> None:
-    """Raise RecordingError for what is of another kind, so that nothing is read otherwise than was meant."""
+    """Raise RecordingError for arguments of the wrong type, which would otherwise be misunderstood."""
     for name in ("columns", "units", "clocks"):
         if given[name] is not None and not isinstance(given[name], Mapping):
             raise RecordingError(
@@ -164,22 +165,22 @@ def _check_arguments(**given: Any) -> None:
 
 
 def _is_own_name(variable: FileVariable) -> bool:
-    """Return whether the file's name for a variable says more than ours."""
+    """Return True if the file's name for a variable is more informative than the standard name."""
     return variable.name not in STANDARD_NAMES and variable.column.name[:1].isalpha()
 
 
 @contextmanager
 def named_file(path: Path) -> Iterator[None]:
-    """Let every error name the file; those below know only lines, samples and columns."""
+    """Add the file's name to every error; inner functions know only lines, samples and columns."""
     try:
         yield
-    except (ValueError, OSError) as error:  # QuantityError and GateError, too; a disk that fails
+    except (ValueError, OSError) as error:  # includes QuantityError and GateError, and disk failures
         raise RecordingError(said(path, error)) from error
 
 
 def said(path: Path, error: ValueError | OSError) -> str:
-    """Return the message of an error in one line, with the name of the file before it; of long quotes only
-    the start, of a long text only its ends."""
+    """Return the message of an error in one line, after the name of the file. Long quotes and texts are
+    shortened."""
     whole = (isinstance(error, OSError) and error.strerror) or str(error).removeprefix(f"{path}: ")
     text = _QUOTE.sub(_shortened, " ".join(whole.split()))
     cut = text if len(text) <= _LONGEST_MESSAGE else f"{text[: _LONGEST_MESSAGE - 300]} ... {text[-300:]}"
@@ -191,7 +192,7 @@ def _shortened(quote: re.Match[str]) -> str:
 
 
 def _rate(sample_rate: float | str | None) -> float:
-    """In Hz; 0 for a file that has its own time."""
+    """Return the sample rate in Hz; 0 for a file with its own time."""
     if sample_rate is None:
         return 0.0
     rate = to_si(sample_rate, "Hz", "sample_rate")
@@ -218,7 +219,8 @@ def _epoch(chosen: Selection) -> float:
 
 
 def _load(source: FileContent, chosen: Selection, window: Rows, rate: float) -> list[Clocked]:
-    """The variables in SI, by clock, the common clock first; all times from what that counts from."""
+    """Return the variables in SI, grouped by clock, the common clock first; all times count from the common
+    zero."""
     wanted = [v for v in (*chosen.clocks.values(), *chosen.variables) if v is not None]
     channels = list(dict.fromkeys(v.channel for v in wanted))
     raw = dict(zip(channels, source.read(channels, window), strict=True))
@@ -256,7 +258,7 @@ def _on_one_clock(
     missing: Literal["error", "drop"],
     window: Rows,
 ) -> tuple[Clocked, list[str]]:
-    """All variables at common times, and what was done to them, step by step."""
+    """Return all variables at common times, and a list of the processing steps in words."""
     labels = {v.name: v.label for v in chosen.variables}
     steps = [f"read {', '.join(labels.values())}"]
     groups = _joined(groups)
@@ -276,7 +278,8 @@ def _on_one_clock(
 
 
 def _joined(groups: list[Clocked]) -> list[Clocked]:
-    """Groups whose clocks differ: what has the same times needs no interpolation."""
+    """Return the groups with different clocks; groups with equal times are joined, because they need no
+    interpolation."""
     found: list[Clocked] = []
     for group in groups:
         for k, other in enumerate(found):
@@ -289,7 +292,7 @@ def _joined(groups: list[Clocked]) -> list[Clocked]:
 
 
 def _from_start(time: np.ndarray, start_time: float | None, epoch: float) -> tuple[np.ndarray, str]:
-    """The time, shifted to its start, and the date of time zero if the clock has one."""
+    """Return the time, shifted to its start, and the date of time zero if the clock has one."""
     first = float(time[0]) + epoch
     dated = first >= _SINCE_1970
     if start_time is None and not dated and epoch == 0.0:

@@ -36,7 +36,7 @@ _HEAD = 4096
 
 
 def read_scope(path: Path) -> FileContent:
-    """The channels of a waveform file of an oscilloscope.
+    """Return the channels of a waveform file of an oscilloscope.
 
     Raises:
         RecordingError: RigolWFM is not installed, the file is damaged, or of a kind that RigolWFM misreads.
@@ -52,14 +52,14 @@ def read_scope(path: Path) -> FileContent:
 
 
 def _by_clock(found: Any, head: bytes, isf: dict[str, str]) -> dict[tuple[float, float, int], list[Signal]]:
-    """The signals of a file by their clock: first time and interval, s, and how many samples."""
+    """Return the signals of a file by their clock: first time and interval, s, and number of samples."""
     clocks: dict[tuple[float, float, int], list[Signal]] = {}
     for one in found.channels:
         if not one.enabled or one.volts is None or not len(one.volts):
             continue
         clock = float(one.times[0]), float(one.seconds_per_point), len(one.volts)
         unit = _unit(found.parser_name, one.unit, head, isf)
-        name = one.name.replace(" ", "")  # "CH 1", as an oscilloscope's screen has it
+        name = one.name.replace(" ", "")  # "CH 1", as on an oscilloscope's screen
         clocks.setdefault(clock, []).append(Signal(name, unit, len(one.volts), held(one.volts)))
     return clocks
 
@@ -85,7 +85,8 @@ def _isf_settings(head: bytes, size: int) -> dict[str, str]:
 
 
 def _unit(parser: str, said: Any, head: bytes, isf: dict[str, str]) -> str:
-    """The unit of the values: the library's where the library reads it, else that of the file's header."""
+    """Return the unit of the values: the library's if the library reads it, otherwise that of the file's
+    header."""
     if isf:
         return isf.get("YUN", isf.get("YUNIT", ""))
     code = getattr(said, "value", said)

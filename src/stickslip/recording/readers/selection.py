@@ -1,4 +1,4 @@
-"""Selection of channels: which becomes which variable, in which unit, on which clock."""
+"""Selection of channels: their variables, units and clocks."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ from .source import Column, FileChannel, find_channel, is_clock, listing
 
 
 class FileVariable(NamedTuple):
-    """A variable of the recording to be, or one of its clocks."""
+    """A channel that becomes a variable of the recording, or one of its clocks."""
 
     name: str
     channel: int
     column: FileChannel
-    unit: str  # of the file; "" if nobody says it
+    unit: str  # in the file; "" if unknown
     conversion: Conversion
-    clock: int | None  # the channel of its time; None: equally spaced
-    sure: bool = True  # of its unit; not where the end of a name says "_m", which may be "measured"
-    unknown: bool = False  # the file says a unit, which is not known: plain numbers are taken
+    clock: int | None  # channel with its time; None: equally spaced
+    sure: bool = True  # the unit is certain; False if a name ends in "_m", which may be "measured"
+    unknown: bool = False  # the file's unit is not known: the numbers are kept without a unit
 
     @property
     def label(self) -> str:
-        """The variable in messages."""
+        """Return the name of the variable in messages."""
         return f"{self.name} (column {self.column.shown!r}{f' in {self.unit}' if self.unit else ''})"
 
 
 class Selection(NamedTuple):
-    """The clocks by channel, the common one first (None: equally spaced), and the variables."""
+    """Result of a selection: the clocks by channel, the common one first (None: equally spaced), and the
+    variables."""
 
     clocks: Mapping[int | None, FileVariable | None]
     variables: tuple[FileVariable, ...]
@@ -49,8 +50,8 @@ def select(
     """Resolve what the user asks for (see `read_recording`) against the channels of the file.
 
     Raises:
-        RecordingError: a column is not there or holds no numbers; there is no clock, or more than one; a unit
-            is not known or of another dimension.
+        RecordingError: a column is missing or contains no numbers; there is no clock, or more than one; a
+            unit is not known or has another dimension.
     """
     named = {name: find_channel(channels, column) for name, column in columns.items() if name != "time"}
     named = named or _all(channels)
@@ -87,7 +88,7 @@ def _variable(
     clock: int | None,
     standard: str | None,
 ) -> FileVariable:
-    """A channel as a variable. `unit` is the user's word, `standard` the SI unit that it must be in."""
+    """Return a channel as a variable. `unit` is given by the user; `standard` is the required SI unit."""
     column = channels[i]
     if not column.numeric:
         raise RecordingError(f"{name}: the column {column.shown!r} holds no numbers")
@@ -126,7 +127,7 @@ def _scale(said: str, own: str, standard: str) -> Conversion:
 
 
 def _all(channels: Sequence[FileChannel]) -> dict[str, int]:
-    """Every channel that is no clock and holds numbers, by a name made from that in the file."""
+    """Return every channel of numbers that is not a clock, by a name made from that in the file."""
     result: dict[str, int] = {}
     for i, channel in enumerate(channels):
         if channel.numeric and channel.clock != i and not is_clock(channel) and not in_seconds(channel):

@@ -1,7 +1,7 @@
 """Settings above (or beside) the samples of a text file: names and units of columns, and the clock.
 
-Instruments write them in many spellings of one form, a key and its values: "Sampling Period,1e-4",
-"# SAMPLE_TIME = 0.0001", "dt:" above a line of values. `KEYS` says what each key means.
+Instruments write them in many spellings of one form, a key and its values: "Sampling Period,1e-4", "#
+SAMPLE_TIME = 0.0001", "dt:" above a line of values. `KEYS` lists the meaning of each key.
 """
 
 from __future__ import annotations
@@ -36,35 +36,35 @@ _UNIT = re.compile(r"[\[(](?P<inside>[^\])]*)[\])]|_(?P<end>hz|khz|s|ms|us|ns)$"
 _VALUE = re.compile(r"(?:\w+\s*:\s*)?(?P<number>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s,;]*)")
 _RATE = re.compile(r"(?P<prefix>[kKMGm]?)(Sa?/s(ec)?|S/s|sps|SPS|samples?/s(ec)?)")
 _PLACES = re.compile(r"\W|_")
-_SECONDS = {"S": "s", "Sec": "s", "SEC": "s", "Time": "s"}  # siemens are across no recording
+_SECONDS = {"S": "s", "Sec": "s", "SEC": "s", "Time": "s"}  # no recording contains siemens
 LONGEST_KEY = 200  # characters
 # Lines after which the samples start.
 MARKS = frozenset(["data", "waveformdata", "begindata", "values", "samples", "endheader", "endofheader"])
 
 
 class HeaderClock(NamedTuple):
-    """The time of sample k of a channel, in s, is ``start + k * increment``."""
+    """Clock in a header: the time of sample k of a channel, in s, is ``start + k * increment``."""
 
     start: float
     increment: float
 
 
 class HeaderSettings(NamedTuple):
-    """HeaderSettings in the lines above the samples, by role; `lines` are those with settings."""
+    """Settings in the lines above the samples, by role; `lines` are those with settings."""
 
     values: dict[str, list[str]]
     numbered: dict[str, dict[int, str]]  # "NAME0 = ...", by role and number
     lines: frozenset[int]
-    below: frozenset[int]  # of these, lines of values below their key
+    below: frozenset[int]  # lines of values below their key
 
     def names(self, width: int) -> list[str]:
-        """Return the names of as many columns; empty if their number differs."""
+        """Return the names of `width` columns; empty if their number differs."""
         return self._said("names", width)
 
     def units(self, width: int) -> list[str]:
-        """Return the units of as many columns; one unit is that of all."""
+        """Return the units of `width` columns; a single unit is for all."""
         found = self._said("upward", width) or self.values.get("upward", []) or self.values.get("each", [])
-        if len(found) > width and not any(found[1::2]):  # of LabVIEW, a blank beside each column of times
+        if len(found) > width and not any(found[1::2]):  # LabVIEW: a blank beside each column of times
             found = found[::2]
         return found * width if len(found) == 1 else found  # blank fields after it do not count
 
@@ -77,10 +77,10 @@ class HeaderSettings(NamedTuple):
         return found if len(found) == width and not all(map(is_number, found)) else []
 
     def clocks(self, width: int) -> list[HeaderClock]:
-        """Return the clock of each of as many columns, or none.
+        """Return the clock of each of `width` columns; an empty list if there are none.
 
         Raises:
-            QuantityError: an interval and a rate are said that differ.
+            QuantityError: an interval and a rate contradict each other.
         """
         increments = _numbers(self.values.get("increment", []), "s")
         rates = _numbers(self.values.get("rate", []), "Hz")
@@ -100,7 +100,7 @@ class HeaderSettings(NamedTuple):
 
 
 def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> HeaderSettings:
-    """Return the settings in lines, as texts without marks of comments, and as fields."""
+    """Return the settings in lines, which are given as texts without comment signs, and as fields."""
     values: dict[str, list[str]] = {}
     numbered: dict[str, dict[int, str]] = {}
     used: set[int] = set()
@@ -109,7 +109,7 @@ def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> Heade
         key, found = _key_and_values(line, fields)
         own = any(found)
         if key and not own and i + 1 < len(lines) and line.rstrip().endswith(":"):
-            found = list(split[i + 1])  # of SignalExpress: "dt:", and the values in the next line
+            found = list(split[i + 1])  # SignalExpress: "dt:", and the values in the next line
         if not key or not any(found):
             continue
         number = _NUMBERED.fullmatch(key)
@@ -133,7 +133,7 @@ def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> Heade
 
 
 def _key_and_values(line: str, fields: Sequence[str]) -> tuple[str, list[str]]:
-    """A key and its values, from "key,value,value", "key,value,key,value" or "key: value, value"."""
+    """Return a key and its values, from "key,value,value", "key,value,key,value" or "key: value, value"."""
     said = _ASSIGNED.fullmatch(line.strip().strip('"'))
     if len(fields) == 1 and not said:  # above a single column
         fields = [part.strip() for part in re.split(r"[,;\t]", line)]
@@ -147,7 +147,7 @@ def _key_and_values(line: str, fields: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def _role(key: str) -> tuple[str, str]:
-    """Return what a key means ("" for nothing), and its unit: "Sample rate [kHz]"."""
+    """Return the role of a key ("" for none), and its unit: "Sample rate [kHz]"."""
     if len(key) > LONGEST_KEY:
         return "", ""
     unit = _UNIT.search(key)
@@ -162,7 +162,7 @@ def _trimmed(found: list[str]) -> list[str]:
 
 
 def _numbers(texts: Sequence[str], unit: str) -> list[float]:
-    """The numbers at the start of a list, in SI; "1 MSa/s" is in Hz."""
+    """Return the numbers at the start of a list, in SI; "1 MSa/s" is in Hz."""
     result = []
     for text in texts:
         found = _VALUE.fullmatch(text.strip())
@@ -179,9 +179,10 @@ def _numbers(texts: Sequence[str], unit: str) -> list[float]:
 def in_table(rows: dict[int, list[str]]) -> tuple[dict[int, list[str]], list[HeaderClock], bool]:
     """Return the lines above the samples without the clock in their fields, as Rigol writes it.
 
-    Also that clock, or none, and whether the first column numbers the samples.
+    The other results are that clock, or none, and True if the first column numbers the samples.
 
-    "X,CH1,Start,Increment" above "Sequence,Volt,-5e-2,5e-4", or "Time(s),CH1V,t0 =-5e-2,tInc = 5e-4".
+    Examples are "X,CH1,Start,Increment" above "Sequence,Volt,-5e-2,5e-4", and "Time(s),CH1V,t0 =-5e-2,tInc =
+    5e-4".
     """
     for i, fields in rows.items():
         below = rows.get(i + 1, [])

@@ -1,6 +1,6 @@
-"""File formats by their first bytes: the format, and a way to get its numbers.
+"""File formats that are not read, recognised by their first bytes, with advice on how to get their numbers.
 
-Files of these formats are not read. Formats that are read recognise their files themselves (`source.Format`).
+Formats that are read recognise their files themselves (`source.Format`).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class FileSignature(NamedTuple):
     endings: tuple[str, ...] = ()
 
 
-# Files that are no text.
+# Binary files.
 BINARY = (
     FileSignature("packed by gzip", rb"\x1f\x8b", f"{_UNPACK}: gunzip FILE"),
     FileSignature("packed by bzip2", rb"BZh[1-9]1AY&SY", f"{_UNPACK}: bunzip2 FILE"),
@@ -108,14 +108,14 @@ TEXTS = (
 _COMPILED = [
     [(one, re.compile(one.begins, re.DOTALL)) for one in table] for table in (TEXTS, (*TEXTS, *BINARY))
 ]
-# Characters below the space that a text may have: tabs, ends of lines, pages and files, escapes.
+# Control characters that a text may have: tabs, ends of lines, pages and files, escapes.
 _CONTROLS = bytes(sorted(set(range(32)) - set(b"\t\n\v\f\r\x1a\x1b")))
 _MOST_CONTROLS = 0.003  # largest share of other control characters in a text; random bytes have 10 %
-_SHOWN = 8  # bytes of an unknown file that an error shows
+_SHOWN = 8  # number of bytes of an unknown file in an error
 
 
 def is_text(head: bytes) -> bool:
-    """Return whether the first bytes of a file are text, in an encoding that is read."""
+    """Return True if the first bytes of a file are text, in an encoding that is read."""
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):  # UTF-16 has zero bytes
         return True
     controls = len(head) - len(head.translate(None, _CONTROLS))
@@ -132,8 +132,8 @@ def known_format(head: bytes, ending: str) -> FileSignature | None:
 
 
 def not_read(head: bytes, ending: str, known: str) -> str:
-    """Say what a file is and what to do with it, or that it is of no known format; `known` are the formats
-    that are read."""
+    """Return a sentence on the format of a file that is not read and on what to do, or that the format is
+    unknown; `known` are the formats that are read."""
     found = known_format(head, ending)
     if found is not None:
         return f"it is {found.what}, and is not read so: {found.advice}"

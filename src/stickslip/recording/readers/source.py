@@ -1,6 +1,6 @@
-"""Interface of a reader: the channels of a file, and a way to read some of them.
+"""Interface of a reader: the channels of a file, and a function that reads some of them.
 
-To add a format, write a function from a path to a `Source`, and make it known as a `Format` (`add_format`).
+To add a format, write a function from a path to a `Source`, and register it as a `Format` (`add_format`).
 """
 
 from __future__ import annotations
@@ -22,32 +22,33 @@ Column = str | int | tuple[Any, ...]
 
 
 class Rows(NamedTuple):
-    """The samples to read, from `start` up to, not including, `stop`."""
+    """Samples to read: from `start` up to, but not including, `stop`."""
 
     start: int = 0
     stop: int | None = None
 
 
 class FileChannel(NamedTuple):
-    """One signal of a file."""
+    """One signal of a file, as a reader describes it."""
 
     name: str  # in the file
-    unit: str = ""  # as the file says it, if it does
-    key: tuple[Any, ...] = ()  # what selects it beside name and index
-    clock: int | None = None  # the channel that holds its time, where the file's layout says so
+    unit: str = ""  # in the file, if any
+    key: tuple[Any, ...] = ()  # reference to it besides name and index
+    clock: int | None = None  # the channel with its time, if the file's layout determines it
     numeric: bool = True
-    header: str = ""  # name and unit, where the file writes them as one
-    epoch: float = 0.0  # of dates: what their numbers count from, s since 1970; of times of day, s of the day
+    header: str = ""  # name and unit, if the file writes them as one
+    epoch: float = 0.0  # for dates: zero of the numbers, s since 1970; for times of day, s of the day
     stamp: bool = False  # dates or times of day
 
     @property
     def shown(self) -> str:
-        """Name as the user sees it in the file."""
+        """Return the name as it is in the file."""
         return self.header or self.name
 
 
 class FileContent(NamedTuple):
-    """A file's channels, and how to read some of them, float64 and in the file's units, in one pass."""
+    """Channels of a file, and a function that reads some of them in one pass, as float64 in the file's
+    units."""
 
     reader: str
     channels: tuple[FileChannel, ...]
@@ -56,8 +57,8 @@ class FileContent(NamedTuple):
 
 
 class Format(NamedTuple):
-    """A format of files: what it is called, the endings of its names (".raw"), whether a file is of it, by
-    its first bytes and the ending of its name, and what reads it."""
+    """A file format: name, file endings (".raw"), a function that recognises a file by its first bytes and
+    ending, and its reader."""
 
     name: str
     endings: tuple[str, ...]
@@ -103,7 +104,7 @@ _TIME_UNITS = {
 
 
 def is_clock(channel: FileChannel) -> bool:
-    """Return whether a channel has the name of a time. "sec" alone is a unit if it is the unit of another
+    """Return True if a channel has the name of a time. "sec" alone is a unit if it is the unit of another
     name."""
     name = channel.name.strip().lower()
     named = _TIME.fullmatch(name) is not None
@@ -111,7 +112,7 @@ def is_clock(channel: FileChannel) -> bool:
 
 
 def time_unit(name: str) -> str:
-    """Return the unit of time that a column is called by: "seconds", "millis()"; "" of other names."""
+    """Return the unit of time in a column's name: "seconds", "millis()"; "" for other names."""
     return _TIME_UNITS.get(name.strip().lower().removesuffix("()"), "")
 
 
@@ -119,7 +120,7 @@ def find_channel(channels: Sequence[FileChannel], column: Column) -> int:
     """Return the index of the channel to which `column` refers.
 
     Raises:
-        RecordingError: no channel, or more than one, matches; names the existing ones.
+        RecordingError: no channel, or more than one, matches; the message names the existing ones.
     """
     if isinstance(column, int) and not isinstance(column, bool):
         matches = [column] if 0 <= column < len(channels) else []
@@ -143,6 +144,6 @@ def pointer(channels: Sequence[FileChannel], i: int) -> str | int:
 
 
 def listing(channels: Sequence[FileChannel], most: int = 20) -> str:
-    """The channels by index and name, for errors."""
+    """Return a text with the channels by index and name, for errors."""
     shown = ", ".join(f"{i}: {channel.shown!r}" for i, channel in enumerate(channels[:most]))
     return shown + (f", ... ({len(channels)} in all)" if len(channels) > most else "")

@@ -1,4 +1,4 @@
-"""Dates and times of day, as people log them: "20.02.2020 10:00:00,5", "2/20/2020 1:05:07 PM"."""
+"""Dates and times of day in their usual spellings: "20.02.2020 10:00:00,5", "2/20/2020 1:05:07 PM"."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import numpy as np
 from .source import FileChannel, is_clock
 
 DAY, HOUR = 86400.0, 3600.0  # s
-# Days since 1899-12-30 (Excel) or year 0 (MATLAB): what they are likely to be, and that of 1970-01-01.
+# Plausible ranges of days since 1899-12-30 (Excel) and since year 0 (MATLAB), each with the day of
+# 1970-01-01.
 SERIAL_DAYS = ((2e4, 8e4, 25_569.0), (7e5, 8e5, 719_529.0))
-# Longest step in days of a column that is called time and in no unit: longer ones are seconds.
+# Longest step, in days, of a time column without a unit that counts days; longer steps are seconds.
 LONGEST_SERIAL_STEP = 2e-5
 _MONTHS = {
     name: k
@@ -38,19 +39,19 @@ _ISO = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?"
 
 
 def is_stamp(text: str) -> bool:
-    """Return whether a text is a date, a time of day, or both."""
+    """Return True if a text is a date, a time of day, or both."""
     found = _STAMP.fullmatch(text) if text[:1].isalnum() else None
     return found is not None and (_has_date(found) or found["h"] is not None)
 
 
 def has_date(text: str) -> bool:
-    """Return whether a time stamp contains a date."""
+    """Return True if a time stamp contains a date."""
     found = _STAMP.fullmatch(text)
     return found is not None and _has_date(found)
 
 
 def has_time(text: str) -> bool:
-    """Return whether a time stamp contains a time of day."""
+    """Return True if a time stamp contains a time of day."""
     found = _STAMP.fullmatch(text)
     return found is not None and found["h"] is not None
 
@@ -65,7 +66,8 @@ def _has_date(found: re.Match[str]) -> bool:
 
 
 def day_first(texts: Sequence[str]) -> bool | None:
-    """Return whether dates have the day before the month; None if both are possible."""
+    """Return True if dates have the day before the month, False for the reverse; None if both are
+    possible."""
     found = [one for text in texts if (one := _STAMP.fullmatch(text)) and one["y2"] is not None]
     if any(int(one["a2"]) > 12 for one in found) or any(one["sign2"] != "/" for one in found):
         return True
@@ -73,16 +75,16 @@ def day_first(texts: Sequence[str]) -> bool | None:
 
 
 def iso(text: str, first_is_day: bool) -> str:
-    """Return a stamp as ISO 8601 has it; a time of day without a date is one of 1970-01-01.
+    """Return a time stamp in ISO 8601; a time of day without a date gets 1970-01-01.
 
     Raises:
-        ValueError: the text is no stamp.
+        ValueError: the text is not a time stamp.
     """
     return text if _ISO.fullmatch(text) else _iso(text, first_is_day)
 
 
 def _second(text: str, first_is_day: bool) -> float:
-    """The whole second of a stamp, s since 1970."""
+    """Return the whole second of a time stamp, s since 1970."""
     made = datetime.fromisoformat(iso(text, first_is_day))
     return float(np.floor((made if made.tzinfo else made.replace(tzinfo=UTC)).timestamp()))
 
@@ -117,16 +119,17 @@ def _iso_date(found: re.Match[str], first_is_day: bool) -> str:
 
 
 class Stamped(NamedTuple):
-    """Time of a column: its texts, with those of the column `date`, or its days since a date."""
+    """Time of a column: from its texts, combined with those of the column `date`, or from numbers of days."""
 
     first_is_day: bool = True
-    epoch: float = 0.0  # s since 1970 (or midnight): what the numbers of the column count from
+    epoch: float = 0.0  # s since 1970 (or midnight): zero of the column's numbers
     date: int | None = None
-    wraps: float = np.inf  # s after which times without a date start again
-    days: float | None = None  # the number of the first day, of numbers of days
+    wraps: float = np.inf  # s after which times without a date repeat
+    days: float | None = None  # first day, if the numbers are days
 
     def whole(self, values: np.ndarray) -> np.ndarray:
-        """Return the samples of the column in s since `epoch`, past midnight and from numbers of days."""
+        """Return the samples of the column in s since `epoch`, continued past midnight, and converted from
+        days."""
         if self.days is not None:
             return (values - self.days) * DAY
         for at in np.flatnonzero(np.diff(values) < -0.5 * self.wraps):
@@ -137,7 +140,8 @@ class Stamped(NamedTuple):
 def find_stamps(
     channels: Sequence[FileChannel], kinds: str, rows: Sequence[Sequence[str]], decimal: str
 ) -> tuple[list[FileChannel], dict[int, Stamped]]:
-    """Return the channels, of which those of dates and times count from the first sample, and how each does.
+    """Return the channels, with dates and times counted from the first sample, and the description of each
+    such column.
 
     Args:
         channels, kinds: of the columns.
@@ -156,12 +160,12 @@ def find_stamps(
         whole = f"{texts[date][0]} {texts[i][0]}" if date is not None else texts[i][0]
         try:
             epoch = _second(whole, bool(order))
-        except ValueError:  # said when it is read
+        except ValueError:  # reported when it is read
             epoch = 0.0
         alone = i in times and date is None
         wraps = (DAY if any(map(_has_hours, texts[i])) else HOUR) if alone else np.inf
         found[i] = Stamped(bool(order), epoch, date, wraps)
-        sure = epoch if order is not None else epoch % DAY  # else no date is claimed
+        sure = epoch if order is not None else epoch % DAY  # otherwise the date is ambiguous
         made[i] = made[i]._replace(stamp=True, epoch=sure)
     paired = {one.date for one in found.values()}
     for i in dates:
@@ -178,7 +182,7 @@ def find_stamps(
 
 
 def _serial(channel: FileChannel, texts: Sequence[str], decimal: str) -> tuple[float, float] | None:
-    """The first day of numbers of days, and its midnight in s since 1970; None of other numbers."""
+    """Return the first day of numbers of days, and its midnight in s since 1970; None for other numbers."""
     named = re.search(r"date|datum|stamp|serial|excel", channel.name, re.IGNORECASE) is not None
     in_days = channel.unit.lower() in ("d", "day", "days")
     if not (named or in_days or is_clock(channel)) or (channel.unit and not in_days):

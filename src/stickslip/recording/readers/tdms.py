@@ -1,4 +1,4 @@
-"""TDMS, as LabVIEW and other programs of NI write it; by npTDMS, extra stickslip[labview]."""
+"""TDMS files of LabVIEW and other NI programs, read by npTDMS, extra stickslip[labview]."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from .library import Signal, SignalGroup, clocked_source, equally_spaced, librar
 from .source import FileContent, Rows, add_format
 
 _WHAT = "TDMS file"
-_SINCE_1904 = 2_082_844_800.0  # s from the year from which TDMS counts to 1970
-_FRACTION = 2.0**-64  # s, the unit of the fractions of its dates
+_SINCE_1904 = 2_082_844_800.0  # s from 1904, the zero of TDMS, to 1970
+_FRACTION = 2.0**-64  # s, unit of the fractions in its dates
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 
 
 def read_tdms(path: Path) -> FileContent:
-    """The channels of a TDMS file, each on the clock that its properties say.
+    """Return the channels of a TDMS file, each with the clock in its properties.
 
     Raises:
         RecordingError: npTDMS is not installed, or the file is damaged.
@@ -41,7 +41,8 @@ def read_tdms(path: Path) -> FileContent:
 
 
 def _clock(channel: Any) -> tuple[float, float, int] | None:
-    """First time [s], step [s] and samples of a channel, where it says them."""
+    """Return first time [s], step [s] and number of samples of a channel; None if its properties do not have
+    them."""
     step = channel.properties.get("wf_increment")
     if not isinstance(step, int | float) or not step > 0:
         return None

@@ -1,4 +1,4 @@
-"""Time columns of a table: each serves the columns that follow it."""
+"""Time columns of a table: each applies to the columns that follow it."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 from .file_units import in_seconds, to_si_unit
 from .source import FileChannel, FileContent, Rows, is_clock
 
-LOOKED = 1000  # samples by which time columns are compared
-AGREE = 0.1  # of a step: how far apart two clocks of the same samples may be, by rounding
+LOOKED = 1000  # number of samples by which time columns are compared
+AGREE = 0.1  # share of a step by which two clocks may differ by rounding
 _NAMED_FOR = re.compile(r"(time|t|zeit)[ _.-]\w.*|.*\w[ _.-](time|t|zeit)", re.IGNORECASE)
 
 
 def with_clocks(source: FileContent) -> FileContent:
     """Return the source with the time column of each channel, where there are several.
 
-    A time column without columns after it is left out if it agrees with the next one, as a date beside the
-    seconds does. Otherwise the channels are unchanged, and the user is asked.
+    A time column without columns after it is left out if it agrees with the next one, such as a date beside
+    seconds. Otherwise the channels are unchanged, and the user is asked.
     """
     channels = source.channels
     maybe = [i for i, one in enumerate(channels) if one.numeric and _may_be_time(one)]
@@ -43,7 +43,7 @@ def with_clocks(source: FileContent) -> FileContent:
 
 
 def _may_be_time(channel: FileChannel) -> bool:
-    """Return whether a channel has the name or the unit of a time."""
+    """Return True if a channel has the name or the unit of a time."""
     if channel.unit:
         return in_seconds(channel)
     return is_clock(channel) or _NAMED_FOR.fullmatch(channel.name.strip()) is not None
@@ -59,10 +59,10 @@ def _increases(ticks: np.ndarray) -> bool:
 
 
 def _agree(one: np.ndarray, other: np.ndarray) -> bool:
-    """Return whether two clocks have the same times, except for their start."""
+    """Return True if two clocks have the same times, except for their start."""
     if one.size < 2:
         return True
     step, own = float(np.nanmedian(np.abs(np.diff(other)))), np.abs(np.diff(one))
-    coarse = float(own[own > 0.0].min(initial=np.inf)) if np.any(own == 0.0) else 0.0  # full seconds
+    coarse = float(own[own > 0.0].min(initial=np.inf)) if np.any(own == 0.0) else 0.0  # in full seconds
     apart = (one - one[0]) - (other - other[0])
     return bool(np.all(np.abs(apart) <= AGREE * step + coarse))

@@ -1,4 +1,4 @@
-"""Names, units and the clock of columns, from the lines above the samples."""
+"""Names, units and clock of columns, from the lines above the samples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from .source import FileChannel, is_clock
 
 _IN = re.compile(r"((?P<name>\S+( \S+)?) )?in (?P<unit>\S+)", re.IGNORECASE)
 _OVER_UNIT = re.compile(r"\s/\s(\S+)$")
-# "Zeit/ms" and "Time, s": only of units that look like none but units, for "I/O" and "max/min" are names.
+# Names with a unit without brackets: "Zeit/ms" and "Time, s". Only unambiguous units count, because "I/O" and
+# "max/min" are names.
 _TIGHT = re.compile(
     r"(?P<name>[^/,]*[^/,\s])\s*[/,]\s*(?P<unit>[pnuµμmckMG]?(?:[smVNAWJ]|Hz|Pa|rad)(?:/s)?|sec|deg)\s*"
 )
@@ -25,9 +26,9 @@ _HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]{0,60}\]|\([^)]{0,60}\)))?"
 
 
 def header_fields(line: str, delimiter: str, count: int, blank: int) -> list[str]:
-    """The fields of a line above the data, as many as there are columns if it can be read so.
+    """Return the fields of a line above the data, as many as there are columns if possible.
 
-    The last `blank` columns have no samples, and no names where only the data end with delimiters.
+    The last `blank` columns have no samples, and no names if only the data end with delimiters.
     """
     mark = COMMENT.match(line)
     line = line[mark.end() :] if mark else line
@@ -36,11 +37,11 @@ def header_fields(line: str, delimiter: str, count: int, blank: int) -> list[str
         fields = [field.lstrip(mark[1]) for field in fields]
     if count - blank <= len(fields) < count:
         return [*fields, *[""] * (count - len(fields))]
-    if len(fields) == count + 1 and fields[-1].lower() == "comment":  # of LabVIEW; mostly no row has one
+    if len(fields) == count + 1 and fields[-1].lower() == "comment":  # LabVIEW; the column is mostly empty
         return fields[:-1]
     if len(fields) != count and (
         mark or delimiter == SPACE
-    ):  # names with blanks in them, or parted otherwise
+    ):  # names with blanks in them, or separated differently
         ways = [_HEADER_WORD.findall(line)] if delimiter == SPACE else []
         ways += [split(line.strip(), sign) for sign in (",", ";", "\t")] if count > 1 else []
         for other in (*ways, re.split(r"\s{2,}|\t", line.strip())):
@@ -50,7 +51,7 @@ def header_fields(line: str, delimiter: str, count: int, blank: int) -> list[str
 
 
 def cut(fields: list[str], count: int) -> list[str]:
-    """The fields without blank ones behind the last column."""
+    """Return the fields without blank ones beyond the last column."""
     return fields[:count] if len(fields) > count and not any(fields[count:]) else fields
 
 
@@ -72,7 +73,8 @@ def titles(
         if i > header and not COMMENT.match(lines[i]) and fits and any(kinds[k] != "e" for k in wrong):
             name = rows[header][wrong[0]] if texts else str(wrong[0])
             hint = "" if texts else f" (if the line is no data: skip={i + 1})"
-            if signs.kind(fields[wrong[0]]) == "n":  # most below are words, as with separators of thousands
+            # most values below are words, as with thousands separators
+            if signs.kind(fields[wrong[0]]) == "n":
                 ((i, fields),) = data.items()
             raise RecordingError(f"line {i + 1}, column {name!r}: {fields[wrong[0]]!r} is not a number{hint}")
     apart = [i for i, fields in rows.items() if i > header and any(fields) and not COMMENT.match(lines[i])]
@@ -99,12 +101,13 @@ def titles(
 
 
 def _marks(fields: Sequence[str]) -> bool:
-    """Return whether a line marks the start of the samples: "Waveform Data,"."""
+    """Return True if a line marks the start of the samples: "Waveform Data,"."""
     return re.sub(r"\W|_", "", "".join(fields)).lower() in MARKS
 
 
 def _names_and_units(rows: Sequence[list[str]]) -> tuple[list[str], list[str]]:
-    """The row of names, and the row of units below or above it ([] without one), of the last lines."""
+    """Return the row of names, and the row of units below or above it ([] without one), from the last
+    lines."""
     for k in range(len(rows) - 1, -1, -1):
         beside = rows[k - 1] if k else rows[1] if len(rows) > 1 else []
         units = [_unit_alone(field) for field in rows[k]]
@@ -114,7 +117,7 @@ def _names_and_units(rows: Sequence[list[str]]) -> tuple[list[str], list[str]]:
 
 
 def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
-    """Return whether a row contains units: all are known, or half of them below a time."""
+    """Return True if a row contains units: all are known, or half of them below a time."""
     given = [unit for unit in units if unit]
     known = sum(map(is_unit, given))
     clocks = [any(is_clock(channel_of(one)) for one in row) for row in (units, names)]
@@ -123,7 +126,7 @@ def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
 
 
 def _ticks(numbers: Sequence[float], increment: float) -> bool:
-    """Return whether numbers are the times of the header's clock."""
+    """Return True if numbers are the times of the header's clock."""
     return all(0.99 < (b - a) / increment < 1.01 for a, b in pairwise(numbers))
 
 
@@ -135,7 +138,8 @@ def with_header_clock(
     data: Sequence[Sequence[str]],
     signs: Signs,
 ) -> tuple[list[FileChannel], dict[int, HeaderClock]]:
-    """Return the channels with their clock, if it is in the header and in no column."""
+    """Return the channels with their clock, if the header has one and no column does; and the clocks by
+    channel."""
     times = [i for i, one in enumerate(channels) if one.numeric and (is_clock(one) or in_seconds(one))]
     if times and not counts:
         return channels, {}
@@ -170,8 +174,8 @@ def _unit_alone(field: str) -> str:
 
 
 def channel_of(header: str) -> FileChannel:
-    """Return name and unit: "Position [mm]" is in mm, "Force (left)" in none, "u (mVpp)" in an unknown
-    one."""
+    """Return the channel of a header: "Position [mm]" has the unit mm, "Force (left)" none, "u (mVpp)" an
+    unknown one."""
     name, unit, certain = _name_and_unit(header)
     if not name:
         tight = _TIGHT.fullmatch(header)
@@ -186,7 +190,7 @@ def channel_of(header: str) -> FileChannel:
 def _name_and_unit(header: str) -> tuple[str, str, bool]:
     """Return the name and the unit in "name [unit]", "name (unit)", "name / unit" or "name in unit".
 
-    The third value says whether the brackets are square. Both texts are empty if the header is none of these.
+    The third value is True for square brackets. Both texts are empty for other headers.
     """
     text = header.rstrip()
     opening = {"]": "[", ")": "("}.get(text[-1:], "")
@@ -205,12 +209,12 @@ def _name_and_unit(header: str) -> tuple[str, str, bool]:
 
 
 def _of_one(name: str, unit: str) -> bool:
-    """Return whether a unit is a ratio of two units of the same kind: "V/mV" is a voltage in mV."""
+    """Return True if a unit is a ratio of two units of the same kind: "V/mV" is a voltage in mV."""
     return len(name) == 1 and not to_si_unit(unit).unit
 
 
 def _distinct(columns: Sequence[FileChannel]) -> list[FileChannel]:
-    """Names told apart: "Time", "x", "Time (2)", "x (2)"."""
+    """Return the columns with distinct names: "Time", "x", "Time (2)", "x (2)"."""
     seen: Counter[str] = Counter()
     result = []
     for column in columns:

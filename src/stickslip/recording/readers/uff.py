@@ -1,4 +1,4 @@
-"""Universal files (UFF, data set 58), as programs of vibration and modal analysis write them; by pyuff, extra
+"""Universal files (UFF, data set 58) of programs for vibration and modal analysis, read by pyuff, extra
 stickslip[modal]."""
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ _DIRECTIONS = {0: "", 1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 
 
 def read_uff(path: Path) -> FileContent:
-    """The functions of time in a universal file (data set 58), those of the same times on one clock.
+    """Return the functions of time in a universal file (data set 58); those with the same times share a
+    clock.
 
     Raises:
-        RecordingError: pyuff is not installed, the file is damaged, or holds no functions of time.
+        RecordingError: pyuff is not installed, the file is damaged, or contains no functions of time.
     """
     functions = data_sets(path)
     of_time = [one for one in functions if one.get("abscissa_spec_data_type") == _TIME]
@@ -55,7 +56,7 @@ def read_uff(path: Path) -> FileContent:
 
 
 def data_sets(path: Path) -> list[dict[str, Any]]:
-    """Return the data sets 58 (functions) of a universal file, as pyuff gives them.
+    """Return the data sets 58 (functions) of a universal file, as dictionaries of pyuff.
 
     Raises:
         RecordingError: pyuff is not installed, or the file is damaged.
@@ -68,7 +69,7 @@ def data_sets(path: Path) -> list[dict[str, Any]]:
 
 
 def point(one: dict[str, Any]) -> str:
-    """The point and direction of a response: "8 +Z"."""
+    """Return the point and direction of a response: "8 +Z"."""
     return f"{one.get('rsp_node', 0)} {_DIRECTIONS.get(one.get('rsp_dir', 0), '')}".strip()
 
 

@@ -1,4 +1,4 @@
-"""Numbers that are not likely in their unit, and numbers without a unit: refused, or told of."""
+"""Checks for implausible numbers in their unit, and for numbers without a unit: errors or warnings."""
 
 from __future__ import annotations
 
@@ -13,27 +13,28 @@ from .clocks import Clocked
 from .preview import LOOKED_AT, likely_unit
 from .selection import FileVariable, Selection
 
-# Largest plausible sizes (SI) around a stick-slip actuator, and likely units.
+# Largest plausible sizes (SI) around a stick-slip actuator, and probable units.
 UNLIKELY = {
     "m": (0.2, "um or nm"),
     "V": (2e3, "mV"),
     "N": (1e4, "mN"),
     "m/s": (20.0, "mm/s"),
 }
-# Longest time from sample to sample in s, where no unit is said and where the file says it; of more than
-# `FEW` samples.
+# Longest sampling interval in s, without a unit and with one in the file; it applies to more than `FEW`
+# samples.
 LONGEST_STEP, LONGEST_SAID_STEP, FEW = 1.0, 30.0, 10
 
 
 def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked], units: Container[str]) -> None:
-    """Ask for the unit where the numbers are not likely to be in it, be it a label of the file.
+    """Raise an error that asks for the unit if the numbers are not plausible in theirs, even if the file
+    states it.
 
     Args:
-        chosen, groups: what is read.
-        units: the variables of which the user says the unit, and means it.
+        chosen, groups: selected channels and their values.
+        units: variables whose unit the user has given, which are not checked.
 
     Raises:
-        RecordingError: names the column, the size as it would be in SI, and what to say.
+        RecordingError: the message names the column, its size in SI, and the argument to give.
     """
     for group, clock in zip(groups, chosen.clocks.values(), strict=True):
         step = float(np.median(np.diff(group.time))) if group.time.size > FEW else 0.0
@@ -64,14 +65,14 @@ def _unlikely(variable: FileVariable, size: str, likely: str, unit: str) -> Reco
 
 
 def warn_of_unsaid(path: Path, chosen: Selection, groups: Sequence[Clocked]) -> None:
-    """Warn of units that are not known, and of those that are taken though neither file nor user says them,
-    in one line each."""
+    """Warn of unknown units, and of units that are assumed because neither file nor user states them, in one
+    line each."""
     unsaid: dict[str, tuple[FileVariable, str]] = {}
     for group, clock in zip(groups, chosen.clocks.values(), strict=True):
         named = [] if clock is None else [(clock, group.time)]
         named += [(one, group.values[one.name]) for one in chosen.variables if one.name in group.values]
         for one, values in named:
-            known = one.unit or not _si(one) or one.column.stamp  # a plain number has none, nor have dates
+            known = one.unit or not _si(one) or one.column.stamp  # plain numbers and dates have no unit
             looked = values[:LOOKED_AT][np.isfinite(values[:LOOKED_AT])]
             if not known and looked.size:
                 unsaid.setdefault(one.name, (one, likely_unit(one.name, looked)))

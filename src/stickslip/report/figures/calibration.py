@@ -1,4 +1,4 @@
-"""A calibration: the polynomial through its table, and what is left of it."""
+"""Figure of a calibration: the polynomial with its table, and the residuals."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from .style import BLUE, MEASURED, VERMILLION, drawn, legend_above, panels, trac
 
 @drawn
 def calibration_curve(calibration: Calibration, x: ArrayLike, y: ArrayLike) -> Figure:
-    """The curve over the readings; below, the errors of the readings within the band of predictions.
+    """Draw the curve with the readings and, below, the errors of the readings within the prediction band.
 
     Args:
-        calibration: fitted to the table; without degrees of freedom it has no band.
-        x, y: the table, SI: readings [n] or [n, r], truth [n].
+        calibration: calibration fitted to the table; without degrees of freedom it has no band.
+        x, y: the table, SI: readings [n] or [n, r], true values [n].
     """
     readings, truth = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     readings = readings.reshape(truth.size, -1)

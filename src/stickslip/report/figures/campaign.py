@@ -1,4 +1,5 @@
-"""The figures of a campaign: step responses and walks beside the model [kang2007, fig. 5.1, 5.2 and 5.4]."""
+"""Figures of a campaign: step responses and walks, measured and by the model [kang2007, fig. 5.1, 5.2 and
+5.4]."""
 
 from __future__ import annotations
 
@@ -31,8 +32,8 @@ _LEFT = "95 % for the model, by the errors of its parameters"
 class Trace(NamedTuple):
     """A position over time, measured and by the model, arrays of shape (n,) in s and m, or rad.
 
-    `parameters` is the half width of the band that the errors of the parameters leave the model, `band`
-    that within which a new sample is expected.
+    `parameters` is the half width of the model's uncertainty by the errors of the parameters, `band` that of
+    the interval for a new sample.
     """
 
     time: ArrayLike
@@ -44,7 +45,8 @@ class Trace(NamedTuple):
 
 @drawn
 def step_responses(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
-    """Step responses of the clamped end-effector over the time since the step, and the residuals below."""
+    """Draw step responses of the clamped end-effector over the time since the step, and the residuals
+    below."""
     figure, (above, below) = panels((2.6, 1.2))
     times = [np.asarray(t.time, dtype=float) for t in traces.values()]
     clock = scale_for("s", *times)
@@ -70,7 +72,8 @@ def step_responses(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
 def _between(
     axes: Axes, x: NDArray[np.float64], half: NDArray[np.float64], label: str, edge: float = 0.0
 ) -> None:
-    """The band that the parameters leave, if there is one: behind the residuals; before them, its edges."""
+    """Draw the uncertainty band of the model, if there is one: behind the residuals, with its edges in front
+    of them."""
     if np.any(half > 0.0):
         width = np.broadcast_to(half, x.shape)
         how = {"color": VERMILLION, "rasterized": x.size > 1000}
@@ -81,7 +84,8 @@ def _between(
 
 @drawn
 def walks(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
-    """Walks side by side, measured under the model, and below the residuals within the prediction bands."""
+    """Draw walks side by side, measured and by the model, and below the residuals within the prediction
+    bands."""
     count = len(traces)
     figure = Figure(figsize=(WIDTH, 3.6))
     grid = figure.subplots(2, count, sharex="col", sharey="row", squeeze=False, height_ratios=(2.2, 1.0))
@@ -102,7 +106,7 @@ def walks(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
                 trace(below, clock(time), side * band, color=MEASURED, lw=0.6).set_rasterized(True)
         _between(below, clock(time), small(np.asarray(t.parameters, dtype=float)), _LEFT, edge=0.9)
         noise = trace(below, clock(time), small(model - measured), color=BLUE, lw=0.5, alpha=0.55)
-        noise.set_rasterized(True)  # so do the bands: as vectors they would be most of a report
+        noise.set_rasterized(True)  # bands are drawn as pixels: as vectors they would be most of a report
         above.set_title(name)
         below.set_xlabel(clock.label("time"))
         below.locator_params(axis="x", nbins=4)

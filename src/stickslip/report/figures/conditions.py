@@ -1,4 +1,4 @@
-"""Figures of a search: goals in every condition, and fronts of two goals."""
+"""Figures of a search for a drive: goals in every condition, and fronts of two goals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .scale import scale_for
 from .style import BLUE, MEASURED, WIDTH, drawn, legend_above, shown
 
-# Conditions that are named; more are only counted.
+# Largest number of conditions that are named; more are only counted.
 MOST_NAMED = 12
 
 
@@ -20,13 +20,14 @@ MOST_NAMED = 12
 def draw_conditions(
     names: Sequence[str], values: Mapping[str, NDArray[Any]], label: str, unit: str, sign: float = 1.0
 ) -> NDArray[Any]:
-    """One row for each condition, the worst of the first values above; more than `MOST_NAMED` are not named.
+    """Draw one row for each condition, sorted with the worst of the first values on top; more than
+    `MOST_NAMED` are not named.
 
     Args:
-        names: of the conditions.
-        values: two series [conditions], by what they are of.
-        label, unit: of the values.
-        sign: +1 where more is better.
+        names: names of the conditions.
+        values: two series [conditions], by name.
+        label, unit: label and unit of the values.
+        sign: +1 if larger is better.
     """
     first = next(iter(values.values()))
     order: list[int] = np.argsort(-sign * first).tolist()
@@ -52,10 +53,10 @@ def draw_conditions(
 
 @drawn
 def draw_front(table: xr.Dataset) -> NDArray[Any]:
-    """The second goal over the first.
+    """Draw the second goal over the first.
 
     Args:
-        table: of `design.Front`.
+        table: `table` of a `design.Front`.
     """
     first, second = (table[name] for name in table if name != "frequency")
     scales = [scale_for(str(one.attrs["units"]), one.values) for one in (first, second)]

@@ -1,4 +1,4 @@
-"""Figures of priors from contacts, and of what recordings make of them."""
+"""Figures of priors from contact mechanics, and of the posteriors that recordings give."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .scale import scale_for
 from .style import BLUE, GREEN, MEASURED, VERMILLION, WIDTH, drawn
 
 BINS = 60
-# Part of the samples of a distribution left out at each end.
+# Share of the samples of a distribution left out at each end.
 TAIL = 0.002
 COLOURS = (BLUE, GREEN)
 
@@ -24,7 +24,7 @@ Samples = Mapping[str, ArrayLike]
 def prior_and_posteriors(
     prior: Samples, cases: Mapping[str, Mapping[str, Samples]], truths: Mapping[str, Samples], units: Samples
 ) -> Figure:
-    """A row for each case, a column for each parameter: densities over a logarithmic axis.
+    """Draw densities over a logarithmic axis, in a row for each case and a column for each parameter.
 
     Args:
         prior: samples of each parameter, SI; a grey shade in each panel.
@@ -71,5 +71,5 @@ def prior_and_posteriors(
 
 
 def _even(samples: np.ndarray) -> np.ndarray:
-    """Weights that make the bars shares of all samples."""
+    """Return weights with which the bars of a histogram show shares of all samples."""
     return np.full(samples.size, 1.0 / samples.size)

@@ -1,4 +1,4 @@
-"""Pictures of a closed loop: where it went, how it came to its target, and what was put out."""
+"""Figures of a closed loop: position, approach to the target, and voltage."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _MOST_POINTS = 20_000
 
 @drawn
 def closed_loop(recording: xr.Dataset, phases: Sequence[tuple[str, float]] = ()) -> Figure:
-    """Position with its target, and voltage, over time.
+    """Draw position with its target, and voltage, over time.
 
     Args:
-        recording: of `rig.regulate`.
+        recording: result of `rig.regulate`.
         phases: (name, start in s), drawn as lines.
     """
     part = recording.isel(time=slice(None, None, max(1, recording.sizes["time"] // _MOST_POINTS)))
@@ -45,13 +45,13 @@ def closed_loop(recording: xr.Dataset, phases: Sequence[tuple[str, float]] = ())
 
 @drawn
 def approach(recording: xr.Dataset, target: float, begin: float, windows: Sequence[float]) -> Figure:
-    """Remaining distance to the target over time, on a logarithmic scale, with the windows.
+    """Draw the remaining distance to the target over time, on a logarithmic scale, with the windows.
 
     Args:
-        recording: of `rig.regulate`.
+        recording: result of `rig.regulate`.
         target: m.
         begin: start of the shown time, s.
-        windows: m, half-widths.
+        windows: half-widths, m.
     """
     part = recording.sel(time=slice(begin, None))
     figure, (axes,) = panels([3.0])
@@ -69,7 +69,7 @@ def approach(recording: xr.Dataset, target: float, begin: float, windows: Sequen
 
 @drawn
 def step_sizes(law: StepLaw) -> Figure:
-    """Steps over voltage in both directions, with intervals of 95 %."""
+    """Draw step sizes over voltage in both directions, with 95 % intervals."""
     figure, (axes,) = panels([3.0])
     metres = scale_for("m", np.array([*law.forward, *law.backward]))
     for name, sizes, errors, color in (

@@ -1,4 +1,4 @@
-"""Pictures of design: maps of the step, and curves of speed over load."""
+"""Figures of design: maps of the step, and curves of speed over load."""
 
 from __future__ import annotations
 
@@ -17,29 +17,30 @@ from ...quantities.units import QuantityError
 from .scale import Scale, scale_for
 from .style import BLACK, DASHES, MEASURED, SERIES, WIDTH, drawn, legend_above, panels_given, shown
 
-# So many contours; panels of one figure; share of the other sign from which on zero has a colour of its own.
+# Number of contours; largest number of panels of a figure; share of the opposite sign above which zero has
+# its own colour.
 CONTOURS = 6
 MOST_PANELS = 12
-# Part of the greatest value that counts as zero where the line of no step is drawn.
+# Share of the greatest value that counts as zero where the line of zero step is drawn.
 BESIDE_ZERO = 0.02
 SEEN = 0.2
 NO_STEP, HATCH = "#E2E2E2", "#9A9A9A"
 
 
 def is_map(data: Any) -> bool:
-    """Return whether this is a result of `step_map`."""
+    """Return True if the data are a result of `step_map`."""
     return isinstance(data, xr.Dataset) and {"net_step", "speed", "status"} <= {*data.data_vars}
 
 
 @drawn
 def draw_map(data: xr.Dataset, quantity: str = "net_step", axes: Any = None) -> NDArray[Any]:
-    """A variable of a map: over one dimension a line with its 95 % band, over two a picture with contours,
-    a panel for each value of the others.
+    """Draw a variable of a map: over one dimension a line with its 95 % band, over two an image with
+    contours, with a panel for each value of the others.
 
     Points without a steady step are hatched, and left out of lines.
 
     Args:
-        data: of `step_map`.
+        data: result of `step_map`.
         quantity: the variable: net_step, speed, backlash, ...
         axes: as for `plot`.
 
@@ -47,7 +48,7 @@ def draw_map(data: xr.Dataset, quantity: str = "net_step", axes: Any = None) -> 
         The axes, shape (panels,).
 
     Raises:
-        QuantityError: no such variable, over nothing, or over too many panels or axes.
+        QuantityError: no such variable, no dimension, or too many panels or axes.
     """
     if quantity not in data or not data[quantity].dims:
         raise QuantityError(
@@ -55,7 +56,7 @@ def draw_map(data: xr.Dataset, quantity: str = "net_step", axes: Any = None) -> 
         )
     dims = sorted(map(str, data[quantity].dims), key=lambda d: (-min(data.sizes[d], 3), d == "direction"))
     plane, others = dims[:2], dims[2:]
-    if len(plane) == 2 and data.sizes[plane[1]] < 3:  # few values of it: lines
+    if len(plane) == 2 and data.sizes[plane[1]] < 3:  # with few values, lines
         plane, others = dims[:1], dims[1:]
     plane = [d for d in map(str, data[quantity].dims) if d in plane]
     value = scale_for(str(data[quantity].attrs.get("units", "")), data[quantity].values)
@@ -87,10 +88,10 @@ def draw_map(data: xr.Dataset, quantity: str = "net_step", axes: Any = None) -> 
 
 @drawn
 def draw_load_speed(data: xr.Dataset, axes: Any = None) -> NDArray[Any]:
-    """Speed over load, with the mechanical power that is done against it.
+    """Draw the speed over the load, with the mechanical power against it.
 
     Args:
-        data: of `design.load_speed_curve`.
+        data: result of `design.load_speed_curve`.
         axes: one for each, as for `plot`.
 
     Returns:
@@ -106,7 +107,7 @@ def draw_load_speed(data: xr.Dataset, axes: Any = None) -> NDArray[Any]:
 
 
 def _panels(axes: Any, count: int, height: float, one_column: bool = False) -> list[Axes]:
-    """The axes given, or those of a new figure."""
+    """Return the given axes, or those of a new figure."""
 
     def new() -> list[Axes]:
         columns = 1 if one_column or count == 1 else 2
@@ -121,7 +122,7 @@ def _panels(axes: Any, count: int, height: float, one_column: bool = False) -> l
 
 
 def _limits(values: NDArray[Any]) -> tuple[float, float, str]:
-    """Ends and colours: about zero where both signs are there to be seen."""
+    """Return ends and colour map: symmetric about zero if both signs are visible."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     if low < -SEEN * high and high > -SEEN * low:
@@ -142,7 +143,7 @@ def _picture(
     z = value(data[quantity].transpose(plane[1], plane[0]).values)
     low, high, colours = limits
     picture = panel.pcolormesh(x, y, z, shading="nearest", cmap=colours, vmin=low, vmax=high, rasterized=True)
-    # The background shows where there is no value.
+    # The background shows points without a value.
     panel.set_facecolor(NO_STEP)
     panel.patch.set_hatch("////")
     panel.patch.set_edgecolor(HATCH)
@@ -155,7 +156,8 @@ def _picture(
         panel.clabel(made, fontsize=7, fmt="%g")
         seen = BESIDE_ZERO * max(-low, high)
         if np.nanmin(z) < -seen and np.nanmax(z) > seen:
-            # Steps next to nothing change their sign many times: only where it can be seen that they do.
+            # Very small steps change their sign many times; the line is drawn only where the change is
+            # visible.
             near = np.ma.masked_where(_largest_beside(z) <= seen, masked)
             zero = panel.contour(x, y, near, [0.0], colors=line, linewidths=1.8)
             panel.clabel(zero, fontsize=7, fmt="%g")
@@ -163,7 +165,7 @@ def _picture(
 
 
 def _largest_beside(z: NDArray[Any]) -> NDArray[Any]:
-    """The greatest size among each point and those beside it."""
+    """Return the largest magnitude among each point and its neighbours."""
     padded = np.pad(np.nan_to_num(np.abs(z)), 1)
     return np.lib.stride_tricks.sliding_window_view(padded, (3, 3)).max(axis=(2, 3))
 
@@ -179,7 +181,7 @@ def _axis(panel: Axes, data: xr.Dataset, name: str, way: str) -> NDArray[Any]:
 
 
 def _in_ratios(values: NDArray[Any]) -> bool:
-    """Return whether ratios of neighbouring values vary less than their differences."""
+    """Return True if ratios of neighbouring values vary less than their differences."""
     if values.size < 3 or not values.min() > 0.0:
         return False
     steps = [np.diff(np.sort(some)) for some in (np.log(values), values)]
@@ -187,7 +189,7 @@ def _in_ratios(values: NDArray[Any]) -> bool:
 
 
 def _lines(panel: Axes, data: xr.Dataset, quantity: str, over: str, others: list[str], value: Scale) -> None:
-    """A line for each combination of the others, in its band."""
+    """Draw a line with its band for each combination of the others."""
     x = _axis(panel, data, over, "x")
     stacked = data.stack(line=others) if others else data.expand_dims("line")
     if stacked.sizes["line"] > len(SERIES):

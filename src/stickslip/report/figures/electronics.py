@@ -1,4 +1,4 @@
-"""Pictures of what an amplifier makes of a drive, and of the heat that it leaves in the stack."""
+"""Figures of the output of an amplifier, and of the heating of the piezo stack."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from ...waveform.signal import Waveform, value_at
 from .scale import Scale, scale_for
 from .style import BLUE, DASHES, GREEN, MEASURED, VERMILLION, WIDTH, drawn, panels, trace
 
-_BINS = 400  # of a run of very many periods, over each of which means are drawn
+_BINS = 400  # number of intervals of a long run over which means are drawn
 
 
 @drawn
 def starved(asked: Waveform, runs: dict[str, xr.Dataset], edge: float, zoom: float) -> Figure:
-    """Voltage and current against the asked drive; at the right, one slip edge.
+    """Draw voltage and current compared with the requested drive; at the right, one slip edge.
 
     Args:
-        asked: the drive that the amplifier was asked for, V.
-        runs: as `electronics.electrical` gives them, by what is written at their lines; three or fewer.
-        edge: s, when the edge comes.
-        zoom: s, length of the right column, of which a tenth is before the edge.
+        asked: requested drive, V.
+        runs: results of `electronics.electrical` by label; three or fewer.
+        edge: time of the edge, s.
+        zoom: duration of the right column, s, of which a tenth is before the edge.
     """
     figure = Figure(figsize=(WIDTH, 4.4))
     grid = figure.subplots(2, 2, sharex="col", sharey="row", width_ratios=(3, 2))
@@ -54,10 +54,10 @@ def starved(asked: Waveform, runs: dict[str, xr.Dataset], edge: float, zoom: flo
 
 @drawn
 def heat(run: xr.Dataset) -> Figure:
-    """Current (rms), loss (mean) and temperature over a run of very many periods.
+    """Draw current (rms), loss (mean) and temperature over a run of many periods.
 
     Args:
-        run: as `electronics.electrical` gives it.
+        run: result of `electronics.electrical`.
     """
     figure, axes = panels([1.4, 1.4, 2.0])
     time = run["time"].values

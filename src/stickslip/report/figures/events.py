@@ -1,4 +1,4 @@
-"""Stick-slip events, measured and simulated, one panel a condition."""
+"""Figure of stick-slip events, measured and simulated, one panel for each condition."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _SHOWN = 6.0
 def event_prediction(
     traces: Mapping[str, tuple[xr.Dataset, xr.Dataset]], *, name: str = "spring force / weight"
 ) -> Figure:
-    """Force over time, measured and simulated.
+    """Draw the force over time, measured and simulated.
 
     Args:
         traces: by condition, the measured and the simulated recording; both have `force_ratio`, and the
-            simulated one the attribute `period` [s], by which the shown span is chosen.
-        name: what is shown.
+            simulated one the attribute `period` [s], from which the shown span is chosen.
+        name: name of the shown quantity.
     """
     rows = (len(traces) + 1) // 2
     figure = Figure(figsize=(7.0, 1.9 * rows + 0.4))

@@ -1,4 +1,4 @@
-"""A fit over time: each of its recordings beside the model, and what is left beside the noise."""
+"""Figure of a fit over time: each of its recordings with the model, and the residuals with the noise."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from .style import WIDTH, drawn, shown
 
 @drawn
 def draw_fit(fit: Fit, axes: Any = None) -> Any:
-    """Each recording of a fit over time, measured and by the model, and the residuals below with their noise.
+    """Draw each recording of a fit over time, measured and by the model, and the residuals below with their
+    noise.
 
     Args:
-        fit: of recordings over time.
-        axes: Matplotlib's to draw on, shape (recordings, 2); left out, those of a new figure.
+        fit: fit of recordings over time.
+        axes: Matplotlib axes to draw on, shape (recordings, 2); by default those of a new figure.
 
     Returns:
         The axes, shape (recordings, 2); ``axes[0, 0].figure`` is the figure.
 
     Raises:
-        FitError: the fit is not of recordings over time.
-        QuantityError: another number of axes.
+        FitError: the fit has no recordings over time.
+        QuantityError: the number of axes is wrong.
     """
     count = len(fit.recordings)
     if not all(t.size and t.size == r.size for t, r in zip(fit.times, fit.residuals, strict=True)):
@@ -63,7 +64,7 @@ def called(observed: str) -> str:
 
 
 def _noise(fit: Fit, i: int) -> tuple[Any, str]:
-    """Standard deviation of the noise of a recording, and what it is known by."""
+    """Return the standard deviation of the noise of a recording, in its unit, and its origin in words."""
     given = fit.known[i].given if fit.known else None
     if given is not None:
         return given, "95 % of the noise that was given"

@@ -1,4 +1,4 @@
-"""Frequency responses: gain, phase, residual and coherence, measured under the models."""
+"""Figure of frequency responses: gain, phase, residual and coherence, measured and by models."""
 
 from __future__ import annotations
 
@@ -39,15 +39,17 @@ def frequency_response(
     name: str = "gain",
     log_frequency: bool = True,
 ) -> Figure:
-    """Gain and phase over frequency, measured as points and models as lines; below, residual and coherence.
+    """Draw gain and phase over frequency, measured as points and models as lines; below, residual and
+    coherence.
 
-    The band is two standard deviations each way. A model has the colour of the measured response of the same
-    name, and a residual, the modulus of the complex difference, if it covers that one's frequencies.
+    The band is two standard deviations on each side. A model has the colour of the measured response with the
+    same name. Its residual, the modulus of the complex difference, is drawn if it covers the same
+    frequencies.
 
     Args:
         measured, models: responses by name ("30 V").
         unit: SI unit of the response: "m/V".
-        name: what its modulus is called.
+        name: name of its modulus.
         log_frequency: logarithmic frequency axis.
     """
     models = models or {}
@@ -72,7 +74,7 @@ def frequency_response(
         polar(axes[0], axes[1], response.frequency, response.value, scale, **line)
     axes[0].set_yscale("log")
     moduli = scale(np.concatenate([np.abs(np.asarray(value)) for value in everything]))
-    axes[0].set_ylim(bottom=0.5 * moduli[moduli > 0.0].min())  # not down to where the bands have no bound
+    axes[0].set_ylim(bottom=0.5 * moduli[moduli > 0.0].min())  # not down to where the bands have no lower end
     axes[0].set_ylabel(scale.label(name))
     axes[1].set_ylabel("phase (°)")
     axes[1].yaxis.set_major_locator(MaxNLocator(5, steps=[1, 1.5, 3, 4.5, 9, 10]))
@@ -103,7 +105,7 @@ def polar(
     """Draw modulus, and phase in degrees without jumps.
 
     The phase starts between -270 and 90 degrees: measurement and model of a negative gain, at -180 or 180
-    degrees, then start alike.
+    degrees, then start at the same value.
     """
     f, value = np.asarray(frequency, dtype=float), np.asarray(response, dtype=complex)
     trace(gain, f, scale(np.abs(value)), **how)
@@ -124,7 +126,8 @@ def _band(panel: Axes, response: Response, scale: Scale, colour: str) -> None:
 def _residuals(
     measured: Mapping[str, Response], models: Mapping[str, Response]
 ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Frequencies and |model - measured| for each model that covers those of the measured response."""
+    """Return frequencies and |model - measured| for each model that covers the frequencies of the measured
+    response."""
     found = {}
     for label, model in models.items():
         if label not in measured:

@@ -1,4 +1,4 @@
-"""A fit beside its data: traces with residuals, friction loops, parameter intervals, the ranking of laws.
+"""Figures of a fit: traces with residuals, friction loops, parameter intervals, the ranking of laws.
 
 Residuals are model minus measured, as in `identify`.
 """
@@ -32,7 +32,7 @@ _ZERO = {"color": "#404040", "lw": 0.7, "zorder": 1.5}
 
 
 class Estimates(NamedTuple):
-    """One parameter, estimated at several settings: arrays of shape (n,) in the SI unit."""
+    """One parameter estimated at several settings: arrays of shape (n,) in its SI unit."""
 
     values: ArrayLike
     low: ArrayLike
@@ -55,7 +55,7 @@ def _residuals(
     noise: ArrayLike | None = None,
     known_by: str = "",
 ) -> None:
-    """The residual panel: one trace per model around zero, on a scale of its own."""
+    """Draw the residual panel: one trace per model around zero, on its own scale."""
     differences = [values - measured for values in models.values()]
     scale = scale_for(unit, *differences)
     panel.axhline(0.0, **_ZERO)
@@ -77,15 +77,15 @@ def fit_with_residuals(
     unit: str,
     fitted: Sequence[tuple[float, float]] = (),
 ) -> Figure:
-    """Measured data under one or several models over time, and the residuals below.
+    """Draw measured data and one or several models over time, and the residuals below.
 
     Args:
         time: s, shape (n,).
         measured: in `unit`, shape (n,).
-        model: as `measured`; several of them by name.
-        name: what is measured: "friction force".
+        model: as `measured`; several models by name.
+        name: name of the measured quantity: "friction force".
         unit: its SI unit.
-        fitted: spans of time [s] that the fit has seen; the rest is prediction.
+        fitted: spans of time [s] that were fitted; the rest is prediction.
     """
     figure, (above, below) = panels((2.4, 1.3))
     beside((above, below), time, measured, model, name=name, unit=unit, fitted=fitted)
@@ -140,13 +140,13 @@ def friction_loop(
     name: str = "friction force",
     unit: str = "N",
 ) -> Figure:
-    """Friction over position, measured under the models, and the residuals over position below.
+    """Draw friction over position, measured and by the models, and the residuals over position below.
 
     Args:
         position: m, shape (n,), in the order of time.
         measured: in `unit`, shape (n,).
-        model: as `measured`; several by name; without it, the data alone.
-        name: what is measured.
+        model: as `measured`; several models by name; None: the data alone.
+        name: name of the measured quantity.
         unit: its SI unit.
     """
     x, data, models = np.asarray(position, dtype=float), np.asarray(measured, dtype=float), {}
@@ -177,14 +177,15 @@ def friction_loop(
 def parameter_intervals(
     setting: ArrayLike, estimates: Mapping[str, Estimates], *, setting_name: str, setting_unit: str
 ) -> Figure:
-    """Estimated parameters with their confidence intervals over a setting of the experiment, one panel each.
+    """Draw estimated parameters with their confidence intervals over a setting of the experiment, one panel
+    each.
 
-    An interval that the data do not close (NaN or infinite) leaves its point hollow and without a bar.
+    A parameter with an infinite or unknown interval (NaN) has a hollow point without a bar.
 
     Args:
-        setting: SI, shape (n,): the amplitude of the drive, say.
+        setting: SI, shape (n,), such as the amplitude of the drive.
         estimates: by the name of the parameter.
-        setting_name, setting_unit: what the setting is.
+        setting_name, setting_unit: name and unit of the setting.
     """
     at = scale_for(setting_unit, setting)
     figure = Figure(figsize=(3.4 * min(len(estimates), 2) + 0.2, 2.4 * ((len(estimates) + 1) // 2)))
@@ -214,13 +215,13 @@ def law_ranking(
     bic: ArrayLike | None = None,
     marks: Mapping[str, float] | None = None,
 ) -> Figure:
-    """Draw 1 - r² of each law where it was fitted and where it predicts, the best on top.
+    """Draw 1 - r² of each law on fitted and on predicted recordings, the best law on top.
 
     Args:
-        names: of the laws, with the number of their parameters where that matters.
+        names: names of the laws, possibly with their number of parameters.
         fitted, predicted: r², shape (n,).
         bic: Bayesian information criterion, shape (n,); its difference from the smallest is shown.
-        marks: r² of others by label, as vertical lines.
+        marks: r² of others' models by label, as vertical lines.
     """
     seen, unseen = (1.0 - np.asarray(r, dtype=float) for r in (fitted, predicted))
     order = np.argsort(-unseen)

@@ -1,4 +1,4 @@
-"""Pictures of piezos: loops over the voltage, and creep over decades of time."""
+"""Figures of piezos: loops over the voltage, and creep over decades of time."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from .style import SERIES, WIDTH, drawn, trace
 
 @drawn
 def hysteresis_loops(loops: Mapping[str, tuple[ArrayLike, ArrayLike]], unit: str = "m") -> Figure:
-    """Stroke over voltage, and what each is off a straight line between its ends, in percent of its stroke.
+    """Draw stroke over voltage, and the deviation of each from a straight line between its ends, in percent
+    of its stroke.
 
     Args:
         loops: voltage [V] and stroke, arrays (n,), by label.
-        unit: of the stroke, SI.
+        unit: SI unit of the stroke.
     """
     figure = Figure(figsize=(WIDTH, 3.0))
     left, right = figure.subplots(1, 2)
@@ -38,10 +39,10 @@ def hysteresis_loops(loops: Mapping[str, tuple[ArrayLike, ArrayLike]], unit: str
 
 @drawn
 def creep_over_decades(steps: Mapping[str, tuple[ArrayLike, ArrayLike]], begin: float = 0.1) -> Figure:
-    """Stroke after steps over that at `begin` [s], over the logarithm of time.
+    """Draw the stroke after steps, relative to that at `begin` [s], over the logarithm of time.
 
     Args:
-        steps: time since the step [s] and stroke since before it [m], arrays (n,), by label.
+        steps: time since the step [s] and stroke relative to before the step [m], arrays (n,), by label.
         begin: time of the reference stroke after the step, s.
     """
     figure = Figure(figsize=(WIDTH, 2.8))

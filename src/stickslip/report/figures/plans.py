@@ -1,4 +1,5 @@
-"""A planned experiment: what each candidate tells, and the expected intervals beside those of the default."""
+"""Figure of a planned experiment: information of each candidate, and expected intervals compared with the
+default's."""
 
 from __future__ import annotations
 
@@ -16,11 +17,11 @@ _MOST_VOLTAGES = len(SERIES)
 
 @drawn
 def draw_plan(plan: xr.Dataset, axes: Any = None) -> NDArray[Any]:
-    """Two panels: the gain of each candidate over frequency, and the half-widths of the intervals.
+    """Draw two panels: the gain of each candidate over frequency, and the half-widths of the intervals.
 
     Args:
         plan: `Plan.dataset`.
-        axes: two of Matplotlib's; left out, those of a new figure.
+        axes: two Matplotlib axes; by default those of a new figure.
     """
     found = panels_given(axes, 2, lambda: shown(WIDTH, 3.1).subplots(1, 2, width_ratios=(1.25, 1.0)))
     _candidates(found[0], plan)

@@ -1,5 +1,5 @@
-"""One call that draws what the package gives: recordings, trajectories, fits, verifications, frequency
-responses, maps, planned experiments."""
+"""The function `plot`, which draws results of the package: recordings, fits, verifications, frequency
+responses, maps, plans."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from .sheets import draw_sheet
 from .style import BLUE, SERIES, WIDTH, drawn, legend_above, panels_given, shown, trace
 from .waveforms import draw_waveforms
 
-# Variables drawn for members, over the one that varies; parameters come before it.
+# Variables drawn for members over the varied one; parameters come before it.
 _RESULTS = {"net_step": "net step per period", "net_displacement": "net displacement"}
-_DECADES = 30.0  # a parameter over more than this factor has a logarithmic axis
+_DECADES = 30.0  # ratio of a parameter's values above which its axis is logarithmic
 
 
 @drawn
@@ -58,7 +58,7 @@ def plot(data: Any, axes: Any = None) -> NDArray[Any]:
     data = getattr(data, "dataset", data)
     if isinstance(data, xr.Dataset) and "open_loop" in data:
         return _open_loop(data, axes)
-    if hasattr(data, "motion"):  # an optimised drive, which is made above this room
+    if hasattr(data, "motion"):  # an optimised drive, whose type belongs to a room above this one
         return _over_phase(data.motion(), axes)
     for dimension, draw in _DRAWN.items():
         if isinstance(data, xr.Dataset) and dimension in data.dims:
@@ -74,7 +74,7 @@ def _over_phase(data: xr.Dataset, axes: Any) -> NDArray[Any]:
 
 
 def _panels(axes: Any, count: int, height: float) -> NDArray[Any]:
-    """The axes given, or those of a new figure of panels one above the other."""
+    """Return the given axes, or those of a new figure of panels one above the other."""
     return panels_given(
         axes, count, lambda: shown(WIDTH, height * count).subplots(count, 1, sharex=True, squeeze=False)
     )
@@ -95,7 +95,7 @@ def _over_time(data: xr.Dataset, axes: Any) -> NDArray[Any]:
 
 
 def _verification(data: Verification, axes: Any) -> NDArray[Any]:
-    """Each recording, measured and predicted, and the residuals below."""
+    """Draw each recording, measured and predicted, and the residuals below."""
     panels = _panels(axes, 2 * len(data.predictions), 1.9).reshape(-1, 2)
     for (above, below), found, of in zip(panels, data.predictions, data.recordings, strict=True):
         columns = (found[name].values for name in ("time", "measured", "predicted"))
@@ -121,7 +121,7 @@ def _over_frequency(data: xr.Dataset, axes: Any) -> NDArray[Any]:
 
 
 def _open_loop(data: xr.Dataset, axes: Any) -> NDArray[Any]:
-    """Gain and phase of the open loop of each model, and the sensitivity with its limit."""
+    """Draw gain and phase of the open loop of each model, and the sensitivity with its limit."""
     panels, hertz = _panels(axes, 3, 2.0), data["frequency"].values
     one = Scale(1.0, "")
     for i, opened in enumerate(data["open_loop"].values):
@@ -211,7 +211,7 @@ def _over_members(data: xr.Dataset, axes: Any) -> NDArray[Any]:
 
 
 def _map(panel: Axes, x: NDArray[Any], y: NDArray[Any], value: NDArray[Any], label: str) -> None:
-    """Colours of a full grid as cells, of other members as dots; what has no value is left white."""
+    """Draw a full grid as coloured cells, other members as dots; points without a value stay white."""
     across, up = np.unique(x), np.unique(y)
     cells = np.full((up.size, across.size), np.nan)
     cells[np.searchsorted(up, y), np.searchsorted(across, x)] = value

@@ -1,4 +1,4 @@
-"""Samples of a posterior distribution: each parameter alone, and by pairs."""
+"""Figure of a posterior distribution: single parameters and pairs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ INSIDE = (0.9, 0.5)
 def posterior_corner(
     samples: Mapping[str, ArrayLike], units: Mapping[str, str], marks: Mapping[str, float] | None = None
 ) -> Figure:
-    """Histograms on the diagonal, contours that hold 50 and 90 % of the samples below it.
+    """Draw histograms on the diagonal, and below it contours that contain 50 and 90 % of the samples.
 
     Args:
         samples: of each parameter, SI, arrays of one shape.

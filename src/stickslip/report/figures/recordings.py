@@ -1,4 +1,4 @@
-"""Recordings as they come from a rig: several of one kind together, and one in detail."""
+"""Figures of recordings from a rig: several of one kind together, and one in detail."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _MOST = 4  # panels
 
 @drawn
 def recordings_together(recordings: Mapping[str, xr.Dataset]) -> Figure:
-    """The variables that all of them have, a panel for each, a line for each recording.
+    """Draw the variables that all recordings have, a panel for each, a line for each recording.
 
     Args:
-        recordings: over "time", by what to call them.
+        recordings: over "time", by label.
     """
     first = next(iter(recordings.values()))
     names = [n for n in map(str, first.data_vars) if all(n in r for r in recordings.values())][:_MOST]
@@ -38,7 +38,7 @@ def recordings_together(recordings: Mapping[str, xr.Dataset]) -> Figure:
 
 @drawn
 def recording_detail(recording: xr.Dataset, begin: float, end: float, mark: float | None = None) -> Figure:
-    """A part of a recording sample by sample: steps, noise and delay are visible.
+    """Draw a part of a recording sample by sample, so that converter steps, noise and delay are visible.
 
     Args:
         recording: over "time".

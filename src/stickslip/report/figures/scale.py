@@ -1,4 +1,4 @@
-"""The unit in which numbers of one kind are shown together: one prefix for an axis or a column of a table."""
+"""Scale of an axis or of a table column: one prefix for all its numbers."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ...quantities.units import with_prefix
 
 
 class Scale(NamedTuple):
-    """Shown number = factor x SI number; `unit` is what to write beside it."""
+    """Scale of shown numbers: shown number = factor x SI number; `unit` is the shown unit."""
 
     factor: float
     unit: str
 
     def __call__(self, values: ArrayLike) -> NDArray[np.float64]:
-        """The numbers to show, of the shape of the values (in SI)."""
+        """Return the numbers to show, in the shape of the values (in SI)."""
         return np.asarray(values, dtype=float) * self.factor
 
     def label(self, name: str) -> str:
@@ -27,7 +27,7 @@ class Scale(NamedTuple):
 
 
 def scale_for(unit: str, *values: ArrayLike) -> Scale:
-    """The scale that suits the largest finite magnitude in all the arrays of values.
+    """Return the scale that suits the largest finite magnitude in all arrays of values.
 
     ``scale_for("m", [0, 28.8e-6])`` shows µm. Units that take no prefix ("kg", "rad/s", "") stay as they are.
     """

@@ -1,4 +1,4 @@
-"""A model of a data sheet: its numbers beside those of the draws, and the intervals before and after."""
+"""Figure of a data-sheet model: its numbers compared with the draws, and the intervals before and after."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _BEFORE = "#C9C6BC"
 
 @drawn
 def draw_sheet(sheet: xr.Dataset, axes: Any = None) -> NDArray[Any]:
-    """Two panels: what the draws say of the sheet's numbers, and the interval of each parameter.
+    """Draw two panels: the sheet's numbers with those of the draws, and the interval of each parameter.
 
     Args:
         sheet: `SheetModel.dataset`.
-        axes: two of Matplotlib's; left out, those of a new figure.
+        axes: two Matplotlib axes; by default those of a new figure.
     """
     found = panels_given(axes, 2, lambda: shown(WIDTH, 3.0).subplots(1, 2, width_ratios=(1.0, 1.3)))
     _reproduced(found[0], sheet)

@@ -1,4 +1,4 @@
-"""Steady friction over velocity: points and the law through them."""
+"""Figure of steady friction over velocity: points and the fitted law."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ _DRAWN = 400  # points of the curve
 
 @drawn
 def steady_friction(velocity: ArrayLike, force: ArrayLike, law: Stribeck) -> Figure:
-    """Size of the friction force over that of the velocity, on a logarithmic axis, and the residuals below.
+    """Draw the magnitude of the friction force over that of the velocity, on a logarithmic axis, and the
+    residuals below.
 
     Args:
         velocity: m/s, not 0, shape (n,).
         force: N, shape (n,), without the offset of the sensor.
-        law: what was fitted.
+        law: the fitted law.
     """
     v, f = np.asarray(velocity, float), np.asarray(force, float)
     v, f = np.abs(v[v != 0.0]), (np.sign(v) * f)[v != 0.0]

@@ -1,4 +1,4 @@
-"""Style of all pictures: palette, sizes, fonts, and the way to SVG."""
+"""Style of all figures: palette, sizes, fonts, and the conversion to SVG."""
 
 from __future__ import annotations
 
@@ -27,16 +27,17 @@ R = TypeVar("R")
 BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 ORANGE, SKY, BLACK = "#E69F00", "#56B4E9", "#000000"
 SERIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
-MEASURED = "#8C8C8C"  # a broad grey line, under the thin coloured one of the model
-SHADE = "#F0EFEA"  # a part of the time axis, such as that of the fit
-# Lines of one axis differ by this too, for prints in black and white.
+MEASURED = "#8C8C8C"  # measured data: a broad grey line under the thin coloured one of the model
+SHADE = "#F0EFEA"  # marks a part of the time axis, such as the fitted part
+# Lines of one axis also differ by dashes, for prints in black and white.
 DASHES = ("-", (0, (5, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)))
 
-WIDTH = 7.0  # inches, of a page's text
-# A trace of more points becomes pixels within the SVG, which stays small; a marker takes more than a vertex.
+WIDTH = 7.0  # inches, width of a page's text
+# Number of points above which a trace becomes pixels within the SVG, to keep it small; and of markers, which
+# take more.
 MANY_POINTS, MANY_MARKERS = 5000, 1000
 DOTS_PER_INCH = 200
-LONGEST_TEXT = 500  # characters of a title or label, some lines of a page; 120,000 take 8 s to draw
+LONGEST_TEXT = 500  # largest number of characters of a title or label; 120,000 take 8 s to draw
 
 _STYLE: dict[str, Any] = {
     "figure.facecolor": "white",
@@ -78,7 +79,7 @@ _STYLE: dict[str, Any] = {
 
 
 def drawn(make: Callable[P, R]) -> Callable[P, R]:
-    """Give a function that draws the style of this package, for the time it runs."""
+    """Decorate a drawing function so that it runs with the style of this package."""
 
     @functools.wraps(make)
     def run(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -89,8 +90,9 @@ def drawn(make: Callable[P, R]) -> Callable[P, R]:
 
 
 def shown(width: float, height: float) -> Figure:
-    """A figure for somebody who looks: a notebook shows it below its cell, ``pyplot.show()`` in a window."""
-    from matplotlib import pyplot  # only here: it keeps all its figures
+    """Return a figure for interactive use: a notebook shows it below its cell, ``pyplot.show()`` in a
+    window."""
+    from matplotlib import pyplot  # only here, because pyplot keeps all its figures
 
     return pyplot.figure(figsize=(width, height), layout="constrained")
 
@@ -111,7 +113,7 @@ def panels_given(axes: Any, count: int, new: Callable[[], Any]) -> NDArray[Any]:
 def panels(
     heights: Sequence[float], *, width: float = WIDTH, share_x: bool = True
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of panels one above the other; heights and width in inches."""
+    """Return a figure of panels one above the other, and its axes; heights and width in inches."""
     figure = Figure(figsize=(width, sum(heights)))
     grid = figure.subplots(len(heights), 1, sharex=share_x, squeeze=False, height_ratios=list(heights))
     axes = list(grid[:, 0])
@@ -120,7 +122,7 @@ def panels(
 
 
 def trace(axes: Axes, x: ArrayLike | NDArray, y: ArrayLike | NDArray, **how: Any) -> Line2D:
-    """A line through the points, or markers at them; very many of them as pixels."""
+    """Draw a line through the points, or markers at them; a large number of points becomes pixels."""
     (line,) = axes.plot(x, y, **how)
     limit = MANY_POINTS if line.get_marker() == "None" else MANY_MARKERS
     line.set_rasterized(len(line.get_xdata()) > limit)  # type: ignore[arg-type]
@@ -128,11 +130,11 @@ def trace(axes: Axes, x: ArrayLike | NDArray, y: ArrayLike | NDArray, **how: Any
 
 
 def legend_above(axes: Axes, columns: int = 4) -> None:
-    """The legend in a row above the panel, where it hides no data."""
+    """Put the legend in a row above the panel, where it hides no data."""
     handles, labels = axes.get_legend_handles_labels()
     if labels:
         columns = min(columns, len(labels))
-        # Matplotlib fills columns, people read rows.
+        # Matplotlib fills columns, but people read rows.
         order = [i for first in range(columns) for i in range(first, len(labels), columns)]
         axes.legend(
             [handles[i] for i in order],
@@ -163,16 +165,16 @@ def _texts(figure: Figure) -> Iterator[Text]:
 
 
 def svg(figure: Figure) -> str:
-    """The figure as an SVG element: no XML header, no date, no reference to anything outside of it."""
+    """Return the figure as an SVG element: no XML header, no date, no external reference."""
     target = io.StringIO()
     figure.dpi = DOTS_PER_INCH
     for text in _texts(figure):
         if len(text.get_text()) > LONGEST_TEXT:
             text.set_text(f"{text.get_text()[:LONGEST_TEXT]} ...")
     with context(_STYLE, after_reset=True):
-        # Not `savefig`, which draws twice: the first time for a layout that the second makes again.
+        # Not `savefig`, which draws twice: the first time only for a layout.
         FigureCanvasSVG(figure).print_svg(target, metadata={"Date": None, "Creator": None})
-    if "matplotlib.pyplot" in sys.modules:  # or a notebook would show it below its cell too
+    if "matplotlib.pyplot" in sys.modules:  # otherwise a notebook would also show it below its cell
         sys.modules["matplotlib.pyplot"].close(figure)
     text = target.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)

@@ -1,6 +1,8 @@
-"""The figures of [kang2007], drawn from our laws and simulations; what it does not print is said at each.
+"""Figures of [kang2007], drawn from the package's laws and simulations; each states values that the thesis
+does not print.
 
-Figures 2.1, 2.4, 3.1-3.4 and 3.7 are the thesis's own; walk, return and loops show what it says in words.
+Figures 2.1, 2.4, 3.1-3.4 and 3.7 are those of the thesis; walk, return and loops show what it describes in
+words.
 """
 
 from __future__ import annotations
@@ -22,16 +24,17 @@ from ...waveform.signal import Waveform, value_at
 from .scale import scale_for
 from .style import BLACK, BLUE, DASHES, GREEN, MEASURED, SERIES, VERMILLION, WIDTH, drawn, panels, trace
 
-# Sec. 3.2.3: sigma_0 = 600, sigma_1 = 100, sigma_2 = 25 per micrometre, F_C = 10 N. The thesis says
-# "parabolic" and no more: x = a t^2/2 with this a makes every statement of its text come true. Only sigma^2 a
-# counts, so another unit of sigma_1 and sigma_2 means no more than another a.
+# Sec. 3.2.3: sigma_0 = 600, sigma_1 = 100, sigma_2 = 25 per micrometre, F_C = 10 N. The thesis only says
+# "parabolic": x = a t^2/2 with this a reproduces every statement of its text. Only sigma^2 a matters, so
+# another unit of sigma_1 and sigma_2 is equivalent to another a.
 DEMONSTRATION = LuGre("600 N/um", "100 N s/um", "25 N s/um", 10.0, 10.0)  # type: ignore[arg-type]
 PARABOLA = 30e-6  # m/s^2
 _REACH = 0.2e-6  # m, twelve presliding distances
 
 
 def demonstration(samples: int = 4001) -> dict[str, xr.Dataset]:
-    """LuGre under the parabola with the four damping settings, by the number of the thesis's figure."""
+    """Return simulations of LuGre under the parabola with the four damping settings, by the number of the
+    thesis's figure."""
     time = np.linspace(0.0, np.sqrt(2.0 * _REACH / PARABOLA), samples)
     laws = {
         "3.1": DEMONSTRATION._replace(sigma_2=0.0),
@@ -44,11 +47,11 @@ def demonstration(samples: int = 4001) -> dict[str, xr.Dataset]:
 
 @drawn
 def static_laws(laws: Mapping[str, Any], speed: float) -> Figure:
-    """Fig. 2.1: friction force over velocity, with the set of forces that rest can carry.
+    """Draw fig. 2.1: friction force over velocity, with the range of possible forces at rest.
 
     Args:
         laws: static laws by title, four or fewer.
-        speed: m/s, half the width of the axis.
+        speed: half the width of the axis, m/s.
     """
     figure = Figure(figsize=(WIDTH, 4.6))
     axes = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
@@ -81,7 +84,7 @@ def static_laws(laws: Mapping[str, Any], speed: float) -> Figure:
 
 @drawn
 def plastic_share_over_deflection(law: Elastoplastic, speed: float = 1e-4) -> Figure:
-    """Fig. 2.4: alpha(z, v), the part of the motion that slides, for both directions of sliding."""
+    """Draw fig. 2.4: alpha(z, v), the part of the motion that slides, for both directions of sliding."""
     z_ss, z_ba = law.coulomb_force / law.sigma_0, law.breakaway_deflection
     z = np.linspace(-1.5 * z_ss, 1.5 * z_ss, 1201)
     figure, (panel,) = panels([2.6])
@@ -111,10 +114,10 @@ def plastic_share_over_deflection(law: Elastoplastic, speed: float = 1e-4) -> Fi
 
 @drawn
 def under_the_parabola(responses: Mapping[str, xr.Dataset]) -> Figure:
-    """Fig. 3.1-3.4: friction force over displacement, one panel per setting; F_C as a grey line.
+    """Draw fig. 3.1-3.4: friction force over displacement, one panel per setting; F_C as a grey line.
 
     Args:
-        responses: as from `demonstration`.
+        responses: result of `demonstration`.
     """
     settings = {
         "3.1": "σ₁ alone: overshoot, then F_C",
@@ -139,7 +142,7 @@ def under_the_parabola(responses: Mapping[str, xr.Dataset]) -> Figure:
 
 @drawn
 def drive_signals(waveforms: Mapping[str, Waveform], duration: float) -> Figure:
-    """Fig. 3.7: drive voltage over time, one panel per waveform; jumps upright."""
+    """Draw fig. 3.7: drive voltage over time, one panel per waveform, with vertical jumps."""
     figure, axes = panels([1.35] * len(waveforms))
     clock = scale_for("s", duration)
     for panel, (name, waveform) in zip(axes, waveforms.items(), strict=True):
@@ -169,12 +172,12 @@ _ROWS: tuple[tuple[str, tuple[tuple[str, str, str, Any], ...]], ...] = (
 
 @drawn
 def walk(recording: xr.Dataset, zoom: tuple[float, float], friction: float | None = None) -> Figure:
-    """Drive, positions, sliding and friction force of an actuator; at the right, one flyback.
+    """Draw drive, positions, sliding and friction force of an actuator; at the right, one flyback.
 
     Args:
-        recording: as `simulate` returns it.
-        zoom: start and end of the right column, s; dense samples there pay.
-        friction: N, a level (F_C) to mark.
+        recording: result of `simulate`.
+        zoom: start and end of the right column, s; it needs dense samples.
+        friction: force level to mark (F_C), N.
     """
     figure = Figure(figsize=(WIDTH, 6.4))
     grid = figure.subplots(
@@ -204,7 +207,7 @@ def walk(recording: xr.Dataset, zoom: tuple[float, float], friction: float | Non
 
 @drawn
 def there_and_back(recording: xr.Dataset) -> Figure:
-    """A walk forward, a rest and the walk back with the reverse sawtooth: drive and end-effector."""
+    """Draw a walk forward, a rest and the walk back with the reverse sawtooth: drive and end-effector."""
     figure, axes = panels([1.3, 2.4])
     clock = scale_for("s", recording["time"].values)
     rows = (("drive_voltage", "drive", BLACK), ("end_effector_position", "end-effector", VERMILLION))
@@ -219,7 +222,7 @@ def there_and_back(recording: xr.Dataset) -> Figure:
 
 @drawn
 def friction_loops(loops: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Figure:
-    """Friction force over displacement, one small panel per law.
+    """Draw friction force over displacement, one small panel per law.
 
     Args:
         loops: displacement [m] and force [N], arrays (n,), by title.

@@ -1,4 +1,4 @@
-"""A trajectory, simulated or measured: drive, positions and friction over time."""
+"""Figure of a trajectory, simulated or measured: drive, positions and friction over time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from .scale import scale_for
 from .style import BLACK, BLUE, GREEN, VERMILLION, drawn, legend_above, panels, trace
 
-# One panel per row, its height in inches, and the variables that it shows where the recording has them.
+# One panel per row: its height in inches, and the variables that it shows if the recording has them.
 _PANELS = (
     ("drive", 1.2, ("drive_voltage", "voltage")),
     (
@@ -30,10 +30,10 @@ _COLOURS = {
 
 @drawn
 def trajectory(recording: xr.Dataset) -> Figure:
-    """Drive voltage, positions and forces of a recording over time, as far as it has them.
+    """Draw drive voltage, positions and forces of a recording over time, as far as it has them.
 
     Args:
-        recording: over "time", as `simulate` returns it or a reader.
+        recording: over "time", from `simulate` or a reader.
 
     Raises:
         ValueError: it has none of the variables that are shown.

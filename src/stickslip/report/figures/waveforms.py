@@ -1,4 +1,4 @@
-"""Drive signals over their period, and how the end-effector moves under them."""
+"""Figure of drive signals over their period, and of the end-effector's motion."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ COLOURS = (BLUE, MEASURED)
 
 
 def draw_waveforms(data: xr.Dataset, panels: NDArray[Any]) -> NDArray[Any]:
-    """Voltage above, position below, a line for each drive, in time: over one period of each.
+    """Draw the voltage above and the position below, a line for each drive, over one period of time.
 
     Raises:
-        QuantityError: it lacks what is drawn.
+        QuantityError: the dataset lacks a variable.
     """
     names = ("drive_voltage", "end_effector_position")
     if any(name not in data for name in (*names, "period")):

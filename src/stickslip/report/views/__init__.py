@@ -1,1 +1,1 @@
-"""Views of results: what a report, a notebook and a terminal show of each type; a module for each."""
+"""Views of results for reports, notebooks and terminals: one module for each type of result."""

@@ -1,4 +1,4 @@
-"""View of a comparison of models: their ranking, and whether the usual choice holds."""
+"""View of a comparison of models: their ranking, and whether the usual choice is confirmed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..viewing import document_of
 
 # The usual model of such actuators [kang2007, ch. 3], with constant steady friction.
 USUAL = "LuGre"
-# Errors on unseen recordings that differ by less count as equal.
+# Relative difference of errors on unseen recordings below which models are equal.
 SAME = 0.01
 
 
@@ -52,7 +52,7 @@ def _plain(number: float) -> str:
 
 
 def conclusion(choice: Comparison) -> str:
-    """Say in numbers whether the usual choice is confirmed."""
+    """Return a sentence with numbers on whether the usual choice of model is confirmed."""
     table = choice.table
     rmse, bic = table["verification_rmse"], table["bic"] - table["bic"].min()
     best, least = choice.best, float(rmse.min())
@@ -77,11 +77,11 @@ def conclusion(choice: Comparison) -> str:
 
 
 def choice_section(found: Comparison, marks: Mapping[str, float] | None = None) -> Section:
-    """Return the ranking, and whether it confirms the usual choice.
+    """Return a section with the ranking of the models, and whether it confirms the usual choice.
 
     Args:
         found: the models.
-        marks: r² of other authors for such data, by the text that the table shows.
+        marks: r² of other authors for such data, by the text in the table.
     """
     table, marks = found.table, marks or {}
     n_data = next(iter(found.fits.values())).n_data

@@ -14,7 +14,7 @@ from ..viewing import document_of
 
 @document_of.register
 def sheet_document(found: SheetModel) -> Document:
-    """Return the sheet with its sources, its model, and the parameters that it leaves open."""
+    """Return a document with the sheet and its sources, its model, and the undetermined parameters."""
     of, known = found.dataset, quantities(type(found.sheet))
     numbers = found.sheet.numbers
     stated = Table(

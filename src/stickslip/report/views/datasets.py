@@ -19,7 +19,7 @@ _TITLES = {"time": "Recording", "frequency": "Frequency response", "member": "Me
 
 @document_of.register
 def dataset_document(data: xr.Dataset) -> Document:
-    """Return the picture of `plot`, and the range of each variable."""
+    """Return a document with the figure of `plot`, and the range of each variable."""
     if is_map(data):
         return map_document(data)
     axes = plot(data)  # refuses any other dataset

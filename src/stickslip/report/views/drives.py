@@ -19,14 +19,15 @@ from ..figures.plotting import plot
 from ..figures.style import svg
 from ..viewing import document_of
 
-# Rows of a table (the worst conditions) and points of a front; results.json has all of them.
+# Largest number of rows of a table (the worst conditions), and of points of a front; results.json has all of
+# them.
 MOST_ROWS, MOST_POINTS = 30, 12
 STOPPED = "stopped before the end of the search: the best until then"
 
 
 @document_of.register
 def optimised_document(found: OptimisedWaveform) -> Document:
-    """Return the drive, and the goal in every condition compared with the best sawtooth."""
+    """Return a document with the drive, and the goal in every condition compared with the best sawtooth."""
     value, saw = (Number(one, found.unit) for one in (found.value, found.sawtooth_value))
     lines = found.report().splitlines()
     section = Section(
@@ -48,7 +49,7 @@ def optimised_document(found: OptimisedWaveform) -> Document:
 
 @document_of.register
 def front_document(found: Front) -> Document:
-    """Return the Pareto-optimal drives of both goals."""
+    """Return a document with the Pareto-optimal drives of both goals."""
     names = [str(name) for name in found.table if name != "frequency"]
     labels = [str(found.table[name].attrs["long_name"]) for name in names]
     picture = Picture(
@@ -69,7 +70,8 @@ def front_document(found: Front) -> Document:
 
 @document_of.register
 def actuator_document(found: OptimisedActuator) -> Document:
-    """Report of an optimised actuator: free values, and the goal in each condition before and after."""
+    """Return a document with the optimised actuator: free values, and the goal in each condition before and
+    after."""
     best, label, lines = found.best, found.goal.label, found.report().splitlines()
     shown = {"as found": best.values, "as given": best.before}
     caption = f"{label.capitalize()} in every condition: as found and as given, each with its best sawtooth."

@@ -17,7 +17,7 @@ MOST_DRAWN = 8  # recordings in one figure
 
 @document_of.register
 def fit_document(fit: Fit) -> Document:
-    """Return parameters with their intervals, and each recording compared with the model."""
+    """Return a document with parameters and their intervals, and each recording compared with the model."""
     count, unit = len(fit.recordings), fit.recordings[0].unit
     numbers = fit_numbers(fit, unit)
     if isinstance(fit.model, Actuator):
@@ -37,7 +37,7 @@ def fit_document(fit: Fit) -> Document:
 
 
 def goodness_table(fit: Fit) -> Table:
-    """Return r² and rms error, one row for each recording."""
+    """Return a table of r² and rms error, one row for each recording."""
     columns = (Column("recording"), Column("r²", "", 5), Column("rms error", fit.recordings[0].unit, 3))
     rows = [(one.name, one.r_squared, one.rmse) for one in fit.recordings]
     return Table("Coefficient of determination, rms error.", columns, rows)

@@ -18,7 +18,7 @@ MOST_PICTURES = 8
 
 @document_of.register
 def verification_document(found: Verification) -> Document:
-    """Report of a verification: predictions and their errors."""
+    """Return a document with the predictions of a verification and their errors."""
     count, least = len(found.recordings), float(min(found.table["r_squared"].values))
     sentences = (*found.statements, *found.remarks, *found.taken)
     return Document(
@@ -41,7 +41,7 @@ def verification_document(found: Verification) -> Document:
 
 
 def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
-    """Return r², rms error and the error of the net step, one row for each recording."""
+    """Return a table of r², rms error and the error of the net step, one row for each recording."""
     table = found.table
     rows = []
     for i, name in enumerate(table["recording"].values):
@@ -75,7 +75,7 @@ def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
 
 
 def verification_numbers(found: Verification) -> dict[str, Any]:
-    """Return the same for results.json, by recording."""
+    """Return the figures of merit of a verification by recording, for results.json."""
     table = found.table
     return {
         str(name): {
@@ -86,7 +86,7 @@ def verification_numbers(found: Verification) -> dict[str, Any]:
 
 
 def prediction_pictures(found: Verification) -> list[Picture]:
-    """Return measured and predicted curves with residuals of the first recordings."""
+    """Return figures of measured and predicted curves with residuals for the first recordings."""
     channel = called(found.observed)
     return [
         prediction_picture(
