@@ -47,7 +47,7 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "folder-fuz
 
 
 class Found:
-    """What was measured: counts, times [s] of each kind of answer, and whatever was not as it has to be."""
+    """What was measured: counts, times [s] of each kind of answer, and whatever was violations."""
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
@@ -220,7 +220,7 @@ def page(found: Found, command: str, seconds: float) -> str:
         ("... whose damage was said", counts["damage of stores said"]),
         ("answers of the history before all was read", counts["answers before all was read"]),
         ("requests to the panel", counts["requests"]),
-        ("not as it has to be", len(found.wrong)),
+        ("violations", len(found.wrong)),
     ]
     own, other = peaks()
     lines = [
@@ -250,12 +250,12 @@ def page(found: Found, command: str, seconds: float) -> str:
         "folders that the user may not read; a study whose manifest was forged with a new checksum.",
     ]
     if found.wrong:
-        lines += ["", "Not as it has to be:", "", *(f"- {one[:200]}" for one in found.wrong[:20])]
+        lines += ["", "Violations:", "", *(f"- {one[:200]}" for one in found.wrong[:20])]
     return "\n".join(lines) + "\n"
 
 
 def main() -> None:
-    """Run it, print or write the page; exit code 1 if anything is not as it has to be."""
+    """Run it, print or write the page; exit code 1 if anything is violations."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.folder_fuzz", description=__doc__)
     parser.add_argument("count", nargs="?", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)

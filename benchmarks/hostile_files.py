@@ -299,7 +299,7 @@ def opened(tell: Callable[[Cost], None], wanted: str = "", until: float = np.inf
 
 
 def wrong(cost: Cost) -> str:
-    """Return what is not as it has to be: the cost, a file that was let in, an end without a sentence."""
+    """Return what is violations: the cost, a file that was let in, an end without a sentence."""
     said = [f"{cost.cpu:.1f} s of computing"] if cost.cpu > SECONDS else []
     said += [f"{cost.megabytes:.0f} MB"] if cost.megabytes > MEGABYTES else []
     faulty = cost.said.startswith("Traceback") or cost.code < 0 or cost.code >= 500
@@ -350,7 +350,7 @@ def page(found: list[Cost], count: int) -> str:
         "|---|---|---|---|---|---|",
         *rows,
         "",
-        f"Not as it has to be: {len(bad)} of {len(found)}.",
+        f"Violations: {len(bad)} of {len(found)}.",
         "",
         *(f"- {one.way}, `{one.name}`: {text}" for one, text in bad),
     ]
@@ -358,7 +358,7 @@ def page(found: list[Cost], count: int) -> str:
 
 
 def main() -> None:
-    """Run it, print or write the page; exit code 1 if anything is not as it has to be."""
+    """Run it, print or write the page; exit code 1 if anything is violations."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.hostile_files", description=__doc__)
     parser.add_argument("--only", default="", help="part of the names of files")
     parser.add_argument("--minutes", type=float, default=60.0, help="time after which no file is begun")

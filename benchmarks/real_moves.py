@@ -296,9 +296,9 @@ each).
 |---|---|---|---|---|
 {rows}
 
-Errors and the share outside are those of one more session of the real axis. **Times are not**: real times
-come in groups 0.3 s apart, which the twin does not have; its moves are as quick as the quickest group
-less 0.1 s. One real move took 135 s; the twin has none of that kind.
+The twin's errors and share outside are like those of one more session of the real axis. **Its times are
+not**: real times come in groups 0.3 s apart; the twin's moves are 0.1 s quicker than the quickest group. One
+real move took 135 s; no move of the twin did.
 
 ![Errors after the stop on the twin, and of the published sessions](../figures/real-moves.svg)
 
