@@ -74,6 +74,7 @@ def identify(page: Page) -> None:
         row.get_by_label(re.compile(f"^{use} ")).check()
     press(page, "Start fit")
     expect(page.locator(".identify")).to_have_attribute("data-phase", "done", timeout=SLOW)
+    page.locator(".identify-list").evaluate("list => list.scrollTop = 0")
 
 
 def explore(page: Page) -> None:
@@ -135,8 +136,9 @@ def history(page: Page) -> None:
 
 def studies(page: Page) -> None:
     page.click("text=Studies")
-    press(page, "Begin")
+    press(page, "Start study")
     expect(page.locator(".history-right")).to_have_attribute("data-share", "1", timeout=SLOW)
+    expect(page.get_by_text("runs here")).to_have_count(0, timeout=SLOW)
     page.get_by_label("In each cell").select_option("nine_tenths")
     page.locator(".picture").focus()
     page.keyboard.press("ArrowRight")

@@ -176,8 +176,8 @@ def design(page: Page) -> Iterator[State]:
     page.get_by_role("button", name="Information in this recording").nth(1).click()
     page.locator(".design-tells table").wait_for()
     yield "a front, a drive of it, and what a recording would tell", "html"
-    page.get_by_label("Greatest voltage").first.fill("0 V")
-    page.get_by_label("Greatest voltage").first.press("Enter")
+    page.get_by_label("Maximum voltage").first.fill("0 V")
+    page.get_by_label("Maximum voltage").first.press("Enter")
     expect(page.locator(".explore-sliders .field > .fault:not(:empty)")).to_be_visible()
     yield "a value that is refused", "html"
 
@@ -220,7 +220,7 @@ def history(page: Page) -> Iterator[State]:
     page.get_by_role("button", name="Restore").wait_for()
     yield "the bin", "dialog"
     page.keyboard.press("Escape")
-    page.get_by_role("button", name="Take in a file").click()
+    page.get_by_role("button", name="Import a file").click()
     csv = b"t,volts,where\n0,1,2\n0.1,2,3\n0.2,3,4\n"
     page.set_input_files("#upload-file", {"name": "own.csv", "mimeType": "text/csv", "buffer": csv})
     page.get_by_role("button", name="Take it in").wait_for()

@@ -68,14 +68,14 @@ def test_sliders_move_the_map(opened: Page) -> None:
     field.press("Enter")
     expect(opened.locator(".design")).to_have_attribute("data-maps", re.compile("[2-9]"))
     assert in_micro(shown(opened, "Net step")) < in_micro(before)
-    field = opened.get_by_label("Greatest voltage").first
+    field = opened.get_by_label("Maximum voltage").first
     field.fill("50 V")
     field.press("Enter")
     expect(opened.locator(".design-map dd").first).to_have_text(re.compile(r"^3\d"))
     # What is out of range is said at its field, and no search begins with what held before.
     for name, text, said in [
-        ("Greatest voltage", "-1 V", "must be > 0"),
-        ("Greatest voltage", "200 V", "must be <= 150 V, which the actuator takes"),
+        ("Maximum voltage", "-1 V", "must be > 0"),
+        ("Maximum voltage", "200 V", "must be <= 150 V, which the actuator takes"),
         ("Capacitance of the piezo", "-1 F", "must be > 0"),
         ("Noise of a position sample", "0 m", "must be > 0"),
     ]:
@@ -87,14 +87,14 @@ def test_sliders_move_the_map(opened: Page) -> None:
         expect(opened.locator(".explore-sliders > .fault")).to_contain_text(name)
         expect(opened.get_by_role("button", name="Find the fastest drive")).to_be_enabled()
         field.press("Control+z")
-    opened.get_by_role("slider", name="Greatest voltage").press("ArrowRight")
-    expect(opened.get_by_label("Greatest voltage").first).to_have_attribute("aria-invalid", "false")
+    opened.get_by_role("slider", name="Maximum voltage").press("ArrowRight")
+    expect(opened.get_by_label("Maximum voltage").first).to_have_attribute("aria-invalid", "false")
 
 
 def test_from_a_search_to_the_bench(panel: Panel, opened: Page) -> None:
     opened.get_by_label("Spread of the load, ±").first.fill("0.1 N")
     opened.get_by_label("Spread of the load, ±").first.press("Enter")
-    for name, value in (("Load", "0 N"), ("Greatest voltage", "100 V")):
+    for name, value in (("Load", "0 N"), ("Maximum voltage", "100 V")):
         opened.get_by_label(name).first.fill(value)
         opened.get_by_label(name).first.press("Enter")
     with_four_knots(opened)

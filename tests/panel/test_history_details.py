@@ -118,7 +118,7 @@ def test_what_is_cut_off_is_said_before_it_is_taken(page: Page, lab: Panel, tmp_
     opened(page, lab, ONE)
     for name, text in (("cut.csv", CUT), ("german.csv", GERMAN)):
         (tmp_path / name).write_text(text, encoding="utf-8")
-    page.get_by_role("button", name="Take in a file").click()
+    page.get_by_role("button", name="Import a file").click()
     page.set_input_files("#upload-file", tmp_path / "cut.csv")
     dialog = page.locator("dialog")
     expect(dialog).to_contain_text("cut.csv: 100 complete samples")
@@ -131,7 +131,7 @@ def test_what_is_cut_off_is_said_before_it_is_taken(page: Page, lab: Panel, tmp_
     facts = page.locator(".history-facts")
     expect(facts).to_contain_text("Sourcecut.csv")
     expect(facts).not_to_contain_text("Rig")
-    page.get_by_role("button", name="Take in a file").click()
+    page.get_by_role("button", name="Import a file").click()
     page.set_input_files("#upload-file", tmp_path / "german.csv")
     expect(page.get_by_label("What Zeit in ms is")).to_have_value("time")
     expect(dialog).not_to_contain_text("Sample rate")

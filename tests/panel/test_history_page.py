@@ -191,7 +191,7 @@ def test_a_file_of_ones_own_is_looked_at_and_taken(history: Page, lab: Panel, tm
     table = np.column_stack([time, np.linspace(0, 60, 200), np.linspace(0, 12.5, 200), np.ones(200)])
     own = tmp_path / "mine.csv"
     np.savetxt(own, table, delimiter=",", header="t,HV command,runner position,temperature", comments="")
-    history.get_by_role("button", name="Take in a file").click()
+    history.get_by_role("button", name="Import a file").click()
     history.set_input_files("#upload-file", own)
     expect(history.get_by_label("What t is")).to_have_value("time")
     expect(history.get_by_label("Unit of t", exact=True)).to_have_value("ms")
@@ -219,7 +219,7 @@ def test_an_upload_with_gaps_is_named_and_can_be_taken(history: Page, lab: Panel
     table[24_000, 1] = np.nan
     own = tmp_path / "gaps.csv"
     np.savetxt(own, table, delimiter=",", header="time,drive_voltage,position", comments="", fmt="%.6g")
-    history.get_by_role("button", name="Take in a file").click()
+    history.get_by_role("button", name="Import a file").click()
     history.set_input_files("#upload-file", own)
     expect(history.locator("dialog")).to_contain_text("the first 20000 samples are looked at here")
     for name, unit in [("time", "s"), ("drive_voltage", "V"), ("position", "um")]:
@@ -241,7 +241,7 @@ def test_a_damaged_upload_is_refused_and_the_page_lives(history: Page, lab: Pane
     hanging(damaged)
     broken = tmp_path / "broken.npy"
     broken.write_bytes(b"\x93NUMPY\x01\x00v\x00{'descr'")
-    history.get_by_role("button", name="Take in a file").click()
+    history.get_by_role("button", name="Import a file").click()
     for path in (broken, damaged):
         history.set_input_files("#upload-file", path)
         expect(history.locator("dialog .fault")).to_contain_text(path.name)

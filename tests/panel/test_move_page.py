@@ -171,12 +171,12 @@ def test_a_refused_field_moves_nothing(panel: Panel, opened: Page) -> None:
         press(opened, "Forward ▸")
         expect(said).to_contain_text("Steps: a whole number of steps, from 1 on")
     put(opened, "Steps", "2")
-    put(opened, "a second", "fast")
+    put(opened, "Step rate", "fast")
     press(opened, "◂ Back")
-    expect(said).to_contain_text("A second: a number in Hz")
+    expect(said).to_contain_text("Step rate: a number in Hz")
     at_rest(opened)
     assert set(panel.folder.rglob("move*.nc")) == before
-    put(opened, "a second", "100")
+    put(opened, "Step rate", "100")
     press(opened, "Forward ▸")
     settled(opened)
     press(opened, "Let go")
@@ -207,7 +207,7 @@ def test_a_stop_and_an_operator_who_leaves(panel: Panel, opened: Page, browser: 
 
 def test_kill_9_in_mid_move(panel: Panel, opened: Page) -> None:
     put(opened, "Position from home", "900 um")
-    put(opened, "a second", "1")  # longer than a session lasts
+    put(opened, "Step rate", "1")  # longer than a session lasts
     press(opened, "Go")
     settled(opened, "Walking by steps")
     opened.wait_for_timeout(300)

@@ -110,10 +110,10 @@ def test_begun_stopped_gone_on_with_and_looked_at(page: Page, panel: Panel) -> N
     fill(panel.folder)
     page.goto(f"{panel.url}#studies")
     page.locator("[data-study]").first.wait_for()
-    page.get_by_role("button", name="Begin").click()
+    page.get_by_role("button", name="Start study").click()
     name = "[data-study='held.zarr']"
     page.locator(f"li.shown {name}").wait_for()
-    stop, go_on = (page.get_by_role("button", name=one, exact=True) for one in ("Stop", "Go on"))
+    stop, go_on = (page.get_by_role("button", name=one, exact=True) for one in ("Stop", "Continue"))
     page.locator(".history-right[data-pictures]").wait_for()  # while it grows
     stop.click()
     expect(page.locator(".history-run [role=status]").first).to_contain_text("stopped, as was asked")

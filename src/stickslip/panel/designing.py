@@ -46,7 +46,7 @@ WANTED = ("sigma_0", "sigma_1", "coulomb_force", "natural_frequency", "damping_r
 
 _LOAD = Quantity("N", "F", "load", minimum=-1e3, maximum=1e3)
 _SPREAD = Quantity("N", "", "spread of the load, ±", minimum=0.0, maximum=1e3)
-_VOLTAGE = Quantity("V", "", "greatest voltage", above=0.0, maximum=1e4)
+_VOLTAGE = Quantity("V", "", "maximum voltage", above=0.0, maximum=1e4)
 _KNOTS = Quantity("", "", "knots of the drive", minimum=COUNTS["knots"][0], maximum=COUNTS["knots"][1])
 _NOISE = Quantity("m", "", "noise of a position sample", above=0.0, maximum=1e-3)
 # Limits of generator and amplifier that the page asks for.

@@ -144,7 +144,7 @@ class Statistics:
             made["mean step"] = _value("mean step", float(steps.mean()), self._unit)
             if steps.size > 2:
                 slope = float(np.polyfit(np.arange(steps.size), steps, 1)[0])
-                made["drift of the step"] = _value("drift of the step, a step", slope, self._unit)
+                made["drift of the step"] = _value("change of the step, per step", slope, self._unit)
         for one in self._columns:
             name, (count, total, squares) = one["name"], self._sums[one["name"]]
             if not count:

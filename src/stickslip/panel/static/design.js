@@ -79,8 +79,8 @@ export async function mount(element, app) {
   const place = (name) => h("div", { class: `design-canvas ${name}` });
   const mapPlace = place("map"), frontPlace = place("front");
   const key = h("p", { class: "soft small-text design-key" }, h("span", { class: "ramp" }), "0 to ", h("output", {}), h("span", { class: "ramp back" }), "backwards", h("span", { class: "hatch" }), "no steady step");
-  const empty = h("p", { class: "soft" }, "Speed against current: find the front, then point at it.");
-  const results = card("results", "In every condition", h("p", { class: "soft" }, "Find the fastest drive: it is compared with the best sawtooth in every condition."));
+  const empty = h("p", { class: "soft" }, "Press “Find the front”, then select a drive.");
+  const results = card("results", "Speed in each condition", h("p", { class: "soft" }, "Press “Find the fastest drive”: it is compared with the best sawtooth in each condition."));
   const telling = card("tells", "Information in a recording", h("p", { class: "soft" }, "Press “Information in this recording” below a drive: it shows how narrow the 95 % intervals of a fit to 0.4 s of that drive would be, and beside them those of a sawtooth of 65 V, 5 Hz."));
   const sides = { old: side("old", "Sawtooth at the cursor"), fresh: side("fresh", "New drive") };
   element.append(h("h1", { class: "visually-hidden" }, "Design"), h("div", { class: "explore design" }, panel,
@@ -195,7 +195,7 @@ export async function mount(element, app) {
   }
   function fronted(answer) {
     kept.front = answer;
-    empty.textContent = `${answer.speed.length} drives, of which none is better in both: point at one.`;
+    empty.textContent = `${answer.speed.length} drives; none is better than another in both. Select one.`;
     said.textContent = answer.interrupted ? "Stopped: the front until then." : "";
     frontPlace.hidden = false;
     front.setData(answer);

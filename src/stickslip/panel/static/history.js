@@ -31,7 +31,7 @@ export async function mount(element, app) {
   const list = h("section", { class: "card history-list", "aria-label": "Runs" },
     h("div", { class: "history-find" }, search, kind, outcome),
     h("div", { class: "row" }, compare, remove, h("span", { class: "grow" }),
-      h("button", { type: "button", class: "small", onclick: () => uploadDialog(app, async (name) => { await load(); open([name]); }) }, "Take in a file…"),
+      h("button", { type: "button", class: "small", onclick: () => uploadDialog(app, async (name) => { await load(); open([name]); }) }, "Import a file…"),
       h("button", { type: "button", class: "small quiet", onclick: openLog }, "Log"),
       h("button", { type: "button", class: "small quiet", onclick: binDialog }, "Bin…")),
     count, h("div", { class: "history-table", tabIndex: 0, role: "group", "aria-label": "List of runs" }, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, h("span", { class: "visually-hidden" }, "Tick")), h("th", {}, "Run"), h("th", { class: "number" }, "When"), h("th", {}, "Outcome"))), body)));

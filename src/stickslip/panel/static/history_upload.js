@@ -7,7 +7,7 @@ const NAMES = ["time", "drive_voltage", "end_effector_position", "stage_position
 const KINDS = ".csv,.txt,.tsv,.dat,.lvm,.mat,.npy,.npz,.mf4,.nc,.nxs";
 
 export function uploadDialog(app, taken) {
-  const dialog = openDialog("Take in a file", (close) => {
+  const dialog = openDialog("Import a file", (close) => {
     const fault = h("p", { class: "fault", role: "alert" });
     const place = h("div", {});
     const choose = h("input", { type: "file", id: "upload-file", accept: KINDS, onchange: () => send(choose.files[0]) });

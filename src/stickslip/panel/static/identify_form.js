@@ -130,11 +130,11 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
     });
     const open = model.querySelector("details")?.open ?? stage.some((one) => free.has(one.name));
     const given = steps() ? [make("p", { className: "soft small-text", textContent: "Gain, natural frequency and damping come from the steps." })] : [];
-    const more = make("details", { open }, make("summary", { textContent: "Of the actuator" }), ...given, ...stage.map((one) => row("model", one)));
+    const more = make("details", { open }, make("summary", { textContent: "Stage and piezo" }), ...given, ...stage.map((one) => row("model", one)));
     model.replaceChildren(
       makeChoice("Parameter set", sets, state.set, (set) => { own = true; state = begin(choices, set); build(); }).element,
       makeChoice("Friction law", plain, state.law, (name) => { state = withLaw(choices, state, name); build(); }).element,
-      make("p", { className: "soft small-text", textContent: "Tick what is to be fitted; the numbers are where it starts, the others stay as they are." }),
+      make("p", { className: "soft small-text", textContent: "Tick the parameters to fit. The numbers are the initial guess; the other parameters stay fixed." }),
       ...law.map((one) => row("friction", one)), ...channel.map((one) => row("", one)), more, reaction.element,
     );
   }

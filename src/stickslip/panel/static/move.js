@@ -87,17 +87,17 @@ export async function mount(element, app) {
   const jogs = h("fieldset", { class: "bare move-jog" }, h("legend", {}, "Jog while held"), ...held);
   const sensor = makeChoice("Sensor", [], "", (name) => { kept.input = name; });
   const setup = h("fieldset", { class: "bare inputs" }, sensor.element);
-  const watching = h("p", { class: "watching", hidden: true }, "Another page is in control: ask it at the top. Emergency stop works from here too.");
+  const watching = h("p", { class: "watching", hidden: true }, "Another page is in control: request control at the top. Emergency stop works from here too.");
   const believed = h("dl", { id: "believed" });
   const panel = h("section", { class: "card", "aria-label": "What to do" }, h("div", { class: "bare" }, watching, deeds, jogs, fault,
-    h("h2", {}, "How"), setup, h("p", { class: "soft small-text", id: "move-how" }),
-    h("details", { class: "small-text" }, h("summary", {}, "When the sensor is not believed"), h("p", { class: "soft" }, "The move stops beyond any of these. They come from the model."), believed)));
+    h("h2", {}, "Settings"), setup, h("p", { class: "soft small-text", id: "move-how" }),
+    h("details", { class: "small-text" }, h("summary", {}, "Plausibility of the sensor"), h("p", { class: "soft" }, "The move stops beyond any of these limits, which follow from the model."), believed)));
 
   // --- where it is
   const shown = {};
-  const older = h("span", { class: "when", hidden: true, title: "Nothing is measured while the output ramps to 0 V, which takes the piezo along" }, " before the ramp");
-  const counted = "Every step since it began, also the one or two that bring the piezo back to mid-range";
-  const numbers = h("dl", { class: "explore-numbers" }, ...["Position", "Target", "Missing", "Steps made"].map((name) =>
+  const older = h("span", { class: "when", hidden: true, title: "Nothing is measured while the output ramps to 0 V, which moves the piezo" }, " before the ramp");
+  const counted = "All steps since the start, including the one or two that centre the piezo";
+  const numbers = h("dl", { class: "explore-numbers" }, ...["Position", "Target", "Error", "Steps made"].map((name) =>
     h("div", { title: name === "Steps made" ? counted : "" }, h("dt", {}, h("span", {}, name), name === "Position" ? older : null), (shown[name] = h("dd", {}, "–")))));
   const words = h("strong", { id: "move-phase", role: "status" });
   const span = makeChoice("Shown", SPANS, kept.span, (value) => { kept.span = value; draw(); });
@@ -130,14 +130,14 @@ export async function mount(element, app) {
   }
   positionsIn(kept.unit || "m");
   const answer = makePlot(responses, { label: "Predicted response", tools: "save", series: [
-    { label: "predicted", unit: "", color: "--series-1" }, { label: "least", unit: "", color: "--series-4", dash: [4, 4] }, { label: "greatest", unit: "", color: "--series-4", dash: [4, 4] }] });
+    { label: "predicted", unit: "", color: "--series-1" }, { label: "lowest", unit: "", color: "--series-4", dash: [4, 4] }, { label: "highest", unit: "", color: "--series-4", dash: [4, 4] }] });
 
   const asks = latestWins({
     ask: () => app.request("/api/move/response", settings()),
     take(found) {
       const { header, arrays } = unpack(found);
       answer.setData(arrays);
-      told.textContent = header.refused ? `Refused: ${header.refused}` : `A target that jumps, by the feedback alone; also with the stage's frequency 5 % off. ${header.margins}.`;
+      told.textContent = header.refused ? `Refused: ${header.refused}` : `Response to a step of the target, without feedforward; dashed: with the stage's frequency 5 % off. Margins: ${header.margins}.`;
       told.classList.toggle("fault", Boolean(header.refused));
       loop.dataset.answers = String(Number(loop.dataset.answers ?? 0) + 1);
     },
@@ -186,7 +186,7 @@ export async function mount(element, app) {
     put("Position", on ? state.position : run.position, kept.unit);
     older.hidden = on || !run.before_ramp;
     put("Target", on ? state.target : undefined, kept.unit);
-    put("Missing", on ? state.target - state.position : undefined, kept.unit);
+    put("Error", on ? state.target - state.position : undefined, kept.unit);
     shown["Steps made"].textContent = state.steps === undefined ? "–" : `${state.steps}${state.lost ? `, ${state.lost} lost` : ""}`;
     words.textContent = on ? state.words + (state.settled ? ": there" : "") : ends ? "Keeping the recording" : begins ? "Preparing" : going ? `${run.title} is running` : "At rest: the output is at 0 V";
     words.dataset.phase = on ? state.phase : "off";
@@ -220,8 +220,8 @@ export async function mount(element, app) {
     kept.amplitude ??= choices.walk;
     sensor.select.replaceChildren(...choices.inputs.map((one) => new Option(one, one)));
     sensor.set(kept.input);
-    setup.replaceChildren(sensor.element, field("amplitude", "Steps of", "V"), field("frequency", "a second", "Hz"), field("tolerance", "There within ±", choices.unit));
-    how.textContent = `${choices.actuator}, whose piezo reaches ${formatQuantity(choices.stroke, choices.unit, 3)}. It holds until you let go, ${choices.at_most} s at most; sensor and gains are those with which it began. Steps made counts also those that bring the piezo back to mid-range.`;
+    setup.replaceChildren(sensor.element, field("amplitude", "Step voltage", "V"), field("frequency", "Step rate", "Hz"), field("tolerance", "Tolerance ±", choices.unit));
+    how.textContent = `${choices.actuator}: the piezo's stroke is ${formatQuantity(choices.stroke, choices.unit, 3)}. The loop holds the position until you let go, at most ${choices.at_most} s; sensor and gains stay fixed meanwhile.`;
     believed.replaceChildren(...choices.plausibility.flatMap(({ value, meaning }) => [h("dt", {}, meaning), h("dd", {}, value)]));
     gains();
     show();

@@ -19,7 +19,7 @@ export function makeSequence(bench) {
   const said = h("p", { class: "soft small-text number", role: "status" });
   const order = h("label", { class: "choice" }, h("input", { type: "checkbox" }), "Repeat in rounds: all values, then all again");
   const home = h("label", { class: "choice" }, h("input", { type: "checkbox" }), "Walk home before each run");
-  const goOn = h("label", { class: "choice" }, h("input", { type: "checkbox" }), "Go on after a run that failed");
+  const goOn = h("label", { class: "choice" }, h("input", { type: "checkbox" }), "Continue after a failed run");
   const start = h("button", { type: "button", class: "primary", onclick: () => send("/sequence/start") }, "Start the sequence");
   const check = h("button", { type: "button", onclick: () => send("/sequence/check") }, "Check");
   const end = h("button", { type: "button", onclick: () => bench.act("/sequence/end") }, "End after this run");

@@ -22,9 +22,9 @@ export async function mount(element, app) {
   const button = (text, does, more = {}) => h("button", { type: "button", onclick: does, ...more }, text);
   const fault = h("p", { class: "fault", role: "alert" }), list = h("ul", { tabIndex: 0, "aria-label": "Studies of the folder" });
   const empty = h("p", { class: "soft" }, "No study is here yet: put a study file into the folder, or a store.");
-  const file = h("select"), begin = button("Begin", act("begin", () => ({ file: file.value })), { class: "primary" });
+  const file = h("select"), begin = button("Start study", act("begin", () => ({ file: file.value })), { class: "primary" });
   const title = h("h2"), said = h("p", { role: "status" }), bar = h("progress", { "aria-label": "Done" }), facts = h("dl", { class: "history-facts" });
-  const goOn = button("Go on", act("begin", () => ({ file: state.file || file.value, name: kept.name })), { class: "primary" });
+  const goOn = button("Continue", act("begin", () => ({ file: state.file || file.value, name: kept.name })), { class: "primary" });
   const stop = button("Stop", act("stop", () => ({ name: kept.name })), { title: "On any machine" });
   const choices = h("div", { class: "studies-choose" }), canvas = h("div", { class: "studies-canvas" });
   const at = h("p", { class: "number studies-at", role: "status" }), of = h("p", { class: "soft small-text" });
@@ -140,7 +140,7 @@ export async function mount(element, app) {
       at.textContent = `${between(x, cursor[0], axes.x)}, ${between(y, cursor[1], axes.y)}: ${Number.isFinite(value) ? number(value) : "no member"}`;
       picture.redraw();
     }
-    at.textContent = "Point at a cell, or use arrows.";
+    at.textContent = "Select a cell by pointer or arrow keys.";
     [ends[0].textContent, ends[1].textContent] = [number(low), number(high)];
     of.textContent = header.said;
     right.dataset.pictures = String(Number(right.dataset.pictures ?? 0) + 1);
