@@ -1,4 +1,4 @@
-"""The control panel in the browser: routes, one stream and the page's files; no physics.
+"""The control panel in the browser: routes, one WebSocket stream and the page's files; no physics.
 
 All its numbers come from the public functions that the command line calls. A notebook that only shows plots
 needs no server.

@@ -1,4 +1,4 @@
-"""The page, the address and the role behind the request that is being answered."""
+"""Origin of the request that is being answered: its page, address and role."""
 
 from __future__ import annotations
 

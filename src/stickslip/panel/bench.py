@@ -28,32 +28,32 @@ MOST_POINTS = 20_000
 
 
 class Change(Strict):
-    """A place in the experiment and its new value; null deletes it."""
+    """Request to change one place in the experiment; the value null deletes it."""
 
     path: list[str | int]
     value: Any = None
 
 
 class Undo(Strict):
-    """Undo the last change of the experiment, or redo it with `again`."""
+    """Request to undo the last change of the experiment, or to redo it with `again`."""
 
     again: bool = False
 
 
 class Runs(Strict):
-    """Runs of the experiment, by name."""
+    """Request that names runs of the experiment."""
 
     runs: list[str]
 
 
 class NamedFile(Strict):
-    """A file of the folder."""
+    """Request that names a file of the folder."""
 
     name: str
 
 
 class Chosen(Strict):
-    """A rig: a virtual bench, or a back end and its options as typed."""
+    """Request to choose a rig: a virtual bench, or a back end with its options as text."""
 
     kind: str
     bench: str = ""
@@ -61,13 +61,13 @@ class Chosen(Strict):
 
 
 class Note(Strict):
-    """A user's note on the run."""
+    """Request to add a user's note to the run."""
 
     text: str
 
 
 class Window(Strict):
-    """Part of the live run."""
+    """Request for a part of the live run, to zoom in."""
 
     trace: int
     begin: float
@@ -132,7 +132,7 @@ def _add_runs(
 
     @routes.post("/stop")
     async def stop() -> dict[str, bool]:
-        """Anybody may stop, in control or not; it waits for no other request."""
+        """Stop the run. Every page may stop it, in control or not; a stop waits for no other request."""
         return {"stopped": runner.stop("stop")}
 
     @routes.post("/start")
@@ -163,7 +163,7 @@ def _add_runs(
 
     @routes.post("/note")
     def note(asked: Note) -> dict[str, str]:
-        """Anybody who watches may note something."""
+        """Add a note to the run; every page may do so."""
         return {"kept": starter.note(asked.text)}
 
 

@@ -11,7 +11,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MOST_CONNECTIONS = 400
 PATIENCE = 10.0  # s from the first byte of a request to the end of its head
-_BODY = 6  # times `PATIENCE` for the rest of the request, and for the client to read the answer
+_BODY = 6  # multiple of `PATIENCE` for the rest of the request, and for the client to read the answer
 
 
 class BoundedConnection(H11Protocol):
@@ -79,7 +79,8 @@ def server_config(app: Any) -> uvicorn.Config:
 
 
 def _no_cancelled(record: logging.LogRecord) -> bool:
-    """Return False for the traceback of a request that was cancelled at shutdown.
+    """Return False for a log record with the traceback of a request that was cancelled at shutdown, so that
+    it is not logged.
 
     Uvicorn logs the number of cancelled requests in a line of its own.
     """

@@ -120,7 +120,7 @@ class TypedValue(LoadedActuator):
     value: Value
 
     def check(self, sets: Sets) -> None:
-        """Raise QuantityError if the value is wrong."""
+        """Raise QuantityError if the typed value is wrong for its field."""
         model = self.actuator(sets)
         if self.name not in _FIELDS:
             raise QuantityError(f"there is no field {self.name!r:.40}; there are {', '.join(_FIELDS)}")
@@ -152,7 +152,7 @@ class DriveSearch(MapRequest):
     output: OutputLimits = Field(default_factory=lambda: OutputLimits())
 
     def asked(self, sets: Sets) -> tuple[Actuator, dict[str, Any]]:
-        """Return the model and the arguments that all searches share."""
+        """Return the model and the arguments that all searches for a drive have in common."""
         model = self.loaded(sets)
         spread, unit = _checked(model, "spread", self.spread), unit_for(model, "N")
         scenarios = [

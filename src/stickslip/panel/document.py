@@ -38,7 +38,8 @@ _KEY_LIMIT = 8  # longest path to a place in the content
 
 
 class Checked(NamedTuple):
-    """Valid content, and its parsed file, cells, units of channels, capabilities and limits."""
+    """Checked content of an experiment, with its parsed file, cells, units of channels, capabilities and
+    limits."""
 
     content: dict[str, Any]
     file: ExperimentFile
@@ -49,7 +50,7 @@ class Checked(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Unit of positions from home: m, or rad for rotary actuators."""
+        """Return the unit of positions from home: m, or rad for rotary actuators."""
         return unit_for(self.cells[0].actuator, "m")
 
 

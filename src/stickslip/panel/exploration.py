@@ -161,7 +161,7 @@ class ShownMotion(NamedTuple):
 
     @property
     def sliding_displacement(self) -> Array:
-        """Stage position minus end-effector position, in `unit`."""
+        """Return stage position minus end-effector position, in `unit`, shape (times,)."""
         return self.stage_position - self.end_effector_position
 
 

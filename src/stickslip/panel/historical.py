@@ -35,19 +35,19 @@ _LEFT_OUT = ("settings", "channels", "bytes")  # of a row in the list
 
 
 class NamedRun(Strict):
-    """A run, or a file of the bin."""
+    """Request that names a run, or a file of the bin (folder for deleted files)."""
 
     name: str = Field(max_length=400)
 
 
 class Names(Strict):
-    """Runs."""
+    """Request that names several runs."""
 
     names: list[str] = Field(min_length=1, max_length=200)
 
 
 class Annotation(Strict):
-    """New notes or tags of a run."""
+    """Request to change notes or tags of a run."""
 
     name: str
     notes: str | None = Field(default=None, max_length=20_000)
@@ -55,7 +55,7 @@ class Annotation(Strict):
 
 
 class Overlay(Strict):
-    """A channel of several recordings over a common time, reduced for the screen."""
+    """Request for a channel of several recordings over a common time, reduced for the screen."""
 
     names: list[str] = Field(min_length=2, max_length=MOST_COMPARED)
     channel: str

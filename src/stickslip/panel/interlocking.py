@@ -32,13 +32,13 @@ _ANSWERS = 1.0  # s in which the rig's process must answer
 
 
 class Why(Strict):
-    """The reason for an act."""
+    """Request with the reason for an act on the interlock."""
 
     why: str = Field(max_length=400)
 
 
 class PermitAct(Why):
-    """A permit that is given or withdrawn."""
+    """Request to give or withdraw a permit (a condition of the interlock without which no run starts)."""
 
     name: str = Field(max_length=60)
     given: bool
@@ -67,7 +67,7 @@ class Interlocks:
 
     @property
     def simulated(self) -> bool:
-        """True if the rig on the bench is virtual."""
+        """Return True if the rig on the bench is virtual."""
         return isinstance(self._document.checked.file.rig, VirtualRigSpec)
 
     def need(self) -> None:
@@ -76,7 +76,7 @@ class Interlocks:
         Interlock.of_state(self.state).need()
 
     def look(self) -> None:
-        """Ask the rig's process for the state and send changes to the pages.
+        """Ask the rig's process for the interlock's state and send changes to the pages.
 
         Without an answer the state stays as it was.
         """
@@ -92,7 +92,8 @@ class Interlocks:
         self._hub.tell("interlock", **found)
 
     def act(self, do: str, **what: Any) -> None:
-        """Arm, disarm, acknowledge or change a permit; raises ValueError or RigError if it is refused."""
+        """Arm or disarm the output, acknowledge a fault, or change a permit; raise ValueError or RigError if
+        the act is refused."""
         asker = asking()
         who = asker.named(self._document.checked.file.operator)
         who += f" at {asker.address}" if asker.address else ""
@@ -118,11 +119,11 @@ class Interlocks:
         threading.Thread(target=self._disarmed, args=(why,), daemon=True).start()
 
     def watch(self) -> None:
-        """Start to look every `LOOKS` seconds, until `close`."""
+        """Start to query the interlock's state every `LOOKS` seconds, until `close`."""
         threading.Thread(target=self._watch, daemon=True).start()
 
     def close(self) -> None:
-        """Stop looking and close the link; an output that was enabled through it is disabled."""
+        """Stop the queries and close the connection; an output that was enabled through it is disabled."""
         self._closing.set()
         self.close_link()
 
@@ -151,7 +152,7 @@ class Interlocks:
 
     @property
     def place(self) -> Path:
-        """The folder of the process that owns the rig on the bench."""
+        """Return the folder of the process that owns the rig on the bench."""
         return rigs_of(self._document.checked.file, self._rigs, self._folder.root)
 
     def _seen(self, place: Path) -> dict[str, Any] | None:

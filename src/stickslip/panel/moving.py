@@ -96,22 +96,22 @@ class Prepared(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Unit of positions: m, or rad for rotary actuators."""
+        """Return the unit of positions: m, or rad for rotary actuators."""
         return unit_for(self.cell.actuator, "m")
 
     @property
     def amplitude(self) -> float:
-        """Default amplitude of full steps, V."""
+        """Return the default amplitude of full steps, V."""
         return min(Stepping().amplitude, self.high - self.low)
 
     @property
     def sensors(self) -> list[str]:
-        """Inputs that measure in `unit`."""
+        """Return the names of inputs that measure in `unit`."""
         return [name for name, unit in self.can.inputs.items() if unit == self.unit]
 
     @property
     def columns(self) -> list[dict[str, str]]:
-        """Recorded channels."""
+        """Return the recorded channels: name, unit and label."""
         units = {"drive_voltage": "V"}
         return [
             {"name": name, "unit": units.get(name, self.unit), "label": label}
@@ -136,7 +136,8 @@ def _range(tuned: float, low: float, high: float) -> dict[str, float]:
 
 
 class Moves:
-    """One session at a time: from the first command until release, stop, or `AT_MOST`."""
+    """Moves of the bench's rig, one session at a time: from the first command until release, stop, or
+    `AT_MOST`."""
 
     def __init__(
         self,

@@ -49,7 +49,7 @@ _PATIENCE = 300.0  # s, longest verification
 
 
 class Save(Strict):
-    """A fit (its folder) and the name of the new parameter set."""
+    """Request to save a fit (its folder) as a parameter set with a new name."""
 
     fit: str
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_. -]{0,59}$")
@@ -69,19 +69,19 @@ class PathDrive(Strict):
 
 
 class Prediction(PathDrive):
-    """A parameter set, see `Sets`, and its drive."""
+    """Request for a prediction: a parameter set, see `Sets`, and its drive."""
 
     parameters: str
 
 
 class Sent(Strict):
-    """A prediction whose drive is sent to the bench."""
+    """Request to send the drive of a prediction to the bench."""
 
     prediction: str
 
 
 class Check(Strict):
-    """A fit, and recordings that it is verified on."""
+    """Request to verify a fit on recordings."""
 
     fit: str
     recordings: list[str] = Field(min_length=1, max_length=20)

@@ -33,7 +33,7 @@ OURS = "nc"  # our own format, beside those of other programs
 
 
 class Shown(Strict):
-    """Part of a recording for the screen; all of it without `begin` and `end`."""
+    """Request for a part of a recording for the screen; all of it without `begin` and `end`."""
 
     name: str
     begin: float | None = None
@@ -42,7 +42,7 @@ class Shown(Strict):
 
 
 class Renaming(Strict):
-    """A file and its new name."""
+    """Request to rename a file."""
 
     name: str
     to: str

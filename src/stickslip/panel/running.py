@@ -105,12 +105,12 @@ class Runner:
 
     @property
     def where(self) -> dict[str, Any]:
-        """The position in the form that pages receive."""
+        """Return the position in the form that pages receive."""
         return {"position": self.position, "before_ramp": self.before_ramp}
 
     @property
     def busy(self) -> bool:
-        """True while a job is running."""
+        """Return True while a job is running."""
         return self._busy
 
     def start(self, job: BenchJob) -> None:

@@ -85,7 +85,7 @@ class _Static(StaticFiles):
 
 
 class Text(Strict):
-    """Text that was typed into a field with a unit."""
+    """Request with a text that was typed into a field with a unit."""
 
     text: str
     unit: str = ""

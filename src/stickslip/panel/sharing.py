@@ -1,4 +1,4 @@
-"""Slow answers, computed once for all who ask at the same time."""
+"""Slow answers to pages, computed once for all pages that ask at the same time."""
 
 from __future__ import annotations
 
@@ -6,24 +6,26 @@ import threading
 from collections.abc import Callable, Hashable
 from typing import Any
 
-_KEPT = 8  # answers to different questions that are kept
+_KEPT = 8  # number of answers to different questions that are kept
 
 
 class Shared:
-    """Computes one answer at a time. Callers that waited share an answer that was started after they asked.
+    """Cache that computes one answer at a time. Callers that waited share an answer that was started after
+    they asked.
 
     Many pages ask at the same time, and many threads that scan a folder would block all other requests.
     """
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
-        self._begun = 0  # answers, so far
+        self._begun = 0  # number of answers so far
         self._answers: dict[
             Hashable, tuple[int, Any]
-        ] = {}  # by the question: the how manieth, and what it is
+        ] = {}  # by question: the number of the answer, and the answer
 
     def __call__(self, question: Hashable, make: Callable[[], Any]) -> Any:
-        """Return the answer to a question, computed by `make`; callers must not modify it."""
+        """Return the answer to a question (any key), computed by the function `make` or shared with other
+        callers, who must not modify it."""
         before = self._begun
         with self.lock:
             number, answer = self._answers.pop(question, (0, None))

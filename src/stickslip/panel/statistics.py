@@ -34,7 +34,7 @@ ALARMS = ".stickslip/alarms.json"
 
 
 class Alarm(Strict):
-    """A statistic and its limits: texts with units, or None."""
+    """Request for an alarm: a statistic and its limits, texts with units or None."""
 
     statistic: str = Field(max_length=80)
     low: str | float | None = None
@@ -43,7 +43,7 @@ class Alarm(Strict):
 
 
 class Alarms(Strict):
-    """List of all alarms."""
+    """Request with the list of all alarms."""
 
     alarms: list[Alarm] = Field(max_length=40)
 
@@ -98,7 +98,7 @@ class Statistics:
             return self._tell(position)
 
     def end(self, position: float) -> None:
-        """Send the statistics of a run that has ended."""
+        """Send the final statistics of a run to the pages."""
         with self._lock:
             if self._columns:
                 self._tell(position)

@@ -27,7 +27,7 @@ LONGEST_MESSAGE = 65536  # characters of a message from a page
 
 
 class Client:
-    """One page."""
+    """One connected page with its queue of messages."""
 
     def __init__(self, identity: str, name: str) -> None:
         self.identity, self.name = identity, name
@@ -46,7 +46,7 @@ class Client:
 
 
 class Hub:
-    """All connected pages.
+    """All connected pages, to which messages are sent.
 
     `greetings` return the first messages for a page, also when it asks for them again; they receive what the
     page said about itself. `hears` maps the "kind" of a message from a page to its handler. `changed` is

@@ -44,20 +44,21 @@ _TOLD = 2000  # bytes of a run's last messages
 
 
 class Asked(Strict):
-    """A store of the folder."""
+    """Request that names a store (folder of results) of a study."""
 
     name: str = Field(max_length=400)
 
 
 class StudyToRun(Strict):
-    """A study file, and the store to fill or continue; by default the file's name with .zarr."""
+    """Request to run a study file, and the store to fill or continue; by default the file's name with
+    .zarr."""
 
     file: str = Field(max_length=400)
     name: str = Field(default="", max_length=400)
 
 
 class Wanted(Asked):
-    """A picture of a store; see `study_picture`."""
+    """Request for a picture of a store; see `study_picture`."""
 
     result: str
     across: str

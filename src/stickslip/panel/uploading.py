@@ -29,9 +29,8 @@ _SUFFIXES = (".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".dat", ".lvm", ".m
 
 
 class Taken(Strict):
-    """An upload to import: channel names with the index of their column and their unit; the treatment of
-    missing samples; the number of rows, None for all.
-    """
+    """Request to import an upload: channel names with the index of their column and their unit; the treatment
+    of missing samples; the number of rows, None for all."""
 
     token: str
     columns: dict[str, int] = Field(default_factory=dict, max_length=100)

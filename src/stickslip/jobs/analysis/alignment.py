@@ -37,7 +37,7 @@ ALIKE = 0.5
 class Aligned(NamedTuple):
     """A recording, its drive, its name, and its use in the words of the file.
 
-    `recording` holds the position less its mean before `begin` [s]. `noise` [m] is the standard deviation
+    `recording` contains the position minus its mean before `begin` [s]. `noise` [m] is the standard deviation
     there, NaN without samples before. `wanted` is the requested drive and `drive` the drive at the piezo,
     both in the time of the recording; None if only the channel drive_voltage is known. The first part of the
     drive ends at `forward` [s], None for a single part. `drift` was subtracted from the position, None
@@ -69,8 +69,8 @@ def aligned(
     Args:
         whole: with end_effector_position [m], and drive_voltage [V] unless drive and begin are given.
         drive: the waveform, from its own start; None: the channel drive_voltage is the drive.
-        name: of the recording.
-        slew_rate: V/s, of the amplifier.
+        name: name of the recording.
+        slew_rate: slew rate of the amplifier, V/s.
         scale: the position is divided by it.
         begin: start of the drive, s; by default where the channel matches it best.
 

@@ -26,7 +26,8 @@ Score = tuple[float, float]
 
 
 class LevelData(NamedTuple):
-    """A level's response, and the drives and responses that are held out for prediction."""
+    """A drive amplitude (level): its frequency response, and the drives and responses that are held out for
+    prediction."""
 
     name: str
     response: xr.Dataset
@@ -35,7 +36,7 @@ class LevelData(NamedTuple):
 
 
 class OneModel(NamedTuple):
-    """Results of the common model for a report."""
+    """Results of one modal model for all drive amplitudes: report section, numbers and doubts."""
 
     summary: str
     section: Section
@@ -63,11 +64,12 @@ def one_model_section(
     sample_rate: float,
     progress: Progress,
 ) -> OneModel:
-    """Fit one model to all levels; for each inner level also to all other levels.
+    """Fit one modal model to all drive amplitudes (levels), and predict each inner level by a fit to all
+    others.
 
     Args:
-        levels: all of them.
-        own: scores of the models of each level alone.
+        levels: data of all levels.
+        own: prediction scores of the models of each level alone.
         modes: initial values, at the middle level.
         sample_rate: Hz.
         progress: see `progress`.

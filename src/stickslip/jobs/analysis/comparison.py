@@ -29,7 +29,7 @@ from .walk import WalkFile
 
 
 class ComparisonAnalysis(WalkFile):
-    """See the module.
+    """Request to compare models of walks.
 
     `laws` are names in `walk_candidates` (all of them by default), and a user's own laws as in a file of
     friction loops.

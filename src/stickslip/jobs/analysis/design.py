@@ -44,7 +44,8 @@ OF_FIT = "fit"
 
 
 class DesignAnalysis(Analysis, ModelOrFit):
-    """See the module. At least one of the parts is required."""
+    """Request of a design file: its parts (map, optimise, front, actuator, plan), at least one of which is
+    required."""
 
     kind: Literal["design"] = "design"
     uncertainty: str | None = None
@@ -61,7 +62,8 @@ class DesignAnalysis(Analysis, ModelOrFit):
         return self
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Run all parts in turn. If one fails or is stopped, the results of the others are kept."""
+        """Run all parts in turn and return the report. If one fails or is stopped, the results of the others
+        are kept."""
         model = self.load_model(folder)
         draws, origin = self._draws(folder), origin_of(model, [])
         parts = {name: getattr(self, name) for name in PARTS if getattr(self, name) is not None}

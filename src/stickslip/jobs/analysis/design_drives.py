@@ -47,7 +47,7 @@ class OptimiseSpec(
     generator: GeneratorSpec | None = None
 
     def made(self, given: Given) -> Document:
-        """Search and report the result; raises QuantityError."""
+        """Search, and return a report of the result; raise QuantityError for wrong values."""
         common = self.common(given)
         common["output"] = output_stage(self.limits, self.generator, given.folder)
         found = optimise_waveform(
@@ -68,7 +68,7 @@ class FrontSpec(SearchSpec, arguments_of(waveform_front, "knots", "points", "gen
     goals: list[Goal] = ["speed"]  # noqa: RUF012  # pydantic copies it
 
     def made(self, given: Given) -> Document:
-        """Search and report the result; raises QuantityError."""
+        """Search, and return a report of the result; raise QuantityError for wrong values."""
         found = waveform_front(
             given.model,
             goals=tuple(goal_of(one, given.model) for one in self.goals),  # type: ignore[arg-type]
@@ -91,7 +91,7 @@ class ActuatorSearchSpec(
     models: dict[str, str] | None = None
 
     def made(self, given: Given) -> Document:
-        """Search and report the result; raises QuantityError."""
+        """Search, and return a report of the result; raise QuantityError for wrong values."""
         models = {name: named_model(given.folder, one) for name, one in (self.models or {}).items()}
         found = optimise_actuator(
             models or given.model,

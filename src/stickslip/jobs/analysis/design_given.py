@@ -39,10 +39,10 @@ class Given(NamedTuple):
 
 
 class GoalSpec(Strict):
-    """A goal with exactly one number.
+    """A goal of a search, with exactly one number.
 
-    The direction of the speed (1 or -1), the required step, the capacitance for the current, or the stack for
-    the heat.
+    The number is the direction of the speed (1 or -1), the required step [m], the capacitance for the current
+    [F], or the piezo stack for the heat.
     """
 
     speed: Quantity | None = None
@@ -57,7 +57,7 @@ class GoalSpec(Strict):
         return self
 
     def goal(self) -> Any:
-        """Return the goal; raises QuantityError."""
+        """Return the goal as a record of `design`; raise QuantityError for a wrong value."""
         if self.heat is not None:
             return Heat(self.heat)
         ((name, value),) = self.model_dump(exclude_unset=True).items()
@@ -69,7 +69,7 @@ Goal = GoalSpec | str
 
 
 def goal_of(given: Goal | None, model: Actuator) -> Any:
-    """Return a goal in the form of the searches; raises QuantityError."""
+    """Return a goal of a file as the searches take it; raise QuantityError for a wrong value."""
     if isinstance(given, GoalSpec):
         return given.goal()
     if given in ("tip_load", "noise"):
@@ -83,7 +83,7 @@ class OutputLimitsSpec(fields_of(OutputStage, "slew_rate", "current", "capacitan
     bench: str | None = None
 
     def output(self, folder: Path) -> OutputStage:
-        """Return the output stage with these limits; raises QuantityError."""
+        """Return the output stage with these limits; raise QuantityError for a wrong value."""
         if self.bench is None:
             return OutputStage(**self.given)
         if self.given:
@@ -98,7 +98,7 @@ class GeneratorSpec(fields_of(OutputStage, "update_rate", "points", "step", "int
     bench: str | None = None
 
     def onto(self, output: OutputStage, folder: Path) -> OutputStage:
-        """Return an output stage with this converter; raises QuantityError."""
+        """Return an output stage with this converter; raise QuantityError for a wrong value."""
         given = self.given
         if self.bench is None:
             if "update_rate" not in given:
@@ -118,7 +118,7 @@ class GeneratorSpec(fields_of(OutputStage, "update_rate", "points", "step", "int
 def output_stage(
     limits: OutputLimitsSpec | None, generator: GeneratorSpec | None, folder: Path
 ) -> OutputStage:
-    """Return the output stage of limits and a generator; raises QuantityError."""
+    """Return the output stage of limits and a generator; raise QuantityError for a wrong value."""
     output = OutputStage() if limits is None else limits.output(folder)
     return output if generator is None else generator.onto(output, folder)
 
@@ -131,7 +131,7 @@ class ScenarioSpec(Strict):
     factors: dict[str, Quantity] = Field(default_factory=dict)
 
     def scenario(self) -> Scenario:
-        """Return the scenario; raises QuantityError."""
+        """Return the condition as a `Scenario`; raise QuantityError for a wrong value."""
         factors = {name: to_si(one, "", f"factors.{name}") for name, one in self.factors.items()}
         return Scenario(self.name, factors=factors, **self.change)
 
@@ -143,7 +143,8 @@ class SearchSpec(arguments_of(optimise_waveform, "max_voltage", "min_voltage", "
     scenarios: list[ScenarioSpec] = Field(default_factory=list)
 
     def common(self, given: Given) -> dict[str, Any]:
-        """Return the arguments that all searches for a drive have in common; raises QuantityError."""
+        """Return the arguments that all searches for a drive have in common; raise QuantityError for wrong
+        values."""
         return {
             **self.arguments,
             "output": output_stage(self.limits, None, given.folder),
@@ -159,7 +160,7 @@ def draws_of_file(path: Path) -> dict[str, Array]:
     a campaign (results.json), log-normal for positive parameters and normal for others.
 
     Raises:
-        AnalysisError: the file holds neither.
+        AnalysisError: the file contains neither.
     """
     if path.suffix == ".json":
         return _drawn(path)

@@ -28,7 +28,7 @@ class MapAxisSpec(AxisSpec):
     points: Annotated[int, Field(ge=2, le=100_000)]
 
     def values(self, unit: str, name: str) -> list[float]:
-        """Return the values in SI; raises QuantityError."""
+        """Return the values of the axis in SI; raise QuantityError for a wrong unit."""
         first, last = (
             to_si(v, unit, f"{name}.{end}") for end, v in (("start", self.start), ("stop", self.stop))
         )
@@ -62,7 +62,7 @@ class MapSpec(
     generator: GeneratorSpec | None = None
 
     def made(self, given: Given) -> Document:
-        """Compute and draw the map; raises QuantityError."""
+        """Compute the map, and return a report with its figure; raise QuantityError for wrong values."""
         found = self._computed(given)
         return begun_by(view(found), f"Drive: {self._drive_words()}.")
 

@@ -38,7 +38,8 @@ class PlanSpec(arguments_of(plan_experiment, "recordings", "duration", "sample_r
     like: str | None = None
 
     def made(self, given: Given) -> Document:
-        """Plan, and write what to record; raises QuantityError."""
+        """Plan the recordings, and return a report with an experiment file; raise QuantityError for wrong
+        values."""
         goal: Any = drive_of([self.goal], {}, given.folder) if isinstance(self.goal, PartSpec) else self.goal
         plan = plan_experiment(
             given.model,

@@ -16,8 +16,8 @@ def fit_parameters(path: Path, title: str, source: str, used: Sequence[str] = ()
     """Return the text of a parameter set with the fitted values of a results.json.
 
     Args:
-        path: of the results.json.
-        title: of the set.
+        path: path of the results.json.
+        title: title of the set.
         source: origin of the values, stated for each.
         used: the user's own files, whose laws the results may name.
 

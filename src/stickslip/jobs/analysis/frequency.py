@@ -52,12 +52,12 @@ class Level(Arrays):
 
 
 class FrequencyAnalysis(Analysis):
-    """See the module.
+    """Request to fit modal models to frequency responses.
 
     `modes` lists the models, each as a number of modes or as initial values: pairs of frequency [Hz] and
     damping ratio. A number of modes is identified at the middle level; the other levels start from its
     result. The last `held_out` realisations verify (one by default, if no level has files to `test`).
-    `output` counts from 1 and may be a list. Every `every`-th excited line is fitted, weighted by its
+    `output` counts from 1 and may be a list. Every `every`-th excited frequency is fitted, weighted by its
     deviation or equally (`equal_weights`). `follow` are modes, counted from 1 in the last model, whose change
     with the amplitude is shown. `one_model` fits the last model to all levels together, as `identify_levels`.
     `time_domain` names levels that are also fitted in time. `tied` are poles of the last model that follow
@@ -93,7 +93,7 @@ class FrequencyAnalysis(Analysis):
         return self
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Estimate, fit and verify at every level."""
+        """Estimate, fit and verify at every level; return the report."""
         share = 0.6 if self.one_model else 1.0
         read = [self._read(level, folder) for level in self.levels]
         progress("finding the modes", 0.0)
@@ -160,12 +160,12 @@ class FrequencyAnalysis(Analysis):
 
 
 class _Data(NamedTuple):
-    """Data of one level."""
+    """Data of one drive amplitude (level), for the fit and for verification."""
 
     level: Level
     measured: xr.Dataset
     weighted: xr.Dataset  # with the weights of the fit
-    drive: NDArray[np.float64]  # held out: (samples, inputs, realisations)
+    drive: NDArray[np.float64]  # held-out drive: (samples, inputs, realisations)
     steady: NDArray[np.float64]  # measured response to it: (samples, outputs, realisations)
     first: tuple[NDArray[np.float64], NDArray[np.float64]]  # drive and response of the first realisation
 

@@ -65,7 +65,7 @@ LawChoice = Annotated[
 
 
 class LoopAnalysis(Analysis):
-    """See the module.
+    """Request to fit friction laws to friction loops.
 
     Recordings have position, friction_force and, with `reference_normal_force`, normal_force. `flip` turns
     the sign of the force, for channels that show the force on the other body. `noise` is the standard
@@ -82,7 +82,7 @@ class LoopAnalysis(Analysis):
     recordings: list[RecordingFile]
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit and verify every law, and report the one that predicts best."""
+        """Fit and verify every law; return a report of the one that predicts best."""
         parts = read_parts(self.recordings, folder)
         data = {
             use: [self._turned(parts[r.label]) for r in self.recordings if r.use == use]

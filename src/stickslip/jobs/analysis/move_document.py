@@ -136,7 +136,7 @@ def _course(file: MoveFile, aim: Aim, mover: Mover, recording: xr.Dataset, found
 
 
 def _said_steps(aim: Aim, recording: xr.Dataset, found: Settling) -> str:
-    """Return a sentence on a sensor that does not resolve the windows, or ""."""
+    """Return a sentence if the sensor does not resolve the windows; otherwise an empty text."""
     hidden = [one for one in found.windows if one < RESOLVED * found.noise]
     if hidden:
         return (

@@ -101,15 +101,16 @@ class PlausibilitySpec(fields_of(Plausibility)):
 
 
 class MoveFile(Analysis):
-    """See the module.
+    """Request for a move: target, rig, model and tolerances.
 
     `change` and `friction` of the actuator describe the plant on the rig. The loop is tuned on `model`, by
     default the plant, or on `fit`, a results.json of an identification or a campaign. With a fit the loop
     must keep its margins at both ends of each parameter's interval. It must also keep them for `draws` (of a
     saved fit or a posterior) and at both ends of each `spread`, the relative uncertainty of a field such as
     ``natural_frequency: 5 %``. `within` is the window around the target, the `tolerance` of the `walk`.
-    `hold` is the time at the target, `at_most` the longest time of a move. `hold_within` limits the rms over
-    the hold. `plausibility` overrides the limits that follow from the model (`control.plausibility`).
+    `hold` is the time at the target [s], `at_most` the longest time of a move [s]. `hold_within` limits the
+    rms over the hold. `plausibility` overrides the limits that follow from the model
+    (`control.plausibility`).
     """
 
     rig: VirtualRigSpec = Field(default_factory=VirtualRigSpec)

@@ -39,7 +39,7 @@ class PiezoAnalysis(
         rest_voltage=Annotated[float, quantity("V")],
     ),
 ):
-    """See the module.
+    """Request to fit hysteresis and creep of a piezo.
 
     Recordings have drive_voltage and the channel `observed`. `operators`, `asymmetric`, `creep`,
     `time_constants`, `delay`, `lag` and `rest_voltage` are as for `identify_piezo`; missing ones are
@@ -53,7 +53,8 @@ class PiezoAnalysis(
     recordings: Annotated[list[RecordingFile], Field(min_length=1)]
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit, compare with a straight line, and predict the recordings that the fit has not seen."""
+        """Fit, compare with a straight line, and predict the recordings that the fit has not used; return the
+        report."""
         requirements = [Requirement.parse(text) for text in self.require]
         model = named_model(folder, self.model) if self.model else None
         parts = read_parts(self.recordings, folder)

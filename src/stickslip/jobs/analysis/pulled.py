@@ -32,18 +32,19 @@ from .file import Analysis, AnalysisError, RecordingFile, read_parts
 
 
 class PulledRecording(RecordingFile, fields_of(PulledRig, "stiffness", "speed")):
-    """A recording of the spring force over the weight (`force_ratio`), and how the slider was pulled."""
+    """A recording of the spring force over the weight (`force_ratio`), with the settings of the pull."""
 
 
 class PulledAnalysis(Analysis, arguments_of(identify_pulled_slider, "tied")):
-    """See the module. Exactly one recording is for the fit; `tied` as for `identify_pulled_slider`."""
+    """Request to fit the friction of a pulled slider. Exactly one recording is for the fit; `tied` as for
+    `identify_pulled_slider`."""
 
     kind: Literal["pulled_slider"]
     mass: Annotated[float, quantity("kg")]
     recordings: list[PulledRecording]
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit and predict."""
+        """Fit the friction and predict the other recordings; return the report."""
         fitted = [r for r in self.recordings if r.use == "fit"]
         if len(fitted) != 1:
             raise AnalysisError(

@@ -1,4 +1,4 @@
-"""Run an identification file."""
+"""Runner of identification files."""
 
 from __future__ import annotations
 
@@ -49,16 +49,16 @@ def run_file(
     Assumptions that had to be made about a recording are among the document's assumptions.
 
     Args:
-        path: of the file.
+        path: path of the file.
         progress: called with the current activity and the finished fraction, from 0 to 1.
-        changes: of the file, as for `load_yaml`.
+        changes: changes to the file, as for `load_yaml`.
 
     Raises:
         AnalysisError: the file is invalid; the message names the file and the field.
         RecordingError, FitError: data are missing or wrong, or cannot be fitted.
 
     Warns:
-        RecordingWarning: a recording does not show something that matters.
+        RecordingWarning: a recording lacks relevant information.
     """
     content = load_yaml(path, changes)
     try:

@@ -37,12 +37,12 @@ class PositionerSpec(Strict):
     options: dict[str, Any] = Field(default_factory=dict)
 
     def made(self, folder: Path) -> Positioner:
-        """Connect to the positioner."""
+        """Return the connected positioner."""
         return registry.positioners.find(self.kind, folder)(**self.options)
 
 
 class StepsFile(Strict):
-    """See the module."""
+    """Request for a step calibration: positioner and bursts, or measured bursts, and the sensor."""
 
     title: str = "Steps of a motor"
     notes: str = ""

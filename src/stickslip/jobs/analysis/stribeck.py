@@ -29,7 +29,7 @@ class PointsFile(SourceFile):
 
 
 class StribeckAnalysis(Analysis):
-    """See the module.
+    """Request to fit a Stribeck curve to points of velocity and force.
 
     `deviation` is the standard deviation of each force. `exponent` is the Stribeck curve's, null to fit it.
     `offset` is the force sensor's. `tied` is as for `identify_stribeck`.
@@ -43,7 +43,7 @@ class StribeckAnalysis(Analysis):
     tied: dict[str, str] = Field(default_factory=dict)
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit the curve to the points."""
+        """Fit the curve to the points; return the report."""
         progress("fitting the points", 0.0)
         points = read_points(self.points.path(folder), self.points.columns, self.points.units)
         fit = identify_stribeck(

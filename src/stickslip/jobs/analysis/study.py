@@ -61,7 +61,7 @@ class GridAxisSpec(AxisSpec):
 
 
 class RandomSpec(Strict):
-    """Fields of `Random`."""
+    """Random parameters of a study: the fields of `Random`."""
 
     ranges: dict[str, Part[Range]]
     members: Count
@@ -91,7 +91,7 @@ class DrawsSpec(Strict):
 
 
 class SteadySpec(Strict):
-    """Fields of `SteadySteps`."""
+    """Measure of a study: steady steps, with the fields of `SteadySteps`."""
 
     kind: Literal["steady"]
     tolerance: float | str = 1e-10
@@ -99,7 +99,7 @@ class SteadySpec(Strict):
 
 
 class WalkSpec(Strict):
-    """Fields of `WalksFromRest`."""
+    """Measure of a study: walks from rest, with the fields of `WalksFromRest`."""
 
     kind: Literal["walk"]
     duration: Seconds | None = None
@@ -110,7 +110,8 @@ class WalkSpec(Strict):
 
 
 class OwnSpec(Strict):
-    """Fields of `Own`: `function` is FILE.py:NAME, with the file relative to the study's."""
+    """Measure of a study by a user's own function: `function` is FILE.py:NAME, with a path relative to the
+    study file."""
 
     kind: Literal["own"]
     function: str
@@ -118,7 +119,7 @@ class OwnSpec(Strict):
 
 
 class StudyFile(ModelOrFit):
-    """See the module.
+    """Content of a study file.
 
     `measure` is `steady`, `walk` or `own`. The points are all combinations of `grid`, `random` and `draws`.
     `summary` is FILE.py:NAME; `keep` and `task` as for `Study`.

@@ -38,7 +38,8 @@ _EXAMPLES = {"--column": 'end_effector_position="Disp (um)"', "--unit": "drive_v
 
 
 class VerificationAnalysis(Analysis, ModelOrFit):
-    """See the module. `require`: conditions such as "r_squared > 0.99"."""
+    """Request to verify a fitted actuator on recordings of walks. `require`: conditions such as "r_squared >
+    0.99"."""
 
     kind: Literal["verification"] = "verification"
     delay: Seconds = 0.0
@@ -46,7 +47,7 @@ class VerificationAnalysis(Analysis, ModelOrFit):
     require: list[str] = Field(default_factory=list)
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Predict all recordings and check the requirements."""
+        """Predict all recordings and check the requirements; return the report."""
         for text in self.require:
             Requirement.parse(text)
         predictor, chain = self._predictor(folder)
@@ -134,7 +135,7 @@ def verification_analysis(
         columns, units: of these files, "NAME=COLUMN" and "NAME=UNIT"; missing ones are guessed by
             `inspect_file`,
             and the report says so.
-        changes: of a verification file, as for `load_yaml`.
+        changes: changes to a verification file, as for `load_yaml`.
 
     Raises:
         AnalysisError: the file or a requirement is invalid, or recordings are named twice or not at all.

@@ -62,7 +62,7 @@ class WalkFile(Analysis, NamedModel):
 class WalkAnalysis(
     WalkFile, arguments_of(identify_friction, "tied", "starts", "hops", "tolerance", noise=float | str)
 ):
-    """See the module.
+    """Request to fit an actuator to walks.
 
     `tied`, `starts`, `hops`, `tolerance` (of the simulations) and `priors` (mean and standard deviation),
     which are weighed against `noise`, are as for `identify_friction`; `noise` and `tolerance` are in the unit
@@ -79,7 +79,7 @@ class WalkAnalysis(
     judgement: Part[Judgement] | None = None
 
     def check(self, folder: Path) -> Actuator:
-        """Check the request before a recording is read; returns the model."""
+        """Check the request before a recording is read; return the initial model."""
         model = self.load_model(folder)
         asked: dict[str, Any] = {"bounds": self.bounds, "priors": self.priors, "tied": self.tied}
         check_asked(model, self.free, noise=self.noise, **asked)
@@ -88,7 +88,7 @@ class WalkAnalysis(
         return model
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit and verify."""
+        """Fit and verify; return the report."""
         model = self.check(folder)
         parts = read_parts(self.recordings, folder)
         data = {r.label: (r, parts[r.label], r.waveform(folder)) for r in self.recordings}

@@ -25,7 +25,7 @@ from .kept import Kept
 
 T = TypeVar("T")
 
-_EVALUATIONS = 250  # evaluations of each search for a candidate
+_EVALUATIONS = 250  # largest number of evaluations in each search for a candidate
 # Upper bound of the delay in fits of other laws, as a multiple of the identified delay.
 _LONGEST_DELAY = 10.0
 

@@ -52,23 +52,22 @@ class CampaignResult(NamedTuple):
 
     Attributes:
         gathered: recordings in the scale of the reference, walks without their drift.
-        scale: of the sensor; None without a reference.
+        scale: scale of the sensor; None without a reference.
         stage: fit of the steps; None without steps.
         formulas: errors of the thesis's formulas, see `step_formula_errors`; None without steps.
-        hysteresis: of the stage; None without recordings of it.
+        hysteresis: hysteresis and creep of the stage; None without recordings of it.
         start: actuator at which the friction fit starts.
         friction: fit of the friction.
-        inherited: what that fit takes over from stage and scale; None without both, or for a law without
-            derivatives.
-        budget: of the errors.
+        inherited: effect of stage and scale on that fit; None without both, or for a law without derivatives.
+        budget: error budget of the friction parameters.
         walks: recordings of `verification`, in its order.
-        features: of the walks, found without a model.
-        chain: from the model's position to the channel.
-        verification: of the walks.
+        features: features of the walks, found without a model.
+        chain: signal chain from the model's position to the channel.
+        verification: verification on the walks.
         everything: fits to all walks; they show whether one set of values explains all of them.
-        failures: as sentences.
+        failures: sentences on failures.
         additional: results of the optional analyses.
-        priors: effect of each on the friction fit.
+        priors: effect of each prior on the friction fit.
     """
 
     gathered: list[Aligned]
@@ -91,7 +90,7 @@ class CampaignResult(NamedTuple):
 
     @property
     def widened_stage(self) -> Fit | None:
-        """The fit of the steps, its intervals with the errors of hysteresis and creep."""
+        """Return the fit of the steps, its intervals widened by the errors of hysteresis and creep."""
         if self.stage is None or self.hysteresis is None:
             return self.stage
         return self.hysteresis.widened(self.stage)
@@ -206,7 +205,8 @@ def _refuse_inverted(recordings: Sequence[Aligned], model: Actuator) -> None:
 
 
 class _Stage(NamedTuple):
-    """See `CampaignResult`; `model` is the actuator with the identified values."""
+    """Identified stage of a campaign: its fits, see `CampaignResult`, and `model`, the actuator with the
+    identified values."""
 
     hysteresis: Hysteresis | None
     fit: Fit | None

@@ -70,7 +70,7 @@ class CampaignFile(NamedModel, arguments_of(identify_friction, "tied", "hops", n
     - `reference`: a more accurate channel for the clamped position. The position is scaled to it on the
       steps, without the time `settling` after each step. Hysteresis and creep are identified from it, if
       there are recordings for them (use: piezo).
-    - `filter`, `slew_rate`: of the position channel and of the amplifier, if known.
+    - `filter`, `slew_rate`: filter of the position channel and slew rate of the amplifier, if known.
     - `published`: r² of other authors, by recording (and of all steps, "step").
     - `posterior` (at most `posterior_simulations`), `profiles` of the likelihood, `model_choice` (all models
       of a walk, or a list of names and of the user's own laws): optional, because they take long.

@@ -1,4 +1,4 @@
-"""Recordings of a campaign, prepared for the fits: cut, without bias, in the scale of the reference."""
+"""Preparation of a campaign's recordings for the fits: cut, without bias, in the scale of the reference."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def gather(
     The experiment's recordings go into ``out/recordings``; existing ones are used again.
 
     Args:
-        file, folder: of a campaign that passed `check_campaign`.
+        file, folder: a campaign that passed `check_campaign`, and the folder of its paths.
         out: the output folder.
         progress: called with the current recording.
         experiment: the experiment of the `cells`, and the folder of its paths.

@@ -1,4 +1,5 @@
-"""Finished stages of a campaign in files: the same command continues an interrupted campaign.
+"""Storage of a campaign's finished stages (steps of its computation), so that the same command resumes an
+interrupted campaign.
 
 A stage is identified by a hash of everything that it depends on: recordings, model, settings and the program
 itself. After any change, the dependent stages are computed again. A stage is JSON of records (see
@@ -44,7 +45,8 @@ T = TypeVar("T")
 
 
 class Kept(NamedTuple):
-    """The stages in a folder whose inputs have the hash `key`; no stage is kept without a folder.
+    """Store of a campaign's finished stages (steps of its computation) whose inputs have the hash `key`;
+    without a folder nothing is kept.
 
     `types` are those of a user's own laws, by name.
     """
@@ -62,14 +64,15 @@ class Kept(NamedTuple):
         folder: Path,
         laws: Sequence[type],
     ) -> Kept:
-        """Return the stages of a campaign; the folder is created with the first stage.
+        """Return the store of a campaign's finished stages; the folder is created when the first stage is
+        stored.
 
         Args:
-            file: the settings.
-            model: where the fits start.
-            gathered: the recordings.
-            folder: of the stages.
-            laws: the fitted laws.
+            file: settings of the campaign.
+            model: initial model of the fits.
+            gathered: prepared recordings.
+            folder: folder of the store.
+            laws: types of the fitted laws.
         """
         found = hashlib.sha256(_program().encode())
         found.update(file.model_dump_json(exclude=_OF_THE_REPORT | _BESIDE).encode())
@@ -82,12 +85,12 @@ class Kept(NamedTuple):
         return cls(folder, found.hexdigest(), {law.__name__: law for law in laws})
 
     def stage(self, name: str, compute: Callable[[], T], settings: object = None) -> T:
-        """Return the stored result of a stage, or compute and store it.
+        """Return the stored result of a stage (step of the computation), or compute and store it.
 
         Args:
-            name: of the stage.
-            compute: returns the result.
-            settings: of this stage alone.
+            name: name of the stage.
+            compute: function that returns the result.
+            settings: settings of this stage alone.
         """
         if self.folder is None:
             return compute()

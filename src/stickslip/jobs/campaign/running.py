@@ -1,4 +1,4 @@
-"""Run a campaign file."""
+"""Runner of campaign files."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def run_campaign(
         out: the output folder. Recordings of the experiment go into its subfolder `recordings`; existing ones
             are used again. Finished stages go into `stages`, from which an interrupted campaign continues.
         progress: called with the current activity and the finished fraction, from 0 to 1.
-        figures: draw them.
-        changes: of the file, as for `load_yaml`.
+        figures: draw figures.
+        changes: changes to the file, as for `load_yaml`.
 
     Raises:
         InputFileError: the file is invalid; the message names the file and the field.
