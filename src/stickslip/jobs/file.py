@@ -165,6 +165,12 @@ def _step(number: int, said: Any, path: Path) -> JobStep:
     ((kind, content),) = said.items()
     if isinstance(content, str) and kind != "export":
         other = path.parent / content
+        if not other.is_file():
+            beside = did_you_mean(content, [one.name for one in sorted(path.parent.glob("*.y*ml"))])
+            place = f"{path}: steps.{number}.{kind}: {content}"
+            raise InputFileError(
+                f"{place}: there is no such file{beside}; files are searched beside {path.name}"
+            )
         return JobStep(kind, load_yaml(other), other)
     if not isinstance(content, dict):
         raise InputFileError(f"{path}: steps.{number}.{kind}: a file, or what it would say")
