@@ -192,7 +192,7 @@ def move(page: Page) -> Iterator[State]:
     page.get_by_role("button", name="Scan", exact=True).click()
     expect(page.locator("#move-fault")).not_to_be_empty()
     yield "holding, a scan refused", "html"
-    page.get_by_role("button", name="Let go").click()
+    page.get_by_role("button", name="Release").click()
     expect(page.locator("#move-phase")).to_have_text("At rest: the output is at 0 V")
     field = page.get_by_label("Bandwidth of the integral").first
     field.fill("900 Hz")

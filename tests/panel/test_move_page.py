@@ -99,7 +99,7 @@ def test_a_button_makes_steps_while_it_is_held(opened: Page) -> None:
     expect(steps(opened)).not_to_have_text(re.compile(rf"^{counted(opened)}\\b"))
     opened.keyboard.up("Enter")
     settled(opened)
-    press(opened, "Let go")
+    press(opened, "Release")
     at_rest(opened)
 
 
@@ -115,7 +115,7 @@ def test_steps_end_where_the_page_is_not_heard_any_more(opened: Page) -> None:
     assert counted(opened) == made
     opened.unroute("**/api/move/act")
     opened.mouse.up()
-    press(opened, "Let go")
+    press(opened, "Release")
     at_rest(opened)
 
 
@@ -150,7 +150,7 @@ def test_from_gains_to_a_place_a_step_a_scan_and_back(panel: Panel, opened: Page
     settled(opened)
     assert 22.0 < number(opened, "Target") < 35.0
     before = set(panel.folder.rglob("move*.nc"))
-    press(opened, "Let go")
+    press(opened, "Release")
     at_rest(opened)
     made = kept(panel.folder, before)
     assert made.attrs["outcome"] == "complete"
@@ -171,15 +171,15 @@ def test_a_refused_field_moves_nothing(panel: Panel, opened: Page) -> None:
         press(opened, "Forward ▸")
         expect(said).to_contain_text("Steps: a whole number of steps, from 1 on")
     put(opened, "Steps", "2")
-    put(opened, "Step rate", "fast")
+    put(opened, "Steps per second", "fast")
     press(opened, "◂ Back")
-    expect(said).to_contain_text("Step rate: a number in Hz")
+    expect(said).to_contain_text("Steps per second: a number in Hz")
     at_rest(opened)
     assert set(panel.folder.rglob("move*.nc")) == before
-    put(opened, "Step rate", "100")
+    put(opened, "Steps per second", "100")
     press(opened, "Forward ▸")
     settled(opened)
-    press(opened, "Let go")
+    press(opened, "Release")
     at_rest(opened)
     expect(opened.locator(".move-now .when")).to_be_hidden()
 
@@ -207,7 +207,7 @@ def test_a_stop_and_an_operator_who_leaves(panel: Panel, opened: Page, browser: 
 
 def test_kill_9_in_mid_move(panel: Panel, opened: Page) -> None:
     put(opened, "Position from home", "900 um")
-    put(opened, "Step rate", "1")  # longer than a session lasts
+    put(opened, "Steps per second", "1")  # longer than a session lasts
     press(opened, "Go")
     settled(opened, "Walking by steps")
     opened.wait_for_timeout(300)

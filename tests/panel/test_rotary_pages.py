@@ -98,7 +98,7 @@ def test_a_walk_is_recorded_and_an_angle_held(turning: Panel, page: Page) -> Non
     settled(page)
     assert number(shown(page, "Position").inner_text()) == pytest.approx(3e-3, abs=2e-6)
     before = set(turning.folder.rglob("move*.nc"))
-    press(page, "Let go")
+    press(page, "Release")
     at_rest(page)
     made = kept(turning.folder, before)
     assert {made[name].attrs["units"] for name in ("end_effector_position", "target_position")} == {"rad"}

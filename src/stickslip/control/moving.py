@@ -54,7 +54,7 @@ class Stepping(NamedTuple):
     pause: Annotated[float, Quantity("s", "t_w", "pause after the last step", above=0)] = 0.01
     scan: Annotated[float, Quantity("s", "t_s", "time of a scan to the target", above=0)] = 0.02
     margin: Annotated[float, Quantity("", "m", "share of the range kept free", minimum=0, maximum=0.4)] = 0.1
-    tolerance: Annotated[float, Quantity("m", "ε", "what counts as there", above=0)] = 10e-9
+    tolerance: Annotated[float, Quantity("m", "ε", "tolerance of the position", above=0)] = 10e-9
     dwell: Annotated[float, Quantity("s", "t_d", "time over which arrival is judged", minimum=0)] = 0.01
 
 

@@ -9,9 +9,9 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 
 from ..quantities.input_file import Strict
-from ..quantities.records import quantities
-from ..quantities.units import QuantityError, with_prefix
+from ..quantities.units import QuantityError
 from ..rig import Limits
+from ..rig.limits import changed_limits
 from .control import Control
 from .document import BenchDocument
 from .folder import Folder
@@ -181,13 +181,8 @@ def _add_experiment(
     def limits_change(before: Limits, after: Limits) -> None:
         """Refuse changes of limits without the required role; log all others."""
         need_role("maintain")
-        old, new, units = before._asdict(), after._asdict(), quantities(Limits)
-        said = [
-            f"{name} {with_prefix(old[name], units[name].unit)} -> {with_prefix(new[name], units[name].unit)}"
-            for name in new
-            if old[name] != new[name]
-        ]
-        journal(f"limits changed: {', '.join(said)}", "warning")
+        changes = changed_limits(before, after, document.checked.unit)
+        journal(f"limits changed: {', '.join(changes)}", "warning")
 
     document.limits_change = limits_change
 

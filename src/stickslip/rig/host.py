@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hmac
 import json
-import math
 import os
 import secrets
 import signal
@@ -32,7 +31,7 @@ from .gate import PositionInput
 from .home import Home
 from .interlock import FILE as INTERLOCK
 from .interlock import Interlock
-from .limits import LONGEST_STOP, Limits
+from .limits import LONGEST_STOP, Limits, changed_limits
 from .lock import locked, own_folder
 from .logbook import Logbook
 from .memory import collected_on_request, give_memory_back
@@ -58,7 +57,7 @@ class Host:
         self._folder, self.token = folder, secrets.token_hex(32)
         home = folder / "home.json"
         self._log = Logbook(folder)
-        self._limits: dict[str, float] = {}  # limits of the last run
+        self._limits: Limits | None = None  # limits of the last run
         self.interlock = Interlock(folder / INTERLOCK, log=self._act)
         self.supervisor = Supervisor(
             Home.load(home),
@@ -235,12 +234,9 @@ class Host:
 
     def _changed(self, limits: Limits, who: str) -> None:
         """Log the limits that differ from those of the previous run."""
-        now = {name: value for name, value in limits._asdict().items() if math.isfinite(value)}
-        before, self._limits = self._limits, now
-        said = [f"{name} {value:g}" for name, value in now.items() if before.get(name) != value]
-        said += [f"{name} none" for name in before if name not in now]
-        if said:
-            self._log.write(f"limits: {', '.join(said)}", who=who)
+        before, self._limits = self._limits, limits
+        if changes := changed_limits(before, limits):
+            self._log.write(f"limits: {', '.join(changes)}", who=who)
 
     def _act(self, act: str, who: str, what: str, why: str) -> None:
         """Log an act on the interlock."""

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..quantities.records import Quantity, record
+from ..quantities.records import Quantity, quantities, record
 from ..quantities.units import QuantityError, with_prefix
 from .protocols import Array, Capabilities, RigError
 
@@ -64,6 +64,28 @@ class Limits(NamedTuple):
     def end_stops(self) -> bool:
         """True if the travel is limited."""
         return math.isfinite(self.min_position) or math.isfinite(self.max_position)
+
+
+def changed_limits(before: Limits | None, after: Limits, unit: str = "") -> list[str]:
+    """Return the changes as texts for the log, such as "max_voltage 100 V -> 80 V".
+
+    Without `before`, all finite limits are told. `unit` is that of positions; "" if it is not known.
+    """
+    units = {name: quantity.unit for name, quantity in quantities(Limits).items()}
+
+    def shown(name: str, limits: Limits) -> str:
+        value = getattr(limits, name)
+        if units[name] == "m" and not unit:
+            return f"{value:g} m or rad"
+        return with_prefix(value, unit if units[name] == "m" else units[name])
+
+    if before is None:
+        return [f"{name} {shown(name, after)}" for name in units if math.isfinite(getattr(after, name))]
+    return [
+        f"{name} {shown(name, before)} -> {shown(name, after)}"
+        for name in units
+        if getattr(before, name) != getattr(after, name)
+    ]
 
 
 def beyond(position: float, end: float, unit: str) -> LimitError:

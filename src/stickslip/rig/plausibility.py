@@ -38,18 +38,18 @@ class Plausibility(NamedTuple):
     `control.plausibility` gives the thresholds of a model. `inf` switches a threshold off.
     """
 
-    gain: Annotated[float, Quantity("m/V", "C", "stroke per volt; 0: not known", minimum=0)] = 0.0
+    gain: Annotated[float, Quantity("m/V", "C", "stroke per volt; 0 if unknown", minimum=0)] = 0.0
     speed: Annotated[float, Quantity("m/s", "v_b", "greatest speed", above=0, maximum=_INF)] = 1.0
     apart: Annotated[
-        float, Quantity("m", "x_b", "way that the drive need not explain", above=0, maximum=_INF)
+        float, Quantity("m", "x_b", "displacement that the drive need not explain", above=0, maximum=_INF)
     ] = 1e-6
     share: Annotated[
-        float, Quantity("", "r_b", "share of the drive's way that need not be followed", minimum=0, maximum=1)
+        float, Quantity("", "r_b", "relative difference from the expected displacement", minimum=0, maximum=1)
     ] = 0.5
     settling: Annotated[float, Quantity("s", "t_b", "time until stage and sensor have settled", above=0)] = (
         0.01
     )
-    edge: Annotated[float, Quantity("V", "A_0", "change at which a step begins to slip", above=0)] = 10.0
+    edge: Annotated[float, Quantity("V", "A_0", "change at which a step slips", above=0)] = 10.0
     slope: Annotated[
         float, Quantity("V/s", "R_b", "slope below which the contact sticks", above=0, maximum=_INF)
     ] = 3e3
@@ -57,13 +57,14 @@ class Plausibility(NamedTuple):
         float, Quantity("", "r_s", "share of a change beyond A_0 that becomes a step", minimum=0, maximum=2)
     ] = 0.0
     steps: Annotated[
-        float, Quantity("", "n_b", "steps in one direction at a target that stands", above=0, maximum=_INF)
+        float,
+        Quantity("", "n_b", "steps one way at a target at rest", above=0, maximum=_INF),
     ] = 20.0
     astray: Annotated[
-        float, Quantity("m", "x_a", "way from a target that was reached", above=0, maximum=_INF)
+        float, Quantity("m", "x_a", "distance from a target that was reached", above=0, maximum=_INF)
     ] = _INF
     at_limit: Annotated[
-        float, Quantity("s", "t_l", "time of the output at its limit", above=0, maximum=_INF)
+        float, Quantity("s", "t_l", "time with the output at its limit", above=0, maximum=_INF)
     ] = 1.0
     sensors: Annotated[float, Quantity("m", "x_s", "difference of two sensors", above=0, maximum=_INF)] = 1e-6
 

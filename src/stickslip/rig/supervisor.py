@@ -306,11 +306,11 @@ class Supervisor:
                 error.add_note("The stop failed: switch the amplifier off")
             failure = failure or error
             self.let_go()  # the device takes a closed connection as a stop
-        ended = "its end" if failure is None else str(failure) or type(failure).__name__
+        ended = "complete" if failure is None else str(failure) or type(failure).__name__
         said = self.stopped.get("failed") or "ramped to 0 V" + (
             "" if (volts := self.stopped["measured"]) is None else f", the monitor reads {volts:.3g} V"
         )
-        self._log(f"{ended}: {said}")
+        self._log(f"{ended}; {said}")
         self._settle(order, ended, drove and (self._left or is_fault(failure)))
         with self._news:
             self.home.origin = getattr(rig, "origin", 0.0)

@@ -48,7 +48,7 @@ export async function mount(element, app) {
       if (mine !== asked) return;
       rows = found.rows;
       const all = found.count > rows.length ? `${rows.length} of ${found.count}: search for the others` : `${found.count} ${found.count === 1 ? "entry" : "entries"}`;
-      count.textContent = found.count || search.value || kind.value || outcome.value ? all : "Nothing is here yet: record a run on the Bench page, or take in a file of your own.";
+      count.textContent = found.count || search.value || kind.value || outcome.value ? all : "Nothing is here yet: record a run on the Bench page, or import a file of your own.";
       for (const name of ticked) if (!rows.some((one) => one.name === name)) ticked.delete(name);
       draw();
     } catch (error) {

@@ -9,7 +9,7 @@ export async function showLog(room, app) {
   const body = h("tbody"), none = h("p", { class: "soft", role: "status" });
   const heads = ["When", "What", "Why", "Who", "From"].map((one) => h("th", {}, one));
   room.replaceChildren(h("section", { class: "card history-log", "aria-label": "Log" }, h("h2", {}, "Log"),
-    h("p", { class: "soft" }, "Lines are only ever added to it: log.jsonl of the panel's folder, and of the rig's."), search, none,
+    h("p", { class: "soft" }, "Every act on the panel and on the rig, newest first. The files log.jsonl in the panel's and the rig's folders are only appended to."), search, none,
     h("div", { class: "history-table", tabIndex: 0, role: "group", "aria-label": "Lines of the log" }, h("table", {}, h("thead", {}, h("tr", {}, ...heads)), body))));
   let timer = 0, asked = 0;
   function later() { clearTimeout(timer); timer = setTimeout(load, 200); }

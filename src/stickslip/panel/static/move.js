@@ -7,7 +7,7 @@ import { latestWins } from "./latest.js";
 import { makeLiveData } from "./livedata.js";
 import { makePlot } from "./plot.js";
 import { formatQuantity, makeQuantity, needAccepted } from "./quantity.js";
-import { makeChoice, makeSlider } from "./sliders.js";
+import { capital, makeChoice, makeSlider } from "./sliders.js";
 import { unpack } from "./stream.js";
 
 const SPANS = [["1", "1 s"], ["5", "5 s"], ["30", "30 s"], ["120", "all"]];
@@ -15,8 +15,8 @@ const AGAIN = 150; // ms between pictures
 const JOGS = 50; // ms between two words of a button that is held
 const NAMES = ["end_effector_position", "target_position", "drive_voltage"];
 // What was typed stays while other pages are looked at.
-const kept = { unit: "", count: 3, hertz: 10, cycles: 10, input: "", amplitude: null, frequency: 100, gains: {}, span: "5" };
-const USUAL = { m: { to: 20e-6, range: 2e-6, tolerance: 10e-9 }, rad: { to: 2e-3, range: 0.2e-3, tolerance: 1e-6 } }; // by the unit of positions
+const kept = { unit: "", count: 3, hertz: 10, cycles: 10, input: "", settings: {}, gains: {}, span: "5" };
+const USUAL = { m: { to: 20e-6, range: 2e-6 }, rad: { to: 2e-3, range: 0.2e-3 } }; // by the unit of positions
 
 export async function mount(element, app) {
   await Promise.all([styled("./explore.css"), styled("./move.css")]);
@@ -24,7 +24,7 @@ export async function mount(element, app) {
   const live = makeLiveData(app);
   const fault = h("p", { class: "fault", role: "alert", id: "move-fault" });
   const say = (error) => { fault.textContent = error.message; };
-  const settings = () => ({ input: kept.input, amplitude: kept.amplitude, frequency: kept.frequency, tolerance: kept.tolerance, ...kept.gains });
+  const settings = () => ({ input: kept.input, ...kept.settings, ...kept.gains });
   /** `of`: the fields that say what is done; those of how it is done can be wrong only before it begins. */
   async function act(does, of) {
     fault.textContent = "";
@@ -37,7 +37,7 @@ export async function mount(element, app) {
   }
 
   // --- what to do
-  const field = (name, label, unit, check = () => {}) => makeQuantity({ label, unit, value: kept[name], app, change: (value) => { check(value); kept[name] = value; } }).element;
+  const field = (name, label, unit, check = () => {}, into = kept) => makeQuantity({ label, unit, value: into[name], app, change: (value) => { check(value); into[name] = value; } }).element;
   function whole(value) {
     if (!Number.isInteger(value) || value < 1) throw new Error("a whole number of steps, from 1 on; Back and Forward say which way");
   }
@@ -81,7 +81,7 @@ export async function mount(element, app) {
   const forth = doing("Forward ▸", "So many full steps forward, then hold there", () => ({ do: "steps", count: kept.count }));
   const held = [holding("◂ Hold", "Steps backward while it is held", -1), holding("Hold ▸", "Steps forward while it is held", 1)];
   const scan = doing("Scan", "About where it holds, by the piezo alone", () => ({ do: "scan", range: kept.range, frequency: kept.hertz, cycles: kept.cycles }));
-  const release = button("Let go", "The output goes to 0 V; the recording is kept", () => act(() => ({ do: "release" })));
+  const release = button("Release", "The output goes to 0 V; the recording is kept", () => act(() => ({ do: "release" })));
   const deeds = h("fieldset", { class: "bare" });
   // They stay as they are while a session begins: a button that is disabled would not hear that it is let go.
   const jogs = h("fieldset", { class: "bare move-jog" }, h("legend", {}, "Jog while held"), ...held);
@@ -117,7 +117,7 @@ export async function mount(element, app) {
   /** Fields and plot of positions in m, or in rad of what turns. */
   function positionsIn(unit) {
     if (plot && unit === kept.unit) return;
-    if (unit !== kept.unit) Object.assign(kept, { unit }, USUAL[unit]);
+    if (unit !== kept.unit) Object.assign(kept, { unit, settings: {} }, USUAL[unit]);
     deeds.replaceChildren(
       h("div", { class: "move-line" }, field("to", "Position from home", unit), go),
       h("div", { class: "move-line" }, field("count", "Steps", "", whole), back, forth),
@@ -164,7 +164,7 @@ export async function mount(element, app) {
     try {
       const last = x[filled - 1], view = plot.view ?? [Math.max(last - Number(kept.span), 0), last];
       const [time, at, wanted, volts] = await live.window(NAMES, view, 2 * plot.pixels);
-      const band = (sign) => wanted.map((one) => one + sign * kept.tolerance);
+      const band = (sign) => wanted.map((one) => one + sign * (kept.settings.tolerance ?? 0));
       plot.setData([time, at, wanted, band(-1), band(1), volts]);
       canvas.dataset.points = String(time.length);
     } catch {
@@ -217,11 +217,11 @@ export async function mount(element, app) {
     fault.textContent = "";
     positionsIn(choices.unit);
     if (!choices.inputs.includes(kept.input)) kept.input = choices.inputs[0];
-    kept.amplitude ??= choices.walk;
+    for (const { name, starts } of choices.settings) kept.settings[name] ??= starts;
     sensor.select.replaceChildren(...choices.inputs.map((one) => new Option(one, one)));
     sensor.set(kept.input);
-    setup.replaceChildren(sensor.element, field("amplitude", "Step voltage", "V"), field("frequency", "Step rate", "Hz"), field("tolerance", "Tolerance ±", choices.unit));
-    how.textContent = `${choices.actuator}: the piezo's stroke is ${formatQuantity(choices.stroke, choices.unit, 3)}. The loop holds the position until you let go, at most ${choices.at_most} s; sensor and gains stay fixed meanwhile.`;
+    setup.replaceChildren(sensor.element, ...choices.settings.map(({ name, unit, meaning }) => field(name, capital(meaning), unit, undefined, kept.settings)));
+    how.textContent = `${choices.actuator}: the piezo's stroke is ${formatQuantity(choices.stroke, choices.unit, 3)}. The loop holds the position until you press Release, at most ${choices.at_most} s; sensor and gains stay fixed meanwhile.`;
     believed.replaceChildren(...choices.plausibility.flatMap(({ value, meaning }) => [h("dt", {}, meaning), h("dd", {}, value)]));
     gains();
     show();
