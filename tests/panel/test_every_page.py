@@ -65,6 +65,8 @@ def test_nothing_sticks_out_and_the_stop_is_there(shown: Page, width: int, heigh
     shown.emulate_media(color_scheme=scheme)
     shown.evaluate(DRAWN)
     assert shown.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    shown.evaluate("scrollTo(0, document.documentElement.scrollHeight)")  # also at the end of a long page
+    shown.evaluate(DRAWN)
     stop = shown.locator("#stop").bounding_box()
     assert stop is not None
     assert stop["x"] >= 0

@@ -126,6 +126,11 @@ def test_targets_are_as_large_as_a_finger(tablet: Page, panel: Panel, name: str)
     assert tablet.evaluate("document.documentElement.scrollWidth") <= 768, "nothing stands out sideways"
     tablet.set_viewport_size({"width": 390, "height": 844})
     assert tablet.evaluate("document.documentElement.scrollWidth") <= 390, "nor on a phone"
+    if name == "bench":
+        start, plot = (tablet.locator(one).first.bounding_box() for one in ("#start", ".plotter-card"))
+        assert start is not None
+        assert plot is not None
+        assert start["y"] + start["height"] < min(plot["y"], 844.0), "Start comes before the plots"
     tablet.set_viewport_size({"width": 768, "height": 1024})
     stop = tablet.locator("#stop").bounding_box()
     assert stop is not None

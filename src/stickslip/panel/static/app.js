@@ -85,10 +85,18 @@ async function route() {
   // Each page has a room of its own: one that is left while it still waits for its data fills none of the next one's.
   const room = document.createElement("div");
   room.className = "room";
-  byId("page").replaceChildren(room);
-  const module = await import(PAGES[page]);
-  if (shown !== page) return;
-  const left = await module.mount(room, app);
+  const loading = document.createElement("p");
+  loading.className = "soft loading";
+  loading.textContent = "Loading…";
+  byId("page").replaceChildren(loading, room);
+  let left;
+  try {
+    const module = await import(PAGES[page]);
+    if (shown !== page) return;
+    left = await module.mount(room, app);
+  } finally {
+    loading.remove();
+  }
   if (shown === page) unmount = left || unmount;
   else left?.();
 }

@@ -97,7 +97,7 @@ export async function mount(element, app) {
     const of = { drive: null };
     const act = (text, does) => h("button", { type: "button", class: "small", disabled: true, onclick: () => does(of).catch(say) }, text);
     const acts = [act("Send to the bench", send), act("Information in this recording", tell)];
-    const empty = name === "fresh" ? "Find the fastest drive, or point at the front." : "";
+    const empty = name === "fresh" ? "Find the fastest drive, or select a drive of the front." : "";
     const motions = latestWins({
       ask: (drive) => app.request("/api/design/motion", { ...asked(), drive }),
       take(answer) {
