@@ -70,8 +70,8 @@ def test_a_second_contact_holds_the_slider_while_the_first_slips() -> None:
     assert made["single"] == pytest.approx(0.228, abs=0.001)
     rates, equal = made["rates"], int(np.flatnonzero(made["ratios"] == 1.0)[0])
     assert np.all(np.argmin(rates, axis=1) == equal)
-    np.testing.assert_allclose(rates[:, equal], [0.0, 0.015, 0.071], atol=1e-3)
-    assert rates[0, equal] < 0.006 < rates[1, equal]
+    np.testing.assert_allclose(rates[:, equal], [0.0, 0.0063, 0.0507], atol=5e-4)
+    assert made["pair"] == rates[1, equal]
 
 
 def spool_in_closed_form(duration: float) -> tuple[list[Any], list[Any]]:

@@ -15,6 +15,7 @@ from .vibration import Noise as Noise
 from .vibration import TipLoad as TipLoad
 from .waveforms import optimise_waveform as optimise_waveform
 from .maps import step_map as step_map
+from .motion import backward_rate as backward_rate
 from .stepping import blocking_force as blocking_force
 from .stepping import load_speed_curve as load_speed_curve
 from .stepping import minimum_voltage as minimum_voltage

@@ -1,4 +1,4 @@
-r"""Backlash, ringing and ripple of the end-effector within a period of its steady walk.
+r"""Backlash, backward rate, ringing and ripple of the end-effector within a period of its steady walk.
 
 Let x be the position of the end-effector along the walk (in the direction of its net step) and C u the static
 stroke of the voltage:
@@ -15,6 +15,9 @@ drive, the lag of the stage. If the fast stroke of the drive is along the walk (
 backward by resonance), no slip precedes it: NaN. Both quantities are meaningful for drives that slip once in
 a period. They are not goals of a search, which would find drives that vibrate all the time.
 
+The *backward rate* is the backlash over the way forward, :math:`b / (s + b)` with the net step s: 0 for a
+walk that never moves back, 1 for a motion without a net step.
+
 *Ripple* is the deviation from uniform motion, peak to peak of :math:`x - t s / T` with the net step s, for
 any drive.
 """
@@ -22,15 +25,17 @@ any drive.
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..engine.binding import DriveTable
 from ..engine.members import ComposedMembers, MemberDrives, integrate_members
 from ..engine.orbits import Orbits
 from ..engine.outcome import DONE
 from ..physics.actuator import Actuator
+from ..quantities.units import QuantityError, array_si
 from ..simulation.members import Columns, Members
 from ..waveform.drive import evaluate
 from ..waveform.members import member_of
@@ -56,9 +61,9 @@ def within_a_period(
     tolerance: float,
     names: Collection[str],
 ) -> dict[str, Array]:
-    """Return the named quantities of members (points of the map), by name, in m; NaN for members without a
+    """Return the named quantities of members (points of the map), by name, in m or without unit; NaN for members without a
     periodic orbit. `of.states` are the states on the orbits."""
-    backlash, ringing, ripple = np.full((3, fine.size), np.nan)
+    backlash, backward, ringing, ripple = np.full((4, fine.size), np.nan)
     gains = columns.get("gain", np.full(fine.size, model.gain))
     drives, which = of.drives, of.which
     of_same: dict[bytes, list[int]] = {}  # members whose drives change slope at the same times
@@ -71,13 +76,35 @@ def within_a_period(
         times = sample_times(start[np.isfinite(start)], period, float(of.of.plant.rate))
         positions = _followed(of, rows, period, times, tolerance)
         ripple[rows] = np.ptp(positions - times * found.steps[rows, None] / period, axis=1)
-        if {"backlash", "ringing"} & {*names}:
+        if {"backlash", "backward_rate", "ringing"} & {*names}:
             volts = np.stack([evaluate(member_of(drives, which[m]), times)[0] for m in members])
             way = np.where(found.steps[rows] < 0.0, -1.0, 1.0)[:, None]
             moved = way * positions, way * gains[rows, None] * volts, np.abs(found.steps[rows])
             backlash[rows], ringing[rows] = measured(times, period, *moved)
-    every = {"backlash": backlash, "ringing": ringing, "ripple": ripple}
+            backward[rows] = _of_way_forward(backlash[rows], moved[2])
+    every = {"backlash": backlash, "backward_rate": backward, "ringing": ringing, "ripple": ripple}
     return {name: every[name] for name in names}
+
+
+def backward_rate(position: ArrayLike) -> float:
+    """Return the backward rate of a steady walk: its farthest way back over its way forward.
+
+    Args:
+        position: m, of the end-effector over one period, both ends included.
+    """
+    x = array_si(position, "m", "position").ravel()
+    if x.size < 2:
+        raise QuantityError("position: a period has at least two positions, at both of its ends")
+    step = x[-1] - x[0]
+    twice = np.append(x, x[1:] + step) * (-1.0 if step < 0.0 else 1.0)
+    back = np.max(np.maximum.accumulate(twice) - twice)
+    return float(_of_way_forward(back, abs(step)))
+
+
+def _of_way_forward(back: Any, step: Any) -> Any:
+    """Return the way back [m] over the way forward of a net step [m]; NaN of what does not move."""
+    with np.errstate(invalid="ignore"):
+        return np.divide(back, back + step)
 
 
 def sample_times(breaks: Array, period: float, rate: float) -> Array:

@@ -14,4 +14,5 @@ from .steady import steady_step as steady_step
 from .steady_derivatives import steady_step_derivatives as steady_step_derivatives
 from .steady_members import steady_steps as steady_steps
 from .ticks import Motion as Motion
+from .together import simulate_together as simulate_together
 from .trajectory import simulate as simulate
