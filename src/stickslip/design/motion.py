@@ -61,8 +61,10 @@ def within_a_period(
     tolerance: float,
     names: Collection[str],
 ) -> dict[str, Array]:
-    """Return the named quantities of members (points of the map), by name, in m or without unit; NaN for members without a
-    periodic orbit. `of.states` are the states on the orbits."""
+    """Return the named quantities of members (points of the map), by name, in m or without unit.
+
+    NaN for members without a periodic orbit. `of.states` are the states on the orbits.
+    """
     backlash, backward, ringing, ripple = np.full((4, fine.size), np.nan)
     gains = columns.get("gain", np.full(fine.size, model.gain))
     drives, which = of.drives, of.which
