@@ -33,13 +33,14 @@ if TYPE_CHECKING:
 
 
 class FileKind(StrEnum):
-    """Kinds of input files."""
+    """Kinds of files with a schema."""
 
     JOB = "job"
     EXPERIMENT = "experiment"
     CAMPAIGN = "campaign"
     IDENTIFICATION = "identification"
     DESIGN = "design"
+    RESULTS = "results"
 
 
 @app.command()
@@ -185,7 +186,7 @@ def serve(twins: dict[str, Twin], host: str, port: int, pty: bool) -> None:
 
 @app.command()
 def schema(kind: Annotated[FileKind, typer.Argument(help="Kind of file.")] = FileKind.JOB) -> None:
-    """Print the JSON Schema of files, for editors: of jobs, or of one of the kinds that a step may be."""
+    """Print the JSON Schema of files: of jobs, of a kind that a step may be, or of results.json."""
     if kind is FileKind.JOB:
         from ..jobs.file import json_schema
     elif kind is FileKind.EXPERIMENT:
@@ -194,6 +195,8 @@ def schema(kind: Annotated[FileKind, typer.Argument(help="Kind of file.")] = Fil
         from ..jobs.campaign.file import json_schema
     elif kind is FileKind.DESIGN:
         from ..jobs.analysis.design import json_schema
+    elif kind is FileKind.RESULTS:
+        from ..jobs.analysis.results import json_schema
     else:
         from ..jobs.analysis.running import json_schema
     typer.echo(json.dumps(json_schema(), indent=1))

@@ -1,6 +1,7 @@
 """results.json: every number of a document with its unit, in strict JSON.
 
-JSON has neither NaN nor infinity: such a value is null, with a "reason".
+JSON has neither NaN nor infinity: such a value is null, with a "reason". The records here declare the content
+of the file; `stickslip schema results` prints them as JSON Schema.
 """
 
 from __future__ import annotations
@@ -8,13 +9,97 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from .circumstances import Circumstances
 from .document import Document, DocumentError, Number, Table
+
+KIND = "stickslip results, version 1"
+
+
+@dataclass(frozen=True)
+class Ends:
+    """An interval."""
+
+    low: float | None
+    high: float | None
+    level: float = field(metadata={"description": "Probability of the interval."})
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A value with its unit. A result may say more of it in further fields."""
+
+    value: float | list[Any] | None = field(
+        metadata={"description": "A number or an array, SI. Null where there is none; `reason` says why."}
+    )
+    unit: str = field(metadata={"description": 'SI unit; "" for a plain number.'})
+    low: float | None = field(default=None, metadata={"description": "Lower end of the confidence interval."})
+    high: float | None = field(
+        default=None, metadata={"description": "Upper end of the confidence interval."}
+    )
+    level: float | None = field(
+        default=None, metadata={"description": "Probability of the interval, 0.95 by default."}
+    )
+    standard_error: float | None = field(default=None, metadata={"description": "In the unit of the value."})
+    systematic: Ends | None = field(
+        default=None, metadata={"description": "Interval for systematic errors alone."}
+    )
+    both: Ends | None = field(
+        default=None, metadata={"description": "Interval for systematic and statistical errors."}
+    )
+    note: str | None = field(default=None, metadata={"description": "What has to be known about the value."})
+    reason: str | None = field(default=None, metadata={"description": "Why the value is null."})
+
+
+@dataclass(frozen=True)
+class WrittenColumn:
+    """A column of a table."""
+
+    name: str
+    unit: str | None = field(
+        metadata={
+            "description": "SI unit of all its numbers; null for text and for cells with their own units."
+        }
+    )
+
+
+@dataclass(frozen=True)
+class WrittenTable:
+    """A table of the report."""
+
+    caption: str
+    columns: list[WrittenColumn]
+    rows: list[list[Quantity | float | str | None]] = field(
+        metadata={"description": "A cell for each column."}
+    )
+    notes: str
+
+
+@dataclass(frozen=True)
+class Results:
+    """Results of a command of stickslip."""
+
+    kind: Literal["stickslip results, version 1"]
+    title: str
+    summary: str = field(metadata={"description": "What was done and what came out."})
+    highlights: dict[str, Quantity] = field(metadata={"description": "The main results."})
+    numbers: dict[str, Any] = field(
+        metadata={"description": "All results by name, nested; the names depend on the command."}
+    )
+    tables: list[WrittenTable]
+    failures: list[str] = field(metadata={"description": "Requirements that are not met, a sentence each."})
+    assumptions: list[str] = field(metadata={"description": "What was assumed, a sentence each."})
+    citations: str = field(metadata={"description": "BibTeX."})
+    made: str = field(metadata={"description": "Date and time, ISO 8601 with the time zone."})
+    command: str
+    machine: str
+    versions: dict[str, str] = field(metadata={"description": "Versions of stickslip, Python and libraries."})
+    elapsed: Quantity | None = field(default=None, metadata={"description": "Duration."})
 
 
 def results_json(document: Document, made: Circumstances) -> str:
@@ -23,37 +108,50 @@ def results_json(document: Document, made: Circumstances) -> str:
     Raises:
         DocumentError: a number without a unit; the message names its path.
     """
-    results = {
-        "title": document.title,
-        "summary": document.summary,
-        "highlights": {what: _number(number) for what, number in document.highlights},
-        "numbers": _numbers(document.numbers, "numbers"),
-        "tables": [_table(table) for table in document.tables()],
-        "failures": list(document.failures),
-        "assumptions": list(document.assumptions),
-        "citations": document.citations,
-        "made": made.made,
-        "command": made.command,
-        "machine": made.machine,
-        "versions": made.versions,
-    }
-    if made.elapsed is not None:
-        results["elapsed"] = _number(Number(made.elapsed, "s"))
-    return json.dumps(results, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
+    results = Results(
+        kind=KIND,
+        title=document.title,
+        summary=document.summary,
+        highlights={what: _number(number) for what, number in document.highlights},
+        numbers=_numbers(document.numbers, "numbers"),
+        tables=[_table(table) for table in document.tables()],
+        failures=list(document.failures),
+        assumptions=list(document.assumptions),
+        citations=document.citations,
+        made=made.made,
+        command=made.command,
+        machine=made.machine,
+        versions=made.versions,
+        elapsed=None if made.elapsed is None else _number(Number(made.elapsed, "s")),
+    )
+    return json.dumps(results, allow_nan=False, ensure_ascii=False, indent=1, default=_given) + "\n"
 
 
-def _number(number: Number) -> dict[str, Any]:
-    found: dict[str, Any] = {"value": number.value, "unit": number.unit}
-    if number.low is not None:
-        found |= {"low": number.low, "high": number.high, "level": number.level}
-    if number.standard_error is not None:
-        found["standard_error"] = number.standard_error
-    for name, ends in (("systematic", number.systematic), ("both", number.both)):
-        if ends is not None:
-            found[name] = {"low": ends[0], "high": ends[1], "level": number.level}
-    if number.note:
-        found["note"] = number.note
-    return _quantity(found)
+def _given(record: Any) -> dict[str, Any]:
+    """The fields of a record that are given; null is a value, and the unit of a column of text."""
+    optional = {name for name, one in record.__dataclass_fields__.items() if one.default is None}
+    if getattr(record, "level", None) is not None:
+        optional -= {"low", "high"}  # an end that is infinite is null
+    return {name: one for name, one in vars(record).items() if not (name in optional and one is None)}
+
+
+def _number(number: Number) -> Quantity:
+    def ends(pair: tuple[float, float] | None) -> Ends | None:
+        return None if pair is None else Ends(_strict(pair[0]), _strict(pair[1]), number.level)
+
+    value = _strict(number.value)
+    return Quantity(
+        value,
+        number.unit,
+        _strict(number.low),
+        _strict(number.high),
+        None if number.low is None else number.level,
+        _strict(number.standard_error),
+        ends(number.systematic),
+        ends(number.both),
+        number.note or None,
+        None if value is not None else number.note or _missing(number.value),
+    )
 
 
 def _quantity(found: Mapping[str, Any]) -> dict[str, Any]:
@@ -108,10 +206,10 @@ def _numbers(node: Any, path: str) -> Any:
     raise DocumentError(f"{path} = {node!r} has no unit")
 
 
-def _table(table: Table) -> dict[str, Any]:
-    return {
-        "caption": table.caption,
-        "columns": [{"name": column.name, "unit": column.unit} for column in table.columns],
-        "rows": [[_number(c) if isinstance(c, Number) else _strict(c) for c in row] for row in table.rows],
-        "notes": table.notes,
-    }
+def _table(table: Table) -> WrittenTable:
+    return WrittenTable(
+        caption=table.caption,
+        columns=[WrittenColumn(column.name, column.unit) for column in table.columns],
+        rows=[[_number(c) if isinstance(c, Number) else _strict(c) for c in row] for row in table.rows],
+        notes=table.notes,
+    )

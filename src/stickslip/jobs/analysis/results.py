@@ -1,8 +1,11 @@
-"""Model of a fitted actuator, from the results that a command wrote."""
+"""Results that a command wrote: their JSON Schema, and the model of a fitted actuator in them."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
 
 from ...gate.errors import damaged
 from ...gate.text import read_json
@@ -11,6 +14,7 @@ from ...identify.saved import FORMAT, load_fit
 from ...identify.walk.prediction import Predictor
 from ...physics.actuator import Actuator
 from ...recording.chain import Chain
+from ...report.results import Results
 from .file import AnalysisError
 
 
@@ -36,3 +40,26 @@ def model_and_chain(path: Path) -> tuple[Actuator, Chain]:
                 f"{said}: there is no {error} in it; what stickslip identify, campaign or run has written of "
                 "a walk holds one"
             ) from error
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema of results.json, from the records that declare it."""
+    schema = TypeAdapter(Results).json_schema()
+    defined = schema["$defs"]
+    numbers = {"$ref": "#/$defs/Numbers"}
+    defined["Numbers"] = {
+        "description": "Quantities and texts by name, at any depth. What has a value is a quantity.",
+        "anyOf": [
+            {"$ref": "#/$defs/Quantity"},
+            {"type": "object", "not": {"required": ["value"]}, "additionalProperties": numbers},
+            {"type": ["string", "boolean", "null"]},
+            {"type": "array", "items": {"type": "string"}},
+        ],
+    }
+    schema["properties"]["numbers"]["additionalProperties"] = numbers
+    null = {"properties": {"value": {"const": None}}}
+    defined["Quantity"] |= {"if": null, "then": {"required": ["reason"]}}
+    for closed in (schema, defined["WrittenTable"], defined["WrittenColumn"]):
+        closed["additionalProperties"] = False
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    return schema
