@@ -94,6 +94,26 @@ def test_help_does_not_wait_for_the_solver() -> None:
     assert python(program).stdout.splitlines()[-1] == "[]"
 
 
+def test_list_and_a_first_simulation_import_only_what_they_need() -> None:
+    heavy = {
+        "xarray",
+        "pandas",
+        "h5py",
+        "scipy.optimize",
+        "scipy.linalg",
+        "matplotlib",
+        "yaml",
+        "pint",
+        "dask",
+    }
+    listed = "from stickslip.cli import app\napp(['list'], standalone_mode=False)"
+    drive = "ss.Sawtooth(amplitude=65.0, frequency=5.0)"
+    simulated = f"import stickslip as ss\nss.simulate(ss.load_actuator('kang2007'), {drive}, 0.4)"
+    for program, needed in ((listed, set()), (simulated, {"xarray", "pandas"})):
+        done = python(f"{program}\nimport sys\nprint(sorted({heavy - needed} & set(sys.modules)))")
+        assert done.stdout.splitlines()[-1] == "[]", done.stderr
+
+
 def test_simulate(tmp_path: Path) -> None:
     out = tmp_path / "a" / "b"
     done = run(*THESIS, "--out", str(out), "--sample-rate", "2 kHz")

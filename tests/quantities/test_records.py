@@ -10,6 +10,7 @@ import operator
 import pickle
 import pkgutil
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -224,8 +225,10 @@ def every_record() -> Iterator[Any]:
         if not module.name.endswith(("__main__", "._engine")):
             for one in vars(importlib.import_module(module.name)).values():
                 own = inspect.isclass(one) and one.__module__ == module.name and hasattr(one, "_fields")
-                if own and quantities(one):
-                    yield one
+                # What holds a recording is no record: its type is imported for type checkers only.
+                with suppress(NameError):
+                    if own and quantities(one):
+                        yield one
 
 
 def wrong_values(quantity: Quantity) -> Iterator[object]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 import signal
 import socket
 import sys
@@ -55,6 +54,8 @@ def panel(
 
         come_first(_NICE)
         give_memory_back()
+        import secrets
+
         import uvicorn
 
         from ..panel import create_app

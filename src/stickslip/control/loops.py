@@ -21,8 +21,8 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import eigvals, expm
 
 from ..physics.actuator import Actuator
 from ..physics.electronics.output import OutputStage, output_of
@@ -135,7 +135,7 @@ def sampled_loop(model: Actuator, output: OutputStage | float | str, *, delay: i
     n = linear.b.size
     whole = np.zeros((n + 1, n + 1))
     whole[:n, :n], whole[:n, n] = linear.a / hertz, linear.b / hertz
-    step = expm(whole)
+    step = scipy.linalg.expm(whole)
     a, b, c = step[:n, :n], step[:n, n], linear.c
     size = n + delay
     late, into = np.zeros((size, size)), np.zeros(size)
@@ -186,7 +186,7 @@ def _zeros(a: Any, b: Any, c: Array) -> Complex:
     left, right = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     left[:n, :n], left[:n, n], left[n, :n] = a, b / (np.abs(b).max() or 1.0), c
     right[:n, :n] = np.eye(n)
-    found: Any = eigvals(left, right)
+    found: Any = scipy.linalg.eigvals(left, right)
     return found[np.isfinite(found) & (np.abs(found) < 1e3)]
 
 

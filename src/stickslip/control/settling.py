@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ..quantities.records import Quantity
 from ..quantities.units import QuantityError, to_si
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 WINDOWS = (1e-6, 100e-9, 30e-9, 10e-9, 3e-9)  # m (rad)
 _TIME = Quantity("s", "", "it", minimum=0)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from ..physics.actuator import Actuator
 from ..quantities.progress import Progress, unheard
@@ -18,6 +17,9 @@ from ..rig.protocols import Controller, check_rate
 from ..simulation.ticks import Motion
 from ..waveform.signal import Waveform
 from .blocks import whole_number
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _TOLD = 2000  # ticks between two progress calls
 

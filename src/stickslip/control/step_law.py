@@ -27,11 +27,10 @@ import json
 import math
 import os
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 import scipy
-import xarray as xr
 from numpy.typing import NDArray
 
 from ..gate.errors import GateError
@@ -40,6 +39,9 @@ from ..quantities.records import Quantity, record
 from ..quantities.units import QuantityError
 from .estimator import StepModel
 from .steps import StepSizes
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 

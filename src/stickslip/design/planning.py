@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from ..estimate import Fit
 from ..estimate.posterior import Posterior
@@ -27,6 +26,9 @@ from .free_drives import FreeDrives, searched
 from .information import Seen, covariance, seen, stacked
 from .plan import Plan, of_choice
 from .starting import Start, draws_of, start
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Default comparison: the walk of [kang2007, 5.3].
 USUAL = (65.0, 5.0)

@@ -15,8 +15,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import differential_evolution
 
 from ..quantities.progress import Progress
 from ..quantities.units import QuantityError
@@ -186,7 +186,7 @@ def _hill(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
 
     generations = max(int((FOR_HILL - SCOUTS) * task.budget / len(population)) - 1, 0)
     try:
-        differential_evolution(
+        scipy.optimize.differential_evolution(
             cost, [(0.0, 1.0)] * x.shape[1], maxiter=generations, rng=task.random,
             init=population,  # pyright: ignore[reportArgumentType]
             vectorized=True, updating="deferred", polish=False, tol=0.0,

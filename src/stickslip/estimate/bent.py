@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import gammaln, logsumexp
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,11 @@ class Bent(NamedTuple):
         squared = np.zeros(len(points))
         for i, c in enumerate(self.coefficients):
             squared += ((z[:, i] - _terms(z[:, :i], c.size) @ c) / self.left[i]) ** 2
-        level = gammaln(0.5 * (FREEDOM + k)) - gammaln(0.5 * FREEDOM) - 0.5 * k * np.log(FREEDOM * np.pi)
+        level = (
+            scipy.special.gammaln(0.5 * (FREEDOM + k))
+            - scipy.special.gammaln(0.5 * FREEDOM)
+            - 0.5 * k * np.log(FREEDOM * np.pi)
+        )
         near, far = (
             np.log(share) - k * np.log(wide) - 0.5 * (FREEDOM + k) * np.log1p(squared / wide**2 / FREEDOM)
             for share, wide in ((1.0 - FAR_SHARE, 1.0), (FAR_SHARE, FAR))
@@ -91,12 +95,12 @@ class Mixture(NamedTuple):
 
     def log_density(self, points: Array) -> Array:
         """Return the log density at points [n, k], shape (n,)."""
-        return np.asarray(logsumexp(self.log_parts(points), axis=0))
+        return np.asarray(scipy.special.logsumexp(self.log_parts(points), axis=0))
 
     def fitted(self, points: Array, weights: Array) -> Mixture:
         """Return the mixture fitted again to points [n, k] with weights [n] whose sum is 1."""
         parts = self.log_parts(points)
-        each = weights * np.exp(parts - np.asarray(logsumexp(parts, axis=0)))
+        each = weights * np.exp(parts - np.asarray(scipy.special.logsumexp(parts, axis=0)))
         shares = each.sum(axis=1)
         kept = np.flatnonzero(shares > LEAST_SHARE)
         made = tuple(bent(points, each[i] / shares[i]) for i in kept)

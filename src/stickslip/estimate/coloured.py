@@ -17,8 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.optimize import minimize_scalar
 
 from .covariance import decomposed
 from .drift import LEAST_WALK, MOST_WALK, sine_powers, walk_and_white
@@ -159,7 +157,7 @@ def _walk(pieces: Sequence[Array]) -> float:
         return 0.0
     found = walk_and_white(pieces)
     range_ = (2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK))
-    best: Any = minimize_scalar(
+    best: Any = scipy.optimize.minimize_scalar(
         lambda x: found(x)[0], bounds=range_, method="bounded", options={"xatol": 0.05}
     )
     # Half of the chi-squared of a quantity that cannot be negative: 5 % false alarms.
@@ -172,7 +170,7 @@ def _without_walk(r: Array, ratio: float) -> Array:
     band = np.full((2, r.size), -1.0 / ratio)
     band[0] = 1.0 + 2.0 / ratio
     band[0, [0, -1]] = 1.0 + 1.0 / ratio
-    return r - cho_solve_banded((cholesky_banded(band, lower=True), True), r)
+    return r - scipy.linalg.cho_solve_banded((scipy.linalg.cholesky_banded(band, lower=True), True), r)
 
 
 def scores(jacobians: Sequence[Array], noise: Coloured) -> Array:

@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.fft import dst
-from scipy.linalg import block_diag
 
 from ..quantities.units import with_prefix
 
@@ -58,7 +57,7 @@ def sine_powers(r: Array) -> tuple[Array, Array]:
 
 
 def _sines(x: Array) -> Array:
-    return np.asarray(dst(x, type=1, norm="ortho"))
+    return np.asarray(scipy.fft.dst(x, type=1, norm="ortho"))
 
 
 def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Array, Array, float]:
@@ -131,7 +130,7 @@ def off_by_drifts(times: Sequence[Array], drifts: Sequence[Drift | None]) -> Arr
         np.zeros_like(time) if drift is None else drift.unsure(time)
         for time, drift in zip(times, drifts, strict=True)
     ]
-    return np.asarray(block_diag(*(part[:, None] for part in parts)))
+    return np.asarray(scipy.linalg.block_diag(*(part[:, None] for part in parts)))
 
 
 def slope_at_rest(samples: Array) -> tuple[float, float]:

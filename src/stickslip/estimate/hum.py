@@ -6,10 +6,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
-from scipy.optimize import minimize_scalar
-from scipy.special import fdtrc
 
 # Probability that noise shows a line, for one recording.
 FALSE_ALARM = 1e-3
@@ -71,7 +69,7 @@ def _strongest(r: Array, period: float, at_rest: int) -> HumLine | None:
     ratio = power[number] / np.where(usual > 0.0, usual, np.inf)
     # The window correlates neighbours, and medians scatter like means of half as many, so a quarter of them
     # count.
-    chance = np.asarray(fdtrc(2, BESIDE, ratio)) * number.size
+    chance = np.asarray(scipy.special.fdtrc(2, BESIDE, ratio)) * number.size
     synchronous = np.zeros(number.size, dtype=bool)
     if period > 0.0:
         spacing = r.size / period
@@ -89,7 +87,7 @@ def _strongest(r: Array, period: float, at_rest: int) -> HumLine | None:
 def _usual(power: Array) -> Array:
     """Return the mean power next to each line, from medians on either side; their geometric mean follows a
     sloping spectrum."""
-    medians = median_filter(np.log(np.maximum(power, 1e-300)), BESIDE, mode="nearest")
+    medians = scipy.ndimage.median_filter(np.log(np.maximum(power, 1e-300)), BESIDE, mode="nearest")
     shift = WIDE + BESIDE // 2
     return np.asarray(np.exp(0.5 * (np.roll(medians, shift) + np.roll(medians, -shift))) / OF_MEDIAN)
 
@@ -103,7 +101,7 @@ def _refined(r: Array, number: int) -> HumLine:
         return float(np.sum((r - basis @ sizes) ** 2)), np.asarray(sizes, dtype=float)
 
     limits = (number - 1.0, number + 1.0)
-    found: Any = minimize_scalar(
+    found: Any = scipy.optimize.minimize_scalar(
         lambda c: left(c)[0], bounds=limits, method="bounded", options={"xatol": 1e-3}
     )
     return HumLine(float(found.x) / r.size, float(np.hypot(*left(float(found.x))[1])))

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from ..quantities.units import with_prefix
 
@@ -73,7 +73,9 @@ def undetermined(fit: Fit) -> tuple[str, ...]:
     strong = np.abs(fit.correlation.to_numpy()) > fit.judgement.indistinguishable
     names = np.array([p.name for p in fit.parameters])
     determined = ~np.isin(names, named)
-    n_groups, group = connected_components(strong & determined & determined[:, None], directed=False)
+    n_groups, group = scipy.sparse.csgraph.connected_components(
+        strong & determined & determined[:, None], directed=False
+    )
     for together in (names[group == g] for g in range(n_groups)):
         if together.size > 1:
             listed = ", ".join(together[:-1]) + f" and {together[-1]}"

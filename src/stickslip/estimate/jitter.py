@@ -12,9 +12,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
-from scipy.optimize import minimize_scalar
 
 # Samples below this multiple of the noise are quiet; number of neighbours in the median; largest deviation of
 # noise, in standard deviations.
@@ -98,7 +97,9 @@ def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
         return off.size * math.log(float(np.mean(off**2 / over))) + float(np.sum(np.log(over)))
 
     limits = (math.log(LEAST / noise), math.log(MOST / noise))
-    best: Any = minimize_scalar(likely, bounds=limits, method="bounded", options={"xatol": 1e-3})
+    best: Any = scipy.optimize.minimize_scalar(
+        likely, bounds=limits, method="bounded", options={"xatol": 1e-3}
+    )
     ratio = math.exp(float(best.x))
     over = 1.0 + ratio**2 * square
     alike, here = float(np.mean(off**2)), float(np.mean(off**2 / over))
@@ -117,7 +118,9 @@ def _level(r: Array, slow: NDArray[np.bool_]) -> Array:
     if np.count_nonzero(slow) < BESIDE:
         return np.zeros(r.size)
     at = np.flatnonzero(slow)
-    return np.asarray(np.interp(np.arange(r.size), at, median_filter(r[at], BESIDE, mode="nearest")))
+    return np.asarray(
+        np.interp(np.arange(r.size), at, scipy.ndimage.median_filter(r[at], BESIDE, mode="nearest"))
+    )
 
 
 def _independent(off: Array, change: Array, fast: NDArray[np.bool_], period: float) -> bool:

@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.fft import dst
 
 from .coloured import filter_and_walk, spectrum_of_differences
 from .drift import sine_powers
@@ -223,4 +223,4 @@ class _Whitened:
 
 
 def _sines(x: Array) -> Array:
-    return np.asarray(dst(x, type=1, norm="ortho", axis=0))
+    return np.asarray(scipy.fft.dst(x, type=1, norm="ortho", axis=0))

@@ -24,8 +24,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
-from scipy.special import chdtrc, fdtrc, ndtri
 
 from .drift import drift
 from .judgement import DEFAULT, Judgement
@@ -199,7 +197,7 @@ def _by_given(r: Array, known: KnownNoise, n_fitted: float) -> _Compared | None:
     freedom = max(over.size - n_fitted, 1.0)
     square = float(over @ over) / freedom
     share = independent_samples(over, 1) / over.size
-    chance = float(chdtrc(freedom * share, square * freedom * share))
+    chance = float(scipy.special.chdtrc(freedom * share, square * freedom * share))
     return _Compared(math.sqrt(square), chance, "as it was given")
 
 
@@ -223,7 +221,7 @@ def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
     square, count = float(np.mean(moved**2)), independent_samples(every)
     # A drift counts as one sample, however long it is: few samples are independent if it dominates the noise.
     freedom = (noise + far) ** 2 / (noise**2 * every.size / (count * moved.size) + far**2)
-    chance = float(chances @ fdtrc(freedom, count, square / (noise + far)))
+    chance = float(chances @ scipy.special.fdtrc(freedom, count, square / (noise + far)))
     return _Compared(
         math.sqrt(square / (noise + likely)), chance, f"{AT_REST if n else BETWEEN}, with its drift"
     )
@@ -261,7 +259,9 @@ def _by_rest(r: Array, known: KnownNoise) -> _Compared | None:
         if noise <= 0.0:
             continue
         counts = [_independent_differences(part, lag) for part in (r[:n], r[n:])]
-        chance = float(fdtrc(max(counts[1], 1.0), max(counts[0], 1.0), left / noise)) * len(lags)
+        chance = float(scipy.special.fdtrc(max(counts[1], 1.0), max(counts[0], 1.0), left / noise)) * len(
+            lags
+        )
         one = _Compared(math.sqrt(left / noise), min(chance, 1.0), AT_REST)
         if worst is None or one.chance < worst.chance:
             worst = one
@@ -296,7 +296,7 @@ def _of_largest_change(r: Array, n: int, m: int, noise: float) -> float:
     usual = max(float(quiet.mean()), 2.0 * noise / m)
     # Changes less than 1.5 m apart are not independent.
     count = max((n - 3 * m) / (1.5 * m), 1.0)
-    return float(fdtrc(1.0, count, float(moving.max()) / usual)) * 1.5 * moving.size / m
+    return float(scipy.special.fdtrc(1.0, count, float(moving.max()) / usual)) * 1.5 * moving.size / m
 
 
 def _lengths(least: int, most: int, count: int = 3) -> list[int]:
@@ -321,7 +321,7 @@ def _in_motion(quiet: float, step: float, samples: int) -> float:
     if step <= 0.0:
         return quiet
     leaves = min(max(quiet / step**2, 1.0 / samples), MOST_HIDDEN)
-    hidden = 0.5 * step / -float(ndtri(0.5 * leaves))
+    hidden = 0.5 * step / -float(scipy.special.ndtri(0.5 * leaves))
     return max(quiet, hidden**2 + step**2 / 12.0)
 
 
@@ -342,7 +342,7 @@ def _by_periods(r: Array, known: KnownNoise) -> _Compared | None:
     # Compare the lowest lines alone, then more, then all: a smooth misfit is in few lines.
     bands = _lengths(min(4, spread.size), spread.size, BANDS)
     freedom = 2.0 * (count - 1) * SMOOTHED
-    chances = [float(fdtrc(2 * k, freedom, np.mean(excess[:k]) / 2.0)) for k in bands]
+    chances = [float(scipy.special.fdtrc(2 * k, freedom, np.mean(excess[:k]) / 2.0)) for k in bands]
     within = float(np.mean((folded - mean) ** 2)) * count / (count - 1)
     ratio = math.sqrt(1.0 + max(float(np.mean(mean**2)) / within - 1.0 / count, 0.0))
     return _Compared(ratio, min(1.0, min(chances) * len(bands)), BETWEEN)
@@ -365,7 +365,7 @@ def _spectrum(rows: Array, freedom: int) -> Array:
     """Return the power of each row at each line except the first and the last, smoothed."""
     lines = (rows.shape[1] - 1) // 2
     power = np.sum(np.abs(np.fft.rfft(rows)[:, 1 : lines + 1]) ** 2, axis=0) / freedom
-    return uniform_filter1d(power, min(SMOOTHED, lines), mode="nearest")
+    return scipy.ndimage.uniform_filter1d(power, min(SMOOTHED, lines), mode="nearest")
 
 
 def left_over(name: str, left: float, least: Array, more: int, fitted: int) -> Lack:
@@ -382,7 +382,7 @@ def left_over(name: str, left: float, least: Array, more: int, fitted: int) -> L
     if not ratio > 1.0 or freedom < 1:
         return Lack(name, ratio, 1.0, "")
     freedom *= independent_samples(least, 1) / least.size
-    chance = float(fdtrc(more, freedom, (ratio**2 - 1.0) * freedom / more))
+    chance = float(scipy.special.fdtrc(more, freedom, (ratio**2 - 1.0) * freedom / more))
     return Lack(name, ratio, chance, "by what it leaves with other values of the stage")
 
 

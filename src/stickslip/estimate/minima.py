@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from .covariance import Uncertainty
 from .parameter import Parameter, Values
@@ -59,7 +59,9 @@ def relabelled(
         pairs = [(parameters[place[a]], like[a], one.values[b]) for a, b in zip(here, there, strict=True)]
         return sum(abs(p.coordinate(x) - p.coordinate(y)) for p, x, y in pairs)
 
-    _, order = linear_sum_assignment(np.array([[away(here, there) for there in groups] for here in groups]))
+    _, order = scipy.optimize.linear_sum_assignment(
+        np.array([[away(here, there) for there in groups] for here in groups])
+    )
     values, index = dict(one.values), np.arange(len(parameters))
     for here, there in zip(groups, map(int, order), strict=True):
         for a, b in zip(here, groups[there], strict=True):

@@ -10,12 +10,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
+import scipy
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from ..quantities.progress import Progress, unheard
 from .bent import Mixture
@@ -24,6 +23,9 @@ from .parameter import Parameter
 from .problem import FitError
 from .shown import preformatted
 from .tied import Ties
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 # Function from search points [n, k] to log densities [n] and the corresponding sampled values.
@@ -152,7 +154,9 @@ def _fitted(mixtures: Sequence[Mixture], rounds: Sequence[_Draws]) -> Mixture:
     points, densities = points[np.isfinite(densities)], densities[np.isfinite(densities)]
     if not densities.size:
         raise FitError("the posterior cannot be computed near the estimate of the fit")
-    of_all = np.asarray(logsumexp([one.log_density(points) for one in mixtures], axis=0), np.float64)
+    of_all = np.asarray(
+        scipy.special.logsumexp([one.log_density(points) for one in mixtures], axis=0), np.float64
+    )
     log_weights = densities - of_all
     flat = 1.0
     while _effective(flat * log_weights) < min(WANTED, 0.3 * log_weights.size) and flat > 1e-3:
@@ -174,6 +178,8 @@ def _described(
 ) -> Posterior:
     """Return the posterior by independence Metropolis chains over the proposals of all rounds so far. A chain
     accepts the next proposal with the ratio of its weight to that of the present one."""
+    import xarray as xr
+
     weights = np.concatenate([r.log_weights.reshape(CHAINS, -1) for r in rounds], axis=1)
     density = np.concatenate([r.log_densities.reshape(CHAINS, -1) for r in rounds], axis=1)
     shown = np.concatenate([r.shown.reshape(CHAINS, -1, len(parameters)) for r in rounds], axis=1)
@@ -211,6 +217,8 @@ def _described(
 
 def summary_of(samples: xr.Dataset) -> xr.Dataset:
     """Return mean, sd, interval, R-hat and effective numbers of each variable, over "parameter"."""
+    import xarray as xr
+
     arviz = _arviz()
     names = list(samples.data_vars)
     if samples.sizes["draw"] < 4:

@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from ..quantities.records import same
 from ..quantities.units import QuantityError
@@ -32,6 +31,8 @@ from .shown import as_dict, as_text, preformatted
 from .tied import Ties
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from .disturbances import Disturbance
     from .systematic import Systematic
 
@@ -172,6 +173,8 @@ class Fit:
     @property
     def correlation(self) -> xr.DataArray:
         """Return the correlation of the estimates, over the dimensions "parameter" and "other"."""
+        import xarray as xr
+
         deviations = np.sqrt(np.diag(self.uncertainty.covariance))
         with np.errstate(invalid="ignore", divide="ignore"):
             matrix = self.uncertainty.covariance / np.outer(deviations, deviations)
@@ -334,6 +337,8 @@ class Fit:
     def table(self) -> xr.Dataset:
         """Return value, standard_error, low and high (of the 95 % interval) over "parameter", with the unit
         as a coordinate; ``fit.table.to_dataframe()`` makes a pandas table."""
+        import xarray as xr
+
         ends, errors, names = self.confidence_intervals(), self.standard_errors, [p.name for p in self.shown]
         columns = {
             "value": [self.values[name] for name in names],

@@ -7,10 +7,22 @@ from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from inspect import ismethod
 from types import UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
-import xarray as xr
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 TYPE = "type"
 
@@ -23,6 +35,8 @@ def packed(item: Any) -> Any:
     Raises:
         TypeError: the item contains an unsupported type.
     """
+    import xarray as xr
+
     if item is None or isinstance(item, bool | int | str):
         return item
     if isinstance(item, float | np.floating):
@@ -58,6 +72,8 @@ def unpacked(item: Any, types: Mapping[str, type]) -> Any:
     Raises:
         TypeError: a type is unknown, or a field has the wrong kind. Other damage may raise other errors.
     """
+    import xarray as xr
+
     if isinstance(item, list):
         return tuple(unpacked(one, types) for one in item)
     if not isinstance(item, dict):
@@ -103,6 +119,8 @@ def _method(owner: Any, name: Any) -> Any:
 
 def _kinds_of(made: type, types: Mapping[str, type]) -> Mapping[str, Any]:
     """Return the kinds of a record's fields by name; unknown kinds are left out."""
+    import xarray as xr
+
     try:
         return get_type_hints(made, localns={**types, "np": np, "xr": xr})
     except (NameError, TypeError):

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from scipy.optimize import least_squares
 
 from ..quantities.progress import Progress
 from .convergence import relative_offset
@@ -158,7 +157,7 @@ class SearchResults:
     def _step(self, q: Array, two_sided: bool, most: int) -> tuple[Array, bool, str]:
         problem, options = self.problem, self.options
         ends = problem.to_search(problem.lower), problem.to_search(problem.upper)
-        found = least_squares(
+        found = scipy.optimize.least_squares(
             lambda at: problem.residuals(problem.from_search(at)),
             problem.to_search(q),
             jac=partial(self._closing, two_sided=two_sided),  # type: ignore[arg-type]

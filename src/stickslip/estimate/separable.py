@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
+import scipy
 
 from .covariance import NoiseLevel, Uncertainty, covariance
 from .parameter import Parameter, Values
@@ -170,7 +170,7 @@ def _white(
     moved = np.concatenate([np.eye(k), *moves]) @ _root(searched)
     variance = 1.0 if fit.noise_known else fit.reduced_chi_squared
     own = [np.zeros((k, k)), *[variance * inverse @ inverse.T for inverse in inverses]]
-    joint = moved @ moved.T + np.asarray(block_diag(*own))
+    joint = moved @ moved.T + np.asarray(scipy.linalg.block_diag(*own))
     joint[:k, :k] = fit.uncertainty.covariance
     return joint
 
@@ -189,7 +189,7 @@ def _correlated(
 ) -> np.ndarray:
     """Return the covariance of searched parameters and coefficients from the full Jacobian, for residuals
     correlated within each recording."""
-    linear = np.asarray(block_diag(*[s.weights[:, None] * s.design.matrix for s in solutions]))
+    linear = np.asarray(scipy.linalg.block_diag(*[s.weights[:, None] * s.design.matrix for s in solutions]))
     full = np.concatenate([np.concatenate(tangents), linear], axis=1)
     residuals = [
         s.weights * (s.design.matrix @ s.x - c.measured) for c, s in zip(recordings, solutions, strict=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from ..friction import breakaway, element, elements, rate
 from ..simulation.models import mechanism, stage_mode
@@ -71,17 +71,17 @@ class Method:
         if self.kinematic:  # the stage is where its input is, whatever it was
             start[[Y, W]] = 0.0
         if self.clamped:  # the end-effector goes as the stage does
-            made = np.asarray(expm(a * self.h), np.float64) @ start
+            made = np.asarray(scipy.linalg.expm(a * self.h), np.float64) @ start
             made[X], made[S] = made[self.stage].sum(axis=0), made[[i + 1 for i in self.stage]].sum(axis=0)
             return made
         if contact.rests:  # friction ends an error of the speed at once, and holds
             keeps = np.eye(self.size) - np.outer(push, self.speed) / (self.speed @ push)
-            return np.asarray(expm(keeps @ a * self.h) @ keeps @ start, np.float64)
+            return np.asarray(scipy.linalg.expm(keeps @ a * self.h) @ keeps @ start, np.float64)
         shrinks = min(_FASTEST / max(-contact.b * self.h, 1e-300), 1.0)
         a += np.outer(push, contact.force_v * self.speed)
         a[:, Z] += push * contact.force_z
         a[Z], a[Z, Z] = contact.a * shrinks * self.speed, contact.b * shrinks
-        return np.asarray(expm(a * self.h) @ start, np.float64)
+        return np.asarray(scipy.linalg.expm(a * self.h) @ start, np.float64)
 
 
 def contacts(law: Any, h: float, mobility: float) -> tuple[list[ContactSlopes], float]:

@@ -24,8 +24,6 @@ from .hdf5_chunks import check_chunks, filters_of, refuse_packed_names
 from .hdf5_heap import check_heaps
 from .limits import LIMITS, Visits, check_count, check_regular, check_size
 
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
-
 _WHOLE = slice(None)
 _INSIDE = ": a file is read only if all its data are inside it. Save a copy with the data in it"
 _LAYOUTS = {h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED}

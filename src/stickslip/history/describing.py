@@ -7,9 +7,7 @@ import re
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any
 
 from ..gate.paths import inside
 from ..gate.text import MOST_BYTES, MOST_RESULT_BYTES, decoded, load_json, read_file, read_json
@@ -19,6 +17,9 @@ from ..recording import RecordingError, open_recording
 from ..recording.replacing import replaced_whole
 from ..recording.storage import save_recording
 from .storable import links_of, storable
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 RECORDINGS = (".nc", ".csv", ".mat", ".npz", ".npy", ".tsv", ".txt", ".mf4")
 

@@ -13,10 +13,9 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ..estimate.covariance import decomposed
@@ -24,6 +23,9 @@ from ..estimate.moves import over_noise, tangent
 from ..estimate.result import Fit
 from ..estimate.systematic import Systematic
 from ..recording import SCALE_UNCERTAINTY
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 DRIVE = "drive_voltage"
 DIFFERENCE = 1e-3  # relative change of a scale for numerical derivatives

@@ -14,9 +14,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import nnls
-from scipy.special import fdtrc
 
 from ..estimate.blas import single_threaded
 from ..estimate.fit import fit_least_squares
@@ -169,7 +168,7 @@ def _start(
         shifts = [np.ones(v.size), -np.ones(v.size)] if offset else [np.zeros(v.size)] * 2
         columns = np.stack([np.sign(v), np.sign(v) * fall, v, *shifts], axis=1)
         scale = np.linalg.norm(columns, axis=0) + 1e-300
-        found, left = nnls(columns / scale * weight[:, None], f * weight)
+        found, left = scipy.optimize.nnls(columns / scale * weight[:, None], f * weight)
         if left < best[0]:
             best = (left, found / scale, float(one))
     x = best[1]
@@ -187,7 +186,7 @@ def _chance(v: Array, f: Array, noise: Array | None, offset: bool, left: Array) 
     with_fall = float(np.sum((left * weight) ** 2))
     freedom = v.size - columns.shape[1] - 2
     gain = max(float(np.sum(without**2)) - with_fall, 0.0) / 2.0
-    return float(fdtrc(2, freedom, gain * freedom / max(with_fall, 1e-300)))
+    return float(scipy.special.fdtrc(2, freedom, gain * freedom / max(with_fall, 1e-300)))
 
 
 def _unseen(chance: float) -> tuple[str, ...]:

@@ -11,10 +11,9 @@ import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ..estimate.result import Fit
@@ -40,6 +39,9 @@ from ..report.walks import UsedWalk, walk_document
 from .fit_request import FitRequest
 from .folder import Folder
 from .sets import Sets
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 PAUSE = 0.12  # s between two pictures of a fit in motion
 SHOWN = 2000  # samples of a recording in a picture

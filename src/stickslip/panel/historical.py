@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from fastapi import APIRouter, Request, Response
 from pydantic import Field
 
@@ -28,6 +27,9 @@ from .recordings import MOST_POINTS, Shelf, last_of
 from .sharing import Shared
 from .stream import Hub, packed
 from .uploading import add_uploads
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 MOST_ROWS = 500  # rows of an answer; further ones are counted, and found by a search
 MOST_COMPARED = 8

@@ -7,9 +7,8 @@ import re
 from collections.abc import Container, Mapping
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import xarray as xr
 from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import FileResponse
 
@@ -25,6 +24,9 @@ from .fits import RUNNING, Fitting
 from .folder import Folder
 from .path import PREDICTIONS
 from .sets import Sets
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SUFFIXES = (".nc", ".csv", ".mat", ".npz", ".mf4")
 # A report is a page of its own: it may have styles, and nothing else.

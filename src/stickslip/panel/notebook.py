@@ -6,14 +6,17 @@ import base64
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import anywidget
 import traitlets
-import xarray as xr
 
 from ..quantities.records import did_you_mean
 from ..recording import RecordingError, validate_recording
 from .packing import packed
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _STATIC = Path(__file__).parent / "static"
 _IMPORT = re.compile(r'^import\s+(?P<what>.+?)\s+from\s+"(?P<file>[^"]+)";\s*$', re.MULTILINE)

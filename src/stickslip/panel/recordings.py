@@ -9,9 +9,9 @@ from collections import OrderedDict
 from contextlib import suppress
 from pathlib import Path
 from threading import Lock
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import FileResponse
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ from .control import Control
 from .decimation import window
 from .folder import Folder, FolderError
 from .stream import Hub, packed
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 MOST_OPEN = 6  # recordings kept in memory for zooming
 MOST_POINTS = 20_000

@@ -8,10 +8,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ..quantities.progress import Progress
@@ -32,6 +31,9 @@ from .live import Live
 from .statistics import Statistics, drive_channel
 from .stream import Hub
 from .trigger import TriggerSeeker
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _AT_ZERO = 0.5  # V, largest measured drive that counts as 0 V
 

@@ -7,9 +7,8 @@ import shutil
 import time
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import xarray as xr
 from fastapi import APIRouter, Request
 from pydantic import Field
 
@@ -22,6 +21,9 @@ from ..recording.taken_drive import taken_drive
 from .folder import Folder, FolderError
 from .looking import for_the_page, preview
 from .stream import Hub
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 UPLOADS = ".uploads"
 _KEPT = 3600.0  # s after which an upload that was not imported is deleted

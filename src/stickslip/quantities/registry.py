@@ -182,7 +182,8 @@ class Kind:
             _import_room(room)
 
     def _installed(self) -> dict[str, EntryPoint]:
-        return _entry_points(f"{_PACKAGE}.{self.plural}", tuple(sys.path))
+        found = _entry_points(tuple(sys.path)).select(group=f"{_PACKAGE}.{self.plural}")
+        return {one.name: one for one in found}
 
     def _load(self, entry: EntryPoint) -> Any:
         where = f"the {self.noun} {entry.name!r} of {entry.dist.name if entry.dist else 'a package'}"
@@ -353,9 +354,9 @@ def _import_room(room: str) -> None:
 
 
 @cache
-def _entry_points(group: str, path: tuple[str, ...]) -> dict[str, EntryPoint]:
+def _entry_points(path: tuple[str, ...]) -> Any:  # EntryPoints; before Python 3.12 SelectableGroups
     del path  # part of the key: a folder that is added may hold some
-    return {one.name: one for one in entry_points(group=group)}
+    return entry_points()
 
 
 laws = Kind("law", "laws", "friction")

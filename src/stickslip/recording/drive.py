@@ -10,10 +10,9 @@ import json
 import math
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from ..gate.errors import damaged
 from ..gate.results import json_attribute
@@ -21,6 +20,9 @@ from ..quantities import registry
 from ..quantities.units import QuantityError
 from ..waveform.sequence import Sequence
 from ..waveform.signal import Waveform
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def drive_text(waveform: Waveform) -> str:

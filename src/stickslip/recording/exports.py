@@ -9,10 +9,9 @@ import os
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ..quantities.units import QuantityError
@@ -20,6 +19,9 @@ from .conversion import to_si_unit
 from .nexus import NEXUS, save_nexus
 from .replacing import replaced_whole
 from .schema import RecordingError, validate_recording
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Layout = Literal["trace", "controldesk"]
 _ROWS = 10_000  # number of rows that are written at a time

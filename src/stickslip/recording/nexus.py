@@ -12,10 +12,9 @@ import os
 import re
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from .._version import __version__
 from ..gate.results import json_attribute
@@ -23,6 +22,9 @@ from .calibration.polynomial import Calibration, CalibrationError
 from .calibration.storage import from_text
 from .replacing import replaced_whole
 from .schema import RecordingError, storable_attributes, validate_recording, with_schema
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 NEXUS = ".nxs"
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")

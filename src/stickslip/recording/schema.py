@@ -11,16 +11,17 @@ import warnings
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from difflib import get_close_matches
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from .._version import __version__
 from ..quantities.units import QuantityError, turned
 from .conversion import to_si_unit
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SCHEMA_VERSION = 1
 # Attribute of a variable: relative standard uncertainty of its scale, common to all its samples.
@@ -157,12 +158,12 @@ def make_recording(
         long_name = long_names.get(name) or (standard.long_name if standard else str(name).replace("_", " "))
         if array.shape != time.shape:
             raise RecordingError(f"{name} has the shape {array.shape}, but time has {time.shape}")
-        data[name] = array
+        data[name] = _over_time(array)
         labels.append(_Label(name, unit, long_name))
     frame = _kept_frame if time.size <= _OFTEN else _frame
     made = frame(time.tobytes(), tuple(labels)).copy(data=data)
     for name, unit, _ in labels:
-        _check_finite(name, unit, data[name])
+        _check_finite(name, unit, data[name].values)
     made.attrs = with_schema(
         {
             "title": title,
@@ -183,12 +184,22 @@ class _Label(NamedTuple):
     long_name: str
 
 
+def _over_time(array: np.ndarray, **attributes: str) -> xr.Variable:
+    """Return samples as a variable. For a bare array, xarray imports dask to see whether dask made it."""
+    import xarray as xr
+
+    return xr.Variable("time", array, attributes, fastpath=True)
+
+
 def _frame(seconds: bytes, labels: tuple[_Label, ...]) -> xr.Dataset:
     """Return a recording without its samples: the time axis with its sampling, and the labels of the
     variables."""
+    import pandas as pd
+    import xarray as xr
+
     time = np.frombuffer(seconds)
     empty = np.broadcast_to(0.0, time.shape)
-    data = {one.name: ("time", empty, {"units": one.unit, "long_name": one.long_name}) for one in labels}
+    data = {one.name: _over_time(empty, units=one.unit, long_name=one.long_name) for one in labels}
     # An explicit index: xarray would make one from an array, but imports pint for it.
     axis = ("time", pd.Index(time, name="time"), {"units": "s", "long_name": "time"})
     frame = validate_recording(xr.Dataset(data, coords={"time": axis}))
@@ -208,6 +219,8 @@ _OFTEN = 20_000
 
 def _with_unit(value: Any) -> tuple[Any, str | None]:
     """Return an array and its own unit; None if it has none."""
+    import xarray as xr
+
     match value:
         case (array, str() | None as unit) if isinstance(value, tuple):
             return array, unit
@@ -274,6 +287,8 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
             samples, or is not strictly ascending; a variable is not float64 over "time", not finite, or lacks
             units or long_name; the schema is newer than this library.
     """
+    import xarray as xr
+
     if not isinstance(recording, xr.Dataset):
         raise RecordingError(
             f"a {type(recording).__name__} is no recording: make_recording makes one, an xarray.Dataset"

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy
-import xarray as xr
 from numpy.typing import NDArray
 
 from ..waveform.drive import evaluate
@@ -15,6 +14,9 @@ from ..waveform.periodic import ReverseSawtooth, Sawtooth, Sine, Triangle
 from ..waveform.shapes import Step
 from ..waveform.signal import Waveform
 from .noise import noise_level
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 Drive = Step | Sawtooth | ReverseSawtooth | Triangle | Sine
@@ -76,8 +78,6 @@ def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
     Returns:
         The start [s], and the mean difference [V].
     """
-    from scipy.optimize import minimize_scalar
-
     table, interval = drive.drive(float(since[-1])), float(since[-1]) / (since.size - 1)
     even = np.linspace(0.0, float(since[-1]), since.size)
     shape = evaluate(table, even)[0] - table.before
@@ -92,7 +92,9 @@ def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
     trials = np.clip(interval * (lag + np.linspace(-1.5, 1.5, 31)), 0.0, None)
     coarse = float(min(trials, key=difference))
     near = (max(coarse - 0.2 * interval, 0.0), coarse + 0.2 * interval)
-    fine: Any = minimize_scalar(difference, bounds=near, method="bounded", options={"maxiter": 15})
+    fine: Any = scipy.optimize.minimize_scalar(
+        difference, bounds=near, method="bounded", options={"maxiter": 15}
+    )
     begin = min(coarse, float(fine.x), key=difference)
     return begin, difference(begin)
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from ..gate.errors import GateError
 from .replacing import replaced_whole
 from .schema import RecordingError, storable_attributes, validate_recording, with_schema
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
@@ -67,6 +69,8 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
 def _stored(path: Path) -> xr.Dataset:
     """Return the variables of the file unchanged, without xarray's reader, which takes several times as
     long."""
+    import xarray as xr
+
     from ..gate.hdf5 import has_attribute
     from ..gate.netcdf import read_netcdf  # simulations need not load HDF5
     from ..gate.nexus import ATTRIBUTES, read_nexus

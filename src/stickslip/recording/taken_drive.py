@@ -7,10 +7,9 @@ drive_voltage shows, the samples of that channel.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ..quantities.units import with_prefix
@@ -22,6 +21,9 @@ from ..waveform.slewed import Slewed
 from .drive import named_drive
 from .noise import noise_level
 from .shown_drive import best_begin, off_jumps, shown_drive
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 CHANNEL = "drive_voltage"
 # Largest rms difference from the channel away from jumps, relative to its range. A waveform that the

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any
 
 from ..estimate.advice import Advice
 from ..estimate.disturbances import Disturbance
@@ -18,6 +16,9 @@ from .document import Column, Number, Picture, Table
 from .figures.identification import fit_with_residuals
 from .figures.style import svg
 from .thresholds import threshold_numbers
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:

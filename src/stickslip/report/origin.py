@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from typing import NamedTuple
-
-import xarray as xr
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..parameters import available_sets, bibtex, citation_keys, load_set, unchanged
 from ..physics.actuator import Actuator, load_actuator
 from ..quantities.records import quantities
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Limits of the model, without effect on its motion.
 _LIMITS = ("min_voltage", "max_voltage")

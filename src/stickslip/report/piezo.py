@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from ..estimate.result import Fit
 from ..identify.recorded.channels import edges, names_of
@@ -16,6 +15,9 @@ from .figures.identification import fit_with_residuals
 from .figures.piezo import hysteresis_loops
 from .figures.style import svg
 from .fits import fit_numbers
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Number of samples after an edge of the drive that loops leave out.
 AFTER = 10

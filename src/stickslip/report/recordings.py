@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from ..gate.results import json_attribute
 from ..physics.actuator import load_actuator
@@ -17,6 +17,9 @@ from ..rig.experiment import Recorded
 from .document import Column, Document, Listing, Number, Picture, Section, Table
 from .figures.recordings import recording_detail, recordings_together
 from .figures.style import svg
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _MOST_LINES = 7  # largest number of lines in a figure
 _BEFORE, _AFTER = 3e-3, 7e-3  # s around the trigger

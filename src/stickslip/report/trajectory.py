@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from ..friction import is_law
 from ..parameters import changes, load_set
@@ -17,6 +16,9 @@ from ..waveform.signal import Waveform
 from .document import Column, Document, Number, Picture, Section, Table
 from .figures.style import svg
 from .figures.trajectory import trajectory as drawn_trajectory
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _HIGHLIGHTS = ("net_displacement", "steady_step", "mean_velocity")
 

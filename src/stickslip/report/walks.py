@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, NamedTuple
-
-import xarray as xr
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from ..estimate.result import Fit
 from ..identify.results import model_numbers
@@ -19,6 +17,9 @@ from .figures.fits import called
 from .fits import estimates, fit_numbers, fit_summary, parameter_table, prediction_picture
 from .origin import origin_of
 from .thresholds import judgement_section
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _ROLE = {"fit": "fitted", "verify": "predicted"}
 

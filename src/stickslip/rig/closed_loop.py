@@ -13,10 +13,9 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from ..quantities.progress import Progress, unheard
 from ..quantities.units import QuantityError, optional_si, to_si, with_prefix
@@ -36,6 +35,9 @@ from .recorded import COMPLETE, Channel, Making
 from .samples import Samples
 from .site import sited
 from .turns import ASKED, AT, STATISTICS, WANTED, LoopRig, looped
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _TARGET, _ASKED = "target_position", "asked_voltage"
 _GRACE = 0.2  # s after the ramp in which a late controller may return its samples

@@ -6,11 +6,10 @@ import math
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import xarray as xr
 
 from ..quantities.progress import Progress, unheard, within
 from ..quantities.records import did_you_mean
@@ -31,6 +30,9 @@ from .protocols import Array, Capabilities, Rig, RigError
 from .recorded import Channel, Making
 from .samples import Samples
 from .site import sited
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 DRIVE, POSITION = "drive", "end_effector_position"
 SETTLING = 0.01  # s before the pre-trigger in which filters settle

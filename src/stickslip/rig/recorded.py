@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from ..gate.text import load_json
 from ..physics.electronics import Filter, filtered
@@ -21,6 +20,9 @@ from .capture import Capture, CaptureError, Trigger, find_trigger, picks, stride
 from .home import calibrated
 from .limits import Limits
 from .protocols import Array, Capabilities
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 COMPLETE = "complete"
 

@@ -24,16 +24,18 @@ import time
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
-import xarray as xr
 
 from ..gate.files import opened
 from ..recording import open_recording, save_recording
 from .lock import POLL, taken
 from .protocols import Array
 from .recorded import Making
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SAMPLES = ".samples"  # ending of the file's name
 _HEAD = struct.Struct("<QQ")

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import scipy
-from scipy.interpolate import CubicSpline
 
 from ..physics.electronics import (
     Encoder,
@@ -126,7 +125,8 @@ def _curve(sensor: Any) -> Callable[[float], float]:
     if isinstance(sensor, StrainGauge):
         return lambda x: x / sensor.sensitivity - sensor.offset
     if isinstance(sensor, InductiveSensor):
-        spline, (low, high) = CubicSpline(sensor.gaps, sensor.voltages), (sensor.gaps[0], sensor.gaps[-1])
+        spline = scipy.interpolate.CubicSpline(sensor.gaps, sensor.voltages)
+        low, high = sensor.gaps[0], sensor.gaps[-1]
         return lambda x: float(spline(min(max(x + sensor.standoff, low), high)))
     raise RigError(
         f"a {type(sensor).__name__} shows whole recordings only: it cannot be an input of a closed loop"

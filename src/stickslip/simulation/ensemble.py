@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..engine.binding import DriveTable
@@ -40,6 +39,9 @@ from .models import contact_load
 from .plant.at_piezo import tabulated
 from .refinement import FINER, LOOSE, MOST_STEPS, PER_DIFFERENCE, PER_NUMBER, ROUNDS
 from .trajectory import checked_tolerance, run_time, sample_times
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 REFUSED = 4
 OUTCOMES = {
@@ -283,6 +285,8 @@ def _dataset(
     found: Block,
     times: NDArray[np.float64],
 ) -> xr.Dataset:
+    import xarray as xr
+
     data = labelled(model, waveform, columns)
     data["net_displacement"] = (
         "member",

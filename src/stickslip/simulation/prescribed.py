@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..engine.motion import follow_position
@@ -20,6 +19,9 @@ from .errors import SimulationError, SimulationWarning
 from .refinement import LOOSE, refined
 from .strain import strained
 from .trajectory import checked_tolerance, not_within
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def friction_response(

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Collection, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..engine.binding import ComposedPlant, DriveTable
@@ -41,6 +40,9 @@ from .varied import (
     value_of,
     with_normal_force,
 )
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # The normal force at which the parameters hold.
 REFERENCE = RelativeLoad()
@@ -300,6 +302,8 @@ def sensitivities(
             a field, or see `simulate`.
         SimulationError: the motion could not be simulated to the end.
     """
+    import xarray as xr
+
     tolerance = checked_tolerance(model, tolerance)
     sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     duration = optional_si(duration, "s", "duration")

@@ -5,10 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import warnings
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ..friction import element, project
@@ -20,6 +19,9 @@ from ..waveform.drive import Drive, evaluate
 from ..waveform.pieces import SLIVER
 from .errors import SimulationWarning
 from .models import RelativeLoad, System
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Relative excess of a deflection over a law's bound by errors of a trajectory; and by differences of contacts
 # between runs.
@@ -79,6 +81,10 @@ def taken_up(initial_state: State | xr.Dataset | None, model: Any, waveform: Any
     Warns if the piezo has memory and the state comes from another waveform: plays and creep are not part of
     the state, but are computed from the complete drive.
     """
+    if initial_state is None:
+        return None
+    import xarray as xr
+
     of_kind(initial_state, xr.Dataset | State | None, "initial_state")
     if not isinstance(initial_state, xr.Dataset):
         return initial_state

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..engine.members import MemberDrives
@@ -42,6 +41,9 @@ from .plant.at_piezo import tabulated
 from .refinement import FINER
 from .steady import NOT_FOLLOWED, not_found, period_of, stable, unstable
 from .trajectory import checked_tolerance
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 CONVERGED, STOPPED, MISSED, UNSTABLE, REFUSED = range(5)
 STATUS = ("converged", "not_followed", "not_found", "unstable", "refused")
@@ -214,6 +216,8 @@ def _orbits(
 def _dataset(
     model: Actuator, waveform: Waveform, columns: Mapping[str, NDArray[np.float64]], blocks: list[OrbitBlock]
 ) -> xr.Dataset:
+    import xarray as xr
+
     def joined(name: str) -> NDArray[Any]:
         return np.concatenate([getattr(block.found, name) for block in blocks])
 

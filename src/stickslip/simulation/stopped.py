@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.optimize import root_scalar
 
 from ..engine.binding import ComposedPlant, DriveTable, integrate
 from ..engine.outcome import DONE, TOO_MANY_STEPS
@@ -235,7 +235,9 @@ class StoppedRun:
         def beyond(instant: float) -> float:
             return float(self._run(plant, q, (t, until), np.array([instant]))[1][0, x]) - bound
 
-        instant = root_scalar(beyond, bracket=(at[last - 1], at[last]), xtol=1e-16, rtol=1e-15).root
+        instant = scipy.optimize.root_scalar(
+            beyond, bracket=(at[last - 1], at[last]), xtol=1e-16, rtol=1e-15
+        ).root
         q[:] = self._run(plant, q, (t, until), np.array([instant]))[1][0, :n]
         return instant, float(out[last])
 

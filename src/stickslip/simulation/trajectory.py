@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..engine.binding import TERMS, ComposedPlant, DriveTable, integrate
@@ -37,6 +36,9 @@ from .models import RelativeLoad, System, classic, contact_load
 from .refinement import LOOSE, refined
 from .state import REST, State, as_text, maker, placed, taken_up
 from .stopped import Impact, StoppedRun, labelled_impacts, refuse_end_stops
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 COMPLETE = "complete"
 # Largest tolerance of a position: an error far beyond a step says nothing about the motion.

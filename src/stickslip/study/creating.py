@@ -8,10 +8,9 @@ import shutil
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from .._version import __version__
@@ -23,6 +22,9 @@ from .layout import TEXT, Layout, check_layout, layout_text
 from .points import StudyAxis
 from .sealing import file_hash, sealed
 from .store import FORMAT
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def create(

@@ -6,10 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from ..quantities.units import QuantityError
 from .errors import StudyError
@@ -17,6 +16,9 @@ from .layout import TEXT, Layout, StudyVariable, cut, usual
 from .measures import Columns, Measure, as_dataset, one_by_one
 from .own import OwnFunction, own_function
 from .points import Part, StudyAxis, axes_of
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Additional status of a failed summary of the user's.
 SUMMARY_FAILED = "summary_failed"

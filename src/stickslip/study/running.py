@@ -8,10 +8,9 @@ import sys
 import time
 import warnings
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from ..quantities.progress import Progress, unheard
 from ..quantities.units import QuantityError
@@ -25,6 +24,9 @@ from .local import processors, run_local
 from .reading import open_study
 from .store import Store, has_arrays
 from .task import Done, load_of
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Members of the trial that an estimate is from.
 TRIAL = 64

@@ -18,10 +18,9 @@ import re
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from .._version import __version__
@@ -44,6 +43,9 @@ from .description import differences, identity
 from .errors import StudyDiffers, StudyError
 from .layout import TEXT, Layout, StudyVariable, layout_of, layout_text
 from .sealing import SEAL, checks_of, file_hash, key_of, store_seal, task_seal
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FORMAT = 2
 # s, after which a partial chunk counts as abandoned.

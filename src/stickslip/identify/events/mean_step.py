@@ -6,8 +6,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
 
 # Grid of the ratio of the variance of the position noise to that of the scatter of steps, from almost zero to
 # almost infinite. The logarithm is uniform, because the scale is not known.
@@ -54,12 +54,12 @@ def _at_ratio(differences: Array, moves: Array, ratio: float) -> tuple[float, fl
     covariance = np.zeros((2, n))  # the upper diagonal, and the main one
     covariance[0, 1:] = -ratio / (1.0 + 2.0 * ratio)
     covariance[1] = (moves + 2.0 * ratio) / (1.0 + 2.0 * ratio)
-    factor = cholesky_banded(covariance)
-    weighted = cho_solve_banded((factor, False), moves)
+    factor = scipy.linalg.cholesky_banded(covariance)
+    weighted = scipy.linalg.cho_solve_banded((factor, False), moves)
     information = float(moves @ weighted)
     step = float(weighted @ differences) / information
     left = differences - step * moves
-    square = float(left @ cho_solve_banded((factor, False), left))
+    square = float(left @ scipy.linalg.cho_solve_banded((factor, False), left))
     # Steps that are equal to rounding must still have a finite likelihood.
     square = max(square, (1e-14 * float(np.linalg.norm(differences))) ** 2, 1e-300)
     determinant = 2.0 * float(np.sum(np.log(factor[1])))

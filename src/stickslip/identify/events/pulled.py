@@ -12,14 +12,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 import scipy
-import xarray as xr
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.ndimage import median_filter
 
 from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter
@@ -36,6 +33,9 @@ from ...waveform.shapes import Ramp
 from ..free import with_ties
 from ..recorded.screen import refuse_loading
 from .mean_covariance import covariance_of_mean, degrees_of_freedom
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # A drop of the force is an event if it exceeds this share of the mean force and the effect of noise.
 _EVENT = 0.08
@@ -156,7 +156,7 @@ def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_rat
             f"{channel} is sampled every {interval:g} s, too coarse for slips that last {half_period:g} s"
         )
     size = int(half_period / interval / 4) | 1
-    smooth = median_filter(force, size=size, mode="nearest")
+    smooth = scipy.ndimage.median_filter(force, size=size, mode="nearest")
     least = max(_EVENT * float(np.mean(force)), _range_of_noise(force, size))
     tops, _ = scipy.signal.find_peaks(smooth, prominence=least, distance=int(half_period / interval))
     if tops.size < 3:
@@ -287,9 +287,9 @@ def identify_pulled_slider(
             found = slip_events(force(values), rig)
             if found.period.size == 0:
                 raise ValueError("no stick-slip")
-            return solve_triangular(factor, found.summary()[0] - noise_free, lower=True)
+            return scipy.linalg.solve_triangular(factor, found.summary()[0] - noise_free, lower=True)
 
-        white = solve_triangular(factor, noise_free, lower=True)
+        white = scipy.linalg.solve_triangular(factor, noise_free, lower=True)
         data = Residuals(residuals, white, 1.0, "mean top, bottom and period of the events")
         return fit_least_squares([data], parameters, noise_known=True, difference_step=1e-3, tolerance=1e-6)
 

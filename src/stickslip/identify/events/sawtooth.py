@@ -6,9 +6,9 @@ import math
 from typing import Any
 
 import numpy as np
+import scipy
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from ..recorded.channels import channel, names_of, refuse_clipped, unit_of
 from .mean_step import degrees_of_freedom, mean_step
@@ -62,7 +62,7 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
     refuse_clipped(x, observed, where)
     u = channel(recording, "drive_voltage", where) if "drive_voltage" in recording else None
     t = recording["time"].values
-    x = uniform_filter1d(x, smoothing, mode="nearest") if smoothing > 1 else x
+    x = scipy.ndimage.uniform_filter1d(x, smoothing, mode="nearest") if smoothing > 1 else x
     slips = slips_of(t, x, u, where)
     steps = _steps(t, x, slips)
     walks = [_walk(t, x, slips, steps, w) for w in np.unique(slips.walk)]

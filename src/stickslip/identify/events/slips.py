@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter, uniform_filter1d
 
 from ...recording import RecordingError
 from ..recorded.drives import refuse_coarse
@@ -71,7 +70,7 @@ def _walks(time: Array, sign: NDArray[np.int64], period: float) -> NDArray[np.in
 
 def _edges(x: Array, half: int) -> Array:
     """Return the mean of the `half` samples after each sample minus the mean of those before it, [n]."""
-    mean = uniform_filter1d(x, half, mode="nearest", origin=0)
+    mean = scipy.ndimage.uniform_filter1d(x, half, mode="nearest", origin=0)
     after, before = np.roll(mean, -(half // 2)), np.roll(mean, half - half // 2)
     found = after - before
     found[: 2 * half] = found[-2 * half :] = 0.0
@@ -121,7 +120,7 @@ def _stand_out(x: Array, half: int) -> tuple[float, NDArray[np.int64], NDArray[n
     """Return the significance (a sum), indices and signs of edges of this half width; significance 0 if they
     are not regular."""
     edges = _edges(x, half)
-    slow = edges - median_filter(edges, 8 * half + 1, mode="nearest")
+    slow = edges - scipy.ndimage.median_filter(edges, 8 * half + 1, mode="nearest")
     size = np.abs(slow)
     peaks = scipy.signal.find_peaks(size, height=0.5 * float(size.max()), distance=2 * half)[0]
     none = (0.0, peaks, np.zeros(0, dtype=np.int64))

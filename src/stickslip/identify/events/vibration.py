@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from .slips import SlipEvents
 
@@ -133,7 +132,7 @@ def _ring(window: VibrationWindow, interval: float) -> tuple[float, float, float
     scale = math.sqrt(power / n)
     top = [math.pi / interval, 1.0 / interval]
     fits = [
-        least_squares(lambda q: window.left(q) / scale, q, bounds=([0.0, 0.0], top), x_scale=q)
+        scipy.optimize.least_squares(lambda q: window.left(q) / scale, q, bounds=([0.0, 0.0], top), x_scale=q)
         for q in starts[:2]
         if q[1] < top[1]
     ]

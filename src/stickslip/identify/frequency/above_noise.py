@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from ...estimate.lack import independent_samples
 from ...estimate.result import Fit
@@ -109,7 +108,9 @@ def left_by_delay(fit: Fit, frequency: Array, longest: float, gain: bool) -> flo
     tried = np.arange(-longest, longest + step, step)
     best = float(tried[np.argmax([explained(one) for one in tried])])
     bounds, within = (best - step, best + step), {"xatol": 1e-6 * step}
-    end: Any = minimize_scalar(lambda d: -explained(d), bounds=bounds, method="bounded", options=within)
+    end: Any = scipy.optimize.minimize_scalar(
+        lambda d: -explained(d), bounds=bounds, method="bounded", options=within
+    )
     return whole + float(end.fun)
 
 

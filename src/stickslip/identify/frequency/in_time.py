@@ -15,7 +15,6 @@ from functools import cache
 
 import numpy as np
 import scipy
-from scipy.linalg import expm
 
 from ...estimate.blas import single_threaded
 from ...estimate.fit import fit_least_squares
@@ -61,7 +60,7 @@ def _held_mode(
     it.
     """
     A = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2 * zeta * omega, omega**2], [0.0, 0.0, 0.0]])
-    step, within = expm(A * sample), expm(A * (sample - delay % sample))
+    step, within = scipy.linalg.expm(A * sample), scipy.linalg.expm(A * (sample - delay % sample))
     (a, b, p), (c, d, q) = step[:2]
     poles = [1.0, -(a + d), a * d - b * c]
     delayed = _held_delay(drive, delay, sample, periodic)

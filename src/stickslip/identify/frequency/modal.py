@@ -17,8 +17,8 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.linalg import block_diag
 
 from ...estimate.blas import single_threaded
 from ...estimate.fit import fit_least_squares
@@ -80,7 +80,7 @@ class ModalModel(NamedTuple):
             np.stack([gain * w**2, rate * w], axis=2).reshape(outputs, 2 * inputs)
             for w, gain, rate in zip(omega, self.gain, self.rate_gain, strict=True)
         ]
-        a = np.asarray(block_diag(*blocks), dtype=float)
+        a = np.asarray(scipy.linalg.block_diag(*blocks), dtype=float)
         return StateSpace(a, b, np.hstack(c), self.remainder, self.delay)
 
 

@@ -12,7 +12,6 @@ import numpy as np
 import scipy
 import xarray as xr
 from numpy.typing import ArrayLike
-from scipy.ndimage import uniform_filter1d
 
 from ...estimate.blas import single_threaded
 from ...quantities.units import to_si
@@ -197,7 +196,7 @@ def _adjoint(matrices: np.ndarray) -> np.ndarray:
 def _variance(squares: np.ndarray, freedom: int, smoothing: int) -> np.ndarray:
     if freedom < 1:
         return np.full(squares.shape, np.nan)
-    return uniform_filter1d(squares / freedom, smoothing, axis=0, mode="nearest")
+    return scipy.ndimage.uniform_filter1d(squares / freedom, smoothing, axis=0, mode="nearest")
 
 
 def _labelled(frequency, response, deviation, noise_deviation, coherence, units, rms) -> xr.Dataset:

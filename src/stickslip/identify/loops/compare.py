@@ -9,10 +9,9 @@ verification part decides.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from ...estimate.result import Fit
 from ...friction import (
@@ -31,6 +30,9 @@ from ..candidates import Candidate, Comparison, compared
 from ..free import Bounds
 from ..recorded.channels import channel, names_of, recordings_of
 from .fit import OBSERVED, identify_loops
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Initial guess of the displacement over which the contact yields, relative to the stroke.
 YIELD_SHARE = 0.2

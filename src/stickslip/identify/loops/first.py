@@ -5,15 +5,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from ...estimate.coloured import with_inherited
 from ...estimate.result import Fit
 from .response import OBSERVED, at_rest
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -33,5 +36,5 @@ def with_first(fit: Fit, recordings: Sequence[xr.Dataset], response: Callable[[x
         moved[-1] -= response(recording.assign({OBSERVED: recording[OBSERVED] - g.rmse}))
         # Variance of the median: that of the mean times pi/2.
         variances.append((0.5 * math.pi if count > 2 else 1.0) / count)
-    columns = 0.5 * np.asarray(block_diag(*(column[:, None] for column in moved)))
+    columns = 0.5 * np.asarray(scipy.linalg.block_diag(*(column[:, None] for column in moved)))
     return with_inherited(fit, columns, np.diag(variances))

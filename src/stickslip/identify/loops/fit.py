@@ -19,10 +19,9 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.budget import EvaluationBudget
@@ -60,6 +59,9 @@ from .profiled import ladder, profile_points, stiffness_of, with_profile
 from .response import CHANNEL, OBSERVED, LoopPrediction, own_of, response_of
 from .sampled import with_sampling
 from .starts import loop_starts, stribeck_starts
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Terms that are reported if they explain residuals but are not free.
 NOTICED = ("drift", "asymmetry", "contact_offset")

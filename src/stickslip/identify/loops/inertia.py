@@ -17,12 +17,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from ...estimate.coloured import with_inherited
 from ...estimate.covariance import decomposed
@@ -36,6 +35,9 @@ from ..free import with_ties
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
 from ..recorded.known_noise import NOTHING, more_than_white, white_noise
 from ..recorded.screen import refuse_loop
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Number of windows that start within the length of one: they share little noise and use most of the data.
 OVERLAP = 2
@@ -231,12 +233,14 @@ class _Averages:
     def _sign(self, position: Array, *, passes: bool = False) -> Array:
         """Return the sign of the velocity; 0 if it is uncertain. With `passes`, uncertain signs at a reversal
         are also decided."""
-        velocity = uniform_filter1d(np.gradient(position), self.smooth, mode="nearest")
+        velocity = scipy.ndimage.uniform_filter1d(np.gradient(position), self.smooth, mode="nearest")
         sign = np.sign(velocity)
         if not passes:
             # Error of the mean velocity and of the differences if the velocity is curved; a second mean shows
             # two thirds of it.
-            curved = 1.5 * np.abs(uniform_filter1d(velocity, self.smooth, mode="nearest") - velocity)
+            curved = 1.5 * np.abs(
+                scipy.ndimage.uniform_filter1d(velocity, self.smooth, mode="nearest") - velocity
+            )
             sign[np.abs(velocity) <= AT_REST * noise_level(position) / self.smooth + curved] = 0.0
         return sign
 

@@ -11,16 +11,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.result import Fit
 from ...estimate.score import ASKED, gain, step
 from ...quantities.units import turned, with_prefix
 from ..recorded.known_noise import more_than_white, white_noise
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Largest usual residual relative to the range of the force: that of the simplest presliding law on measured
 # loops. A larger one is a doubt.

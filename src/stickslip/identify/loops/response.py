@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...engine.motion import forces_at
@@ -19,6 +18,9 @@ from ...simulation.prescribed import prescribed_once
 from ...simulation.varied import with_values
 from ..recorded.channels import channel, names_of
 from .sampled import between
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 OBSERVED = "friction_force"
 # Values besides the law's, with units: those of the channel, and further ones of the contact.

@@ -10,15 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from ...estimate.coloured import with_inherited
 from ...estimate.result import Fit
 from ..recorded.channels import FEWEST_SAMPLES
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -47,7 +50,7 @@ def between(time: Array, position: Array, velocity: Array) -> tuple[Array, Array
     pieces = np.where(changes, PIECES, 1)
     at = np.concatenate([[0], np.cumsum(pieces)])
     fine = np.interp(np.arange(at[-1] + 1), at, time)
-    path = np.asarray(CubicHermiteSpline(time, position, slope)(fine))
+    path = np.asarray(scipy.interpolate.CubicHermiteSpline(time, position, slope)(fine))
     path[at] = position
     return fine, path, at
 

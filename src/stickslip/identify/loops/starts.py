@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.parameter import REACH, Parameter, Values
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Displacements at which the contact yields, relative to the stroke: from hardly sampled to the whole stroke.
 YIELDS = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)

@@ -9,8 +9,8 @@ from itertools import groupby, product
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from ...physics.piezo.creep import spread
 from ...quantities.units import QuantityError
@@ -191,5 +191,5 @@ def _rests(one: Observed) -> bool:
     size = int(LONG_ENOUGH * CREEP_BEGINS / one.time[1])
     if size > one.time.size:
         return False
-    swing = maximum_filter1d(one.drive, size) - minimum_filter1d(one.drive, size)
+    swing = scipy.ndimage.maximum_filter1d(one.drive, size) - scipy.ndimage.minimum_filter1d(one.drive, size)
     return bool(np.min(swing[size // 2 : one.time.size - size // 2]) < STILL * np.ptp(one.drive))

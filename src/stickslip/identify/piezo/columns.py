@@ -10,10 +10,9 @@ by dead zones. See `piezo`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...physics.piezo.creep import Lags, distance, relaxed, spread
@@ -21,6 +20,9 @@ from ...physics.piezo.operators import Operators, skewed, states
 from ...physics.piezo.prandtl_ishlinskii import rested
 from ...recording import RecordingError
 from ..recorded.channels import channel
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Number of dead zones over the range of the drive, which approximate the square.
 ZONES = 8

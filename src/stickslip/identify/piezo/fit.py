@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.fit import fit_least_squares
@@ -42,6 +42,9 @@ from .prediction import PiezoPrediction
 from .shapes import first_model, lagging_shape, skewed_shape
 from .timing import Edges, Lateness, edges_of, lateness
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 OBSERVED = "stage_position"
 NOT_LATE = Lateness(
     DelayAndLag(),
@@ -57,8 +60,7 @@ LATE = 0.1
 MOVED = 0.01
 # Difference step for delay and lag, in sampling intervals; number of cached delay-lag pairs.
 DIFFERENCE, KEPT = 0.02, 4
-# Difference step of the skew, relative to the range of the drive.
-SKEWED = 1e-4
+SKEWED = 1e-4  # difference step of the skew, relative to the range of the drive
 
 Array = NDArray[np.float64]
 

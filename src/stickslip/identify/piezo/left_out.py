@@ -13,9 +13,9 @@ to the greatest voltage), the covariance is too large: up to four times in a rec
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.result import Fit
@@ -25,6 +25,9 @@ from .columns import DelayAndLag, PlayGrid, columns, observe
 from .fit import named, prediction_of
 from .linear import solve
 from .prediction import PiezoPrediction
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 PARTS = 12
 

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
-from scipy.optimize import nnls
 
 from .columns import Columns, PlayGrid
 
@@ -143,11 +142,11 @@ def _solved(of: _Normal, grid: PlayGrid, creeping: bool) -> Array:
     scale = 1.0 / np.sqrt(np.diag(of.a) + 1e-300)
     a, b = of.a * scale * scale[:, None], of.b * scale
     a = a + RIDGE * np.eye(len(a))
-    lower = cholesky(a, lower=True)
-    right = solve_triangular(lower, b, lower=True)
+    lower = scipy.linalg.cholesky(a, lower=True)
+    right = scipy.linalg.solve_triangular(lower, b, lower=True)
     # a free coefficient is the difference of two non-negative ones
     doubled = np.hstack([lower.T, -lower.T[:, free]])
-    x = nnls(doubled, right)[0]
+    x = scipy.optimize.nnls(doubled, right)[0]
     made = x[: free.size].copy()
     made[free] -= x[free.size :]
     return made * scale

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import warnings
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...physics.piezo import Piezo
 from ...recording import RecordingWarning
 from ..recorded.channels import channel, names_of
 from .columns import DelayAndLag, Observed, at_piezo, lagged, observe
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Largest distance, relative to the stroke, between the first position and the one predicted for the drive's
 # first value.

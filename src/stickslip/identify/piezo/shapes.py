@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from .choice import Choice, Shape, range_of
 from .columns import Columns, DelayAndLag, Observed, PlayGrid, columns
@@ -50,7 +50,7 @@ def skewed_shape(seen: Sequence[Observed], late: Lateness, fixed: bool) -> Shape
             _, parts, found = first_model(seen, timing, skew(q))
             return float(np.std(residuals(parts, positions, found)))
 
-        end: Any = minimize_scalar(
+        end: Any = scipy.optimize.minimize_scalar(
             left,
             bounds=(-math.log(STEEPEST), math.log(STEEPEST)),
             method="bounded",
@@ -75,7 +75,7 @@ def lagging_shape(seen: Sequence[Observed], choice: Choice) -> Shape:
         return float(np.std(residuals(parts, positions, solved(parts, positions, choice.grid))))
 
     ends = (0.0, LONGEST * min(_time_of_a_way(one) for one in seen))
-    end: Any = minimize_scalar(left, bounds=ends, method="bounded")
+    end: Any = scipy.optimize.minimize_scalar(left, bounds=ends, method="bounded")
     lag = float(end.x)
     said = (
         f"lag {lag:.3g} s is the one that fits all samples best: without edges of the drive, a part of it "

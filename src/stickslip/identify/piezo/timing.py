@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from .columns import Columns, DelayAndLag, Observed, PlayGrid, columns
 from .linear import Solution, solve
@@ -120,7 +120,7 @@ def lateness(
     start = min(starts, key=square) if near is None else np.array(near)
     simplex = start + np.array([[0.0, 0.0], [0.3 * step, 0.0], [0.0, 0.3 * start[1]]])
     size = square(start) or 1.0
-    end = minimize(
+    end = scipy.optimize.minimize(
         lambda x: square(x) / size,
         start,
         method="Nelder-Mead",

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from ...estimate.coloured import Coloured, coloured
 from ...quantities.units import QuantityError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FEWEST = 100
 # Largest relative difference of sampling intervals at which two recordings have the same sample rate.

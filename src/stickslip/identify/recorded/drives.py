@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence as Several
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...recording import RecordingError, RecordingWarning
@@ -18,6 +17,9 @@ from ...waveform.sequence import Sequence
 from ...waveform.signal import Waveform, value_at
 from ...waveform.slewed import Slewed
 from .channels import channel, drives_of
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Largest mean difference between the channel and its waveform, relative to the drive's range.
 ALIKE = 0.1

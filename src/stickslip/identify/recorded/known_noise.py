@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.lack import KnownNoise, Lack
@@ -16,6 +16,9 @@ from ...recording.noise import noise_level
 from ...waveform.signal import Waveform, value_at
 from .drives import periodic_part
 from .levels import converter_step
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Share of the samples after the drive's end in which the stage may still vibrate; they do not count as rest.
 RINGS = 0.25

@@ -11,13 +11,11 @@ import warnings
 from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import median_filter
 
 from ...recording import RecordingWarning
 from ...recording.noise import noise_level
@@ -26,6 +24,9 @@ from ...waveform.pieces import cut
 from ...waveform.signal import Waveform, breaks_within, slope_at, value_at
 from .channels import channel
 from .drives import taken_drives
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # A change from one sample to the next is a jump, and a change of slope a kink, if it exceeds ABOVE times the
 # usual change on either side (the median over half of AROUND samples) and a share of the range.
@@ -178,7 +179,9 @@ def _usual(changes: Array) -> Array:
     """Return the usual size of changes at each sample: the larger of the medians to the left and to the
     right."""
     sides = (AROUND // 2, -(AROUND // 2))
-    return np.max([median_filter(changes, AROUND, mode="nearest", origin=side) for side in sides], axis=0)
+    return np.max(
+        [scipy.ndimage.median_filter(changes, AROUND, mode="nearest", origin=side) for side in sides], axis=0
+    )
 
 
 def _jumps(u: Array) -> list[int]:
@@ -311,7 +314,7 @@ def _splines(t: Array, u: Array, knots: list[Knot], slew_rate: float | None) -> 
             polynomial.append([[line.at(begin), line.slope, 0.0, 0.0]])
             continue
         times[0] = begin
-        spline = CubicSpline(times, values)
+        spline = scipy.interpolate.CubicSpline(times, values)
         start.append(spline.x[:-1])
         polynomial.append(spline.c[::-1].T)
     start.append(t[-1:])

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from ...quantities.units import unit_for, with_prefix
 from ...recording import STANDARD_NAMES, RecordingError
@@ -20,6 +19,9 @@ from ...recording.noise import noise_level
 from ...waveform.signal import Waveform, value_at
 from .channels import EDGE, channel
 from .levels import converter_step
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Probability that white noise passes for a signal, for one recording.
 FALSE_ALARM = 1e-3
@@ -114,7 +116,7 @@ def _stands_out(values: Array) -> bool:
     for size in 2 ** np.arange(1, scales + 1):
         count = x.size // int(size)
         means = x[: count * size].reshape(count, size).mean(axis=1)
-        if chdtrc(count - 1, count * size * float(np.var(means)) / variance) < share / scales:
+        if scipy.special.chdtrc(count - 1, count * size * float(np.var(means)) / variance) < share / scales:
             return True
     return False
 

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from ...recording import RecordingError
 from .linear import second_order_poles, step_response
@@ -184,7 +183,7 @@ def _polished(look: Look, test: StepTest, rise: float, response: Response) -> Lo
     def of(q: Array) -> Look:
         return Look(w * math.exp(q[0]), zeta * math.exp(q[1]), delay + q[2] / w)
 
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         lambda q: _left(of(q), test, response) / rise,
         np.zeros(3),
         bounds=([-0.7, -3.0, -3.0], [0.7, 3.0, 3.0]),

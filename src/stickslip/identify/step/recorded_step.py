@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...quantities.units import optional_si, to_si
 from ...recording import RecordingError
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, same_number
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 POSITION = "end_effector_position"
 

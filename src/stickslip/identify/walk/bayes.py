@@ -12,10 +12,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.bent import Mixture, straight
@@ -36,6 +35,9 @@ from .likelihood import SimulatedWalks, eliminated, log_prior
 from .position_channel import CHANNEL, OBSERVED
 from .several import straightened
 from .walks import position_slopes, stage_beside
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,7 @@ The candidates are all friction laws on the dynamic stage [kang2007, 3.2], inclu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any
 
 from ...estimate.result import Fit
 from ...friction import (
@@ -33,6 +31,9 @@ from ..recorded.channels import drives_of, recordings_of
 from .friction import identify_friction
 from .position_channel import CHANNEL, OBSERVED
 from .static import identify_static_walk
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 POHL, CHANG_LI = "Pohl: static", "Coulomb (Chang & Li)"
 

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...engine.binding import ComposedPlant, DriveTable, integrate
@@ -26,6 +25,9 @@ from ...simulation.sensitivity import NeighbouringModels, follow_moved, moved
 from ...waveform.drive import evaluate
 from ...waveform.signal import Waveform
 from ..recorded.recorded_drive import drive_over
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Largest number of integration steps for one recording; only a trial point with a far too stiff contact needs
 # more. Each segment of the drive needs a few steps: the output of an amplifier has a hundred thousand

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from ...estimate.disturbed import lack_beside_faults, left_beside_faults
 from ...estimate.lack import Lack, left_over
@@ -32,6 +31,9 @@ from .friction import identify_friction
 from .other_stages import moved_by
 from .position_channel import CHANNEL
 from .walks import NEAR, own_values, position_slopes, stage_beside
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 TOGETHER = "all walks together"
 # Half-widths of an interval beyond which the value for all walks contradicts the value for some walks.

@@ -25,12 +25,11 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import cholesky_banded, solve_banded
 
 from ...estimate.coloured import coloured, white_and_walk, with_coloured_noise
 from ...estimate.disturbed import with_disturbances
@@ -54,6 +53,9 @@ from .displacement import Displacement
 from .position_channel import CHANNEL, OBSERVED
 from .prediction import Predictor
 from .walks import NEAR, SETTLED, Varied, observed, own_values, slopes_of, stage_beside
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -90,10 +92,10 @@ class Weight(NamedTuple):
         band = np.full((2, len(rows)), -1.0)
         band[0] = 2.0 + self.walk
         band[0, 0] = 1.0
-        root = cholesky_banded(band, lower=True)
+        root = scipy.linalg.cholesky_banded(band, lower=True)
         differences = np.concatenate([rows[:1], np.diff(rows, axis=0)])
         # NaN is kept: it marks points without a model or a derivative.
-        return solve_banded((1, 0), root, differences, check_finite=False)
+        return scipy.linalg.solve_banded((1, 0), root, differences, check_finite=False)
 
 
 def jointly(

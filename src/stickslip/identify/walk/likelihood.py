@@ -13,9 +13,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
-from scipy.special import logsumexp
 
 from ...estimate.parameter import Parameter
 from ...estimate.problem import FitError
@@ -113,7 +112,7 @@ class SimulatedWalks:
         """Return the interpolation weights of the nodes at delays [s], shape (points, nodes)."""
         if self.nodes.size == 1:
             return np.ones((delay.size, 1))
-        return np.asarray(make_interp_spline(self.nodes, np.eye(self.nodes.size))(delay))
+        return np.asarray(scipy.interpolate.make_interp_spline(self.nodes, np.eye(self.nodes.size))(delay))
 
     def __call__(self, own: Mapping[str, Array], count: int) -> Sums:
         """Return the sums of `count` members with these values of the actuator, arrays [members] by name."""
@@ -175,7 +174,7 @@ def eliminated(
         precision = of.size / variance + 1.0 / spread**2
         offset = (expected / spread**2 - of.sums @ weights.T / variance) / precision
         log += 0.5 * precision * offset**2
-    whole = np.asarray(logsumexp(log, axis=1))
+    whole = np.asarray(scipy.special.logsumexp(log, axis=1))
     share = np.cumsum(np.exp(log - whole[:, None]), axis=1)
     cell = np.sum(share < random.random((len(log), 1)), axis=1).clip(max=members.grid.size - 1)
     width = members.grid[1] - members.grid[0] if members.grid.size > 1 else 0.0

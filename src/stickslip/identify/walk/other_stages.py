@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.result import Fit
@@ -14,6 +14,9 @@ from ...waveform.signal import Waveform
 from ..recorded.channels import names_of
 from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _TOLERANCE = 1e-11
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.parameter import Parameter
@@ -18,6 +18,9 @@ from ...waveform.signal import Waveform
 from ..free import Bounds, linear
 from ..recorded.channels import channel, refuse_clipped, unit_of
 from ..recorded.drives import refuse_sampling
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 OBSERVED = "end_effector_position"
 # Parameters of the channel, not of the actuator.

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.parameter import Values
@@ -17,6 +16,9 @@ from ..recorded.channels import names_of
 from ..recorded.known_noise import SIMULATED
 from .displacement import Displacement
 from .position_channel import OBSERVED
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Tolerance of a simulation that is compared with a recording: far below any noise.
 TOLERANCE = SIMULATED

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.fit import fit_least_squares
@@ -26,6 +25,9 @@ from ..free import Bounds, linear
 from ..recorded.channels import channel, drives_of, names_of, recordings_of
 from ..recorded.recorded_drive import drive_over
 from .position_channel import CHANNEL, OBSERVED, of_channel
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # A segment counts as fast if the voltage changes this many times faster than usual.
 FAST = 10.0

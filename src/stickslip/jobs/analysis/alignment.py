@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from ...estimate.drift import Drift, drift_seen, said_drift
 from ...identify.recorded.channels import channel, refuse_clipped
@@ -22,6 +21,9 @@ from ...waveform.sequence import Sequence
 from ...waveform.shapes import Rest
 from ...waveform.signal import Waveform
 from ...waveform.slewed import Slewed
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 POSITION = "end_effector_position"
 # Kept after the drive for the residual vibration, as a fraction of the drive's duration.

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.result import Fit
@@ -18,6 +17,9 @@ from ...quantities.progress import Progress, within
 from ...report import Column, Number, Section, Table
 from ...report.fits import doubts, estimates, fit_numbers
 from .modes import Starts
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Parameters; a larger correlation matrix would be some megabytes that nobody reads.
 MOST_CORRELATED = 150

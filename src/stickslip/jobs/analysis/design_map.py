@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import xarray as xr
 from pydantic import Field
 
 from ...design import step_map
@@ -16,6 +15,9 @@ from ...rig.experiment.cells import drive_of
 from ...rig.experiment.file import PartSpec
 from .axis import AxisSpec
 from .design_given import GeneratorSpec, Given, OutputLimitsSpec, output_stage
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 AXES = {"voltage": "V", "frequency": "Hz", "load": "N"}
 # Fields of the drive that each point of the map sets.

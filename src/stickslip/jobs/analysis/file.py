@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import xarray as xr
 from pydantic import Field
 
 from ...quantities.input_file import Hertz, InputFileError, Seconds, Strict
@@ -15,6 +14,9 @@ from ...recording import SCALE_UNCERTAINTY, RecordingError
 from ...recording.calibration import apply_calibration
 from ...recording.datasets import dataset_path
 from ...recording.readers import read_recording
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 AnalysisError = InputFileError
 # By parameter: bounds, or mean and standard deviation of a prior; in SI, or as texts with units.

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-import xarray as xr
 from pydantic import Discriminator, Field, Tag
 
 from ...estimate.influence import prior_influence
@@ -27,6 +26,9 @@ from ...report.viewing import view
 from ...report.views.comparison import choice_section
 from .file import Analysis, AnalysisError, RecordingFile, read_parts
 from .priors import with_priors
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class LawSpec(Strict):

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import xarray as xr
 from pydantic import BeforeValidator
 from pydantic_core import PydanticCustomError
 
 from ...identify.frequency.modal import ModalModel, identify_frequency
 from ...quantities.units import to_si
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Starts = list[tuple[float, float]]
 

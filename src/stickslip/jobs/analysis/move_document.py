@@ -6,8 +6,6 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import xarray as xr
-
 from ...control import WINDOWS, Mover, Settling, Tuning
 from ...identify.recorded.levels import converter_step
 from ...identify.results import model_numbers
@@ -22,6 +20,8 @@ from ...rig import Plausibility
 from .move_model import Aim
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from .moving import MoveFile
 
 POSITION, DRIVE = "end_effector_position", "drive_voltage"

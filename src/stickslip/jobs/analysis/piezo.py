@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import xarray as xr
 from pydantic import Field
 
 from ...estimate.result import Fit
@@ -23,6 +22,9 @@ from ...report.fits import estimates, parameter_table
 from ...report.piezo import hysteresis_numbers, hysteresis_pictures
 from .file import Analysis, AnalysisError, RecordingFile, read_parts
 from .model import named_model
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class PiezoAnalysis(

@@ -6,10 +6,9 @@ Friction is identified from one recording; stick-slip is predicted for the other
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from ...estimate.result import Fit
 from ...identify.events.pulled import (
@@ -29,6 +28,9 @@ from ...report.figures.events import event_prediction
 from ...report.figures.style import svg
 from ...report.fits import estimates, parameter_table
 from .file import Analysis, AnalysisError, RecordingFile, read_parts
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class PulledRecording(RecordingFile, fields_of(PulledRig, "stiffness", "speed")):

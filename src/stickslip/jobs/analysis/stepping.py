@@ -17,9 +17,8 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import xarray as xr
 from pydantic import Field, ValidationError
 
 from ...control import Bursts, StepLaw, fit_steps, measure_steps, read_bursts
@@ -28,6 +27,9 @@ from ...quantities.input_file import Strict, explain, load_yaml
 from ...quantities.progress import Progress
 from ...rig.positioner import Positioner
 from .file import AnalysisError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class PositionerSpec(Strict):

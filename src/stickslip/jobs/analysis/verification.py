@@ -6,9 +6,8 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import xarray as xr
 from pydantic import Field, ValidationError
 
 from ...identify.results import model_numbers
@@ -30,6 +29,9 @@ from .file import Analysis, AnalysisError, read_parts
 from .model import ModelOrFit
 from .results import model_and_chain
 from .walk import WalkRecording
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 MOST_PICTURES = 8
 DRIVE = "drive_voltage"

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from ...estimate.disturbances import MOVES
 from ...estimate.posterior import Posterior
@@ -22,6 +20,9 @@ from ..analysis.alignment import Aligned
 from ..analysis.comparison import candidates_of, named
 from .file import CampaignFile
 from .kept import Kept
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 T = TypeVar("T")
 

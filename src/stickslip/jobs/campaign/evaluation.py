@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
-
-import xarray as xr
+from typing import TYPE_CHECKING, NamedTuple
 
 from ...estimate.blas import single_threaded
 from ...estimate.disturbed import lack_beside_faults
@@ -41,6 +39,9 @@ from .file import CampaignFile
 from .gathering import SensorScale, scale_of, scaled
 from .hysteresis import Hysteresis, hysteresis_of
 from .kept import Kept
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 WALKS = ("fit", "verify")
 # Repetitions of the steps' formulas with other noise.

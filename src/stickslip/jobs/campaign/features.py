@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any
 
 from ...estimate.quantiles import reach
 from ...identify.events.sawtooth import sawtooth_features
 from ...recording import RecordingError
 from ...report import Column, Number, Section, Table
 from ..analysis.alignment import Aligned
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _DIRECTION = {1.0: "forward", -1.0: "back"}
 _STEPS = ("up", "down", "scatter", "drift")

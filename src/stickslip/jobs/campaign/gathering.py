@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from ...identify.recorded.channels import channel
 from ...quantities.input_file import InputFileError
@@ -23,6 +22,9 @@ from ...rig.experiment.running import record_experiment
 from ...waveform.signal import Waveform
 from ..analysis.alignment import POSITION, Aligned, aligned, aligned_by_itself, with_position
 from .file import CampaignFile, OwnRecordingSpec
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # s before a step and after its settling over which a level is averaged.
 LEVEL = 0.05

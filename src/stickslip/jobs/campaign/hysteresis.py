@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from ...estimate.result import Fit
 from ...identify.piezo.fit import identify_piezo
@@ -20,6 +19,9 @@ from ...identify.step.fit import STAGE_PARAMETERS
 from ...physics.actuator import Actuator
 from ..analysis.alignment import POSITION, Aligned
 from .file import CampaignFile
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class Hysteresis(NamedTuple):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from ...report import Section
 from ...report.fits import parameter_table
 from ...report.piezo import hysteresis_pictures
 from .hysteresis import Hysteresis
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def hysteresis_section(of: Hysteresis, used: Sequence[xr.Dataset], figures: bool) -> Section:

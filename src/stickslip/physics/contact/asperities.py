@@ -31,8 +31,7 @@ import math
 from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple
 
-from scipy.optimize import brentq
-from scipy.special import gamma, pbdv
+import scipy
 
 from ...quantities.records import Quantity, record
 from ...quantities.units import QuantityError, to_si
@@ -47,9 +46,14 @@ DEEPEST, HIGHEST = -3.0, 30.0
 def moment(order: float, separation: float, heights: Heights) -> float:
     """Return F_n(h) for this distribution of summit heights; order n and separation h are dimensionless."""
     if heights == "exponential":
-        return float(gamma(order + 1.0)) * math.exp(-separation)
-    cylinder = float(pbdv(-order - 1.0, separation)[0])
-    return float(gamma(order + 1.0)) / math.sqrt(2.0 * math.pi) * math.exp(-0.25 * separation**2) * cylinder
+        return float(scipy.special.gamma(order + 1.0)) * math.exp(-separation)
+    cylinder = float(scipy.special.pbdv(-order - 1.0, separation)[0])
+    return (
+        float(scipy.special.gamma(order + 1.0))
+        / math.sqrt(2.0 * math.pi)
+        * math.exp(-0.25 * separation**2)
+        * cylinder
+    )
 
 
 @record
@@ -118,7 +122,7 @@ class GreenwoodWilliamson(NamedTuple):
         def excess(h: float) -> float:
             return math.log(self.load(h) / self.normal_force)
 
-        found: Any = brentq(excess, DEEPEST, HIGHEST, xtol=1e-12)
+        found: Any = scipy.optimize.brentq(excess, DEEPEST, HIGHEST, xtol=1e-12)
         return float(found)
 
     @property

@@ -15,18 +15,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy
-import xarray as xr
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from ...estimate import Fit
 from ...estimate.shown import preformatted
 from ...quantities.records import did_you_mean
 from ...quantities.units import QuantityError, with_unit
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 Condition = Sequence[float | str]  # a value for each contact
@@ -118,6 +119,8 @@ def compare_contacts(
         QuantityError: fewer than two fits, numbers that do not match, conditions that vary together so that
             their effects cannot be separated, or a parameter that a fit does not have.
     """
+    import xarray as xr
+
     names = list(fits)
     effects = _effects(conditions, len(names))
     known = [name for name in fits[names[0]].values if all(name in one.values for one in fits.values())]
@@ -180,7 +183,7 @@ def _fitted(design: Array, logarithms: Array, errors: Array) -> _FittedEffects:
 
     scatter = np.nan
     if freedom > 0:
-        found: Any = minimize_scalar(
+        found: Any = scipy.optimize.minimize_scalar(
             lambda tau: at(tau**2)[2], bounds=(0.0, MOST_SCATTER), method="bounded", options={"xatol": 1e-6}
         )
         scatter = 0.0 if at(0.0)[2] <= found.fun else float(found.x)
@@ -237,6 +240,8 @@ def _numbers(name: str, given: Sequence[float | str]) -> Array | None:
 
 
 def _table(compared: list[str], effects: list[_Effect], rows: list[_FittedEffects]) -> xr.Dataset:
+    import xarray as xr
+
     b, half = (np.array([row[i] for row in rows]) for i in (0, 1))
     exponent = np.array([effect.exponent for effect in effects])
     chances = _holm(np.array([row.chances for row in rows]))
@@ -267,6 +272,8 @@ def _holm(chances: Array) -> Array:
 
 
 def _values(fits: Mapping[str, Fit], compared: list[str]) -> xr.Dataset:
+    import xarray as xr
+
     ends = [one.confidence_intervals() for one in fits.values()]
     columns = {
         "value": [[one.values[name] for name in compared] for one in fits.values()],

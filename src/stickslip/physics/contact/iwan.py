@@ -18,8 +18,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import nnls
 
 from ...friction import MaxwellSlip
 from ...quantities.records import whole
@@ -145,7 +145,7 @@ def of_loop(position: ArrayLike, force: ArrayLike, elements: int = 12) -> LoopEl
     if moved.size < FEWEST or not longest > 0.0:
         raise QuantityError(f"position [m] must turn, with at least {FEWEST} samples after a turn")
     slides = np.geomspace(longest * 1e-2, longest, elements)
-    weights = nnls(np.minimum(moved[:, None], slides), carried)[0]
+    weights = scipy.optimize.nnls(np.minimum(moved[:, None], slides), carried)[0]
     kept = weights > NOTHING * weights.sum()
     if not np.any(kept):
         raise QuantityError("force [N] falls where position grows: turn its sign")

@@ -19,8 +19,8 @@ import warnings
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import exprel
 
 from ...quantities.records import Quantity, record
 from ...quantities.units import QuantityError, array_si, optional_si, to_si
@@ -100,7 +100,7 @@ def self_affine(
     for power in (1, 3, 5):  # moments of the spectrum, which is 1 on its plateau
         flat = (q_r ** (power + 1) - q_l ** (power + 1)) / (power + 1)
         left, ends = power - 1.0 - 2.0 * hurst, math.log(q_s / q_r)
-        fall = q_r**left * ends * float(exprel(left * ends))  # (q_s^left - q_r^left)/left
+        fall = q_r**left * ends * float(scipy.special.exprel(left * ends))  # (q_s^left - q_r^left)/left
         roots.append(math.sqrt(flat + q_r ** (2.0 + 2.0 * hurst) * fall))
     slope, curvature = (height * root / roots[0] for root in roots[1:])
     return Roughness(height, slope, curvature, longest, shortest)

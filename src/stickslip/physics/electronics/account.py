@@ -13,10 +13,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ...quantities.records import of_kind
@@ -25,6 +24,9 @@ from ...waveform.signal import Waveform
 from .cycles import lost_power
 from .lines import jumps, lines_of
 from .stack import TEMPERATURE, Stack, TemperatureDependence
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -89,6 +91,8 @@ def electrical(
             recording without drive_voltage, without two samples or with gaps; a number out of range; a
             temperature outside the range of the dependence.
     """
+    import xarray as xr
+
     seconds = optional_si(duration, "s", "duration")
     kelvin = TEMPERATURE.check(to_si(ambient, "K", "ambient"), "ambient")
     volts_off = to_si(tolerance, "V", "tolerance")

@@ -7,9 +7,9 @@ import math
 import os
 import warnings
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...gate.results import json_attribute
@@ -23,6 +23,9 @@ from .. import (
 )
 from .polynomial import Calibration, CalibrationError
 from .storage import load_calibration, to_text
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Part = Calibration | str | os.PathLike[str]
 Chain = Part | Sequence[Part]

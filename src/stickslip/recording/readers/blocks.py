@@ -9,16 +9,18 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from ...gate.files import opened
 from ...gate.limits import LIMITS
 from ...quantities.units import QuantityError
 from .. import RecordingError
 from .file_units import to_si_unit
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FEWEST = 2  # fewest records of a log
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -41,6 +43,8 @@ def read_log(path: str | os.PathLike[str]) -> xr.Dataset:
     Raises:
         RecordingError: there are no two such blocks, or a key has units of different dimensions.
     """
+    import xarray as xr
+
     path = Path(path)
     records = _records(path)
     if len(records) < FEWEST:

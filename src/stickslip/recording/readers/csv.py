@@ -11,10 +11,9 @@ import os
 from collections.abc import Hashable, Iterator, Sequence
 from io import TextIOWrapper
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
-import pandas as pd
 
 from ...gate.errors import GateError
 from ...gate.files import opened
@@ -26,13 +25,10 @@ from .progress import reading_progress
 from .source import FileContent, Rows
 from .stamps import Stamped, iso
 
-CHUNK = 1 << 23  # bytes of text in a chunk
+if TYPE_CHECKING:
+    import pandas as pd
 
-
-# Exact reading of numbers: default of pandas from 3.1 on, an option before.
-_EXACT: Any = (
-    {} if (*map(int, pd.__version__.split(".")[:2]),) >= (3, 1) else {"float_precision": "round_trip"}
-)
+CHUNK = 1 << 23  # bytes of text
 
 
 def read_csv(
@@ -100,7 +96,7 @@ def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows
                 show_progress(raw.tell())
         except GateError:
             raise
-        except (ValueError, OverflowError, pd.errors.ParserError) as error:
+        except (ValueError, OverflowError) as error:  # pandas' ParserError is a ValueError
             raise _explained(path, layout, indices, error) from error
     if rows.stop is None or position < rows.stop:  # the file has been read to its end
         filled = max(filled - _blank_rows_at_the_end(path, layout), 0)
@@ -136,6 +132,11 @@ class _Lines:
 
 
 def _chunks(file: Any, layout: TextLayout, indices: list[int], stop: int | None) -> Iterator[pd.DataFrame]:
+    import pandas as pd
+
+    # Numbers are read to the last bit: pandas does so from 3.1 on, and earlier versions where asked to.
+    recent = (*map(int, pd.__version__.split(".")[:2]),) >= (3, 1)
+    exact: Any = {} if recent else {"float_precision": "round_trip"}
     # A column that was not requested is kept as one byte per row: with ``usecols``, pandas would not detect
     # rows that are too long.
     types: dict[Hashable, Any] = dict.fromkeys(range(len(layout.kinds)), "S1")
@@ -152,7 +153,7 @@ def _chunks(file: Any, layout: TextLayout, indices: list[int], stop: int | None)
         comment=layout.comment,
         skipinitialspace=True,
         keep_default_na=False,
-        **_EXACT,
+        **exact,
         na_values=list(layout.missing),
         nrows=stop,
         chunksize=max(int(CHUNK / layout.line_bytes), 1),
@@ -173,12 +174,16 @@ def _numbers(chunk: pd.DataFrame, layout: TextLayout, i: int) -> np.ndarray:
 
 def _since(texts: pd.Series, how: Stamped) -> np.ndarray:
     """Return time stamps in s since the zero of their column; NaN for blank ones."""
+    import pandas as pd
+
     made = texts.map(lambda text: iso(text, how.first_is_day), na_action="ignore")
     times = pd.to_datetime(made, utc=True, format="ISO8601")
     return (times - pd.Timestamp(how.epoch, unit="s", tz="UTC")).dt.total_seconds().to_numpy()
 
 
 def _is_date(text: str, how: Stamped) -> bool:
+    import pandas as pd
+
     try:
         _since(pd.Series([text]), how)
     except ValueError:

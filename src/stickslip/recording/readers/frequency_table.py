@@ -11,10 +11,9 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...quantities.units import QuantityError
@@ -26,6 +25,9 @@ from .opening import source_of
 from .reading import named_file
 from .source import Column, FileChannel, FileContent, Rows, find_channel, listing
 from .uff import data_sets, point
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -283,6 +285,8 @@ def _reference(one: dict[str, Any]) -> str:
 
 def _dataset(frequency: Array, values: NDArray[Any], unit: str, path: Path) -> xr.Dataset:
     """Return the response sorted by frequency, without 0 Hz, which has no phase."""
+    import xarray as xr
+
     order = np.argsort(frequency, kind="stable")
     order = order[frequency[order] > 0.0]
     frequency, values = frequency[order], values[order]

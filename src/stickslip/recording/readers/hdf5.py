@@ -8,15 +8,18 @@ NetCDF are applied.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...gate.hdf5 import SIGNATURE, Hdf5Array, Hdf5Group, Hdf5Tree, hdf5_tree, read_hdf5_array
 from ...gate.limits import check_size
 from .. import RecordingError
 from .arrays import Leaf, array_parts, array_source, real_leaves, subscripted, total_bytes
+from .signatures import HDF5_SIGNATURE
 from .source import FileChannel, FileContent, add_format, is_clock
+
+if TYPE_CHECKING:
+    from ...gate.hdf5 import Hdf5Array, Hdf5Group, Hdf5Tree
 
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS")
 _SECONDS_SINCE = " since "  # in units of NetCDF times: "seconds since 2020-02-20"
@@ -40,6 +43,8 @@ def read_hdf5(path: Path) -> FileContent:
     Raises:
         RecordingError: the file is damaged, or contains no arrays of real numbers.
     """
+    from ...gate.hdf5 import hdf5_tree
+
     found: dict[str, _Signal] = {}
     others: list[str] = []
     with hdf5_tree(path) as tree:
@@ -68,6 +73,8 @@ def read_hdf5(path: Path) -> FileContent:
 def _collect(
     tree: Hdf5Tree, group: Hdf5Group, prefix: str, found: dict[str, _Signal], others: list[str]
 ) -> None:
+    from ...gate.hdf5 import Hdf5Group
+
     for label, one in group.members.items():
         name = f"{prefix}.{label}" if prefix else label
         if isinstance(one, Hdf5Group):
@@ -92,6 +99,8 @@ def _number(value: Any, default: float) -> float:
 
 
 def _leaf(path: Path, signal: _Signal) -> Leaf:
+    from ...gate.hdf5 import read_hdf5_array
+
     def load(axis: int = 0, part: slice = slice(None)) -> np.ndarray:
         values = read_hdf5_array(path, signal.array.name, axis, part)
         if (signal.scale, signal.offset) == (1.0, 0.0) and not signal.missing:
@@ -120,7 +129,7 @@ def _clocks(found: dict[str, _Signal], order: list[str]) -> dict[str, int | None
 
 def _is_hdf5(head: bytes, ending: str) -> bool:
     matlab = ending == ".mat" or head.startswith(b"MATLAB")
-    return not matlab and any(head.startswith(SIGNATURE, place) for place in _PLACES)
+    return not matlab and any(head.startswith(HDF5_SIGNATURE, place) for place in _PLACES)
 
 
 add_format(read_hdf5, "hdf5", (".h5", ".hdf5", ".he5", ".nc", ".nc4", ".nxs"), _is_hdf5)

@@ -6,10 +6,9 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from ...quantities.units import with_prefix
 from .. import RecordingError
@@ -22,6 +21,9 @@ from .preview import LOOKED_AT, SHOWN, look
 from .reading import read_recording, said
 from .source import FileChannel
 from .uff import ENDINGS as UNIVERSAL
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Smallest pause, in usual intervals of the clock.
 PAUSE = 1.5

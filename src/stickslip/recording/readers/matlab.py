@@ -10,22 +10,24 @@ from __future__ import annotations
 
 import codecs
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.io
-from scipy.io.matlab import MatlabFunction, MatlabOpaque
+import scipy
 
 from ...gate.errors import GateError
 from ...gate.files import opened
-from ...gate.hdf5 import SIGNATURE, Hdf5Array, Hdf5Group, Hdf5Tree, hdf5_tree, is_hdf5, read_hdf5_array
 from ...gate.limits import Visits, check_size
 from ...gate.matlab5 import check_matlab5, check_subsystem
 from .. import RecordingError
 from . import dspace
 from .arrays import ArrayChannel, Leaf, array_parts, array_source, real_leaves, total_bytes
 from .matlab_objects import FUNCTION, MatlabTable, Opaque, holds_objects, not_read, read_objects, shown
+from .signatures import HDF5_SIGNATURE
 from .source import FileChannel, FileContent, add_format
+
+if TYPE_CHECKING:
+    from ...gate.hdf5 import Hdf5Array, Hdf5Group, Hdf5Tree
 
 _OPAQUE = "3"  # mark of an object in version 7.3
 _SUBSYSTEM = "__function_workspace__"  # SciPy's name for the variables in which MATLAB stores objects
@@ -38,6 +40,8 @@ def read_matlab(path: Path) -> FileContent:
     Raises:
         RecordingError: the file is damaged or has an unknown version, or contains no numbers.
     """
+    from ...gate.hdf5 import is_hdf5
+
     try:
         hdf5 = is_hdf5(path)
         tree = _tree_of_hdf5(path) if hdf5 else _tree_of_v5(path)
@@ -129,9 +133,9 @@ def _tree_of_v5(path: Path) -> dict[str, Any]:
 
 
 def _v5_node(value: Any) -> Any:
-    if isinstance(value, MatlabOpaque):
+    if isinstance(value, scipy.io.matlab.MatlabOpaque):
         return Opaque(str(value["s2"].flat[0], "utf-8", "replace"))
-    if not isinstance(value, np.ndarray) or isinstance(value, MatlabFunction):
+    if not isinstance(value, np.ndarray) or isinstance(value, scipy.io.matlab.MatlabFunction):
         return None  # such as sparse matrices and functions
     if value.dtype.names:
         names = value.dtype.names
@@ -145,12 +149,16 @@ def _v5_node(value: Any) -> Any:
 
 
 def _tree_of_hdf5(path: Path) -> dict[str, Any]:
+    from ...gate.hdf5 import hdf5_tree
+
     with hdf5_tree(path) as tree:
         visits, root = Visits(path), tree.root.members
         return {n: _hdf5_node(tree, visits, one, 1) for n, one in root.items() if not n.startswith("#")}
 
 
 def _hdf5_node(tree: Hdf5Tree, visits: Visits, item: Hdf5Group | Hdf5Array, depth: int) -> Any:
+    from ...gate.hdf5 import Hdf5Array, Hdf5Group, read_hdf5_array
+
     visits(depth)
     of = tree.text_attribute(item, "MATLAB_class")
     if of == FUNCTION:
@@ -185,14 +193,14 @@ def _hdf5_node(tree: Hdf5Tree, visits: Visits, item: Hdf5Group | Hdf5Array, dept
 
 
 def _is_matlab(head: bytes, ending: str) -> bool:
-    if head.startswith(b"MATLAB 5.0 MAT-file") or head[_V73_BLOCK:].startswith(SIGNATURE):
+    if head.startswith(b"MATLAB 5.0 MAT-file") or head[_V73_BLOCK:].startswith(HDF5_SIGNATURE):
         return True
     if ending != ".mat":
         return False
     # Other programs write MAT 7.3 without MATLAB's block; version 4 has no signature.
     text = b"\0" not in head or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     others = (b"\x93NUMPY", b"PK\x03\x04", b"MDF     ", b"UnFinMF ")
-    return head.startswith(SIGNATURE) or not (text or head.startswith(others))
+    return head.startswith(HDF5_SIGNATURE) or not (text or head.startswith(others))
 
 
 add_format(read_matlab, "mat", (".mat",), _is_matlab)

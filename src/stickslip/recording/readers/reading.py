@@ -13,10 +13,9 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from operator import index
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import xarray as xr
 
 from ...quantities import registry
 from ...quantities.units import optional_si, to_si
@@ -27,6 +26,9 @@ from .opening import source_of
 from .selection import FileVariable, Selection, select
 from .source import Column, FileContent, Rows
 from .unlikely import refuse_unlikely, warn_of_unsaid
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # No recording lasts three years: larger times count from 1970.
 _SINCE_1970 = 1e8

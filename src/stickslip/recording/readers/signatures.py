@@ -28,6 +28,8 @@ class FileSignature(NamedTuple):
     endings: tuple[str, ...] = ()
 
 
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
 # Binary files.
 BINARY = (
     FileSignature("packed by gzip", rb"\x1f\x8b", f"{_UNPACK}: gunzip FILE"),

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from ...recording.calibration import Calibration
 from .scale import scale_for
 from .style import BLUE, MEASURED, VERMILLION, drawn, legend_above, panels, trace
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @drawn

@@ -4,10 +4,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
@@ -25,6 +24,9 @@ from .style import (
     panels,
     trace,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _LEFT = "95 % for the model, by the errors of its parameters"
 

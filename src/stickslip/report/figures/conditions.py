@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from .scale import scale_for
 from .style import BLUE, MEASURED, WIDTH, drawn, legend_above, shown
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Largest number of conditions that are named; more are only counted.
 MOST_NAMED = 12

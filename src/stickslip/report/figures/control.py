@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
-from matplotlib.figure import Figure
 
 from ...control.step_law import StepLaw
 from .scale import scale_for
 from .style import BLACK, BLUE, GREEN, MEASURED, VERMILLION, drawn, legend_above, panels, trace
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 _MOST_POINTS = 20_000
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.collections import QuadMesh
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
@@ -16,6 +14,10 @@ from numpy.typing import NDArray
 from ...quantities.units import QuantityError
 from .scale import Scale, scale_for
 from .style import BLACK, DASHES, MEASURED, SERIES, WIDTH, drawn, legend_above, panels_given, shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
 
 # Number of contours; largest number of panels of a figure; share of the opposite sign above which zero has
 # its own colour.

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 from matplotlib.figure import Figure
 
 from ...waveform.signal import Waveform, value_at
 from .scale import Scale, scale_for
 from .style import BLUE, DASHES, GREEN, MEASURED, VERMILLION, WIDTH, drawn, panels, trace
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _BINS = 400  # number of intervals of a long run over which means are drawn
 

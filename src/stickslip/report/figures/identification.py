@@ -6,10 +6,9 @@ Residuals are model minus measured, as in `identify`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
@@ -26,6 +25,9 @@ from .style import (
     shade,
     trace,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _DATA = {"color": MEASURED, "lw": 2.6, "label": "measured"}
 _ZERO = {"color": "#404040", "lw": 0.7, "zorder": 1.5}

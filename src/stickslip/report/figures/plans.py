@@ -3,14 +3,16 @@ default's."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from .style import BLUE, SERIES, VERMILLION, WIDTH, drawn, legend_above, panels_given, shown
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
 
 _MOST_VOLTAGES = len(SERIES)
 

@@ -4,11 +4,10 @@ responses, maps, plans."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 
 from ...estimate.result import Fit
@@ -23,6 +22,9 @@ from .scale import Scale, scale_for
 from .sheets import draw_sheet
 from .style import BLUE, SERIES, WIDTH, drawn, legend_above, panels_given, shown, trace
 from .waveforms import draw_waveforms
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # Variables drawn for members over the varied one; parameters come before it.
 _RESULTS = {"net_step": "net step per period", "net_displacement": "net displacement"}

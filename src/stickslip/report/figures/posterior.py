@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
+import scipy
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import gaussian_filter
 
 from .scale import scale_for
 from .style import BLUE, VERMILLION, drawn
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BINS = 36
 INSIDE = (0.9, 0.5)
@@ -66,7 +69,7 @@ def posterior_corner(
 
 def _contours(panel: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
     density, edges_x, edges_y = np.histogram2d(x, y, bins=BINS)
-    density = gaussian_filter(density, 1.2)
+    density = scipy.ndimage.gaussian_filter(density, 1.2)
     ordered = np.sort(density.ravel())[::-1]
     share = np.cumsum(ordered) / ordered.sum()
     levels = [float(ordered[np.searchsorted(share, inside)]) for inside in INSIDE]

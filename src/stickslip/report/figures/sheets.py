@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ...quantities.units import with_prefix
 from .style import BLUE, VERMILLION, WIDTH, drawn, legend_above, panels_given, shown
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
 
 _BEFORE = "#C9C6BC"
 

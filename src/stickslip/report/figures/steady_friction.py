@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from ...friction import Stribeck
 from .scale import scale_for
 from .style import BLUE, MEASURED, drawn, legend_above, panels, trace
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _DRAWN = 400  # points of the curve
 

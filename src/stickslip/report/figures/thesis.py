@@ -9,11 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
@@ -23,6 +21,10 @@ from ...simulation import friction_response
 from ...waveform.signal import Waveform, value_at
 from .scale import scale_for
 from .style import BLACK, BLUE, DASHES, GREEN, MEASURED, SERIES, VERMILLION, WIDTH, drawn, panels, trace
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
 
 # Sec. 3.2.3: sigma_0 = 600, sigma_1 = 100, sigma_2 = 25 per micrometre, F_C = 10 N. The thesis only says
 # "parabolic": x = a t^2/2 with this a reproduces every statement of its text. Only sigma^2 a matters, so

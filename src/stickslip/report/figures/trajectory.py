@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
-from matplotlib.figure import Figure
 
 from .scale import scale_for
 from .style import BLACK, BLUE, GREEN, VERMILLION, drawn, legend_above, panels, trace
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 # One panel per row: its height in inches, and the variables that it shows if the recording has them.
 _PANELS = (

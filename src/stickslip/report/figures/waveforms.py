@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from ...quantities.units import QuantityError
 from .scale import scale_for
 from .style import BLUE, DASHES, MEASURED, legend_above, trace
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 COLOURS = (BLUE, MEASURED)
 

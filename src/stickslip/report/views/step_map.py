@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from ..document import Column, Document, Number, Picture, Section, Table
 from ..figures.design import MOST_PANELS, draw_map
 from ..figures.style import svg
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def map_document(found: xr.Dataset) -> Document:

@@ -10,9 +10,8 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import xarray as xr
 from pydantic import ValidationError
 
 from ...quantities.input_file import InputFileError, explain, load_yaml
@@ -27,6 +26,9 @@ from ..samples import recover
 from .cells import Cell, cells, variables_attribute
 from .file import ExperimentFile
 from .laboratory import Laboratory, open_laboratory
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Watch = Callable[[Cell, Rig], Rig]
 
