@@ -179,7 +179,7 @@ $(PEERS)/.ready: benchmarks/peers/requirements.txt benchmarks/peers/numbalsoda.t
 # In an environment of its own; what was deprecated since is only told.
 lowest: $(READY)
 	@rm -rf $(LOWEST) && $(BIN)/uv venv --quiet --python $(PYTHON) $(LOWEST)
-	$(BIN)/uv pip compile --quiet --resolution lowest-direct --python $(LOWEST)/bin/python --extra all \
+	$(BIN)/uv pip compile --quiet --resolution lowest-direct --python $(LOWEST)/bin/python --extra all --extra numba --extra parquet \
 	  pyproject.toml -o $(LOWEST)/requirements.txt
 	$(BIN)/uv pip install --quiet --python $(LOWEST)/bin/python -r $(LOWEST)/requirements.txt pytest hypothesis httpx
 	$(BIN)/uv pip install --quiet --python $(LOWEST)/bin/python --no-deps .

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 import stickslip as ss
 from stickslip.cli import app
+from stickslip.study import Grid, SteadySteps, Study, export_study
 
 KANG = ss.load_actuator("kang2007")
 BENCH = ss.load_bench("kang2007-bench")
@@ -21,6 +22,7 @@ ENDLESS = ss.Sawtooth("65 V", "5 Hz")
 DRIVE = ENDLESS._replace(periods=1)
 WALK = ss.simulate(KANG, DRIVE, sample_rate=1e3)
 LIMITS = ss.Limits(max_voltage="20 V")
+ONE_MEMBER = Study(Grid({"frequency": [5.0]}), SteadySteps(KANG, ENDLESS))
 CAPTURE = ss.Capture("0.1 s", interval="50 us")
 
 CAMPAIGN = """\
@@ -313,6 +315,19 @@ def test_a_mistake_on_the_command_line(folder: Path, line: str) -> None:
             "nptdms",
             lambda: ss.read_recording("a.tdms"),
             ("npTDMS", "a.tdms", "pip install 'stickslip[labview]'"),
+        ),
+        (
+            "zarr",
+            lambda: ss.run_study(ONE_MEMBER, "s.zarr", workers=1),
+            ("needs zarr", "a stored study", 'pip install "stickslip[study]"'),
+        ),
+        (
+            "pyarrow",
+            lambda: (
+                ss.run_study(ONE_MEMBER, "s.zarr", workers=1),
+                export_study("s.zarr", "members.parquet"),
+            ),
+            ("needs pyarrow", "Parquet", 'pip install "stickslip[parquet]"'),
         ),
     ],
 )

@@ -27,7 +27,7 @@ def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
             raise AttributeError(f"{package} has no {name!r}{hint}", name=name) from error
         except ModuleNotFoundError as missing:
             lacking = str(missing.name).partition(".")[0]
-            if lacking == "stickslip":
+            if lacking == "stickslip" or "pip install" in str(missing):
                 raise
             needs = f"{package}.{name} needs {lacking}, which is not installed"
             raise ModuleNotFoundError(f'{needs}: pip install "stickslip[all]"', name=lacking) from None

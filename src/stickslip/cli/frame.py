@@ -157,7 +157,7 @@ def _in_one_line(text: str) -> str:
 def _explained(error: Exception) -> str:
     text = _in_one_line(". ".join((str(error), *getattr(error, "__notes__", ()))))
     if isinstance(error, ModuleNotFoundError) and not str(error.name).startswith("stickslip"):
-        return f"this command needs {error.name}; {_INSTALL}"
+        return text if "pip install" in text else f"this command needs {error.name}; {_INSTALL}"
     if isinstance(error, OSError) and error.strerror and error.filename is not None:
         return _in_one_line(f"{error.filename}: {error.strerror}")
     if isinstance(error, ValueError | OSError) or type(error).__module__.startswith("stickslip"):

@@ -18,7 +18,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import google_crc32c
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +25,7 @@ from ..gate.errors import GateError
 from ..gate.files import opened
 from .layout import MOST_CHUNK_BYTES, TEXT
 
+NEEDS = 'a stored study needs {}, which is not installed: pip install "stickslip[{}]"'
 PART = ".part"
 MOST_METADATA_BYTES = 10_000_000  # bytes of a file of metadata; that of 1,000 results has 1 MB
 MOST_COORDINATE_BYTES = 1_000_000_000  # bytes of the values of one name that varies: 125 million members
@@ -61,7 +61,11 @@ def chunk_bytes(values: NDArray[Any], dtype: str) -> bytes:
 
 def checksum(data: bytes) -> int:
     """Return the CRC-32C of the content of a chunk."""
-    return google_crc32c.value(data)
+    try:
+        from google_crc32c import value
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(NEEDS.format("google-crc32c", "study"), name="google_crc32c") from None
+    return value(data)
 
 
 def with_comment(data: bytes, comment: bytes) -> bytes:
@@ -158,7 +162,7 @@ def read_chunk(store: Path, name: str, size: int | None = None) -> bytes:
     data = plain_bytes(store, name, _CRC + (MOST_CHUNK_BYTES if size is None else size))
     if len(data) < _CRC or (size is not None and len(data) != size + _CRC):
         raise ChunkError(f"has {len(data)} bytes")
-    if google_crc32c.value(data[:-_CRC]) != int.from_bytes(data[-_CRC:], "little"):
+    if checksum(data[:-_CRC]) != int.from_bytes(data[-_CRC:], "little"):
         raise ChunkError("does not match its checksum")
     return data[:-_CRC]
 

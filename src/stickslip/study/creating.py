@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .._version import __version__
 from ..quantities.units import QuantityError
-from .chunks import MOST_METADATA_BYTES, part_beside
+from .chunks import MOST_METADATA_BYTES, NEEDS, part_beside
 from .description import identity
 from .errors import StudyError
 from .layout import TEXT, Layout, check_layout, layout_text
@@ -74,9 +74,11 @@ def _metadata(
     inner: Mapping[str, xr.DataArray],
     title: str,
 ) -> None:
-    import zarr
-    from zarr.codecs import Crc32cCodec, GzipCodec
-
+    try:
+        import zarr
+        from zarr.codecs import Crc32cCodec, GzipCodec
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(NEEDS.format("zarr", "study"), name="zarr") from None
     beside = [n for a in axes if a.dim not in a.names for n in a.names]
     attributes = {
         "title": title or "study",

@@ -88,9 +88,12 @@ def _csv(store: Store, file: Path, progress: Progress) -> int:
 
 
 def _parquet(store: Store, file: Path, progress: Progress) -> int:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ModuleNotFoundError:
+        needs = 'Parquet needs pyarrow, which is not installed: pip install "stickslip[parquet]"'
+        raise ModuleNotFoundError(needs, name="pyarrow") from None
     variables = open_study(store.path).variables
     count = 0
     with _closed() as writers:
