@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from ..quantities.units import QuantityError
@@ -49,8 +50,6 @@ def save_matlab(
             ``.mat``.
         OSError: the file cannot be written.
     """
-    from scipy.io import savemat
-
     target = _target(path, ".mat")
     columns = _columns(recording, units)
     time = recording["time"].values[None, :]
@@ -66,7 +65,7 @@ def save_matlab(
     else:
         raise RecordingError(f"layout = {layout!r} must be 'trace' or 'controldesk'")
     with replaced_whole(target) as temporary, temporary.open("wb") as file:
-        savemat(file, content, do_compression=True, oned_as="row")
+        scipy.io.savemat(file, content, do_compression=True, oned_as="row")
     return target
 
 
