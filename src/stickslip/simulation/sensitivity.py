@@ -44,17 +44,15 @@ from .varied import (
 if TYPE_CHECKING:
     import xarray as xr
 
-# The normal force at which the parameters hold.
-REFERENCE = RelativeLoad()
-# Parts of the initial state, with units; and any row of it, for use in this module.
-INITIAL = {
+REFERENCE = RelativeLoad()  # the normal force at which the parameters hold
+INITIAL = {  # parts of the initial state, with units
     "initial_stage_position": "m",
     "initial_stage_velocity": "m/s",
     "initial_end_effector_position": "m",
     "initial_end_effector_velocity": "m/s",
     "initial_bristle_deflection": "m",
 }
-BY_ROW = "initial row "
+BY_ROW = "initial row "  # any row of the initial state, for use in this module
 # Derivatives are accepted if a tenth of the tolerance changes them by less than this share of the largest;
 # and number of attempts.
 SETTLED, REFINED = 0.01, 4

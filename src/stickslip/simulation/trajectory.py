@@ -41,8 +41,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 COMPLETE = "complete"
-# Largest tolerance of a position: an error far beyond a step says nothing about the motion.
-TOLERANCE = Quantity("m", "ε", "error that is allowed", above=0, maximum=1e-3)
+TOLERANCE = Quantity("m", "ε", "error that is allowed", above=0, maximum=1e-3)  # m; a step is smaller
 _OUTCOMES = {
     STEP_TOO_SMALL: "the steps no longer advance, for they fell below what floating point can resolve. Try "
     "another tolerance, or a drive without jumps",
@@ -396,7 +395,5 @@ def not_within(error: float, tolerance: float, model: Any = None, what: str = "t
     unit = unit_for(model, "m")
     asked = f"the tolerance of {with_prefix(tolerance, unit)} is not shown to hold"
     if math.isnan(error):
-        return (
-            f"{asked}: a run with smaller steps, which would tell the error, could not be followed to the end"
-        )
+        return f"{asked}: a run with smaller steps, which shows the error, could not be followed to the end"
     return f"{asked}: {what} may be off by {with_prefix(error, unit)}, by a run with smaller steps"
