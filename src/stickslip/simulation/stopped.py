@@ -11,11 +11,10 @@ released where the push changes its direction, and its motion is then the free o
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy
-import xarray as xr
 from numpy.typing import NDArray
 
 from ..engine.binding import ComposedPlant, DriveTable, integrate
@@ -27,6 +26,9 @@ from ..quantities.records import of_kind
 from ..quantities.units import QuantityError, unit_for, with_prefix
 from .models import System
 from .plant.system import Element, Plant
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -81,6 +83,8 @@ def refuse_end_stops(
 
 def labelled_impacts(found: tuple[Impact, ...]) -> dict[str, xr.DataArray]:
     """Return the velocities before impacts over their times."""
+    import xarray as xr
+
     times, velocities = np.array(found).reshape(-1, 2).T
     when = xr.DataArray(times, dims="impact_time", attrs={"units": "s", "long_name": "time of an impact"})
     about = {"units": "m/s", "long_name": "velocity before an impact"}
