@@ -92,11 +92,18 @@ def test_limits_need_a_maintainer(client: httpx.Client) -> None:
     variable = {"path": ["variables", "frequency"], "value": "7 Hz"}
     assert client.post("/bench/set", json=variable, headers=by(OPERATE)).status_code == 200
     assert "this needs the role maintain" in set_limit(client, OPERATE).text
+    beat = {"path": ["limits", "heartbeat"], "value": "200 ms"}
+    assert client.post("/bench/set", json=beat, headers=by(OPERATE)).status_code == 200
+    assert client.post("/bench/undo", json={}, headers=by(OPERATE)).status_code == 200
     assert set_limit(client, MAINTAIN).status_code == 200
     undone = client.post("/bench/undo", json={}, headers=by(OPERATE))
     assert "this needs the role maintain" in undone.text
     rows = client.get("/history/log", params={"search": "limits changed"}, headers=by(WATCH)).json()["rows"]
-    assert [one["what"] for one in rows] == ["limits changed: max_voltage 100 V -> 80 V"]
+    assert [one["what"] for one in rows] == [
+        "limits changed: max_voltage 100 V -> 80 V",
+        "limits changed: heartbeat 200 ms -> none",
+        "limits changed: heartbeat none -> 200 ms",
+    ]
     assert client.post("/bench/undo", json={}, headers=by(MAINTAIN)).json()["done"]
     rig = {"kind": "virtual", "bench": "kang2007-hysteresis-bench"}
     assert client.post("/bench/rig", json=rig, headers=by(OPERATE)).status_code == 403

@@ -26,8 +26,8 @@ from stickslip.rig import Capture, HostedRig, LimitError, Limits, Link, RigError
 from stickslip.rig.description import virtual_device
 from stickslip.rig.host import Host
 from stickslip.rig.lock import own_folder
+from stickslip.rig.order import Order
 from stickslip.rig.samples import complete, recover
-from stickslip.rig.supervisor import Order
 from stickslip.waveform.periodic import Sawtooth
 
 from rig.laboratory import ACTUATOR, BENCH, CHANNELS, IDEAL  # isort: skip

@@ -30,9 +30,10 @@ from stickslip.rig import (
 from stickslip.rig.description import virtual_device
 from stickslip.rig.gate import PositionInput
 from stickslip.rig.home import Home
+from stickslip.rig.order import Order
 from stickslip.rig.protocols import StopRequested
 from stickslip.rig.samples import recover
-from stickslip.rig.supervisor import Order, Supervisor
+from stickslip.rig.supervisor import Supervisor
 from stickslip.rig.turns import ASKED, AT, WANTED
 from stickslip.waveform import Sine
 

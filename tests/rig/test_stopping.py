@@ -20,9 +20,10 @@ from stickslip.rig.description import virtual_device
 from stickslip.rig.home import Home
 from stickslip.rig.hosted import UNANSWERED
 from stickslip.rig.limits import Limits
+from stickslip.rig.order import Order
 from stickslip.rig.protocols import RigWarning, StopRequested
 from stickslip.rig.stopping import StopState, follow_stop
-from stickslip.rig.supervisor import Order, Supervisor
+from stickslip.rig.supervisor import Supervisor
 from stickslip.rig.wire import receive, send
 
 from rig.laboratory import ACTUATOR, BENCH  # isort: skip

@@ -15,8 +15,9 @@ from stickslip.rig.gate import Gate, PositionInput
 from stickslip.rig.home import Home
 from stickslip.rig.interlock import Interlock, InterlockError
 from stickslip.rig.limits import Limits, check_drive, check_edges
+from stickslip.rig.order import Order
 from stickslip.rig.protocols import ControllerSpec, StopRequested
-from stickslip.rig.supervisor import Order, Supervisor, state_of
+from stickslip.rig.supervisor import Supervisor, state_of
 
 from rig.laboratory import ACTUATOR, BENCH  # isort: skip
 from rig.own_controllers import Ramping  # isort: skip

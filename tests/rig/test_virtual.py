@@ -13,8 +13,9 @@ from stickslip.recording import open_recording, save_recording
 from stickslip.recording.calibration.storage import from_text
 from stickslip.rig import Capture, Channel, Limits, RigError, Trigger, VirtualRig, measure
 from stickslip.rig.home import Home
+from stickslip.rig.order import Order
 from stickslip.rig.protocols import StopRequested
-from stickslip.rig.supervisor import Order, Supervisor
+from stickslip.rig.supervisor import Supervisor
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence

@@ -101,7 +101,12 @@ def bench_routes(
             client.put(json.dumps({"kind": "notice", "text": text, "level": ""}))
 
     hub.greetings.append(greet)
-    hub.hears["emergency_stop"] = emergency
+
+    def beat(client: Client, said: dict[str, Any]) -> None:
+        if client.identity == control.holder:
+            runner.beating.heard()
+
+    hub.hears |= {"emergency_stop": emergency, "beat": beat}
     _add_runs(routes, folder, control, runner, document, starter)
     _add_experiment(routes, folder, hub, control, journal, runner, document)
 
@@ -180,7 +185,7 @@ def _add_experiment(
 
     def limits_change(before: Limits, after: Limits) -> None:
         """Refuse changes of limits without the required role; log all others."""
-        need_role("maintain")
+        need_role("operate" if before._replace(heartbeat=after.heartbeat) == after else "maintain")
         changes = changed_limits(before, after, document.checked.unit)
         journal(f"limits changed: {', '.join(changes)}", "warning")
 

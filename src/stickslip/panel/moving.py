@@ -350,7 +350,7 @@ class Moves:
             rig = laboratory.rig(cell.actuator, cell.seed, cell.repeats)
             if not isinstance(rig, HostedRig):
                 raise RigError("moves need a rig in a process of its own")
-            rig.waiting = self._runner.need_going
+            rig.waiting, rig.operated = self._runner.need_going, True
             self._live.begin("Move", made.columns, rate, round(AT_MOST * rate), 0)
             regulate(
                 *(rig, spec, 0.0, {"drive_voltage": Channel(DRIVE), POSITION: position}),

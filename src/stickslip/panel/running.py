@@ -26,6 +26,7 @@ from ..rig.memory import collect
 from ..rig.protocols import StopRequested
 from ..rig.stopping import StopState, follow_stop
 from .asking import Asker, asked_by, asking
+from .beating import Beating
 from .journal import Journal
 from .live import Live
 from .statistics import Statistics, drive_channel
@@ -80,6 +81,7 @@ class Runner:
         self._statistics = statistics
         self.asks: list[Callable[[], None]] = []  # called before a job starts; an exception refuses it
         self.also_stop: list[Callable[[], bool]] = []  # called at a stop; return whether they were active
+        self.beating = Beating()  # signs of life of the page in control
         self._control: Link | None = None
         self._stopper: Link | None = (
             None  # to the same process, for stops only: they wait for no other answer
@@ -252,7 +254,8 @@ class Runner:
         phase, ramped = "failed", True
         try:
             with self._using:
-                self.reach(rigs_of(job.file, self._rigs, job.folder))
+                link = self.reach(rigs_of(job.file, self._rigs, job.folder))
+                self.beating.follow(link.folder, lambda: self._busy)
                 recorded = self._recorded(job, partial(self._progress, time.monotonic()))
             self._journal(f"{job.title}: finished, {_counted(recorded)} in {job.out.name}")
             phase, ramped = "done", abs(self._volts) > _AT_ZERO
@@ -330,6 +333,8 @@ class Runner:
 
     def _watched(self, job: BenchJob, cell: Cell, rig: Rig) -> Rig:
         rate = rig.capabilities.sample_rate
+        if isinstance(rig, HostedRig):
+            rig.operated = True
         seek = TriggerSeeker(cell.capture, self._live)
         drive = drive_channel(cell.channels)
 

@@ -35,10 +35,11 @@ from .limits import LONGEST_STOP, Limits, changed_limits
 from .lock import locked, own_folder
 from .logbook import Logbook
 from .memory import collected_on_request, give_memory_back
+from .order import Order
 from .plausibility import Plausibility
 from .protocols import Array, Capabilities, RigError
 from .site import site_of
-from .supervisor import ANOTHER, Order, Supervisor, state_of
+from .supervisor import ANOTHER, Supervisor, state_of
 from .wire import WireError, receive, send, text_of
 
 NICE = -10  # priority above all that only computes or shows
@@ -190,6 +191,9 @@ class Host:
             if asked.get("disarm"):
                 self.interlock.disarm(name, why)
             return {"stopped": stopped}, None
+        if do == "beat":
+            self.supervisor.beat()
+            return {}, None
         if do == "state":
             return state_of(self.supervisor, "" if self._holder is None else self._holder[1]), None
         if do in ("arm", "disarm", "acknowledge", "permit"):
@@ -332,6 +336,7 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
         None if asked.get("plausibility") is None else Plausibility(**asked["plausibility"]),
         None if asked.get("second") is None else _position(asked["second"]),
         str(asked.get("arm", "")),
+        asked.get("operated") is True,
     )
 
 

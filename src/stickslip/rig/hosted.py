@@ -190,6 +190,7 @@ class HostedRig:
         self.ramp_after: float | None = None
         self._said: dict[str, Any] = {}
         self.ended = False  # True when the run is over and all samples were fetched
+        self.operated = False  # True if a page shows by `beat` that its operator is there
         self.waiting: Callable[[], object] = lambda: None  # called repeatedly while a start is awaited
 
     def guard(
@@ -244,7 +245,7 @@ class HostedRig:
         self._open()
         self.ramp_after, self.ended, self._said = None, False, {}
         wanted = {"inputs": self._inputs, "samples": self._samples, "arm": arming()}
-        self._ask("run", self._volts, **wanted, **self._guard)
+        self._ask("run", self._volts, **wanted, **self._guard, operated=self.operated)
         self._runs += 1
         self._first = self._fetched()
         while self.phase == "preparing":
@@ -257,8 +258,10 @@ class HostedRig:
         return self._fetched() if block is None else block
 
     def _fetched(self) -> Array:
-        silence = _WAIT + max(float(self._guard["limits"]["watchdog"]), _SILENT)
-        block = self._ask("fetch", wait=_WAIT, within=silence, late=silence)
+        limits = self._guard["limits"]
+        wait = min(_WAIT, 0.25 * limits["heartbeat"])
+        silence = wait + max(float(limits["watchdog"]), _SILENT)
+        block = self._ask("fetch", wait=wait, within=silence, late=silence)
         self.ended = self.phase == "idle" and not block.size
         return block if block.size else np.zeros((len(self._inputs), 0))
 

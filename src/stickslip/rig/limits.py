@@ -32,7 +32,9 @@ class Limits(NamedTuple):
     `min_position` and `max_position` are end stops of the end-effector, relative to home, checked during a
     run. `watchdog` is the longest silence of the rig, and of the program that runs it. `frozen` is the
     longest time in which the position may stay exactly the same while the drive moves by 10 V or more. A stop
-    is a ramp to 0 V at `stop_slew`; the ramp may last 10 s at most.
+    is a ramp to 0 V at `stop_slew`; the ramp may last 10 s at most. `heartbeat` is the longest silence of the
+    operator during a run: of the panel's page in control, or of the program that records. It ends the run
+    with a ramp, and is no fault. It is watched by the process of a rig; infinite, the default, is no watch.
     """
 
     min_voltage: Annotated[float, Quantity("V", "u_min", "least voltage", maximum=0)] = 0.0
@@ -46,6 +48,9 @@ class Limits(NamedTuple):
     frozen: Annotated[float, Quantity("s", "T_f", "longest time without a change", above=0, maximum=_INF)] = (
         0.1
     )
+    heartbeat: Annotated[
+        float, Quantity("s", "T_h", "longest silence of the operator", minimum=0.2, maximum=_INF)
+    ] = _INF
 
     def _check(self) -> None:
         if self.stop_slew > self.max_slew:
@@ -75,6 +80,8 @@ def changed_limits(before: Limits | None, after: Limits, unit: str = "") -> list
 
     def shown(name: str, limits: Limits) -> str:
         value = getattr(limits, name)
+        if not math.isfinite(value):
+            return "none"
         if units[name] == "m" and not unit:
             return f"{value:g} m or rad"
         return with_prefix(value, unit if units[name] == "m" else units[name])

@@ -45,6 +45,7 @@ _NARROWER = {
     "max_position": (min, "m"),
     "watchdog": (min, "s"),
     "frozen": (min, "s"),
+    "heartbeat": (min, "s"),
 }
 _TABLES = ("limits", "permits", "rigs")
 _OF_PERMIT = ("input", "minimum", "maximum", "reason")

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, cast
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from .home import Home
 from .interlock import Interlock, is_fault
 from .limits import LimitError, Limits
 from .memory import collect
-from .plausibility import Plausibility
+from .order import Order
 from .protocols import Array, Rig, RigError, StopRequested, StreamingRig, controller_of
 from .samples import complete, shared
 from .site import Site, refreshed
@@ -33,36 +33,8 @@ ANOTHER = 3  # exit code of a process whose rig belongs to another process
 HOMING = 0.02  # s of readings at 0 V that define home
 MONITORED = 1.0  # s after the ramp within which the amplifier's monitor must read 0 V
 AT_ZERO = 0.01  # fraction of the output's range that counts as 0 V at the monitor
+_LOOKS = 0.2  # s, longest time between two looks at a run
 _LOST = 1.0  # s beyond the watchdog after which a call of the rig counts as hanging
-
-
-class Order(NamedTuple):
-    """Request for a run: limits, inputs, samples to record (`rest` of them before the drive), and the drive,
-    V.
-
-    `position` is the input that shows the position. `keep` is the file to which the program stores its
-    samples, if any. With a `controller` (see `protocols.ControllerSpec`) the run is a closed loop and `volts`
-    are targets, m. Then `plausibility` is the plausibility check of the position, by default the controller's
-    own, and `second` another input that shows the position. `arm` is the reason for which the output is
-    enabled for this run only; with "" it must be enabled already.
-    """
-
-    limits: Limits
-    inputs: tuple[str, ...]
-    samples: int
-    rest: int
-    position: PositionInput | None
-    volts: Array
-    keep: Path | None = None
-    controller: dict[str, Any] | None = None
-    plausibility: Plausibility | None = None
-    second: PositionInput | None = None
-    arm: str = ""
-
-    @property
-    def drives(self) -> bool:
-        """True if the run may put out anything but 0 V."""
-        return self.controller is not None or bool(np.any(self.volts))
 
 
 class Supervisor:
@@ -101,7 +73,7 @@ class Supervisor:
         self._unsafe: BaseException | None = None  # failure of the stop, until the client knows
         self._stop: tuple[str, float] | None = None
         self._left = False  # True if the program that started the run is gone
-        self._asked = self._alive = 0.0
+        self._asked = self._alive = self._beat = 0.0
         self._limits = Limits()
         self._wanting = False  # True while a client waits for samples
         self._thread: threading.Thread | None = None
@@ -136,10 +108,10 @@ class Supervisor:
             self.leave_samples()
             self._kept = None if order.keep is None else shared(order.keep)
             self._limits = order.limits
-            self._asked = self._alive = time.monotonic()
+            self._asked = self._alive = self._beat = time.monotonic()
         self._thread = threading.Thread(target=self._run, args=(rig, order), name="run")
         self._thread.start()
-        threading.Thread(target=self._watch, args=(rig, self._thread), daemon=True).start()
+        threading.Thread(target=self._watch, args=(rig, self._thread, order), daemon=True).start()
 
     def _sited(self, rig: Rig, order: Order) -> tuple[Rig, Order]:
         """Return the rig with the permits of the site, and the order within the site's limits. Read the
@@ -167,6 +139,10 @@ class Supervisor:
         if act is None or not self.busy:
             raise RigError("no loop goes on that takes commands")
         act(**what)
+
+    def beat(self) -> None:
+        """Take a sign of life of the page that operates the run."""
+        self._beat = time.monotonic()
 
     def said(self) -> dict[str, Any] | None:
         """Return the state of the active or the last loop; None without one."""
@@ -270,7 +246,7 @@ class Supervisor:
             drove = not self.interlock.simulated
             gate.start()  # a virtual rig computes before it puts out
             drove = True
-            self._asked = self._alive = time.monotonic()
+            self._asked = self._alive = self._beat = time.monotonic()
             self.phase = "running"
             done, pause = 0, 0.0
             while done < order.samples and not getattr(rig, "ended", False):
@@ -356,11 +332,18 @@ class Supervisor:
                 f"watchdog: the program that runs it has been silent for {with_prefix(silent, 's')}"
             )
 
-    def _watch(self, rig: Rig, thread: threading.Thread) -> None:
-        """Stop a rig whose `fetch` hangs, from another thread."""
+    def _watch(self, rig: Rig, thread: threading.Thread, order: Order) -> None:
+        """Stop a run whose operator is silent, and a rig whose `fetch` hangs, from another thread."""
+        allowed, who = order.limits.heartbeat, "operator's page" if order.operated else "program"
         while thread.is_alive():
-            thread.join(0.2)
-            silent = time.monotonic() - self._alive
+            thread.join(min(_LOOKS, 0.1 * allowed))
+            now = time.monotonic()
+            silent = now - (self._beat if order.operated else self._asked)
+            if self.phase == "running" and silent > allowed and self._stop is None:
+                why = f"the {who} fell silent for {with_prefix(silent, 's')}"
+                self.stop(why)
+                self.interlock.disarm("the rig's process", why)
+            silent = now - self._alive
             if self.phase == "running" and silent > self._limits.watchdog + _LOST:
                 with suppress(Exception):
                     rig.stop(self._limits.stop_slew)

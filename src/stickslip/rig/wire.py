@@ -15,6 +15,7 @@ The requests::
     | | and controller (see `protocols.ControllerSpec`), for a closed loop; targets [m] | started |
     | command | what, to the controller of that loop | accepted, or refused |
     | fetch | wait [s] | phase, position, began [m], ramp_after [s], loop; the next samples [inputs, n] |
+    | beat | from any client | taken as a sign of life of the operator's page |
     | stop | why; from any client | whether a run was active |
     | home_here | input, calibration, slew | the present position is home |
     | state | | phase, position, holder |

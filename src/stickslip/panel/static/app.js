@@ -68,6 +68,11 @@ app.you = ""; // what other pages know this one by; `client` is its secret
 app.role = "maintain"; // watch, operate or maintain: what the token of this page allows
 app.stream.on("hello", (message) => { app.you = message.you; app.role = message.role; });
 
+// During a run the page in control shows that it is there; a rig with a heartbeat stops without it.
+let going = false;
+app.stream.on("run", (message) => { going = ["preparing", "running"].includes(message.phase); });
+setInterval(() => { if (going && app.control.mine) app.stream.send({ kind: "beat" }); }, 50);
+
 let unmount = () => {};
 let shown = "";
 async function route() {

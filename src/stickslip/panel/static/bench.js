@@ -12,6 +12,8 @@ import { formatQuantity, needAccepted } from "./quantity.js";
 import { makeSequence } from "./sequence.js";
 import { makeStatistics } from "./statistics.js";
 
+const HEARTBEAT = "200 ms"; // as a box ticks it; a file may say another
+
 const PHASES = { idle: "Ready", preparing: "Preparing", running: "Running", stopping: "Stopping: ramp to 0 V", done: "Done", stopped: "Stopped", failed: "Failed" };
 
 export async function mount(element, app) {
@@ -48,9 +50,11 @@ export async function mount(element, app) {
   const inputs = h("div", { class: "inputs", id: "inputs" });
   // Whoever does not hold control may do no more than stop.
   const rig = makeRig(bench);
+  const beat = h("input", { type: "checkbox", id: "heartbeat", onchange: () => bench.set(["limits", "heartbeat"], beat.checked ? HEARTBEAT : null).catch((error) => { beat.checked = !beat.checked; app.notify(error.message, "error"); }) });
+  const heartbeat = h("label", { class: "choice", title: "For rigs that somebody must watch: closing this page, another tab in front of it or a lost network end the run with a ramp to 0 V" }, beat, h("span", {}));
   const whole = (...inside) => h("fieldset", { class: "bare" }, ...inside);
   const watching = h("p", { class: "watching", hidden: true }, "Another page is in control: ask it at the top. Stop works from here too.");
-  const choice = whole(h("div", { class: "field" }, h("label", { htmlFor: "run-choice" }, "Run"), select), rig.element);
+  const choice = whole(h("div", { class: "field" }, h("label", { htmlFor: "run-choice" }, "Run"), select), rig.element, heartbeat);
   const values = whole(h("h2", {}, "Inputs"), inputs);
   const controls = h("div", { class: "bare" }, watching, choice, h("div", { class: "row" }, start, halt, home), values);
   const words = h("input", { "aria-label": "A note on this run", placeholder: "Note on this run", maxLength: 2000 });
@@ -134,6 +138,8 @@ export async function mount(element, app) {
       select.replaceChildren(...runs.map((one) => h("option", { value: one, title: experiment.content.runs.find((r) => r.name === one).notes }, one)));
     }
     select.value = bench.chosen;
+    beat.checked = experiment.content.limits?.heartbeat !== undefined;
+    heartbeat.lastChild.textContent = `Stop if this page is silent for ${experiment.content.limits?.heartbeat ?? HEARTBEAT}`;
     const own = experiment.variables.filter((one) => one.kind === "experiment");
     const now = JSON.stringify(own.map(({ name: called, unit }) => [called, unit]));
     if (now !== shape) {
