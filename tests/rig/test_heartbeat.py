@@ -7,17 +7,21 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stickslip.quantities.units import QuantityError
 from stickslip.recording import open_recording
-from stickslip.rig import HostedRig, Limits, Link, measure
+from stickslip.rig import Home, HostedRig, Limits, Link, VirtualRig, measure
+from stickslip.rig.order import Order
 from stickslip.rig.protocols import StopRequested
 from stickslip.rig.site import Site
+from stickslip.rig.supervisor import Supervisor
 
-from rig.laboratory import IDEAL  # isort: skip
+from rig.laboratory import ACTUATOR, BENCH, IDEAL  # isort: skip
 from rig.test_host import DRIVE, LONG, device, idle  # isort: skip
 
 HEARTBEAT = 1.0  # s, long enough for a busy machine
@@ -99,6 +103,23 @@ def test_a_program_that_falls_silent_has_its_run_ended(tmp_path: Path) -> None:
     outcome = open_recording(tmp_path / "unfinished" / "run.nc").attrs["outcome"]
     assert outcome.startswith("stopped: the program fell silent for")
     link.close()
+
+
+def test_signs_of_life_keep_a_run_and_their_end_ends_it_without_a_fault() -> None:
+    one = Supervisor(Home(), lambda: None)
+    one.rig = VirtualRig(ACTUATOR, BENCH, real_time=True)
+    limits = Limits(heartbeat=HEARTBEAT, watchdog=60.0)
+    one.run(Order(limits, ("ideal",), 200_000, 100, None, np.full(200_000, 20.0), operated=True))
+    end, fetched = time.monotonic() + 2.0 * HEARTBEAT, 0
+    while time.monotonic() < end:
+        block = one.fetch(0.1)
+        fetched += 0 if block is None else block.shape[1]
+        one.beat()
+    assert fetched >= HEARTBEAT * one.rig.capabilities.sample_rate
+    one.join()
+    with pytest.raises(StopRequested, match="the operator's page fell silent"):
+        _ = [one.fetch(0.0), one.fetch(0.0)]
+    assert one.interlock.state()["state"] == "disarmed"
 
 
 def test_a_site_can_ask_for_a_heartbeat_and_none_is_shorter_than_a_page_can_keep() -> None:
