@@ -48,6 +48,8 @@ class Motor:
     """A positioner without a sensor, in this process, whose steps are those of an actuator; `true` is where
     it is, m."""
 
+    simulated = True
+
     about: ClassVar[About] = About(
         "a motor of equations", "steps", "none; steps are counted", "0 V", "this study"
     )

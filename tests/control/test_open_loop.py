@@ -23,7 +23,8 @@ from stickslip.control import (
     step_calibration,
 )
 from stickslip.quantities.units import QuantityError, to_si
-from stickslip.rig import REGULAR, About, Irregularity, RigError
+from stickslip.rig import REGULAR, About, Irregularity, RigError, armed
+from stickslip.rig.interlock import InterlockError
 from stickslip.rig.positioner import Ranges
 from stickslip.rig.twins import Stage
 from stickslip.rig.twins.axis import steps
@@ -49,6 +50,7 @@ class Motor:
     about: ClassVar[About] = About("a stage", "steps", "none", "0 V", "this test")
 
     def __init__(self, stage: Stage) -> None:
+        self.simulated = True
         self.stage, self.count, self.stopped, self.met = stage, 0, 0, 0
         self.ranges = Ranges("motor", (0,), 100.0, 1.0, 1000.0, 100_000, sensor=False, scans=True)
 
@@ -226,3 +228,21 @@ def test_the_interval_of_random_motors_holds_as_often_as_it_says() -> None:
     off = np.abs([trial(seed).off for seed in range(3)])
     assert LEVEL == 0.95
     assert int((off <= 1.0).sum()) >= 20
+
+
+def test_what_moves_a_motor_by_itself_must_be_armed() -> None:
+    motor = Motor(Stage(KANG))
+    motor.simulated = False
+    bursts, axis = Bursts((45.0, 60.0), steps=2, repeats=1), DeadReckoning(motor, 0, LAW, 0.0, 1e-7)
+    for act in (
+        lambda: measure_steps(motor, 0, lambda: 0.0, bursts, noise=50e-9),
+        lambda: measure_travel(motor, 0, lambda: 0, 1e-3, bursts),
+        lambda: axis.step(1),
+        lambda: axis.held(10.0),
+    ):
+        with pytest.raises(InterlockError, match="motor: the output is not armed"):
+            act()
+    assert motor.count == 0
+    with armed("a test"):
+        axis.step(1)
+    assert motor.count == 1

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from .frame import Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
+from .frame import Arm, Out, Traceback, app, arming, check_output, errors_in_one_line, progress_bar, write
 
 
 @app.command()
@@ -18,6 +18,7 @@ def steps(
         typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="Positioner, bursts, sensor."),
     ],
     out: Out = Path("out/steps"),
+    arm: Arm = "",
     show_traceback: Traceback = False,
 ) -> None:
     """Calibrate the steps of a motor: steps.json for a position without a sensor, steps.csv (equal steps)
@@ -31,7 +32,7 @@ def steps(
         from ..report import view
 
         read = read_steps(file)
-        with progress_bar() as progress:
+        with progress_bar() as progress, arming(arm):
             bursts, law = run_steps(*read, progress)
             document = view(law, read[0].title)
         out.mkdir(parents=True, exist_ok=True)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from ..quantities.records import Quantity
 from ..quantities.units import QuantityError, to_si
-from ..rig.positioner import Positioner, wait
+from ..rig.positioner import Positioner, need_armed, wait
 from .estimator import Estimator
 from .step_law import StepLaw
 
@@ -95,11 +95,16 @@ class DeadReckoning:
     def step(
         self, count: int, voltage: float | str | None = None, frequency: float | str | None = None
     ) -> None:
-        """Make `count` steps (upwards if positive), wait for their end, and update position and interval."""
+        """Make `count` steps (upwards if positive), wait for their end, and update position and interval.
+
+        Raises:
+            InterlockError: the positioner is not simulated, and the program not armed.
+        """
         volts = self.voltage if voltage is None else to_si(voltage, "V", "voltage")
         hertz = self.law.frequency if frequency is None else to_si(frequency, "Hz", "frequency")
         if not count:
             return
+        need_armed(self.positioner)
         self._notice_others()
         self.positioner.step(self.axis, count, volts, hertz)
         wait(self.positioner, self.axis, 10.0 + 2.0 * abs(count) / hertz)
@@ -159,6 +164,7 @@ class DeadReckoning:
         """Hold the piezo at a voltage [V]. The step law does not include this displacement, so `doubt` says
         so."""
         volts = to_si(voltage, "V", "voltage")
+        need_armed(self.positioner)
         self.positioner.scan(self.axis, volts)
         self._doubt(1, volts, f"the piezo is held at {volts:g} V")
 

@@ -24,7 +24,7 @@ from ..gate.text import decoded, read_file
 from ..quantities.progress import Progress, unheard
 from ..quantities.records import Quantity, record
 from ..quantities.units import QuantityError, to_si
-from ..rig.positioner import Positioner, wait
+from ..rig.positioner import Positioner, need_armed, wait
 from ..rig.protocols import RigError
 
 _LIMIT = Quantity("m", "", "the distance between the limits", above=0)
@@ -95,8 +95,10 @@ def measure_steps(
         Dataset over "burst", for `fit_steps`.
 
     Raises:
+        InterlockError: the positioner is not simulated, and the program not armed.
         RigError, QuantityError: from the positioner; or a reading is not a number.
     """
+    need_armed(positioner)
     sigma, rows = math.sqrt(2.0) * _NOISE.check(noise, "noise"), []
     for volts in bursts.voltages:
         positioner.ranges.check(axis, int(bursts.steps), volts, bursts.frequency)
@@ -134,9 +136,11 @@ def measure_travel(
         error: standard deviation of the limits' positions, m.
 
     Raises:
+        InterlockError: the positioner is not simulated, and the program not armed.
         RigError: a limit is not reached; or from the positioner.
         QuantityError: from the positioner; or the travel is out of range.
     """
+    need_armed(positioner)
     way, repeats = _LIMIT.check(travel, "travel"), _NOISE.check(error, "error")
     rows = []
     try:

@@ -31,7 +31,7 @@ from .protocols import RigError, StopRequested
 OPERATORS = "operators"  # permit of every rig; anybody may withdraw it
 FILE = "interlock.json"
 _LONGEST = 400  # characters of a reason
-_HOW_TO_ARM = "Arm it on purpose: --arm WHY on the command line, stickslip.rig.armed(WHY), or the panel"
+HOW_TO_ARM = "Arm it on purpose: --arm WHY on the command line, stickslip.rig.armed(WHY), or the panel"
 _HOW_TO_ACKNOWLEDGE = (
     "Look at the rig, then acknowledge the fault: stickslip interlock FILE --acknowledge WHY, "
     "stickslip.rig.interlock_of(rig).acknowledge(WHO, WHY), or the panel"
@@ -96,7 +96,7 @@ class Interlock:
         with self._lock:
             missing = self._missing()
             if not missing and not self._armed and not self.simulated:
-                missing = f"the output is not armed. {_HOW_TO_ARM}"
+                missing = f"the output is not armed. {HOW_TO_ARM}"
         if missing:
             self._log("refused", "", "start", missing)
             raise InterlockError(missing)

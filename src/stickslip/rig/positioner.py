@@ -6,6 +6,7 @@ import time
 from typing import ClassVar, NamedTuple, Protocol
 
 from ..quantities.units import QuantityError, to_si
+from .interlock import HOW_TO_ARM, InterlockError, arming
 from .protocols import About, RigError
 
 _POLL = 0.02  # s between two queries
@@ -50,8 +51,9 @@ class Ranges(NamedTuple):
 class Positioner(Protocol):
     """A controller of stick-slip stages; `about` describes it before it is connected.
 
-    All calls raise RigError, with device, command and reply, after a wrong or missing answer, and
-    QuantityError for a value out of range.
+    `step` and `scan` move at once; what the package moves by itself asks `need_armed` first. All calls raise
+    RigError, with device, command and reply, after a wrong or missing answer, and QuantityError for a value
+    out of range.
     """
 
     about: ClassVar[About]
@@ -84,6 +86,17 @@ class Positioner(Protocol):
     def close(self) -> None:
         """Close the connection."""
         ...
+
+
+def need_armed(positioner: Positioner) -> None:
+    """Check that this program may move a positioner by itself. One with a true attribute `simulated` has no
+    output and needs no arming.
+
+    Raises:
+        InterlockError: the program is not armed; see `rig.armed`.
+    """
+    if not getattr(positioner, "simulated", False) and not arming():
+        raise InterlockError(f"{positioner.ranges.name}: the output is not armed. {HOW_TO_ARM}")
 
 
 def wait(positioner: Positioner, axis: int, longest: float | str = 60.0) -> None:

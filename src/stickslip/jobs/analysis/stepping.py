@@ -72,6 +72,7 @@ def run_steps(file: StepsFile, folder: Path, progress: Progress) -> tuple[xr.Dat
 
     Raises:
         AnalysisError: the file names neither a positioner with bursts nor measured ones, or both.
+        InterlockError: the program is not armed, see `rig.armed`.
         RigError, QuantityError: from the positioner, the sensor, or the fit.
     """
     if (file.measured is None) == (file.positioner is None):
