@@ -7,6 +7,7 @@ import gc
 import json
 import os
 import re
+import select
 import signal
 import socket
 import stat
@@ -248,12 +249,24 @@ def test_only_who_has_the_token_is_heard(link: Link) -> None:
             text = json.dumps({"do": "hello", "token": token, "shape": [0]}).encode()
             other.sendall(len(text).to_bytes(4, "little") + text)
             assert other.recv(100) == b""
-    silent = [socket.create_connection(("127.0.0.1", said["port"]), timeout=5.0) for _ in range(60)]
-    time.sleep(2.5)
+
+
+def test_silent_connections_are_let_go_and_stand_before_no_stop(link: Link) -> None:
+    port = json.loads((link.folder / "rig.json").read_text())["port"]
+    silent = [socket.create_connection(("127.0.0.1", port), timeout=60.0) for _ in range(60)]
+    other = Link(link.folder, "a stop")
+    assert other.ask("stop")[0] == {"stopped": False}
+    assert not all(lost(one) for one in silent), "while others still wait"
+    assert link.ask("state")[0]["phase"] == "idle"
     assert all(one.recv(1) == b"" for one in silent), "silent ones are let go"
-    Link(link.folder, "another").close()
+    other.close()
     for one in silent:
         one.close()
+
+
+def lost(link: socket.socket) -> bool:
+    """Whether the other end has closed a connection."""
+    return bool(select.select([link], [], [], 0.0)[0])
 
 
 def test_a_folder_that_others_can_reach_or_own_is_refused_by_name(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ from .wire import WireError, receive, send, text_of
 NICE = -10  # priority above all that only computes or shows
 LINGER = 5.0  # s without a client after which the process ends
 _GREETING = 2.0  # s in which a client must identify itself
-_MOST_CLIENTS = 32
+_MOST_STRANGERS = 32  # connections that have not identified themselves; the oldest one makes room
 _LONGEST_WAIT = 1.0  # s
 _LONGEST_RAMP = LONGEST_STOP + 5.0  # s, longest wait for the end of a ramp
 _LEAVING = 0.3  # s to wait for the present holder, who may be leaving
@@ -70,6 +70,7 @@ class Host:
         self._armer: socket.socket | None = None  # connection that enabled the output
         self._lock = threading.Lock()
         self._clients: set[socket.socket] = set()
+        self._strangers: list[socket.socket] = []
         self._holder: tuple[socket.socket, str] | None = None
         self._device: dict[str, Any] | None = None
         self._left = time.monotonic()
@@ -106,9 +107,10 @@ class Host:
 
     def _welcome(self, link: socket.socket) -> None:
         with self._lock:
-            if len(self._clients) >= _MOST_CLIENTS:
-                link.close()
-                return
+            if len(self._strangers) >= _MOST_STRANGERS:  # a stop must always get in
+                with suppress(OSError):
+                    self._strangers.pop(0).shutdown(socket.SHUT_RDWR)
+            self._strangers.append(link)
             self._clients.add(link)
         threading.Thread(target=self._serve, args=(link,), daemon=True).start()
 
@@ -120,6 +122,7 @@ class Host:
                 said, _ = receive(link)
                 if not hmac.compare_digest(str(said.get("token", "")).encode(), self.token.encode()):
                     return
+                self._known(link)
                 name = f"{str(said.get('name', ''))[:60]} (process {said.get('pid')})"
                 send(link, {"pid": os.getpid()})
                 link.settimeout(None)
@@ -136,7 +139,12 @@ class Host:
         finally:
             self._gone(link)
 
+    def _known(self, link: socket.socket) -> None:
+        with self._lock, suppress(ValueError):
+            self._strangers.remove(link)
+
     def _gone(self, link: socket.socket) -> None:
+        self._known(link)
         with self._lock:
             self._clients.discard(link)
             self._left = time.monotonic()
