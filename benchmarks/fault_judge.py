@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.fault_device import OWN, WATCHED
+from benchmarks.fault_device import LOOK, OWN, WATCHED
 from stickslip.history.index import Index
 from stickslip.recording import open_recording
 from stickslip.recording.readers.process import Reader
@@ -42,14 +44,39 @@ NOTICED = {
 }
 
 
+class Metronome:
+    """A thread that wants to run every 2 ms; `longest` is by how much it was late, s. A computer that gives
+    it no time gives none to what it measures."""
+
+    def __init__(self) -> None:
+        self.longest, self._over = 0.0, threading.Event()
+        self._thread = threading.Thread(target=self._beat)
+
+    def __enter__(self) -> Metronome:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _beat(self) -> None:
+        before = time.monotonic()
+        while not self._over.wait(LOOK):
+            now = time.monotonic()
+            self.longest, before = max(self.longest, now - before - LOOK), now
+
+
 def judge(
     fault: str,
     struck: float | None,
     runs: list[dict[str, Any]],
     limits: dict[str, Any],
     holds: bool = False,
+    stalled: float = 0.0,
 ) -> tuple[float | None, list[str]]:
-    """How late 0 V came, and what was wrong with the output."""
+    """How late 0 V came, and what was wrong with the output. For `stalled` s the computer gave the study no
+    time."""
     wrong, late = [], None
     for one in runs:
         half = 0.5 * one["step"] + 1e-6
@@ -65,8 +92,8 @@ def judge(
         began = one["failed"] if fault in SENSOR else struck
         if began is not None and fault not in UNSEEN and one["began"] <= began <= one["stopped"]:
             late = one["stopped"] - began
-            stalled = STALLED if holds and fault == "rig's process stalls" else 0.0
-            if late > NOTICED.get(fault, 0.0) + stalled + 2 * BLOCK + GRACE:
+            resting = STALLED if holds and fault == "rig's process stalls" else 0.0
+            if late > NOTICED.get(fault, 0.0) + resting + 2 * BLOCK + GRACE + stalled:
                 wrong.append(f"the ramp began {late:.3f} s after the fault")
     return late, wrong
 

@@ -44,6 +44,7 @@ from benchmarks.fault_judge import (
     UNREACHED,
     UNSEEN,
     WATCHDOG,
+    Metronome,
     judge,
     kept,
     last_seen,
@@ -110,6 +111,7 @@ def experiment(random: random.Random, port: str, folder: Path) -> tuple[Path, di
     path = folder / "experiment.yaml"
     path.write_text(yaml.safe_dump(content))
     known = {"amplitude": amplitude, "frequency": fields["frequency"]}
+    known["length"] = content["runs"][0]["capture"]["length"]
     return path, limits | known
 
 
@@ -229,20 +231,12 @@ def trial(number: int, random: random.Random, folder: Path, port: str, holds: bo
     if random.random() < 0.75:
         while not (folder / "started").exists() and time.monotonic() < end - 20.0 and alive(child):
             time.sleep(0.002)
-        time.sleep(random.uniform(0.0, 0.6))
+        time.sleep(random.uniform(0.0, limits["length"]))
     else:
         time.sleep(random.uniform(0.1, 2.0))
-    struck = strike(fault, child, rigs, random)
-    if fault == "program frozen":  # until somebody ends it
-        time.sleep(WATCHDOG + 1.0)
-        os.kill(child, signal.SIGKILL)
-    while os.waitpid(child, os.WNOHANG)[0] == 0:
-        if time.monotonic() > end:
-            os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-            wrong.append("the program did not end")
-            break
-        time.sleep(0.005)
+    with Metronome() as metronome:
+        struck = strike(fault, child, rigs, random)
+        _ended(child, fault, end, wrong)
     time.sleep(0.05)
     if fault == "rig's process frozen" and struck is not None:
         with suppress(OSError, ValueError, LookupError):
@@ -254,12 +248,26 @@ def trial(number: int, random: random.Random, folder: Path, port: str, holds: bo
     if held and LOUD not in words:
         wrong.append("the output kept its voltage, and nobody was told")
     runs = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
-    late, more = judge(fault, struck, [] if held else runs, limits, holds)
+    late, more = judge(fault, struck, [] if held else runs, limits, holds, metronome.longest)
     beyond, seen = watched(folder, fault, limits, max(late or 0.0, 0.0))
     finished, unfinished, rest = kept(out, [] if held else runs, disk=fault != "disk full")
     if fault == "none" and not finished and not beyond:
         wrong.append(f"nothing was recorded, though nothing went wrong: {words[:200]}")
     return Trial(fault, late, finished, unfinished, wrong + more + seen + rest, holds, beyond, held)
+
+
+def _ended(child: int, fault: str, end: float, wrong: list[str]) -> None:
+    """Wait until a program has ended."""
+    if fault == "program frozen":  # until somebody ends it
+        time.sleep(WATCHDOG + 1.0)
+        os.kill(child, signal.SIGKILL)
+    while os.waitpid(child, os.WNOHANG)[0] == 0:
+        if time.monotonic() > end:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            wrong.append("the program did not end")
+            return
+        time.sleep(0.005)
 
 
 def switched_off(folder: Path, wrong: list[str], end: float, may_hold: bool) -> bool:
@@ -301,7 +309,7 @@ def device(folder: Path, holds: bool) -> Iterator[str]:
     """The device's process; gives its port."""
     (folder / "port").unlink(missing_ok=True)
     command = [sys.executable, "-m", "benchmarks.fault_device", str(folder), *(["holds"] if holds else [])]
-    process = subprocess.Popen(command)
+    process = subprocess.Popen(command, start_new_session=True)
     try:
         while not (folder / "port").exists() or not (folder / "port").read_text():
             assert process.poll() is None

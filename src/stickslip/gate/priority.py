@@ -16,12 +16,13 @@ LAST = 10  # nice value of fits, studies and the process that reads files
 
 
 def come_first(nice: int) -> None:
-    """Raise the priority of this process and of its session to a nice value, where that is permitted. Called
-    before threads are started."""
+    """Raise the priority of this process to a nice value, where that is permitted, and that of its session if
+    the session is its own or that of a terminal. Called before threads are started."""
     if hasattr(os, "setpriority"):
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, nice)
-            Path("/proc/self/autogroup").write_text(str(nice))
+            if os.getsid(0) == os.getpid() or os.isatty(0):
+                Path("/proc/self/autogroup").write_text(str(nice))
 
 
 def come_last() -> None:
