@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import multiprocessing
 import os
 import random
@@ -174,10 +173,12 @@ def keep(asked: argparse.Namespace, found: list[tuple[int, str, float, float, fl
     load = [one[4] for one in found]
     low, high = np.percentile(load, [33, 67])
     for words, chosen in (
-        (f"at a load of at most {low:.0f}", [one[2] for one in found if one[4] <= low]),
-        (f"at a load above {high:.0f}", [one[2] for one in found if one[4] > high]),
+        ("at the lowest loads, a third", [one for one in found if one[4] <= low]),
+        ("at the highest loads, a third", [one for one in found if one[4] >= high]),
     ):
-        rows.append((f"ramp, {words}", said(chosen or [math.nan])))
+        least, most = min(one[4] for one in chosen), max(one[4] for one in chosen)
+        times = said([one[2] for one in chosen])
+        rows.append((f"ramp, {words}", f"{times}; load {least:.0f} to {most:.0f}"))
     rows.append(("load", f"median {np.median(load):.1f}, at most {max(load):.1f}"))
     numbers: dict[str, Any] = {"stops_ms": [one[2] for one in found]}
     if asked.keep:
