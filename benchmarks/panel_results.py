@@ -57,12 +57,14 @@ ABOUT = {
         "while recordings are read and uploaded and fits run. A stop comes at a random instant, by the "
         "button (HTTP) or the key (the page's stream), and goes to the rig's process by a connection of its "
         "own. It is timed from its request to the rig's command to ramp. The aim is below 50 ms in 99.9 %. "
-        "The rig's process and the panel may raise their priority here.",
+        "The rig's process and the panel were permitted to raise their priority; the last row is for another "
+        "run in which they were not (`capsh --drop=cap_sys_nice`).",
         (
             "ramp, all",
             "the page is told that it stops",
             "ramp, at the lowest loads, a third",
             "ramp, at the highest loads, a third",
+            "ramp, all, without the permission to raise a priority",
             "load",
         ),
     ),
