@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.quantities.units import turned
+from stickslip.quantities.units import ANGLE
 from stickslip.recording import RecordingError
 
 from .step_system import step_recording
@@ -19,7 +19,7 @@ DRIVE = ss.Sawtooth(65.0, 20.0, periods=3)
 def on_radius(recording, **powers: int):
     """The recording with channels over the radius to a power, and their units turned."""
     changed = {
-        name: (recording[name].values * RADIUS**power, turned(recording[name].attrs["units"]))
+        name: (recording[name].values * RADIUS**power, ANGLE.unit(recording[name].attrs["units"]))
         for name, power in powers.items()
     }
     kept = {
@@ -36,7 +36,7 @@ def on_radius(recording, **powers: int):
     ],
 )  # fmt: skip
 def test_units_of_what_turns(slides: str, turns: str) -> None:
-    assert turned(slides) == turns
+    assert ANGLE.unit(slides) == turns
 
 
 def test_loops() -> None:

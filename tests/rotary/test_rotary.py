@@ -46,6 +46,11 @@ def test_the_motion_is_that_of_what_slides_on_a_radius() -> None:
         **{name: "J" for name in units(turned) if name.endswith(("work", "energy", "dissipation", "defect"))},
     }  # fmt: skip
     assert "rad" not in units(straight).values()
+    assert {name: turned[name].attrs["long_name"] for name in ("stage_position", "friction_force")} == {
+        "stage_position": "stage angle",
+        "friction_force": "friction torque",
+    }
+    assert straight["friction_force"].attrs["long_name"] == "friction force"
 
 
 def test_ensembles_maps_and_derivatives_are_labelled() -> None:

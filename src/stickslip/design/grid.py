@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..physics.actuator import Actuator
 from ..quantities.records import Quantity
-from ..quantities.units import QuantityError, array_si
+from ..quantities.units import QuantityError, array_si, coordinate_of
 from ..simulation.members import SCALES, by_name, checked_columns, labelled
 from ..simulation.varied import record_names
 from ..waveform.signal import Waveform
@@ -74,7 +74,7 @@ def grid_of(
     """
     if not isinstance(model, Actuator):
         raise QuantityError(f"a map is of an Actuator, not of a {type(model).__name__}")
-    meant = {name: q.turned() if model.rotary else q for name, q in AXES.items()}
+    meant = {name: q.along(coordinate_of(model)) for name, q in AXES.items()}
     found = {name: _axis(name, meant[name], v) for name, v in axes.items() if v is not None}
     if waveform is None:
         waveform = default_drive(model, "voltage" in found, "frequency" in found)

@@ -24,7 +24,7 @@ from ..identify.walk.position_channel import CHANNEL, OBSERVED
 from ..identify.walk.walks import own_values
 from ..physics.actuator import Actuator
 from ..quantities.records import did_you_mean
-from ..quantities.units import QuantityError, optional_si, unit_for
+from ..quantities.units import QuantityError, coordinate_of, optional_si, unit_for
 from ..recording.chain import Chain
 from ..simulation.varied import free_names, with_values
 from ..study.drawn import draws_in_si
@@ -140,7 +140,7 @@ def _parameter(model: Actuator, name: str) -> Parameter:
     """Return a parameter at the model's value, of any sign. A plan does not search, so it needs no bounds."""
     value, quantity = value_of(model, name)
     if quantity is None or value > 0.0:
-        return _moved(parameter(model, name, {}, model.rotary), value)
+        return _moved(parameter(model, name, {}, coordinate_of(model)), value)
     return Parameter(name, value, unit=unit_for(model, quantity.unit), log=False)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..friction import LuGre
 from ..quantities.records import quantities
-from ..quantities.units import turned
+from ..quantities.units import ANGLE
 from ..recording import STANDARD_NAMES
 from ..rig.capture import Capture
 from ..rig.limits import Limits
@@ -48,7 +48,7 @@ def _plain(text: Any) -> Any:
 
 def _unit(name: str, row: Mapping[str, Any]) -> str:
     if name in _UNITS:
-        return turned(_UNITS[name]) if "rotary=True" in str(row.get("actuator")) else _UNITS[name]
+        return ANGLE.unit(_UNITS[name]) if "rotary=True" in str(row.get("actuator")) else _UNITS[name]
     if name == "capture.trigger.level":
         channel = STANDARD_NAMES.get(str(row.get("capture.trigger.signal")))
         return channel.unit if channel else ""

@@ -12,7 +12,7 @@ from ..estimate.parameter import REACH, Parameter
 from ..estimate.tied import names_in
 from ..friction import MaxwellSlip
 from ..quantities.records import Quantity, did_you_mean, quantities
-from ..quantities.units import QuantityError, to_si, turned, with_unit
+from ..quantities.units import LENGTH, Coordinate, QuantityError, to_si, with_unit
 from ..simulation import varied
 from ..simulation.varied import NORMAL_FIELDS, element_of, free_names, law_of, ratios_of
 
@@ -74,7 +74,7 @@ def exchangeable(
     return found if len(found) > 1 else ()
 
 
-def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Parameter:
+def parameter(model: Any, name: str, bounds: Bounds, along: Coordinate = LENGTH) -> Parameter:
     """Return the named parameter (one of `free_names`), starting at the model's value.
 
     Without bounds the parameter is searched within a factor `REACH` of the start first, and then as far as
@@ -94,7 +94,7 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
         ratio = ratios_of(law_of(model))[name]
         ends = (ratio.lower, ratio.upper)
         return linear(name, "", start, ends, bounds, (ratio.lower, ratio.most))
-    unit = turned(quantity.unit) if turns else quantity.unit
+    unit = along.unit(quantity.unit)
     given, straight = given_bounds(bounds, name, unit), isinstance(bounds.get(name), LinearBounds)
     least = max(quantity.minimum or 0.0, quantity.above or 0.0)
     most = math.inf if quantity.maximum is None else quantity.maximum
@@ -216,15 +216,14 @@ class NamedValues(NamedTuple):
     of: Callable[[str], tuple[float, str]]
 
 
-def known_of(model: Any, others: Mapping[str, tuple[float, str]], turns: bool = False) -> NamedValues:
+def known_of(model: Any, others: Mapping[str, tuple[float, str]], along: Coordinate = LENGTH) -> NamedValues:
     """Return the known values of a model by name, and other values; `others` are values with their units."""
 
     def of(name: str) -> tuple[float, str]:
         if name in others:
             return others[name]
         value, quantity = value_of(model, name)
-        unit = quantity.unit if quantity else ""
-        return value, turned(unit) if turns else unit
+        return value, along.unit(quantity.unit if quantity else "")
 
     return NamedValues([*free_names(model), *others], of)
 

@@ -21,7 +21,7 @@ from ..estimate.problem import FitError
 from ..estimate.result import Fit
 from ..estimate.shown import preformatted
 from ..quantities.records import did_you_mean, same
-from ..quantities.units import QuantityError, to_si, turned, with_prefix
+from ..quantities.units import ANGLE, QuantityError, to_si, with_prefix
 from ..recording import RecordingError, make_recording
 from ..recording.conversion import is_number
 from .loops.missing import MEASURED
@@ -66,7 +66,7 @@ class Requirement(NamedTuple):
                 f"nm (of what turns, {figure} {relation} 5 urad)"
             )
         if unit and limit.endswith("rad"):
-            unit = turned(unit)
+            unit = ANGLE.unit(unit)
         return cls(figure, relation, to_si(limit, unit, figure), unit or None)
 
     def met(self, value: float) -> bool:

@@ -18,7 +18,7 @@ from ..physics.electronics import OutputStage
 from ..quantities.input_file import Strict, fields_of
 from ..quantities.progress import Progress
 from ..quantities.records import Quantity, quantities
-from ..quantities.units import QuantityError, unit_for
+from ..quantities.units import QuantityError, coordinate_of, unit_for
 from ..waveform import PeriodicKnots
 from ..waveform.signal import Waveform, shape
 from .exploration import Model, Value
@@ -89,7 +89,7 @@ def fields(rotary: bool) -> list[dict[str, Any]]:
 def _checked(model: Actuator, name: str, value: Any) -> float:
     """Return the value in the unit of a linear or rotary model; raises QuantityError if it is wrong."""
     quantity = _FIELDS[name]
-    return (quantity.turned() if model.rotary else quantity).check(value, name)
+    return quantity.along(coordinate_of(model)).check(value, name)
 
 
 class LoadedActuator(Model):

@@ -17,7 +17,7 @@ from ..quantities.input_file import load_yaml, yaml_text
 from ..quantities.places import place_of
 from ..quantities.records import quantities, quantities_of
 from ..quantities.registry import nothing_run
-from ..quantities.units import QuantityError, to_si, turned, unit_for
+from ..quantities.units import ANGLE, QuantityError, to_si, unit_for
 from ..recording import STANDARD_NAMES
 from ..recording.calibration.storage import available_calibrations
 from ..recording.readers.process import Reader
@@ -231,7 +231,7 @@ def _variable(
 
 
 _SLIDING = ("V", "Hz", "s", "m", "N", "kg", "", "N/m", "V/s", "m/s", "N s/m")
-_VARIABLES = tuple(dict.fromkeys([*_SLIDING, *map(turned, _SLIDING)]))
+_VARIABLES = tuple(dict.fromkeys([*_SLIDING, *map(ANGLE.unit, _SLIDING)]))
 
 
 def _unit_of(name: str, value: Any) -> str | None:

@@ -16,7 +16,7 @@ from ..physics.actuator import Actuator
 from ..quantities import registry
 from ..quantities.input_file import Strict
 from ..quantities.records import Quantity, quantities
-from ..quantities.units import QuantityError, unit_for
+from ..quantities.units import ANGLE, LENGTH, QuantityError, unit_for
 from ..simulation import SimulationError, steady_step
 from ..simulation.trajectory import COMPLETE, follow_model
 from ..waveform.drive import evaluate
@@ -76,7 +76,7 @@ class Model(Strict):
             element = re.fullmatch(r"(stiffness|strength)_(\d{1,3})", name)
             field, value = element[1] if element else name, given
             if field in known:  # a law does not know whether its actuator is rotary
-                quantity = known[field].turned() if rotary else known[field]
+                quantity = known[field].along(ANGLE if rotary else LENGTH)
                 value = quantity.check(given, f"{self.law}.{name}")
             if element:
                 elements.setdefault(field, {})[int(element[2])] = value

@@ -34,7 +34,7 @@ from ..physics.electronics import OutputStage
 from ..quantities.input_file import Strict, fields_of
 from ..quantities.progress import Progress
 from ..quantities.records import quantities
-from ..quantities.units import QuantityError, unit_for, with_prefix
+from ..quantities.units import QuantityError, coordinate_of, unit_for, with_prefix
 from ..recording.readers.process import Reader
 from ..rig import Capabilities, Channel, HostedRig, Plausibility, RigError, regulate
 from ..rig.experiment.cells import Cell, cells
@@ -233,7 +233,7 @@ class Moves:
         """Return the limits of the plausibility check of the sensor, as text."""
         beliefs, rows = self._plausibility(made, Stepping().frequency), []
         for name, quantity in quantities(Plausibility).items():
-            own = quantity if made.unit == "m" else quantity.turned()
+            own = quantity.along(coordinate_of(made.unit))
             value = getattr(beliefs, name)
             rows.append({"name": name, "value": with_prefix(value, own.unit), "meaning": own.meaning})
         return rows

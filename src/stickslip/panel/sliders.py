@@ -16,7 +16,7 @@ from ..identify.comparison.laws import example_laws
 from ..physics.actuator import Actuator
 from ..quantities import registry
 from ..quantities.records import Quantity, quantities, sequences
-from ..quantities.units import QuantityError, turned, unit_for
+from ..quantities.units import ANGLE, QuantityError, unit_for
 from . import piezo_sliders
 from .sets import PACKAGE, Sets
 
@@ -245,7 +245,7 @@ def _model(rotary: bool) -> dict[str, Slider]:
 def _kind(known: dict[str, Any], rotary: bool) -> dict[str, Any]:
     """Return units (see `_UNITS`) and fields of model and laws, for linear or rotary actuators."""
     return {
-        "units": {name: turned(unit) if rotary else unit for name, unit in _UNITS.items()},
+        "units": {name: ANGLE.unit(unit) if rotary else unit for name, unit in _UNITS.items()},
         "model": [
             *(_described(Actuator, field, slider, rotary) for field, slider in _model(rotary).items()),
             *(shown(field, piezo_sliders.FIELDS[field], slider) for field, slider in _PIEZO.items()),
@@ -317,7 +317,7 @@ def shown(field: str, quantity: Quantity, slider: Slider, rotary: bool = False) 
     ends = {name: sized(getattr(slider, name), quantity.unit, rotary) for name in ("low", "high")}
     return {
         "name": field,
-        "unit": turned(quantity.unit) if rotary else quantity.unit,
+        "unit": ANGLE.unit(quantity.unit) if rotary else quantity.unit,
         "symbol": quantity.symbol,
         "meaning": quantity.meaning,
         **slider._replace(**ends)._asdict(),

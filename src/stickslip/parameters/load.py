@@ -24,7 +24,7 @@ from ..gate.errors import GateError, damaged
 from ..gate.text import load_toml, parsed
 from ..quantities import registry
 from ..quantities.records import did_you_mean, quantities
-from ..quantities.units import QuantityError, to_si
+from ..quantities.units import ANGLE, LENGTH, QuantityError, to_si
 
 T = TypeVar("T")
 
@@ -323,7 +323,7 @@ def build(
                 raise ParameterSetError(f"{where}: [{field}] unit = {entry.unit!r}, but it takes no unit")
             values[field] = entry.value
             continue
-        quantity = specs[field].turned() if turns else specs[field]
+        quantity = specs[field].along(ANGLE if turns else LENGTH)
         try:
             value = _with_unit(entry.value, entry.unit, quantity.unit)
             values[field] = _numbers(value, quantity.unit, field) if turns else value

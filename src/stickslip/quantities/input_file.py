@@ -32,7 +32,7 @@ from ..gate.yaml_text import load_yaml as gate_yaml
 from .places import assignment, place_of
 from .records import Field as RecordField
 from .records import did_you_mean, fields_with_quantity
-from .units import QuantityError, to_si
+from .units import ANGLE, QuantityError, to_si
 
 T = TypeVar("T")
 _UNKNOWN = "unknown_field"
@@ -138,7 +138,7 @@ def _default(value: Any) -> Any:
 def _number(name: str, field: RecordField) -> Any:
     """Return the type of a field with a quantity in a file."""
     quantity = field.quantity
-    turned = field._replace(quantity=quantity.turned())
+    turned = field._replace(quantity=quantity.along(ANGLE))
 
     def read(value: Any) -> Any:
         try:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hint
 
 import numpy as np
 
-from .units import QuantityError, to_si, turned, with_prefix
+from .units import ANGLE, Coordinate, QuantityError, coordinate_of, to_si, with_prefix
 
 T = TypeVar("T")
 
@@ -44,9 +44,9 @@ class Quantity(NamedTuple):
     maximum: float | None = None
     below: float | None = None
 
-    def turned(self) -> Quantity:
-        """Return the same quantity for a rotary model."""
-        return self._replace(unit=turned(self.unit))
+    def along(self, coordinate: Coordinate) -> Quantity:
+        """Return the same quantity in a model's coordinate."""
+        return self._replace(unit=coordinate.unit(self.unit))
 
     def range_text(self) -> str:
         """The allowed range in words, with the unit."""
@@ -141,10 +141,8 @@ def quantities(record_type: type) -> dict[str, Quantity]:
 def quantities_of(one: Any, owner: Any = None) -> dict[str, Quantity]:
     """`quantities` of a record; where it, or the one that it is part of, is `rotary`, in the units of what
     turns."""
-    known = quantities(type(one))
-    if not getattr(one if owner is None else owner, "rotary", False):
-        return known
-    return {name: quantity.turned() for name, quantity in known.items()}
+    of = coordinate_of(one if owner is None else owner)
+    return {name: quantity.along(of) for name, quantity in quantities(type(one)).items()}
 
 
 def quantities_within(model: Any) -> dict[str, Quantity]:
@@ -243,12 +241,12 @@ def record(named_tuple: type[T]) -> type[T]:
     checked; None passes only where the annotation allows it. Records of two types are never equal.
     """
     specs, kinds = fields_with_quantity(named_tuple), _kinds(named_tuple)
-    of_turns = {name: spec._replace(quantity=spec.quantity.turned()) for name, spec in specs.items()}
+    of_angles = {name: spec._replace(quantity=spec.quantity.along(ANGLE)) for name, spec in specs.items()}
     plain_new = named_tuple.__new__
 
     def __new__(cls: Any, *args: Any, **kwargs: Any) -> Any:
         values = dict(zip(cls._fields, _bind(cls, args, kwargs, specs), strict=True))
-        known = of_turns if values.get("rotary") is True else specs
+        known = of_angles if values.get("rotary") is True else specs
         checked = (known[n].check(v, f"{cls.__name__}.{n}") if n in known else v for n, v in values.items())
         made = tuple.__new__(cls, checked)
         for name, kind in kinds.items():

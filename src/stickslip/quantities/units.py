@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from decimal import Decimal
 from functools import cache, lru_cache
 from numbers import Real
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -243,29 +244,64 @@ def same_dimension(quantity: Any, unit: str) -> bool:
     return quantity.dimensionality == _units(unit).dimensionality
 
 
-_TURNED = {"m": "rad", "N": "N m", "kg": "kg m^2"}
-_OF_TURNS = re.compile("rad|N m|kg m")
+class Coordinate(NamedTuple):
+    """Length or angle: what the position of a model is, and the units and words that follow from it.
+
+    `position` is the unit of positions. `units` and `words` are those that differ from the ones of a length.
+    """
+
+    position: str
+    units: Mapping[str, str]
+    words: Mapping[str, str]
+
+    def unit(self, of: str) -> str:
+        """Return a unit in this coordinate from that of a length: along an angle "N s/m" is "N m s/rad"."""
+        if not self.units or _OF_ANGLES.search(of):
+            return of
+        over, slash, under = of.partition("/")
+        top, bottom = (
+            " ".join(self.units.get(one, one) for one in side.split(" ")) for side in (over, under)
+        )
+        return f"{top}{slash}({bottom})" if " " in bottom else f"{top}{slash}{bottom}"
+
+    def name(self, of: str) -> str:
+        """Return a name in this coordinate: along an angle "friction force" is "friction torque"."""
+        return re.sub("(?:angular )?[a-z]+", lambda word: self.words.get(word[0], word[0]), of)
 
 
-def turned(unit: str) -> str:
-    """The unit of what turns, from that of what slides: "N s/m" to "N m s/rad", "m/V" to "rad/V"; one of what
-    turns stays."""
-    if _OF_TURNS.search(unit):
-        return unit
-    over, slash, under = unit.partition("/")
-    top, bottom = (" ".join(_TURNED.get(part, part) for part in side.split(" ")) for side in (over, under))
-    return f"{top}{slash}({bottom})" if " " in bottom else f"{top}{slash}{bottom}"
+_OF_ANGLES = re.compile("rad|N m|kg m")
+LENGTH = Coordinate("m", {}, {})
+ANGLE = Coordinate(
+    "rad",
+    {"m": "rad", "N": "N m", "kg": "kg m^2"},
+    {
+        "position": "angle",
+        "positions": "angles",
+        "displacement": "rotation",
+        "velocity": "angular velocity",
+        "speed": "angular speed",
+        "force": "torque",
+        "forces": "torques",
+    },
+)
+
+
+def coordinate_of(what: Any) -> Coordinate:
+    """Return the coordinate of a model, or that of which a text is the unit of positions."""
+    rotary = what == ANGLE.position if isinstance(what, str) else getattr(what, "rotary", False)
+    return ANGLE if rotary else LENGTH
 
 
 def unit_for(model: Any, unit: str) -> str:
-    """The unit of what slides, or of what turns where the model does."""
-    return turned(unit) if getattr(model, "rotary", False) else unit
+    """Return a unit in the coordinate of a model from that of a length."""
+    return coordinate_of(model).unit(unit)
 
 
 def labelled_for(model: Any, made: Dataset) -> Dataset:
-    """A data set labelled as of what slides, in the units of what turns where the model does."""
-    labelled: Any = made
-    for variable in labelled.variables.values() if getattr(model, "rotary", False) else ():
-        if "units" in variable.attrs:
-            variable.attrs["units"] = turned(variable.attrs["units"])
+    """Return a data set, labelled as of a length, with the units and names of a model's coordinate."""
+    of, labelled = coordinate_of(model), cast("Any", made)
+    for variable in labelled.variables.values():
+        for key, own in (("units", of.unit), ("long_name", of.name)):
+            if key in variable.attrs:
+                variable.attrs[key] = own(variable.attrs[key])
     return made

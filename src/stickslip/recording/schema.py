@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._version import __version__
-from ..quantities.units import QuantityError, turned
+from ..quantities.units import ANGLE, QuantityError
 from .conversion import to_si_unit
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def fits_name(name: str, unit: str) -> bool:
     """Return True if a channel with that name may have the unit (SI); without a standard name, any unit is
     allowed."""
     standard = STANDARD_NAMES.get(name)
-    return standard is None or unit in (standard.unit, turned(standard.unit))
+    return standard is None or unit in (standard.unit, ANGLE.unit(standard.unit))
 
 
 @functools.cache
@@ -155,7 +155,10 @@ def make_recording(
         _warn_of_misspelling(str(name))
         array, unit = _in_si(str(name), *_with_unit(value))
         standard = STANDARD_NAMES.get(name)
-        long_name = long_names.get(name) or (standard.long_name if standard else str(name).replace("_", " "))
+        own = standard.long_name if standard else str(name).replace("_", " ")
+        if standard and unit != standard.unit:  # an angle or a torque
+            own = ANGLE.name(own)
+        long_name = long_names.get(name) or own
         if array.shape != time.shape:
             raise RecordingError(f"{name} has the shape {array.shape}, but time has {time.shape}")
         data[name] = _over_time(array)

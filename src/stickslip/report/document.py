@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, fields, replace
 from numbers import Real
 from typing import Any
 
-from ..quantities.units import turned
+from ..quantities.units import ANGLE
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
 
@@ -227,15 +227,18 @@ def begun_by(document: Document, text: str) -> Document:
 
 
 def in_turns(part: Any) -> Any:
-    """Return a document, or a part of one, with the units of a rotary actuator: rad for m, N m for N. The
+    """Return a document, or a part of one, in units and words of an angle: rad for m, torque for force. The
     numbers stay."""
-    if isinstance(part, Number | Column):
-        return part if part.unit is None else replace(part, unit=turned(part.unit))
+    if isinstance(part, Column):
+        unit = part.unit if part.unit is None else ANGLE.unit(part.unit)
+        return replace(part, unit=unit, name=ANGLE.name(part.name))
+    if isinstance(part, Number):
+        return replace(part, unit=ANGLE.unit(part.unit))
     if isinstance(part, Document | Section | Table):
         return replace(part, **{f.name: in_turns(getattr(part, f.name)) for f in fields(part)})
     if isinstance(part, Mapping):
         of = {name: in_turns(value) for name, value in part.items()}
-        return of | {"unit": turned(of["unit"])} if isinstance(of.get("unit"), str) else of
+        return of | {"unit": ANGLE.unit(of["unit"])} if isinstance(of.get("unit"), str) else of
     if isinstance(part, tuple | list):
         return [in_turns(one) for one in part]
     return part

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..quantities.records import quantities
+from ..quantities.units import coordinate_of
 from .document import Column, Number, Section, Table
 
 
@@ -18,7 +19,7 @@ def thresholds_table(policy: Any, caption: str, unit: str = "m") -> Table:
     """
     rows = []
     for name, quantity in quantities(type(policy)).items():
-        own = quantity if unit == "m" else quantity.turned()
+        own = quantity.along(coordinate_of(unit))
         rows.append((name, Number(getattr(policy, name), own.unit), own.meaning))
     return Table(caption, (Column("threshold"), Column("value"), Column("meaning")), rows)
 

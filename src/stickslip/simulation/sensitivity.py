@@ -19,7 +19,7 @@ from ..friction import elements
 from ..friction.law import has_jumps, project
 from ..physics.actuator import Actuator
 from ..quantities.records import did_you_mean
-from ..quantities.units import QuantityError, labelled_for, optional_si, to_si, turned, unit_for
+from ..quantities.units import ANGLE, QuantityError, labelled_for, optional_si, to_si, unit_for
 from ..waveform.drive import Drive, constant
 from ..waveform.members import Drives, stacked
 from ..waveform.pieces import with_breaks
@@ -58,7 +58,7 @@ BY_ROW = "initial row "  # any row of the initial state, for use in this module
 SETTLED, REFINED = 0.01, 4
 # Smallest change of a damping (which may be 0), relative to mass times natural frequency.
 LEAST_DAMPING = 1e-3
-DAMPING = ("N s/m", turned("N s/m"))
+DAMPING = ("N s/m", ANGLE.unit("N s/m"))
 
 
 class NeighbouringModels(NamedTuple):

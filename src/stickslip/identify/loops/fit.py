@@ -32,7 +32,7 @@ from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...estimate.several import ENOUGH, followed, from_several, lowest
 from ...quantities.progress import Progress, unheard
-from ...quantities.units import optional_si, to_si, turned
+from ...quantities.units import ANGLE, Coordinate, coordinate_of, optional_si, to_si
 from ...recording import RecordingError
 from ...simulation.varied import free_names, with_values
 from ..free import (
@@ -140,12 +140,12 @@ def identify_loops(
     tolerance = to_si(tolerance, "m", "tolerance")
     reference = optional_si(reference_normal_force, "N", "reference_normal_force")
     found = recordings_of(recordings)
-    names, turns = names_of(found), _turns(found)
-    units = {name: turned(unit) if turns else unit for name, unit in CHANNEL.items()}
+    names, along = names_of(found), _coordinate(found)
+    units = {name: along.unit(unit) for name, unit in CHANNEL.items()}
     noise = optional_si(noise, units["bias"], "noise")
     neutral = {name: (1.0 if name == "load_exponent" else 0.0, unit) for name, unit in units.items()}
     free, bounds, priors, tied, starting = said_of(
-        free, known_of(model, neutral, turns), bounds, priors, tied
+        free, known_of(model, neutral, along), bounds, priors, tied
     )
     check_names(free, [*free_names(model), *CHANNEL], bounds)
     check_priors(priors, free, noise, "[N], the force's deviation")
@@ -162,12 +162,12 @@ def identify_loops(
     parameters = [
         _of_channel(name, units[name], starting.get(name, neutral[name][0]), reach.get(name, 0.0), bounds)
         if name in CHANNEL
-        else parameter(model, name, bounds, turns)
+        else parameter(model, name, bounds, along)
         for name in free
     ]
     parameters = [with_prior(p, priors) for p in parameters]
     parameters, begins = loop_starts(given := parameters, found, measured, bounds)
-    others = beside(free, tied, known_of(model, neutral, turns))
+    others = beside(free, tied, known_of(model, neutral, along))
 
     parts = [
         Residuals(
@@ -191,7 +191,7 @@ def identify_loops(
     fit, left_by = _with_inexact(fit, found, measured, model, settings)
     asked = _unasked({*free, *tied})
     beside_it = [Slope(name, reach[name], _slope(fit, name, responses, model, reach)) for name in asked]
-    noticed, doubts = missing(fit, model, viscous_slope(found, turns), beside_it)
+    noticed, doubts = missing(fit, model, viscous_slope(found, along), beside_it)
     if noise is None:
         said, beyond = left_over(fit, measured, left_by)
         noticed, doubts = [*noticed, *said], [*doubts, *beyond]
@@ -308,19 +308,19 @@ def _unasked(had: Collection[str]) -> list[str]:
     return [n for n in NOTICED if n not in had and not (n == "contact_offset" and "bias" in had)]
 
 
-def _turns(recordings: Sequence[xr.Dataset]) -> bool:
-    """Return True if the motion is an angle [rad], and so the force a torque [N m].
+def _coordinate(recordings: Sequence[xr.Dataset]) -> Coordinate:
+    """Return what the motion is: a length with a force, or an angle with a torque.
 
     Raises:
         RecordingError: only one of the two is rotary.
     """
     motion, force = unit_of(recordings, "position"), unit_of(recordings, OBSERVED)
-    turns = motion == "rad"
-    if turns != (force == "N m"):
+    along = coordinate_of(motion)
+    if (along is ANGLE) != (force == ANGLE.unit("N")):
         raise RecordingError(
             f"position is in {motion}, but {OBSERVED} in {force}: rad goes with N m, m with N"
         )
-    return turns
+    return along
 
 
 def _reach(

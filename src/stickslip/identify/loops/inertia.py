@@ -29,7 +29,7 @@ from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError, Residuals
 from ...estimate.result import Fit
-from ...quantities.units import to_si, turned
+from ...quantities.units import coordinate_of, to_si
 from ...recording.noise import noise_level
 from ..free import with_ties
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
@@ -98,8 +98,7 @@ def identify_inertia(
         parts.append((averages.design(x), averages.of(f), name))
         moved.append((averages, x))
         forces.append(f)
-    turns = unit_of(found, position) == "rad"
-    kilograms, viscous, newtons = map(turned, UNITS) if turns else UNITS
+    kilograms, viscous, newtons = map(coordinate_of(unit_of(found, position)).unit, UNITS)
     begin = np.linalg.lstsq(
         np.concatenate([d for d, _, _ in parts]), np.concatenate([y for _, y, _ in parts]), rcond=None
     )[0]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...estimate.result import Fit
 from ...estimate.score import ASKED, gain, step
-from ...quantities.units import turned, with_prefix
+from ...quantities.units import Coordinate, with_prefix
 from ..recorded.known_noise import more_than_white, white_noise
 
 if TYPE_CHECKING:
@@ -41,13 +41,13 @@ class Slope(NamedTuple):
     by: Array
 
 
-def viscous_slope(recordings: Sequence[xr.Dataset], turns: bool) -> Slope:
+def viscous_slope(recordings: Sequence[xr.Dataset], along: Coordinate) -> Slope:
     """Return the derivative by viscous friction, a force proportional to the velocity."""
     velocity = [
         np.gradient(one["position"].values.astype(float), one["time"].values, edge_order=2)
         for one in recordings
     ]
-    return Slope(turned("N s/m") if turns else "N s/m", math.inf, np.concatenate(velocity))
+    return Slope(along.unit("N s/m"), math.inf, np.concatenate(velocity))
 
 
 def missing(fit: Fit, model: Any, viscous: Slope, others: Sequence[Slope]) -> tuple[list[str], list[str]]:

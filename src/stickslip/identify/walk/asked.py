@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ...physics.actuator import Actuator
-from ...quantities.units import QuantityError, unit_for
+from ...quantities.units import QuantityError, coordinate_of, unit_for
 from ...simulation.varied import free_names
 from ..free import Bounds, beside, check_names, check_priors, known_of, parameter
 from .position_channel import CHANNEL
@@ -50,6 +50,6 @@ def _check(
     check_priors(priors, free, None if noise is None else 1.0, "[m], the position's deviation")
     for name in free:
         if name not in CHANNEL:
-            parameter(model, name, own, model.rotary)
+            parameter(model, name, own, coordinate_of(model))
     channel = {"delay": (0.0, "s"), "offset": (0.0, unit_for(model, "m"))}
-    beside(free, tied, known_of(model, channel, model.rotary))
+    beside(free, tied, known_of(model, channel, coordinate_of(model)))

@@ -27,7 +27,7 @@ from ...estimate.result import Fit
 from ...estimate.score import ASKED, Together, together
 from ...estimate.tied import Ties
 from ...estimate.whiteness import white
-from ...quantities.units import QuantityError
+from ...quantities.units import QuantityError, coordinate_of
 from ...simulation.varied import NORMAL_FIELDS, with_normal_force, with_values
 from ..free import parameter
 from .displacement import has_slopes
@@ -230,7 +230,7 @@ def _fitted(fit: Fit, walks: Walks, one: Scored, afar: Afar | None) -> Fit | Non
     bounds = one.term.bounds or bounds_about(one.term, start)
     try:
         model = with_values(walks.model, {**own_values(fit.values), **start})
-        new = [parameter(model, name, bounds, walks.unit == "rad") for name in one.term.names]
+        new = [parameter(model, name, bounds, coordinate_of(walks.unit)) for name in one.term.names]
         new = [p.starting_at(min(max(start[p.name], p.lower), p.upper)) for p in new]
         own = [p.starting_at(fit.values[p.name])._replace(power=0) for p in fit.parameters]
         free = [*own, *new]

@@ -22,7 +22,7 @@ from ...estimate.tied import Ties
 from ...estimate.whiteness import white
 from ...physics.actuator import Actuator
 from ...quantities.progress import Progress, unheard
-from ...quantities.units import optional_si
+from ...quantities.units import Coordinate, coordinate_of, optional_si
 from ...simulation.varied import free_names, with_values
 from ...waveform.signal import Waveform
 from ..free import (
@@ -174,9 +174,9 @@ def identify_friction(
     check_motion(model, unit)
     names, (found, drives) = names_of(found), taken_drives(found, drive, slew_rate)
     first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
-    turns = unit == "rad"
+    along = coordinate_of(unit)
     of_chain = {"delay": (first.get("delay", 0.0), "s"), "offset": (first.get("offset", 0.0), unit)}
-    known = known_of(model, of_chain, turns)
+    known = known_of(model, of_chain, along)
     free, bounds, priors, tied, starting = said_of(free, known, bounds, priors, tied)
     _check(model, free, bounds, priors, level)
     first |= {name: starting.pop(name) for name in CHANNEL if name in starting}
@@ -188,8 +188,8 @@ def identify_friction(
         warn_of_other_drive(r, w, name)
     tolerance = tolerance or (1e-10 if has_slopes(model) else 1e-12)
 
-    parameters = partial(_parameters, model, found, bounds, priors, first, turns)
-    others = beside(free, tied, known_of(model, of_chain, turns))
+    parameters = partial(_parameters, model, found, bounds, priors, first, along)
+    others = beside(free, tied, known_of(model, of_chain, along))
     walks = Walks(
         [
             Displacement(r, w, name, model, tolerance, slew_rate)
@@ -263,12 +263,12 @@ def _parameters(
     bounds: Bounds,
     priors: Bounds,
     first: Values,
-    turns: bool,
+    along: Coordinate,
     free: Sequence[str],
 ) -> list[Parameter]:
     """Return the parameters of the actuator and the channel, with bounds and priors."""
     own = [
-        of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds, turns)
+        of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds, along)
         for name in free
     ]
     return [with_prior(p, priors) for p in own]

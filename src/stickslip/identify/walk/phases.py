@@ -20,7 +20,7 @@ import numpy as np
 from ...estimate.result import Fit
 from ...estimate.several import lowest
 from ...physics.actuator import Actuator
-from ...quantities.units import turned
+from ...quantities.units import ANGLE
 from ...waveform.drive import evaluate
 from ..free import value_of
 from ..recorded.channels import edges
@@ -36,7 +36,7 @@ GONE, FEWEST = 3.0, 4.0
 RUNGS, REACH, LOOK, CLIMBS = 12, 0.5, 5, 4
 # Number of results, from the lowest, whose search is completed.
 FOLLOWED = 2
-STIFFNESS = ("N/m", turned("N/m"))
+STIFFNESS = ("N/m", ANGLE.unit("N/m"))
 
 
 def cycles(model: Actuator, stiffness: float, motions: Sequence[Displacement]) -> float:

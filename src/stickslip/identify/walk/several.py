@@ -11,7 +11,7 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...estimate.several import ENOUGH, followed, from_several
-from ...quantities.units import turned
+from ...quantities.units import ANGLE
 from .first_guess import beside
 from .position_channel import CHANNEL
 from .walks import Walks
@@ -19,7 +19,7 @@ from .walks import Walks
 # Powers of the parameters in which the search runs: walks are more nearly linear in forces and compliances
 # than in logarithms.
 POWERS = {"N": 1, "N s/m": 1, "N/m": -1}
-POWERS |= {turned(unit): power for unit, power in POWERS.items()}
+POWERS |= {ANGLE.unit(unit): power for unit, power in POWERS.items()}
 # Assumed largest fall of chi-squared from the point where a search was stopped to its end.
 MAX_FALL = 20.0
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from ...quantities.units import QuantityError, turned
+from ...quantities.units import ANGLE, QuantityError
 from .. import STANDARD_NAMES, RecordingError
 from ..conversion import Conversion, is_number
 from .file_units import in_seconds, is_unsure, to_si_scale, to_si_unit
@@ -104,7 +104,7 @@ def _variable(
             return made._replace(unknown=True)
         hint = f" (units={{{name!r}: ...}} says it)" if unit is None else ""
         raise RecordingError(f"{made.label}: {error}{hint}") from None
-    if standard is not None and conversion.unit not in (standard, turned(standard)):
+    if standard is not None and conversion.unit not in (standard, ANGLE.unit(standard)):
         scale = f". A sensor's scale says what a volt is: units={{{name!r}: '0.5 um/V'}}"
         hint = scale if conversion.unit == "V" and standard == "m" else ""
         raise RecordingError(f"{made.label}: {name} is a quantity in {standard}{hint}")
