@@ -294,8 +294,7 @@ class Runner:
             job.out,
             progress,
             self._has_recording,
-            rigs=self._rigs,
-            who="the panel",
+            opened=partial(open_laboratory, rigs=self._rigs, who="the panel"),
             **own,
         )
         return len(made)

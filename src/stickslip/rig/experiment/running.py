@@ -83,8 +83,7 @@ def record_experiment(
     *,
     label: str | os.PathLike[str] = "experiment",
     watch: Watch | None = None,
-    rigs: Path | None = None,
-    who: str = "",
+    opened: Callable[[ExperimentFile, Path], Laboratory] = open_laboratory,
     read: Callable[[Path], Any] = read_recording,
 ) -> list[Recorded]:
     """Record the cells of an experiment file that was already read; see `run_experiment`.
@@ -96,11 +95,20 @@ def record_experiment(
         label: name of the file in errors.
         watch: called with each cell and its rig; returns the rig to record from, such as a `WatchedRig`
             around it.
-        rigs, who: as for `open_laboratory`.
+        opened: opens the laboratory of the file; see `open_laboratory`.
         read: reads the recordings from which the file takes drives.
     """
+    label = Path(label)
     with driving():
-        done = _all_recorded(file, folder, Path(out), progress, each, Path(label), watch, rigs, who, read)
+        try:
+            laboratory = opened(file, folder)
+        except ValueError as error:
+            raise InputFileError(f"{label}: {error}") from error
+        try:
+            wanted = _cells(label, file, folder, laboratory, read)
+            done = _all_recorded(file, wanted, laboratory, Path(out), progress, each, label, watch)
+        finally:
+            laboratory.close()
     if done:
         progress(done[-1].cell.name, 1.0)  # a stop requested since the last recording takes effect
     return done
@@ -108,42 +116,35 @@ def record_experiment(
 
 def _all_recorded(
     file: ExperimentFile,
-    folder: Path,
+    wanted: list[Cell],
+    laboratory: Laboratory,
     out: Path,
     progress: Progress,
     each: Callable[[Cell, xr.Dataset], None] | None,
     label: Path,
     watch: Watch | None,
-    rigs: Path | None,
-    who: str,
-    read: Callable[[Path], Any],
 ) -> list[Recorded]:
-    laboratory = _opened(label, file, folder, rigs, who)
+    out.mkdir(parents=True, exist_ok=True)
+    log = _Log(out / "experiment.log")
+    left, kept = remove_leftovers(out), recover(out)
+    log(
+        f"{label.name}: {len(wanted)} recordings"
+        + (f"; {left} unfinished files removed" if left else "")
+        + "".join(f"; unfinished/{one.name} kept of a run that was killed" for one in kept)
+    )
     try:
-        wanted = _cells(label, file, folder, laboratory, read)
-        out.mkdir(parents=True, exist_ok=True)
-        log = _Log(out / "experiment.log")
-        left, kept = remove_leftovers(out), recover(out)
-        log(
-            f"{label.name}: {len(wanted)} recordings"
-            + (f"; {left} unfinished files removed" if left else "")
-            + "".join(f"; unfinished/{one.name} kept of a run that was killed" for one in kept)
-        )
-        try:
-            done = []
-            for i, cell in enumerate(wanted):
-                part = partial(_tell, progress, cell.name, i, len(wanted))
-                one, recording = _recorded(file, cell, out, laboratory, log, part, watch)
-                done.append(one)
-                if each is not None:
-                    each(cell, recording)
-        except BaseException as error:
-            log(f"stopped: {type(error).__name__} {error}".rstrip())
-            raise
-        log("complete")
-        return done
-    finally:
-        laboratory.close()
+        done = []
+        for i, cell in enumerate(wanted):
+            part = partial(_tell, progress, cell.name, i, len(wanted))
+            one, recording = _recorded(file, cell, out, laboratory, log, part, watch)
+            done.append(one)
+            if each is not None:
+                each(cell, recording)
+    except BaseException as error:
+        log(f"stopped: {type(error).__name__} {error}".rstrip())
+        raise
+    log("complete")
+    return done
 
 
 def _tell(progress: Progress, cell: str, index: int, count: int, _doing: str, part: float) -> None:
@@ -162,13 +163,6 @@ def check_experiment(content: dict[str, Any], path: str | os.PathLike[str] = "ex
         return ExperimentFile.model_validate(content)
     except ValidationError as error:
         raise explain(path, error, content=content) from error
-
-
-def _opened(path: Path, file: ExperimentFile, folder: Path, rigs: Path | None, who: str) -> Laboratory:
-    try:
-        return open_laboratory(file, folder, rigs, who)
-    except ValueError as error:
-        raise InputFileError(f"{path}: {error}") from error
 
 
 def _cells(
