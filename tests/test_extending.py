@@ -55,6 +55,19 @@ def test_piezo_model(example: Any, tmp_path: Path) -> None:
     assert 0.0 < loop[-1] < 10.0  # V: it has not come back
 
 
+def test_step_of_a_job(example: Any, tmp_path: Path) -> None:
+    example("my_step")
+    samples = {"end_effector_position": (np.array([0.0, 3e-6]), "m")}
+    (tmp_path / "out" / "recordings").mkdir(parents=True)
+    ss.save_recording(ss.make_recording([0.0, 1e-3], samples), tmp_path / "out" / "recordings" / "a.nc")
+    job = tmp_path / "job.yaml"
+    job.write_text("title: Own\nsteps: [{drift: {chanel: x}}]\n")
+    with pytest.raises(ValueError, match=r"steps\.0\.drift: .*'chanel' \(did you mean 'channel'"):
+        ss.run_job(job, tmp_path / "out")
+    job.write_text("title: Own\nsteps: [{drift: {}}]\n")
+    assert "3 µm" in str(ss.run_job(job, tmp_path / "out"))
+
+
 def test_reader(example: Any, tmp_path: Path) -> None:
     samples = np.array([[0.0, 0.0], [65.0, 6.5], [30.0, 3.25]], dtype="<f4")
     samples.tofile(tmp_path / "scope.raw")

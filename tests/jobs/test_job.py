@@ -18,6 +18,7 @@ import stickslip as ss
 from rig.experiment.files import SMALL
 from stickslip.cli import app
 from stickslip.jobs.file import json_schema, read_job
+from stickslip.quantities import registry
 from stickslip.quantities.input_file import InputFileError
 from stickslip.recording import RecordingWarning
 from stickslip.recording.exports import EXPORTS
@@ -241,7 +242,7 @@ CELLS = {"identify": {"recordings": [{"cells": "a", "use": "fit"}]}}
 NO_FIT = {"identify": {"recordings": [{"file": "a.nc", "use": "step"}]}}
 MISTAKES = (
     (lambda job: job["steps"][3]["export"].update(format="c++"), "steps.3.export.format"),
-    (lambda job: job["steps"].append({}), "steps.4: a step is exactly one of record, "),
+    (lambda job: job["steps"].append({}), "steps.4: a step is exactly one of verify, "),
     (lambda job: job.update(steps=[]), "steps: a list of at least one step"),
     (lambda job: job["steps"].pop(0), "steps.0.verify: no model is named, and nothing is identified before"),
     (lambda job: job.update(steps=job["steps"][3:]), "steps.0.export: no model is named, and nothing is "),
@@ -275,7 +276,8 @@ def test_a_mistake_is_named_with_its_file(tmp_path: Path) -> None:
 def test_the_schema_knows_all_steps() -> None:
     schema = json_schema()
     steps = {"record", "identify", "verify", "compare", "move", "design", "export"}
-    assert set(schema["$defs"]["StepSpec"]["properties"]) == steps
+    assert set(registry.steps.packaged()) == steps
+    assert set(schema["$defs"]["StepSpec"]["properties"]) == set(registry.steps.names())
 
 
 def test_ctrl_c_ends_a_step_without_a_rig_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -286,7 +288,7 @@ def test_ctrl_c_ends_a_step_without_a_rig_at_once(tmp_path: Path, monkeypatch: p
         signal.raise_signal(signal.SIGINT)
         reached.append("the fit went on")
 
-    monkeypatch.setattr("stickslip.jobs.running.run_analysis", fitting)
+    monkeypatch.setattr("stickslip.jobs.steps.identify.run_analysis", fitting)
     path = written(
         tmp_path, {"title": "Both", "steps": [{"record": copy.deepcopy(SMALL)}, steps(tmp_path)[0]]}
     )

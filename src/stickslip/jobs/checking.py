@@ -10,6 +10,7 @@ from typing import Any
 from ..identify.recorded.channels import channel
 from ..identify.verification import Requirement
 from ..parameters import ParameterSetError, load_set
+from ..quantities import registry
 from ..quantities.input_file import InputFileError
 from ..quantities.records import did_you_mean
 from ..quantities.units import QuantityError
@@ -129,10 +130,7 @@ def _made_by(kind: str, spec: Any, number: int, cells: list[str]) -> Iterator[st
     """Yield the results that a later step can name, relative to the output folder."""
     also = [EXPORTS[one].ending for one in spec.save_as] if isinstance(spec, ExperimentFile) else []
     yield from (f"recordings/{name}{end}" for name in cells for end in (".nc", *also))
-    if kind == "identify":
-        yield f"steps/{number}_identify.json"
-    if kind == "move":
-        yield "move/move.nc"
+    yield from registry.steps.find(kind).makes(spec, number)
 
 
 def _absolute(path: Path) -> str:

@@ -18,76 +18,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from pydantic import Field, TypeAdapter, ValidationError, model_validator
+from pydantic import Field, ValidationError, create_model
 
+from ..quantities import registry
 from ..quantities.input_file import InputFileError, Strict, explain, load_yaml
 from ..quantities.records import did_you_mean
-from ..rig.experiment.file import ExperimentFile
-from .analysis.comparison import ComparisonAnalysis
-from .analysis.design import DesignAnalysis
-from .analysis.frequency import FrequencyAnalysis
-from .analysis.loops import LoopAnalysis
-from .analysis.moving import MoveFile
-from .analysis.piezo import PiezoAnalysis
-from .analysis.pulled import PulledAnalysis
-from .analysis.stribeck import StribeckAnalysis
-from .analysis.verification import VerificationAnalysis
-from .analysis.walk import WalkAnalysis
-from .campaign.file import CampaignFile, CellsSpec
 
 Content = dict[str, Any]
-
-
-class ExportSpec(Strict):
-    """A model as C99 or as an FMU.
-
-    The model is the result of the last identification, or the parameter set `model`. `bench` adds the
-    amplifier of a bench before it.
-    """
-
-    format: Literal["c", "fmu"] = "c"
-    model: str | None = None
-    fmi: Literal[2, 3] = 2
-    mode: Literal["plant", "observer", "feedforward"] = "plant"
-    step: float | str = "20 us"
-    compiler: str = "gcc"
-    bench: str = ""
-
-
-Analysis = Annotated[
-    LoopAnalysis | FrequencyAnalysis | PiezoAnalysis | PulledAnalysis | StribeckAnalysis | WalkAnalysis,
-    Field(discriminator="kind"),
-]
-_ANALYSIS: TypeAdapter[Any] = TypeAdapter(Analysis)
-# Keys of other kinds of files, which a campaign does not have.
-_TELLING = ("steps", "runs", "kind")
-STEPS = ("record", "identify", "verify", "compare", "export", "design", "move")
-
-
-class StepSpec(Strict):
-    """One step: exactly one of these, each a file (in the job's folder) or its content.
-
-    `identify` takes a campaign, or an analysis of some `kind`. If `verify`, `export` and `design` name no
-    model, they use the last identification. A campaign whose recordings are `cells` uses those of the last
-    `record`.
-    """
-
-    record: ExperimentFile | str | None = None
-    identify: CampaignFile | Analysis | str | None = None
-    verify: VerificationAnalysis | str | None = None
-    compare: ComparisonAnalysis | str | None = None
-    export: ExportSpec | None = None
-    design: DesignAnalysis | str | None = None
-    move: MoveFile | str | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one(cls, content: Any) -> Any:
-        if not isinstance(content, dict) or len(content) != 1:
-            raise ValueError(f"a step is exactly one of {', '.join(STEPS)}")
-        return content
 
 
 class JobFile(Strict):
@@ -95,7 +34,7 @@ class JobFile(Strict):
 
     title: str
     notes: str = ""
-    steps: Annotated[list[StepSpec], Field(min_length=1)]
+    steps: Annotated[list[Any], Field(min_length=1)]
 
 
 class JobStep(NamedTuple):
@@ -129,10 +68,11 @@ def read_job(path: Path, changes: Sequence[str] = ()) -> Job:
         kind = _kind_of(content, path)
         checked(JobStep(kind, content, path))
         return Job(str(content.get("title", "")), "", (JobStep(kind, content, path),))
+    known = registry.steps.names()
     for i, step in enumerate(content["steps"] if isinstance(content["steps"], list) else ()):
         for name in step if isinstance(step, dict) else ():
-            if name not in STEPS:
-                hint = did_you_mean(str(name), STEPS)
+            if name not in known:
+                hint = did_you_mean(str(name), known)
                 raise InputFileError(f"{path}: steps.{i}: there is no step {name!r}{hint}")
     for key in content:
         if key not in JobFile.model_fields:
@@ -143,27 +83,20 @@ def read_job(path: Path, changes: Sequence[str] = ()) -> Job:
     steps = tuple(_step(i, one, path) for i, one in enumerate(content["steps"]))
     for i, step in enumerate(steps):
         spec = checked(step, step.inside)
-        _refuse_missing(spec, {one.kind for one in steps[:i]}, f"{path}: steps.{i}.{step.kind}")
+        missing = registry.steps.find(step.kind).lacks(spec, {one.kind for one in steps[:i]})
+        if missing:
+            raise InputFileError(f"{path}: steps.{i}.{step.kind}: {missing}")
     return Job(str(content.get("title", "")), str(content.get("notes", "")), steps)
-
-
-def _refuse_missing(spec: Any, before: set[str], where: str) -> None:
-    """Raise InputFileError if a step needs an earlier step that is missing."""
-    no_model = (
-        isinstance(spec, VerificationAnalysis | DesignAnalysis) and spec.fit is None and spec.model is None
-    )
-    if (no_model or (isinstance(spec, ExportSpec) and spec.model is None)) and "identify" not in before:
-        raise InputFileError(f"{where}: no model is named, and nothing is identified before it")
-    wanted = spec.recordings if isinstance(spec, CampaignFile) and spec.experiment is None else ()
-    if "record" not in before and any(isinstance(r, CellsSpec) for r in wanted):
-        raise InputFileError(f"{where}: recordings: 'cells', and nothing is recorded before it")
 
 
 def _step(number: int, said: Any, path: Path) -> JobStep:
     if not isinstance(said, dict) or len(said) != 1:
-        raise InputFileError(f"{path}: steps.{number}: a step is exactly one of {', '.join(STEPS)}")
+        raise InputFileError(
+            f"{path}: steps.{number}: a step is exactly one of {', '.join(registry.steps.names())}"
+        )
     ((kind, content),) = said.items()
-    if isinstance(content, str) and kind != "export":
+    titled = registry.steps.find(kind).titled
+    if isinstance(content, str) and titled:
         other = path.parent / content
         if not other.is_file():
             beside = did_you_mean(content, [one.name for one in sorted(path.parent.glob("*.y*ml"))])
@@ -174,8 +107,8 @@ def _step(number: int, said: Any, path: Path) -> JobStep:
         return JobStep(kind, load_yaml(other), other)
     if not isinstance(content, dict):
         raise InputFileError(f"{path}: steps.{number}.{kind}: a file, or what it would say")
-    titled = {"title": kind, **content} if kind != "export" else content
-    return JobStep(kind, titled, path, f"steps.{number}.{kind}.")
+    content = {"title": kind, **content} if titled else content
+    return JobStep(kind, content, path, f"steps.{number}.{kind}.")
 
 
 def _kind_of(content: Content, path: Path) -> str:
@@ -195,34 +128,20 @@ def checked(step: JobStep, where: str = "") -> Any:
     """Return the content of a step as a record; raises InputFileError."""
     content = step.content
     try:
-        if step.kind == "record":
-            return ExperimentFile.model_validate(content)
-        if step.kind == "verify":
-            return VerificationAnalysis.model_validate(content)
-        if step.kind == "compare":
-            return ComparisonAnalysis.model_validate(content)
-        if step.kind == "design":
-            return DesignAnalysis.model_validate(content)
-        if step.kind == "move":
-            return MoveFile.model_validate(content)
-        if step.kind == "export":
-            return ExportSpec.model_validate(content)
-        if "kind" in content:
-            return _ANALYSIS.validate_python(content)
-        _refuse_mistyped_kind(content, f"{step.path}: {where.rstrip('.')}".removesuffix(": "))
-        return CampaignFile.model_validate(content)
+        return registry.steps.find(step.kind).read(content)
     except ValidationError as error:
         raise explain(step.path, error, where, content=content) from error
-
-
-def _refuse_mistyped_kind(content: Content, where: str) -> None:
-    """Raise InputFileError for a file that is not a campaign, but has a mistyped key for its kind."""
-    for key in map(str, content):
-        hint = did_you_mean(key, (*CampaignFile.model_fields, *_TELLING))
-        if key not in CampaignFile.model_fields and any(repr(one) in hint for one in _TELLING):
-            raise InputFileError(f"{where}: there is no field {key!r}{hint}")
+    except InputFileError as error:
+        place = f"{step.path}: {where.rstrip('.')}".removesuffix(": ")
+        raise InputFileError(f"{place}: {error}") from error
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of job files, for editors."""
-    return JobFile.model_json_schema()
+    kinds: dict[str, Any] = {}
+    for name, kind in registry.steps.all():
+        kinds[name] = (kind.schema | str | None if kind.titled else kind.schema | None, None)
+    said = "One step: exactly one of these, each a file (in the job's folder) or its content."
+    step: Any = create_model("StepSpec", __base__=Strict, __doc__=said, **kinds)
+    steps: Any = (Annotated[list[step], Field(min_length=1)], ...)
+    return create_model("JobFile", __base__=JobFile, __doc__=JobFile.__doc__, steps=steps).model_json_schema()

@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..export import export_c, export_fmu
 from ..parameters import ParameterSetError
+from ..quantities import registry
 from ..quantities.input_file import InputFileError
 from ..quantities.progress import Progress, unheard, within
 from ..quantities.units import QuantityError
-from ..recording import RecordingWarning
-from ..recording.replacing import replaced_whole, to_bin
 from ..report import Document, Section
-from ..report.circumstances import circumstances
-from ..report.recordings import recordings_document
-from ..report.results import results_json
-from ..rig import load_bench
-from ..rig.experiment.running import record_experiment
-from .analysis.moving import run_move
-from .analysis.running import run_analysis
-from .campaign.running import campaign_of
 from .checking import check_job
-from .file import Content, ExportSpec, Job, JobStep, checked, read_job
+from .file import Content, Job, JobStep, checked, read_job
+from .step import Running
 
 
 def run_job(
@@ -60,7 +50,7 @@ def run_job(
     """
     job, out = read_job(Path(path), changes), Path(out)
     check_job(job, out)
-    running = _Running(out, figures)
+    running = Running(out, figures)
     documents: list[Document] = []
     for i, step in enumerate(job.steps):
         part = partial(within, progress, i / len(job.steps), 1.0 / len(job.steps))
@@ -79,9 +69,11 @@ def run_job(
     return joined(job.title, job.notes, documents)
 
 
-def _done(running: _Running, number: int, step: JobStep, progress: Progress) -> Document:
+def _done(running: Running, number: int, step: JobStep, progress: Progress) -> Document:
+    running.number, running.file, running.progress = number, step.path, progress
     try:
-        return running.do(number, step, progress)
+        spec = checked(step._replace(content=_found(step.content, step.path.parent, running.out)))
+        return registry.steps.find(step.kind).run(spec, running)
     except (QuantityError, ParameterSetError) as error:
         raise InputFileError(f"{step.path}: {error}") from error
 
@@ -100,73 +92,6 @@ def _until(job: Job, documents: Sequence[Document], error: BaseException) -> Doc
         summary=f"{failure[0].upper()}{failure[1:]}.{left} {whole.summary}",
         failures=(*whole.failures, failure),
     )
-
-
-class _Running:
-    """Results of the steps so far."""
-
-    def __init__(self, out: Path, figures: bool) -> None:
-        self.out, self.figures = out, figures
-        self.used: set[str] = set()
-        self.experiment: tuple[Any, Path] | None = None
-        self.results: Path | None = None
-
-    def do(self, number: int, step: JobStep, progress: Progress) -> Document:
-        spec = checked(step._replace(content=_found(step.content, step.path.parent, self.out)))
-        folder = step.path.parent
-        if step.kind == "record":
-            recorded = record_experiment(spec, folder, self.out / "recordings", progress, label=step.path)
-            self.experiment = (spec, folder)
-            return recordings_document(spec.title, recorded, self.out / "recordings" / "experiment.log")
-        if step.kind == "move":
-            return run_move(spec, folder, self._room("move"), progress)
-        if step.kind == "export":
-            return self._exported(spec, folder, progress)
-        if step.kind in ("verify", "design") and spec.fit is None and spec.model is None:
-            spec = spec.model_copy(update={"fit": str(self.results)})
-        if step.kind == "identify" and "kind" not in step.content:
-            document = campaign_of(spec, folder, self.out, progress, self.experiment, figures=self.figures)
-        else:
-            document = run_analysis(spec, folder, progress)
-        if step.kind == "identify":
-            self.results = self.out.absolute() / "steps" / f"{number}_identify.json"
-            self.results.parent.mkdir(parents=True, exist_ok=True)
-            with replaced_whole(self.results) as temporary:
-                temporary.write_text(results_json(document, circumstances()), encoding="utf-8")
-        return document
-
-    def _room(self, name: str) -> Path:
-        """Return the folder of this name, with a number if an earlier step of this run uses it.
-
-        Results of an earlier run are moved to the bin; otherwise old code would have the obvious name.
-        """
-        number, found = 2, name
-        while found in self.used:
-            found, number = f"{name}_{number}", number + 1
-        self.used.add(found)
-        if os.path.lexists(self.out / found):
-            moved = to_bin(self.out, found)
-            said = f"{self.out / found}: what an earlier run had put there is in {moved}"
-            warnings.warn(said, RecordingWarning, stacklevel=2)
-        return self.out / found
-
-    def _exported(self, spec: ExportSpec, folder: Path, progress: Progress) -> Document:
-        progress("exporting", 0.0)
-        source: Any = spec.model or self.results
-        if spec.model is not None and (folder / spec.model).is_file():
-            source = folder / spec.model
-        bench = load_bench(spec.bench) if spec.bench else None
-        amplifier: dict[str, Any] = {}
-        if bench is not None:
-            amplifier = {"amplifier": bench.amplifier, "piezo_capacitance": bench.piezo_capacitance}
-        target = self._room(spec.format)
-        if spec.format == "c":
-            made = export_c(source, target, step=spec.step, **amplifier)
-        else:
-            more: dict[str, Any] = {"fmi": spec.fmi, "mode": spec.mode, "compiler": spec.compiler}
-            made = export_fmu(source, target, step=spec.step, **more, **amplifier)
-        said = f"The model as {'C99' if spec.format == 'c' else 'an FMU'}: {made}."
-        return Document(f"Export: {spec.format}", said, [Section("Files", paragraphs=(said,))])
 
 
 def _found(content: Content, folder: Path, out: Path) -> Content:

@@ -1,0 +1,15 @@
+"""Step that moves a stage."""
+
+from __future__ import annotations
+
+from ...quantities import registry
+from ...report import Document
+from ..analysis.moving import MoveFile, run_move
+from ..step import Running, StepKind
+
+
+def _run(spec: MoveFile, job: Running) -> Document:
+    return run_move(spec, job.folder, job.room("move"), job.progress)
+
+
+registry.steps.add(StepKind(MoveFile, _run, makes=lambda spec, number: ["move/move.nc"]), "move", _run)

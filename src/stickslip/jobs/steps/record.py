@@ -1,0 +1,20 @@
+"""Step that records an experiment."""
+
+from __future__ import annotations
+
+from ...quantities import registry
+from ...report import Document
+from ...report.recordings import recordings_document
+from ...rig.experiment.file import ExperimentFile
+from ...rig.experiment.running import record_experiment
+from ..step import Running, StepKind
+
+
+def _run(spec: ExperimentFile, job: Running) -> Document:
+    out = job.out / "recordings"
+    recorded = record_experiment(spec, job.folder, out, job.progress, label=job.file)
+    job.experiment = (spec, job.folder)
+    return recordings_document(spec.title, recorded, out / "experiment.log")
+
+
+registry.steps.add(StepKind(ExperimentFile, _run), "record", _run)
