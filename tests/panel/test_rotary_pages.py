@@ -90,7 +90,7 @@ def test_a_walk_is_recorded_and_an_angle_held(turning: Panel, page: Page) -> Non
 
     page.goto(f"{turning.url}#move")
     page.locator(".move-gains[data-answers]").wait_for()
-    expect(page.locator("#move-how")).to_contain_text("reaches 881 µrad")
+    expect(page.locator("#move-how")).to_contain_text("stroke is 881 µrad")
     put(page, "Position from home", "3 um")
     expect(page.get_by_role("textbox", name="Position from home")).to_have_attribute("aria-invalid", "true")
     put(page, "Position from home", "3 mrad")
