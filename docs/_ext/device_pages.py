@@ -31,7 +31,7 @@ def linked(app: Any, name: str, source: list[str]) -> None:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """As Sphinx asks for."""
+    """Register this extension with Sphinx."""
     app.connect("builder-inited", write)
     app.connect("source-read", linked)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

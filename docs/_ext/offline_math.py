@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 
 _PARSER = MathTextParser("path")
-# What LaTeX knows and matplotlib has under another name, or does not need.
+# LaTeX commands that matplotlib has under another name, or does not need.
 _OTHERWISE = (
     (r"\\begin\{aligned\}|\\end\{aligned\}|\\!", ""),
     (r"\\[Bb]igg?[lr]?(?![a-z])", ""),
@@ -73,6 +73,6 @@ def _display(translator: Any, node: nodes.math_block) -> None:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """As Sphinx asks for."""
+    """Register this extension with Sphinx."""
     app.add_html_math_renderer("svg", (_inline, None), (_display, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -23,7 +23,7 @@ TOP = {name: getattr(ss, name) for name in ss.__all__ if name not in ROOMS and n
 
 
 def names_of(room: ModuleType) -> dict[str, Any]:
-    """What is made in a room, or handed on by its `__init__`, by name."""
+    """Return the objects that a sub-package defines, or exports in its `__init__`, by name."""
     listed = getattr(room, "__all__", None) or vars(room)
     found = {name: getattr(room, name) for name in listed if not name.startswith("_")}
     return {name: one for name, one in found.items() if _own(one, room)}

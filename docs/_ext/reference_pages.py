@@ -25,7 +25,7 @@ def _room(name: str, value: Any) -> str:
 
 
 def _entries(names: dict[str, Any]) -> list[str]:
-    """Of a page; the equations of a friction law stand at the head of its file."""
+    """Return the entries of a page. The equations of a friction law are in the docstring of its file."""
     found, file = [], ""
     for name, value in names.items():
         if value in stickslip.LAWS and value.__module__ != file:
@@ -109,7 +109,7 @@ def _field(name: str, quantity: Any) -> str:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """As Sphinx asks for."""
+    """Register this extension with Sphinx."""
     app.connect("builder-inited", write)
     app.connect("autodoc-skip-member", no_field_numbers)
     app.connect("autodoc-process-docstring", fields, priority=900)
