@@ -23,7 +23,7 @@ def test_the_tutorial_finds_what_it_hides(tmp_path: Path, monkeypatch: pytest.Mo
     for cell in cells:
         if "IPython" not in cell:
             exec(cell, names)
-    assert len(cells) == 11
+    assert len(cells) == 10
     found = names["document"].numbers["friction"]["parameters_with_all_errors"]
     for name in ("sigma_0", "coulomb_force"):
         true = getattr(names["hidden"].friction, name)
