@@ -243,6 +243,19 @@ def test_the_most_even_motion():
     assert np.all(np.diff(front.table.ripple.values) > 0.0)
 
 
+def test_the_least_backward_motion() -> None:
+    """The backward rate is that of the trajectory, and less than that of the best sawtooth."""
+    limits = {"max_voltage": 100.0, "frequency": (20.0, 60.0)}
+    found = ss.optimise_waveform(KANG, goal="backward_rate", minimum_speed="0.2 mm/s", budget=300, **limits)
+    assert found.value < 0.98 * found.sawtooth_value
+    assert found.speeds[0] >= 0.1998e-3
+    period = found.waveform.period
+    times = np.append(0.0, np.linspace(200.0, 201.0, 2001) * period)
+    x = ss.simulate(KANG, found.waveform, times=times, tolerance=1e-10).end_effector_position.values[1:]
+    assert design.backward_rate(x) == pytest.approx(found.value, abs=2e-3)
+    assert "backward rate" in found.report()
+
+
 def test_a_front_of_speed_and_current():
     found = design.waveform_front(
         KANG,
@@ -279,6 +292,6 @@ def test_heat_is_that_of_the_account():
     shape = design.polygons.Polygons(
         np.array([[0.0, 0.3, 0.6, 0.8]]), np.array([[0.0, 90.0, 40.0, 70.0]]), np.array([2e-3])
     )
-    heat = design.Heat(stack).of(shape, PeriodicMotions(*np.zeros((2, 1, 1))))
+    heat = design.Heat(stack).of(shape, PeriodicMotions(*np.zeros((3, 1, 1))))
     account = ss.physics.electronics.electrical(shape.one(0), stack, 400 * 2e-3)
     assert float(heat[0, 0]) == pytest.approx(float(account.mean_loss), rel=5e-3)

@@ -9,7 +9,7 @@ import pytest
 
 import stickslip as ss
 from stickslip import design
-from stickslip.design.goals import Current, Heat, Ripple, Speed, StepSize
+from stickslip.design.goals import BackwardRate, Current, Heat, Ripple, Speed, StepSize, goal_of
 from stickslip.design.limits import Allowed
 from stickslip.design.moving import PeriodicMotions
 from stickslip.design.polygons import STEEPEST, Polygons, as_knots, knots, sawtooths, starts
@@ -23,7 +23,11 @@ TWO = Polygons(
     volts=np.array([[10.0, 70.0, 40.0], [0.0, 20.0, 90.0]]),
     period=np.array([0.01, 0.002]),
 )
-MOVED = PeriodicMotions(np.array([[1e-6, -3e-6], [2e-6, 5e-6]]), np.array([[1e-7, 2e-7], [3e-7, 4e-7]]))
+MOVED = PeriodicMotions(
+    np.array([[1e-6, -3e-6], [2e-6, 5e-6]]),
+    np.array([[1e-7, 2e-7], [3e-7, 4e-7]]),
+    np.array([[0.2, 0.1], [0.0, 1.0]]),
+)
 FREE = Allowed(0.0, 100.0, math.inf, 50.0, 800.0, OutputStage())
 
 
@@ -96,6 +100,8 @@ def test_goals_are_what_they_say() -> None:
     assert current[:, 0] == pytest.approx([2e-6 * 30e3, 2e-6 * 450e3])
     assert current.shape == (2, 2)
     assert Ripple().of(TWO, MOVED) == pytest.approx(MOVED.ripple)
+    assert BackwardRate().of(TWO, MOVED) == pytest.approx(MOVED.backward_rate)
+    assert goal_of("backward_rate") == BackwardRate()
 
 
 STACK = ss.physics.electronics.Stack("1.8 uF", 0.02, 8.0, "150 V", 20.0, 5.0)
@@ -107,7 +113,7 @@ def test_heat_is_that_of_the_closed_cycles_wherever_the_period_begins() -> None:
     lost = float(np.sum(STACK.cycle_loss(np.array([100.0, 20.0]))))
     for first in range(5):
         shape = Polygons(shares[None], np.roll(volts, -first)[None], np.array([4e-3]))
-        found = Heat(STACK).of(shape, PeriodicMotions(np.zeros((1, 2)), np.zeros((1, 2))))
+        found = Heat(STACK).of(shape, PeriodicMotions(*np.zeros((3, 1, 2))))
         assert found == pytest.approx(np.full((1, 2), lost / 4e-3))
         wave = shape.one(0)
         assert electrical_demand(wave, {}, STACK, 1)["heat"] == pytest.approx(lost / 4e-3)

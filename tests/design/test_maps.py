@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip import design
 from stickslip.design.motion import measured, sample_times
 from stickslip.physics.actuator import Actuator
 from stickslip.quantities.units import QuantityError
@@ -150,12 +151,17 @@ def test_rest_to_rest_stick_bounds_the_speed() -> None:
 def test_backlash_and_ringing_are_those_of_the_trajectory() -> None:
     model = KANG.replace(damping_ratio=0.15)
     drive = ss.Sawtooth(80.0, 40.0, rise_fraction=0.999)
-    found = ss.step_map(model, drive, direction=[1, -1], quantities=["backlash", "ringing", "ripple"])
+    names: list[Any] = ["backlash", "backward_rate", "ringing", "ripple"]
+    found = ss.step_map(model, drive, direction=[1, -1], quantities=names)
     times = np.append(0.0, np.linspace(30.0, 32.0, 40_001) / 40.0)
     late = ss.simulate(model, drive._replace(periods=34), times=times, tolerance=5e-11)
     x = late["end_effector_position"].values[1:]
     fallen = np.maximum.accumulate(x) - x
     assert float(found.backlash.sel(direction=1)) == pytest.approx(fallen.max(), rel=2e-3)
+    period_of_x = x[:20_001]
+    assert float(found.backward_rate.sel(direction=1)) == pytest.approx(
+        design.backward_rate(period_of_x), rel=2e-3
+    )
     d, period = x - model.gain * late["drive_voltage"].values[1:], np.arange(x.size) / 20_000.0
     d = d[int(np.argmax(fallen)) :][period[: x.size - int(np.argmax(fallen))] < 0.85]
     assert float(found.ringing.sel(direction=1)) == pytest.approx(
@@ -163,7 +169,7 @@ def test_backlash_and_ringing_are_those_of_the_trajectory() -> None:
     )
     uniform = np.linspace(0.0, 2.0 * float(found.net_step.sel(direction=1)), x.size)
     assert float(found.ripple.sel(direction=1)) == pytest.approx(np.ptp(x - uniform), rel=2e-3)
-    for name in ("backlash", "ringing", "ripple"):
+    for name in names:
         both = found[name].values
         assert both[0] == pytest.approx(both[1], rel=1e-3)
     damped = ss.step_map(model.replace(damping_ratio=1.2), drive, quantities=["ringing"])

@@ -26,7 +26,7 @@ SHAPES = Polygons(
     volts=np.array([[10.0, 80.0, 30.0, 95.0], [0.0, 40.0, 70.0, 100.0]]),
     period=np.array([1 / 150.0, 1 / 420.0]),
 )
-STILL = PeriodicMotions(np.zeros((2, 3)), np.zeros((2, 3)))
+STILL = PeriodicMotions(*np.zeros((3, 2, 3)))
 STAGE = {"gain": 1.1e-7, "natural_frequency": 3303.0, "damping_ratio": 0.2}
 
 
@@ -98,7 +98,7 @@ def test_sound_of_a_slow_drive() -> None:
     shape = Polygons(np.array([[0.0, 0.99]]), np.array([[0.0, 100.0]]), np.array([1.0]))
     count = np.arange(1, 40_001)
     every = a_weighting(1.0 * count) * np.abs(acceleration(shape, *STAGE.values(), 40_000)[0])
-    one = PeriodicMotions(np.zeros((1, 1)), np.zeros((1, 1)))
+    one = PeriodicMotions(*np.zeros((3, 1, 1)))
     assert Noise(**STAGE).of(shape, one)[0, 0] == pytest.approx(np.sqrt(2.0 * np.sum(every**2)), rel=1e-3)
     with pytest.raises(ss.QuantityError, match=r"0\.1 Hz is out of range"):
         Noise(**STAGE).of(shape._replace(period=np.array([10.0])), one)

@@ -4,6 +4,7 @@ from .built import OptimisedActuator as OptimisedActuator
 from .free_drives import FreeDrives as FreeDrives
 from .front import Front as Front
 from .fronts import waveform_front as waveform_front
+from .goals import BackwardRate as BackwardRate
 from .goals import Current as Current
 from .goals import Heat as Heat
 from .goals import Ripple as Ripple

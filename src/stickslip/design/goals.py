@@ -114,7 +114,16 @@ class Ripple(NamedTuple):
         return moved.ripple
 
 
-NAMED: dict[str, Any] = {"speed": Speed(), "ripple": Ripple()}
+class BackwardRate(NamedTuple):
+    """Goal: smallest backward rate, the farthest way back over the way forward in a period."""
+
+    label, unit, sign, moves, extras = "backward rate", "", -1.0, True, ("backward_rate",)
+
+    def of(self, shapes: Polygons, moved: PeriodicMotions) -> Array:
+        return moved.backward_rate
+
+
+NAMED: dict[str, Any] = {"speed": Speed(), "ripple": Ripple(), "backward_rate": BackwardRate()}
 # Goals with their own numbers.
 OTHERS = {
     "step": "StepSize(size)",

@@ -31,7 +31,7 @@ from .solving import NOT_COMPUTED, STATUS, Solved, ends, intervals, solved
 from .stored import Stored, solved_in_store
 
 Array = NDArray[np.float64]
-Extra = Literal["backlash", "ringing", "ripple"]
+Extra = Literal["backlash", "backward_rate", "ringing", "ripple"]
 
 # Smallest step, in tolerances, that is compared between directions.
 KNOWN = 100.0
@@ -40,6 +40,7 @@ LABELS = {
     "net_step": ("m", "net step per period"),
     "speed": ("m/s", "mean speed"),
     "backlash": ("m", "farthest way back within a period"),
+    "backward_rate": ("", "farthest way back over the way forward"),
     "ringing": ("m", "largest swing back after the slip"),
     "ripple": ("m", "departure from a uniform motion, peak to peak"),
     "error_estimate": ("m", "how far the net step may be off, by a coarser integration"),
@@ -93,7 +94,8 @@ def step_map(
             walks the other way. With both there is also `inequality`.
         parameters: values of other fields of the model, its law or the waveform, by name ("incline",
             "end_effector_mass", "sigma_0", "rise_fraction"), as for `steady_steps`.
-        quantities: "backlash", "ringing" and "ripple" cost about as much again; see `design.motion`.
+        quantities: "backlash", "backward_rate", "ringing" and "ripple" cost about as much again; see
+            `design.motion`.
         output: converter and amplifier that the drive of each point passes (`OutputStage.behind`). The period
             is then the nearest whole number of updates, in the speed too. By default the drive reaches the
             piezo as it is.
@@ -114,10 +116,11 @@ def step_map(
     Returns:
         Dataset over the given dimensions: net_step (m per period, positive towards +x; NaN if not found),
         speed (m/s), error_estimate (m), status (0 converged; see its flag_meanings) and reason (empty where
-        converged). On demand backlash, ringing, ripple (m); peak_current, rms_current (A), energy_per_step
-        (J), heat (W) and temperature_rise (K); net_step_low, net_step_high, speed_low, speed_high (ends of
-        the 95 % interval; NaN where fewer than nine draws of ten converged) and draws_converged; inequality,
-        without the dimension of the direction (NaN where the steps are within a hundred tolerances). Stopped
+        converged). On demand backlash, ringing, ripple (m), backward_rate; peak_current, rms_current (A),
+        energy_per_step (J), heat (W) and temperature_rise (K); net_step_low, net_step_high, speed_low,
+        speed_high (ends of the 95 % interval; NaN where fewer than nine draws of ten converged) and
+        draws_converged; inequality, without the dimension of the direction (NaN where the steps are within
+        a hundred tolerances). Stopped
         by Ctrl-C it returns what is done; the others have the status "not_computed", and
         ``attrs["interrupted"]`` is 1.
 

@@ -28,11 +28,13 @@ REPORTED_STATIC = (1e-9, 1e-10, 1e-8)
 class PeriodicMotions(NamedTuple):
     """Motion under drives and conditions [n, conditions].
 
-    Net step, m; ripple, m (see `design.motion`), if requested. NaN without a periodic motion.
+    Net step, m; if requested, ripple, m, and backward rate (see `design.motion`). NaN without a periodic
+    motion.
     """
 
     steps: Array
     ripple: Array
+    backward_rate: Array
 
     def of(self, i: int) -> PeriodicMotions:
         """Return the motion of drive number i."""
@@ -73,7 +75,7 @@ def exactly(
 ) -> PeriodicMotions:
     """Return the motion as `moved`, for any periodic waveforms, at the final tolerance."""
     conditions = max([1, *(c.size for c in columns.values())])
-    rows = PeriodicMotions(*np.full((2, len(drives), conditions), np.nan))
+    rows = PeriodicMotions(*np.full((3, len(drives), conditions), np.nan))
     members = columns or {"external_force": np.array([model.external_force])}
     for i, drive in enumerate(drives):
         for tolerance in REPORTED if elements(model.friction) else REPORTED_STATIC:
@@ -98,4 +100,6 @@ def _solved(
     found = solved(model, drive, members, tolerance, 1.0, threads, None, unheard, extras)
     if found.interrupted:
         raise KeyboardInterrupt
-    return PeriodicMotions(found.steps, found.beside.get("ripple", np.full(found.steps.size, np.nan)))
+    none = np.full(found.steps.size, np.nan)
+    beside = (found.beside.get(name, none) for name in PeriodicMotions._fields[1:])
+    return PeriodicMotions(found.steps, *beside)

@@ -39,8 +39,8 @@ class OptimiseSpec(
 ):
     """Arguments of `optimise_waveform`.
 
-    A goal is "speed", "ripple", "tip_load", "noise" or one with a number. `draws` are taken from the file's
-    `uncertainty`, if it has one.
+    A goal is "speed", "ripple", "backward_rate", "tip_load", "noise" or one with a number. `draws` are taken
+    from the file's `uncertainty`, if it has one.
     """
 
     goal: Goal | None = None

@@ -46,7 +46,7 @@ class MapSpec(
         "tolerance",
         direction=list[Literal[1, -1]] | Literal[1, -1],
         parameters=dict[str, list[float | str] | float | str],
-        quantities=list[Literal["backlash", "ringing", "ripple"]],
+        quantities=list[Literal["backlash", "backward_rate", "ringing", "ripple"]],
         draws=Annotated[int, Field(ge=40, le=100_000)],
     )
 ):

@@ -59,7 +59,7 @@ def map_pictures(found: xr.Dataset) -> list[Picture]:
     panels = int(np.prod(sorted(found.sizes[d] for d in dims)[:-2])) if len(dims) > 2 else 1
     if not dims or panels > MOST_PANELS:
         return []
-    for name in ("net_step", "speed", "backlash", "ringing", "ripple"):
+    for name in ("net_step", "speed", "backlash", "backward_rate", "ringing", "ripple"):
         if name not in found or not np.any(np.isfinite(found[name].values)):
             continue
         figure = draw_map(found, name)[0].figure
