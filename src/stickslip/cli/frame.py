@@ -84,7 +84,6 @@ def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> I
         show_traceback: show where in the program an error occurred.
         kept: what remains after an interruption, in words.
     """
-
     from .interruption import CODE, Interruption
 
     told = set()  # each warning once, even if several fits cause it

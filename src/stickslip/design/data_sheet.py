@@ -74,7 +74,6 @@ class DataSheet(NamedTuple):
 
     def _relations(self) -> Iterator[tuple[str, float, int]]:
         """Yield each relation in words, its deviation as a factor, and its number of numbers."""
-
         of = self.numbers
 
         def known(*names: str) -> bool:

@@ -48,7 +48,7 @@ class Sequence:
 
     @property
     def unit(self) -> str:
-        """ "V", "m" or "rad", that of all parts"""
+        """Unit of all parts: "V", "m" or "rad"."""
         return self.parts[0][0].unit
 
     @property

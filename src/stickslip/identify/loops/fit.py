@@ -267,7 +267,6 @@ def _searched(
 ) -> Fit:
     """Return the lowest minimum of searches from the initial guesses `begins`, and from `starts` random ones
     around them."""
-
     problem.budget = budget
 
     def search(begin: Values, most: int, starts: int = 1) -> Fit:

@@ -40,7 +40,6 @@ def from_points(
         given: names whose bounds are the user's; others get bounds about the ends of the searches.
         max_evaluations: limit for each search.
     """
-
     looked: list[Fit] = []
 
     def look(begin: Values) -> Fit:
