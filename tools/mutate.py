@@ -119,14 +119,22 @@ TARGETS = (
     Target("friction/fields_read.py", ("tests/friction/test_law.py",)),
     Target("friction/*.py", LAWS),
     Target("simulation/models.py", MOTION, ("mechanism", "system", "resting_state", "_resting", "_held")),
-    Target("physics/piezo/bouc_wen.py", ("tests/physics/piezo/test_bouc_wen.py", "tests/physics/piezo/test_duhem.py")),
+    Target(
+        "physics/piezo/bouc_wen.py",
+        ("tests/physics/piezo/test_bouc_wen.py", "tests/physics/piezo/test_duhem.py"),
+    ),
     Target(
         "physics/piezo/duhem.py",
         ("tests/physics/piezo/test_duhem.py",),
         ("rested", "output"),
     ),
-    Target("physics/piezo/*.py", ("tests/physics/piezo/test_prandtl_ishlinskii.py", "tests/physics/piezo/test_creep.py")),
-    Target("simulation/plant/splitting.py", ("tests/simulation/plant/test_at_piezo.py",), ("_table", "_repeated")),
+    Target(
+        "physics/piezo/*.py",
+        ("tests/physics/piezo/test_prandtl_ishlinskii.py", "tests/physics/piezo/test_creep.py"),
+    ),
+    Target(
+        "simulation/plant/splitting.py", ("tests/simulation/plant/test_at_piezo.py",), ("_table", "_repeated")
+    ),
     Target(
         "simulation/plant/duhem_drive.py",
         ("tests/physics/piezo/test_bouc_wen.py", "tests/physics/piezo/test_duhem.py"),
@@ -146,13 +154,23 @@ TARGETS = (
             "tests/simulation/plant/test_transformers.py::test_creep",
         ),
     ),
-    Target("simulation/plant/cubics.py", ("tests/simulation/plant/test_at_piezo.py",), ("with_cubics", "moved_on")),
+    Target(
+        "simulation/plant/cubics.py",
+        ("tests/simulation/plant/test_at_piezo.py",),
+        ("with_cubics", "moved_on"),
+    ),
     Target("export/piezo.py", IN_EXPORT, ("felt",)),
     Target("physics/electronics/charging.py", CHARGING, ("_remembered", "_mean_square", "_until_as_fast")),
     Target(
-        "physics/electronics/amplifier.py", (*CHARGING, "tests/physics/electronics/test_amplifier.py"), ("limits",)
+        "physics/electronics/amplifier.py",
+        (*CHARGING, "tests/physics/electronics/test_amplifier.py"),
+        ("limits",),
     ),
-    Target("physics/electronics/stack.py", ("tests/physics/electronics/test_account.py",), ("cycle_loss", "_above")),
+    Target(
+        "physics/electronics/stack.py",
+        ("tests/physics/electronics/test_account.py",),
+        ("cycle_loss", "_above"),
+    ),
     Target(
         "physics/contact/hertz.py",
         HALF_SPACE,
@@ -170,9 +188,13 @@ TARGETS = (
         ("shear_modulus", "contact_modulus", "tangential_modulus", "dundurs"),
     ),
     Target("estimate/influence.py", ("tests/estimate/test_influence.py",), ("prior_influence", "_deviation")),
-    Target("physics/contact/persson.py", ("tests/physics/contact/test_roughness.py",), ("real_area", "holds")),
     Target(
-        "physics/contact/roughness.py", ("tests/physics/contact/test_roughness.py",), ("self_affine", "with_other")
+        "physics/contact/persson.py", ("tests/physics/contact/test_roughness.py",), ("real_area", "holds")
+    ),
+    Target(
+        "physics/contact/roughness.py",
+        ("tests/physics/contact/test_roughness.py",),
+        ("self_affine", "with_other"),
     ),
     Target(
         "physics/contact/asperities.py",
@@ -190,7 +212,9 @@ TARGETS = (
     Target("physics/contact/ageing.py", (f"{CONTACT}time_and_wear",), ("stiction_ratio",)),
     Target("physics/contact/wear.py", (f"{CONTACT}time_and_wear",), ("force", "worn_depth")),
     Target("physics/contact/preload.py", (f"{CONTACT}preload",), ("normal_force", "along")),
-    Target("physics/contact/comparing.py", ("tests/physics/contact/test_comparing.py",), ("_fitted", "_holm")),
+    Target(
+        "physics/contact/comparing.py", ("tests/physics/contact/test_comparing.py",), ("_fitted", "_holm")
+    ),
     Target("physics/actuator.py", ("tests/physics/test_actuator.py",), ("axial_force", "from_parts")),
     Target(
         "design/information.py",
@@ -250,7 +274,8 @@ TARGETS = (
     Target("engine/c/repeats.h", ("tests/engine/test_repeats.py",)),
     Target("engine/c/plays.*", PLAYS),
     Target(
-        "engine/c/creep.c", ("tests/physics/piezo/test_creep.py", f"{AT_PIEZO}creep_of_a_table_is_that_of_samples")
+        "engine/c/creep.c",
+        ("tests/physics/piezo/test_creep.py", f"{AT_PIEZO}creep_of_a_table_is_that_of_samples"),
     ),
     Target("engine/c/cubics.h", (f"{AT_PIEZO}creep_of_a_table_is_that_of_samples",)),
     Target("engine/c/duhem.c", DUHEM),
