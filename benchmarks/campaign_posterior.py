@@ -26,6 +26,8 @@ from stickslip.physics.actuator import load_actuator
 from stickslip.quantities.progress import unheard
 from stickslip.quantities.units import with_prefix
 
+from .results import write_page
+
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks" / "posterior.md"
 HEAD = """# The posterior of a whole campaign
 
@@ -80,7 +82,7 @@ def main(most: int) -> None:
     measured = (
         f"Measured: {date.today()}, {os.cpu_count()} processors, load {load:.1f}; {took}.\n\n{chain}.\n"
     )
-    PAGE.write_text("\n".join([HEAD, measured, *lines]) + "\n", encoding="utf-8")
+    write_page(PAGE, "\n".join([HEAD, measured, *lines]))
     print(PAGE.read_text(encoding="utf-8"))
 
 

@@ -35,6 +35,7 @@ from stickslip.rig import Channel, RigError, VirtualRig, load_bench, regulate
 
 from .control_bench import HOLD, LIMITS, RATE, SET, TOP, WALK, bench, drawn, loop, ours
 from .control_steps import equalised, open_loop, wander
+from .results import write_page
 
 OUT = Path(__file__).parents[1] / "docs" / "benchmarks" / "control.md"
 
@@ -237,7 +238,7 @@ def main() -> None:
     content = {"open_loop": blind, "us": rates, "minute": rms, "equal": equalised(20, given.seed)}
     content["moves"] = wander(given.moves, given.seed) if given.moves else None
     print(content)
-    OUT.write_text(page(given, near, far, content), encoding="utf-8")
+    write_page(OUT, page(given, near, far, content))
 
 
 def page(given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[str, Any]) -> str:

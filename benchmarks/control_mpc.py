@@ -23,6 +23,7 @@ from stickslip.control.tuning import Tuning
 from stickslip.physics.actuator import Actuator
 
 from .control_bench import RATE, TOP, loop, ours
+from .results import write_page
 from .session import PEERS, ROOT
 
 OUT = ROOT / "docs" / "benchmarks" / "control-mpc.md"
@@ -116,7 +117,7 @@ def main() -> None:
         row("do-mpc", name, np.array(one["positions"]), one["seconds"])
         for name, one in zip(plants, found, strict=True)
     ]
-    OUT.write_text(page(version, rows), encoding="utf-8")
+    write_page(OUT, page(version, rows))
     print(OUT.read_text(encoding="utf-8"))
 
 

@@ -37,6 +37,7 @@ from stickslip.study import StudyError, study_state
 from stickslip.study.store import Store
 
 from .folder_damage import Made, build, templates
+from .results import write_page
 
 # s for an answer: new files are read for `READING`, and the last one may take `PATIENCE` of computing, which
 # is up to `STUCK` times as long by the clock of a busy machine.
@@ -267,7 +268,7 @@ def main() -> None:
     text = page(found, command, time.monotonic() - begun)
     print(text)
     if given.page:
-        PAGE.write_text(text, encoding="utf-8")
+        write_page(PAGE, text)
     raise SystemExit(bool(found.wrong))
 
 

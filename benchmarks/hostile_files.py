@@ -33,6 +33,7 @@ from tests.gate.test_structure import READ
 from tests.gate.test_text import JSON, TOML, YAML
 
 from .hostile_programs import COMMANDED, Programs, Run
+from .results import write_page
 
 SECONDS, MEGABYTES = 10.0, 500.0  # of computing and of memory that one process may take to open one file
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "hostile-files.md"
@@ -374,7 +375,7 @@ def main() -> None:
     text = page(found, len(list(cases())))
     print(text)
     if given.page:
-        PAGE.write_text(text, encoding="utf-8")
+        write_page(PAGE, text)
     raise SystemExit(any(wrong(one) for one in found))
 
 

@@ -27,6 +27,8 @@ from stickslip.rig.positioner import Ranges
 from stickslip.simulation import steady_steps
 from stickslip.waveform import ReverseSawtooth, Sawtooth
 
+from .results import write_page
+
 OUT = Path(__file__).parents[1] / "docs" / "benchmarks" / "open-loop.md"
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "open-loop.svg"
 FREQUENCY, VOLTAGES = 100.0, (40.0, 55.0, 70.0)
@@ -288,7 +290,7 @@ def main() -> None:
         trials.append(trial(asked.seed + number))
         print(number, trials[-1], flush=True)
         if number % 50 == 49 or number == asked.count - 1:
-            OUT.write_text(page(trials, asked.seed), encoding="utf-8")
+            write_page(OUT, page(trials, asked.seed))
             FIGURE.write_text(svg(drawing(trials)), encoding="utf-8")
 
 

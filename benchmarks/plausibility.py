@@ -26,6 +26,8 @@ from stickslip.quantities.units import QuantityError
 from stickslip.rig import Bench, Channel, LimitError, Limits, Plausibility, VirtualRig, load_bench, regulate
 from stickslip.rig.bench import Mounted
 
+from .results import write_page
+
 OUT = Path(__file__).parents[1] / "docs" / "benchmarks" / "plausibility.md"
 RATE, TOP = 20e3, 100.0
 WALK = Stepping(amplitude=65.0, frequency=100.0, tolerance=100e-9)
@@ -321,7 +323,7 @@ def main() -> None:
     parser.add_argument("count", nargs="?", type=int, default=30)
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
-    OUT.write_text(study(asked.count, asked.seed), encoding="utf-8")
+    write_page(OUT, study(asked.count, asked.seed))
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 import stickslip as ss
 
 from . import oracle, oracle_piezo
+from .results import write_page
 
 ROOT = Path(__file__).parents[1]
 SOURCE = (
@@ -404,7 +405,7 @@ def main(draw: Callable[[int, int], Member] = member, file: Path = PAGE) -> None
     asked = parser.parse_args()
     chosen, known, found = study(asked.count, asked.seed, draw)
     text = page(chosen, asked.seed, known, found)
-    asked.out.write_text(text + "\n", encoding="utf-8")
+    write_page(asked.out, text)
     pairs = [(m, found[m.number]) for m in chosen if m.number in found]
     groups = [dict(zip(("group", *HEAD), row, strict=True)) for row in _groups(pairs)]
     numbers = {"groups": groups, "largest_errors": worst(pairs, known)}

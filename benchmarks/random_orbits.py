@@ -23,6 +23,7 @@ import stickslip as ss
 from stickslip.simulation import Orbit, SimulationError, steady_orbit
 
 from .random_actuators import LAWS, Member, members, table
+from .results import write_page
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks" / "random-orbits.md"
 TOLERANCE = 1e-10  # m, of the net step
@@ -149,7 +150,7 @@ def main() -> None:
     chosen = [m for m in members(asked.count, asked.seed) if repeats(m)]
     rows = [compared(m) for m in chosen]
     text = page(rows, asked.count, asked.seed)
-    asked.out.write_text(text + "\n", encoding="utf-8")
+    write_page(asked.out, text)
     laws = [_row(name, [one for one in rows if one.member.law == name]) for name in LAWS]
     numbers = {
         "groups": [dict(zip(("group", *HEAD), row, strict=True)) for row in laws],

@@ -39,6 +39,8 @@ from stickslip.rig.bench import Mounted
 from stickslip.rig.twins import Stage
 from stickslip.rig.twins.axis import steps
 
+from .results import write_page
+
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "real-moves.svg"
 OUT = Path(__file__).parents[1] / "docs" / "benchmarks" / "real-moves.md"
 RATE, TOP, WAY, RANGE = 20e3, 100.0, 10e-6, 100e-9
@@ -344,7 +346,7 @@ def main() -> None:
         w: scripted(Irregularity(), 1e-9 * w, max(asked.count // 2, 20), asked.seed + w) for w in SESSIONS
     }
     FIGURE.write_text(svg(drawing(twin)), encoding="utf-8")
-    OUT.write_text(page(twin, moves(asked.count, asked.seed), asked.seed), encoding="utf-8")
+    write_page(OUT, page(twin, moves(asked.count, asked.seed), asked.seed))
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import subprocess
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,25 @@ def machine() -> str:
     return f"{model}, {os.cpu_count()} cores{size}, {system}, Python {platform.python_version()}"
 
 
+def commit() -> str:
+    """Return the short name of the commit, with "+" if files differ from it; "" outside a repository."""
+    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty=+", "--exclude=*"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done.stdout.strip()
+
+
+def made() -> str:
+    """Return the line of a page that states when, where and at which commit its numbers were made."""
+    where = ", ".join(machine().split(", ")[:2])
+    at = f", commit {commit()}" if commit() else ""
+    return f"<sub>{datetime.now(UTC):%Y-%m-%d}, {where}{at}.</sub>"
+
+
+def write_page(file: Path, text: str) -> None:
+    """Write a page of results; its last line states date, machine and commit."""
+    file.write_text(f"{text.rstrip()}\n\n{made()}\n", encoding="utf-8")
+
+
 def load(file: Path) -> dict[str, Any]:
     return json.loads(file.read_text()) if file.exists() else {}
 
@@ -38,6 +58,7 @@ def record(file: Path, part: str, rows: list[Row], versions: dict[str, str], sec
     results[part] = {
         "made": datetime.now(UTC).isoformat(timespec="minutes"),
         "machine": machine(),
+        "commit": commit(),
         "load_average": os.getloadavg()[0],
         "took_s": round(seconds, 1),
         "versions": versions,

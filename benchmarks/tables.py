@@ -40,7 +40,8 @@ trajectories refer to an independent solution at a relative tolerance of 1e-13. 
 
 def _where(found: dict[str, Any]) -> str:
     machine = ", ".join(found["machine"].split(", ")[:2])
-    return f"<sub>{found['made'][:10]}, {machine}, load {found['load_average']:.1f}.</sub>"
+    at = f", commit {found['commit']}" if found.get("commit") else ""
+    return f"<sub>{found['made'][:10]}, {machine}{at}, load {found['load_average']:.1f}.</sub>"
 
 
 def _not_run(rows: Iterable[Row]) -> list[str]:
