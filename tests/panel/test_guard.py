@@ -174,7 +174,7 @@ def test_errors_do_not_tell_paths(client: httpx.Client, folder: Path) -> None:
     assert "note.nc" in answer.json()["error"]
     assert str(folder) not in answer.text
     told = Folder(folder).told
-    assert told("cannot read /home/me/x/set.toml: 3 V/s, N/m") == "cannot read set.toml: 3 V/s, N/m"
+    assert told("cannot read /srv/me/x/set.toml: 3 V/s, N/m") == "cannot read set.toml: 3 V/s, N/m"
     assert told(f"{folder}/a/b.nc: gone") == "a/b.nc: gone"
 
 
