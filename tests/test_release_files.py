@@ -18,7 +18,7 @@ def test_the_recipe_asks_for_what_the_package_asks_for() -> None:
     text = (ROOT / "recipe" / "recipe.yaml").read_text("utf-8")
     recipe = yaml.safe_load(text)
     extras = PROJECT["optional-dependencies"]
-    wanted = [*PROJECT["dependencies"], *extras["cli"], *extras["report"], *extras["panel"]]
+    wanted = [*PROJECT["dependencies"], *extras["cli"], *extras["report"], *extras["study"], *extras["panel"]]
     parts = [re.fullmatch(r"([\w-]+)>=([\w.]+)", one) for one in wanted if not one.startswith("stickslip[")]
     said = {f"{CONDA_NAMES.get(one[1], one[1])} >={one[2]}" for one in parts if one}
     assert len(said) == len(parts)
@@ -60,3 +60,15 @@ def test_the_numbers_of_the_paper_are_those_of_the_pages() -> None:
     campaigns = next(line for line in accuracy.splitlines() if "95 % intervals of a campaign" in line)
     shares = sorted(map(float, re.findall(r"([\d.]+) % \(", campaigns)))
     assert f"in {shares[0]} to {shares[-1]} % of the cases" in paper
+
+
+def test_pages_at_the_top_link_to_what_is_there() -> None:
+    for page in ROOT.glob("*.md"):
+        for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text("utf-8")):
+            path, _, anchor = link.partition("#")
+            if re.match(r"[a-z]+:", link):
+                continue
+            target = ROOT / path if path else page
+            assert target.exists(), f"{page.name}: {link}"
+            headings = re.findall(r"^#+ (.+)$", target.read_text("utf-8"), re.MULTILINE) if anchor else []
+            assert not anchor or anchor in {one.lower().replace(" ", "-") for one in headings}, link
