@@ -92,7 +92,10 @@ def fields(app: Any, what: str, name: str, value: Any, options: Any, lines: list
         "class",
     ):  # |v| is an absolute value there, and no substitution; formulas stay as they are
         lines[:] = [line if line.startswith((" ", "..")) else line.replace("|", "\\|") for line in lines]
-    known = quantities(value) if what == "class" and hasattr(value, "_fields") else {}
+    try:
+        known = quantities(value) if what == "class" and hasattr(value, "_fields") else {}
+    except NameError:  # fields of types that only a type checker imports: no quantities
+        known = {}
     if known:
         lines += ["", *(_field(field, quantity) for field, quantity in known.items()), ""]
 

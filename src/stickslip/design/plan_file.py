@@ -44,7 +44,7 @@ def save_plan(
         path: the new file, .yaml.
         like: an experiment file whose rig, channels, variables and actuator are taken, but not its runs. By
             default: the virtual bench of the thesis with the plan's actuator. Its parameters go to a separate
-                parameter set if the file cannot contain them.
+            parameter set if the file cannot contain them.
         before: s at rest before each drive.
 
     Raises:

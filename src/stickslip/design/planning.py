@@ -86,7 +86,7 @@ def plan_experiment(
             kHz.
         noise: standard deviation of a sample, m, white; or a recording of end_effector_position at rest,
             whose noise, with its spectrum and drift, applies to all candidates. By default: the noise of the
-                fit.
+            fit.
         limits: limits of voltage, slew rate, duty and position. By default: the actuator's voltages.
         chain: chain of the position channel: delay, scale, slew rate of the amplifier (the steepest flank of
             the grid), and whether each recording is `zeroed` by the 0.1 s before it, with its own
@@ -94,7 +94,7 @@ def plan_experiment(
         channel: free parameters of the channel.
         draws: other possible values of the parameters, because a plan at given values is only valid near
             them: a number of draws from the fit's normal distribution (by default 8), a `posterior`, or
-                arrays by name, of which up to 32 sets are taken.
+            arrays by name, of which up to 32 sets are taken.
         over: "worst": the plan is optimal for the worst draw; "mean": on average.
         default: recording with which the plan is compared at equal time; by default, the sawtooth of 65 V (or
             what the limits allow) at 5 Hz.

@@ -158,8 +158,8 @@ class Verification:
         """Return r_squared, rmse, residual_over_noise, largest_error, net_step, net_step_error and n_data
         over "recording".
 
-        net_step_error is the relative error |predicted/measured - 1|. residual_over_noise is NaN if the noise
-        is not known separately.
+        net_step_error is the relative error abs(predicted/measured - 1). residual_over_noise is NaN if the
+        noise is not known separately.
         """
         errors = [float(np.max(np.abs(p["residual"].values))) for p in self.predictions]
         columns = {

@@ -40,18 +40,18 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
         Over "slip" `slip_time` [s], `walk_number`, `peak` and `valley` [m], `up_step` (from the valley
         before to the peak) and `down_step` (peak to valley), both [m], positive along the walk, NaN where
         there is no slip before. Over "walk": `direction`, `n_slips`, `missing` (periods without a slip),
-            `start` [s], `bias` [m]; `up` and `down` [m], the thesis's a and b (a - b is the mean difference
-            of peaks, N a - (N-1) b the last peak; for a walk that starts with a jump, medians of up_step and
-            down_step); `net_step` [m], the mean step of the process that made the walk, with its standard
-            error `net_step_error`, from noise of the positions and scatter of the steps, and the degrees of
-            freedom of Student's t for it, `net_step_freedom`; `scatter` [m] of the net steps, their `drift`
-            [m per slip]; `period` [s] with its `jitter` [s]. Over "frequency" [Hz]: `spectrum` [m] of the
-            motion after the slips. In `attrs`: period [s], delay [s], inverted, asymmetry (net step backward
-            over forward, less one), and the mean vibration after the slips: vibration_amplitude [m] at
-            `vibration_start` [s] after a slip, vibration_frequency [Hz] and vibration_decay [1/s]. They are
-            NaN unless some part of the period shows three cycles of a decaying sine that explains the motion
-            within its noise, or nine tenths of its variance. The decay is also NaN if it is uncertain, or if
-            the vibration lasts until the next slip.
+        `start` [s], `bias` [m]; `up` and `down` [m], the thesis's a and b (a - b is the mean difference
+        of peaks, N a - (N-1) b the last peak; for a walk that starts with a jump, medians of up_step and
+        down_step); `net_step` [m], the mean step of the process that made the walk, with its standard
+        error `net_step_error`, from noise of the positions and scatter of the steps, and the degrees of
+        freedom of Student's t for it, `net_step_freedom`; `scatter` [m] of the net steps, their `drift`
+        [m per slip]; `period` [s] with its `jitter` [s]. Over "frequency" [Hz]: `spectrum` [m] of the
+        motion after the slips. In `attrs`: period [s], delay [s], inverted, asymmetry (net step backward
+        over forward, less one), and the mean vibration after the slips: vibration_amplitude [m] at
+        `vibration_start` [s] after a slip, vibration_frequency [Hz] and vibration_decay [1/s]. They are
+        NaN unless some part of the period shows three cycles of a decaying sine that explains the motion
+        within its noise, or nine tenths of its variance. The decay is also NaN if it is uncertain, or if
+        the vibration lasts until the next slip.
 
     Raises:
         RecordingError: the channel is missing, empty, constant, clipped, too short or too coarsely sampled,

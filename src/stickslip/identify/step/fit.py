@@ -99,7 +99,7 @@ def identify_step(
         without these two, which `step_level` returns. The delay is the total delay of the sensor, the lag
         included, counted from the sample after the step of drive_voltage. Where the stage is overdamped,
         its two poles cannot be distinguished from the lag's: the intervals include all three assignments, and
-            `other_minima` lists them. Without a lag (``lag=False``) there is one.
+        `other_minima` lists them. Without a lag (``lag=False``) there is one.
 
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled;

@@ -128,7 +128,7 @@ def identify_friction(
         begin: initial guess of "delay" and "offset"; by default the delay of the stage, or 0.
         noise: standard deviation of the position, m; by default estimated from the residuals. Or a
             recording of the channel at rest: then only its drift is used, which a short walk does not show;
-                it widens the uncertainty.
+            it widens the uncertainty.
         starts: number of initial guesses; those after the first fill the bounds.
         hops: see `fit_least_squares`. With 0 the search uses only the given initial values and looks for no
             other local minimum; the reaction on the stage is then not tested.

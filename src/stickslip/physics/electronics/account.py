@@ -80,11 +80,10 @@ def electrical(
     Returns:
         Dataset over "time": the given times, or those of the lines or samples, with more where the stack's
         temperature curves: `drive_voltage` [V], `charge` [C] and `temperature` [K] at each point, `current`
-            [A], `reactive_power` (into the field, negative: out of it) and `loss_power` [W] from that point
-            to the next; with a `dependence` also `gain_factor` at each point, which multiplies the actuator's
-            gain. For
-        the whole: `peak_current`, `rms_current`, `mean_loss`, and `steady_temperature`, the final temperature
-        if the run continued: infinite if the loss grows faster than the heat leaves.
+        [A], `reactive_power` (into the field, negative: out of it) and `loss_power` [W] from that point
+        to the next; with a `dependence` also `gain_factor` at each point, which multiplies the actuator's
+        gain. For the whole: `peak_current`, `rms_current`, `mean_loss`, and `steady_temperature`, the final
+        temperature if the run continued: infinite if the loss grows faster than the heat leaves.
 
     Raises:
         QuantityError: a waveform without a duration, in m or with a jump, which takes an infinite current; a
