@@ -17,7 +17,7 @@ from ..quantities.units import QuantityError
 from ..report import Document, Section
 from .checking import check_job
 from .file import Content, Job, JobStep, checked, read_job
-from .step import Running
+from .step import JobRun
 
 
 def run_job(
@@ -50,7 +50,7 @@ def run_job(
     """
     job, out = read_job(Path(path), changes), Path(out)
     check_job(job, out)
-    running = Running(out, figures)
+    running = JobRun(out, figures)
     documents: list[Document] = []
     for i, step in enumerate(job.steps):
         part = partial(within, progress, i / len(job.steps), 1.0 / len(job.steps))
@@ -69,7 +69,7 @@ def run_job(
     return joined(job.title, job.notes, documents)
 
 
-def _done(running: Running, number: int, step: JobStep, progress: Progress) -> Document:
+def _done(running: JobRun, number: int, step: JobStep, progress: Progress) -> Document:
     running.number, running.file, running.progress = number, step.path, progress
     try:
         spec = checked(step._replace(content=_found(step.content, step.path.parent, running.out)))

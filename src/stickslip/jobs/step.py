@@ -16,7 +16,7 @@ from ..recording.replacing import to_bin
 from ..report import Document
 
 
-class Running:
+class JobRun:
     """The running job: its folder `out`, and the results of the steps so far.
 
     `experiment` is the content and the folder of the last recorded one, `results` the file of the last
@@ -65,7 +65,7 @@ class StepKind(NamedTuple):
     """
 
     schema: Any
-    run: Callable[[Any, Running], Document]
+    run: Callable[[Any, JobRun], Document]
     lacks: Callable[[Any, Collection[str]], str] = lambda spec, before: ""
     makes: Callable[[Any, int], Iterable[str]] = lambda spec, number: ()
     reads: Callable[[dict[str, Any]], Any] | None = None

@@ -92,7 +92,6 @@ def first_guess(
     model: Actuator,
     stroke: float,
     given: Container[str] = (),
-    seed: int = 0,
     beside: Sequence[Parameter] = (),
     parts: int = 1,
 ) -> tuple[list[Parameter], list[Values]]:
@@ -108,7 +107,6 @@ def first_guess(
         model: the actuator.
         stroke: stroke of the stage under the drive, m.
         given: parameters with the user's bounds; the other bounds are widened to all plausible values.
-        seed: seed of the points.
         beside: parameters that are fixed, or tied to the free ones.
         parts: number of parts of the ranges of forces and deflections; with more than one, a start in each
             pair. The best points may all be of one kind, such as a slider that follows its stage with a
@@ -117,7 +115,7 @@ def first_guess(
     names = [p.name for p in parameters if p.name in NAMES]
     if not names or not 0.0 < stroke * model.natural_frequency < math.inf:
         return list(parameters), [{p.name: p.start for p in parameters}]
-    square = scipy.stats.qmc.LatinHypercube(2, rng=np.random.default_rng(seed)).random(TRIED)
+    square = scipy.stats.qmc.LatinHypercube(2, rng=np.random.default_rng(0)).random(TRIED)
     found = plausible(model, stroke)(square)
     wide = [
         p._replace(

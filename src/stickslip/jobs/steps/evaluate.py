@@ -11,16 +11,16 @@ from ..analysis.comparison import ComparisonAnalysis
 from ..analysis.design import DesignAnalysis
 from ..analysis.running import run_analysis
 from ..analysis.verification import VerificationAnalysis
-from ..step import Running, StepKind
+from ..step import JobRun, StepKind
 
 NO_MODEL = "no model is named, and nothing is identified before it"
 
 
-def _run(spec: Any, job: Running) -> Document:
+def _run(spec: Any, job: JobRun) -> Document:
     return run_analysis(spec, job.folder, job.progress)
 
 
-def _run_with_model(spec: Any, job: Running) -> Document:
+def _run_with_model(spec: Any, job: JobRun) -> Document:
     if spec.fit is None and spec.model is None:
         spec = spec.model_copy(update={"fit": str(job.results)})
     return _run(spec, job)

@@ -10,7 +10,7 @@ from ...quantities import registry
 from ...quantities.input_file import Strict
 from ...report import Document, Section
 from ...rig import load_bench
-from ..step import Running, StepKind
+from ..step import JobRun, StepKind
 from .evaluate import NO_MODEL
 
 
@@ -30,7 +30,7 @@ class ExportSpec(Strict):
     bench: str = ""
 
 
-def _run(spec: ExportSpec, job: Running) -> Document:
+def _run(spec: ExportSpec, job: JobRun) -> Document:
     job.progress("exporting", 0.0)
     source: Any = spec.model or job.results
     if spec.model is not None and (job.folder / spec.model).is_file():

@@ -23,7 +23,7 @@ from ..analysis.stribeck import StribeckAnalysis
 from ..analysis.walk import WalkAnalysis
 from ..campaign.file import CampaignFile, CellsSpec
 from ..campaign.running import campaign_of
-from ..step import Running, StepKind
+from ..step import JobRun, StepKind
 
 Analysis = Annotated[
     LoopAnalysis | FrequencyAnalysis | PiezoAnalysis | PulledAnalysis | StribeckAnalysis | WalkAnalysis,
@@ -43,7 +43,7 @@ def _read(content: dict[str, Any]) -> Any:
     return CampaignFile.model_validate(content)
 
 
-def _run(spec: Any, job: Running) -> Document:
+def _run(spec: Any, job: JobRun) -> Document:
     if isinstance(spec, CampaignFile):
         document = campaign_of(spec, job.folder, job.out, job.progress, job.experiment, figures=job.figures)
     else:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from ...quantities import registry
 from ...report import Document
 from ..analysis.moving import MoveFile, run_move
-from ..step import Running, StepKind
+from ..step import JobRun, StepKind
 
 
-def _run(spec: MoveFile, job: Running) -> Document:
+def _run(spec: MoveFile, job: JobRun) -> Document:
     return run_move(spec, job.folder, job.room("move"), job.progress)
 
 

@@ -7,10 +7,10 @@ from ...report import Document
 from ...report.recordings import recordings_document
 from ...rig.experiment.file import ExperimentFile
 from ...rig.experiment.running import record_experiment
-from ..step import Running, StepKind
+from ..step import JobRun, StepKind
 
 
-def _run(spec: ExperimentFile, job: Running) -> Document:
+def _run(spec: ExperimentFile, job: JobRun) -> Document:
     out = job.out / "recordings"
     recorded = record_experiment(spec, job.folder, out, job.progress, label=job.file)
     job.experiment = (spec, job.folder)

@@ -12,18 +12,18 @@ from .twin_oscilloscope import OscilloscopeTwin
 from .twin_wiring import Wiring
 
 
-class Pair(NamedTuple):
+class InstrumentPair(NamedTuple):
     """Both instruments, for two servers."""
 
     generator: GeneratorTwin
     oscilloscope: OscilloscopeTwin
 
 
-def make_pair(stages: list[Stage], seed: int = 0, clock: Clock | None = None) -> Pair:
+def make_pair(stages: list[Stage], seed: int = 0, clock: Clock | None = None) -> InstrumentPair:
     """Return both instruments, connected by an amplifier of 15 V/V and a sensor of 10 um/V on a stage."""
     del seed
     wiring = Wiring(stages[0], clock=clock)
-    return Pair(GeneratorTwin(wiring), OscilloscopeTwin(wiring))
+    return InstrumentPair(GeneratorTwin(wiring), OscilloscopeTwin(wiring))
 
 
 registry.twins.add(make_pair, "scpi")

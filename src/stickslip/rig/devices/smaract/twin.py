@@ -72,7 +72,7 @@ class CommandError(Exception):
         self.number = number
 
 
-class Channel:
+class Mcs2Channel:
     """A channel with a stage."""
 
     def __init__(self, stage: Stage, clock: Clock, noise: float, seed: int) -> None:
@@ -213,7 +213,7 @@ class Mcs2:
         self, stages: list[Stage], noise: float | str = 2e-9, seed: int = 0, clock: Clock | None = None
     ) -> None:
         clock, noise = clock or WallClock(), to_si(noise, "m", "noise")
-        self.channels = [Channel(stage, clock, noise, seed + i) for i, stage in enumerate(stages)]
+        self.channels = [Mcs2Channel(stage, clock, noise, seed + i) for i, stage in enumerate(stages)]
         self._errors: deque[tuple[int, str]] = deque(maxlen=_QUEUE)
         self._modules = math.ceil(len(stages) / _MODULE_CHANNELS)
         self._emergency_stop = 0
@@ -281,7 +281,7 @@ class Mcs2:
             raise CommandError(_INVALID_PARAMETER, "Invalid parameter")
         self._emergency_stop = mode
 
-    def _of_channel(self, channel: Channel, name: str, query: bool, argument: str | None) -> str:
+    def _of_channel(self, channel: Mcs2Channel, name: str, query: bool, argument: str | None) -> str:
         name = _ALIASES.get(name, name)
         if query:
             if name in channel.settings:
@@ -311,7 +311,7 @@ class Mcs2:
             raise CommandError(-113, "Undefined header")
         return ""
 
-    def _do(self, head: str, channel: Channel, argument: str | None) -> None:
+    def _do(self, head: str, channel: Mcs2Channel, argument: str | None) -> None:
         if head == "MOVE":
             channel.move(_whole(argument))
         elif head == "STOP":
@@ -326,7 +326,7 @@ class Mcs2:
         else:
             raise CommandError(-113, "Undefined header")
 
-    def _channel(self, number: str) -> Channel:
+    def _channel(self, number: str) -> Mcs2Channel:
         index = int(number[:6])
         if index >= len(self.channels):
             raise CommandError(_INVALID_CHANNEL, "Invalid channel index")

@@ -36,7 +36,7 @@ _KEPT = {0x0B: 6, 0x0F: 12, 0x15: 20, 0x19: 32, 0x30: 6, 0x32: 4, 0x34: 4}
 _TRIGGERS, _TRIGGERS_LENGTHS = 0x17, (12, 24)
 
 
-class Channel:
+class Kim101Channel:
     """A channel: its step count and its settings."""
 
     def __init__(self, stage: Stage, clock: Clock) -> None:
@@ -91,7 +91,7 @@ class Kim101:
 
     def __init__(self, stages: list[Stage], serial: int = 97000001, clock: Clock | None = None) -> None:
         clock = clock or WallClock()
-        self.channels = [Channel(stage, clock) for stage in stages]
+        self.channels = [Kim101Channel(stage, clock) for stage in stages]
         self.serial, self.clock = serial, clock
         self.enabled: set[int] = set()
         self._triggers, self._panel_locked = bytes(_TRIGGERS_LENGTHS[0]), 0
