@@ -49,7 +49,7 @@ from .folder import Folder
 from .journal import Journal
 from .live import Live
 from .running import BenchJob, Runner
-from .sliders import sized
+from .sliders import settings
 from .starting import Starter, counted_on, new_folder
 from .stream import Client, Hub, Message
 
@@ -206,7 +206,7 @@ class Moves:
             "unit": made.unit,
             "inputs": [*sensors, *([] if known is None or known.input in sensors else [known.input])],
             "voltage": [0.2 * (made.high - made.low), made.high - made.low],
-            "settings": self._settings(made),
+            "settings": settings(Stepping(amplitude=made.amplitude), SETTINGS, coordinate_of(made.unit)),
             "bandwidth": _range(model.gain * own.pid.integral / (2.0 * math.pi), 1.0, 0.1 * rate),
             "proportional": _range(0.0, 0.0, 1.0),
             "corner": _range(0.45 * rate if own.low_pass is None else own.low_pass.corner, 20.0, 0.45 * rate),
@@ -214,20 +214,6 @@ class Moves:
             "at_most": AT_MOST,
             "plausibility": self._believed(made),
         }
-
-    def _settings(self, made: Prepared) -> list[dict[str, Any]]:
-        """Return the fields of stepping, each with unit, meaning and initial value as `starts`."""
-        starts = Stepping(amplitude=made.amplitude)
-        return [
-            {
-                "name": name,
-                "unit": of.unit if made.unit == "m" else of.turned().unit,
-                "meaning": of.meaning,
-                "starts": sized(getattr(starts, name), of.unit, made.unit == "rad"),
-            }
-            for name, of in quantities(Stepping).items()
-            if name in SETTINGS
-        ]
 
     def _believed(self, made: Prepared) -> list[dict[str, Any]]:
         """Return the limits of the plausibility check of the sensor, as text."""

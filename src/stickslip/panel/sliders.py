@@ -8,6 +8,7 @@ at a radius of `ARM`.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, Literal, NamedTuple
 
@@ -16,7 +17,7 @@ from ..identify.comparison.laws import example_laws
 from ..physics.actuator import Actuator
 from ..quantities import registry
 from ..quantities.records import Quantity, quantities, sequences
-from ..quantities.units import ANGLE, QuantityError, unit_for
+from ..quantities.units import ANGLE, Coordinate, QuantityError, unit_for
 from . import piezo_sliders
 from .sets import PACKAGE, Sets
 
@@ -257,6 +258,20 @@ def _kind(known: dict[str, Any], rotary: bool) -> dict[str, Any]:
             for name, law in known.items()
         },
     }
+
+
+def settings(starts: Any, names: Sequence[str], along: Coordinate) -> list[dict[str, Any]]:
+    """Return fields of a record, each with unit, meaning and initial value as `starts`."""
+    known = quantities(type(starts))
+    return [
+        {
+            "name": name,
+            "unit": along.unit(known[name].unit),
+            "meaning": known[name].meaning,
+            "starts": sized(getattr(starts, name), known[name].unit, along is ANGLE),
+        }
+        for name in names
+    ]
 
 
 def laws_like(law: Any, known: dict[str, Any], rotary: bool = False) -> dict[str, Any]:
