@@ -223,6 +223,7 @@ def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
         "kang2007_map.yaml": ["design"],
         "kang2007_design.yaml": ["design"],
         "kang2007_move.yaml": ["move"],
+        "motor_steps.yaml": ["steps"],
         "kang2007_piezo.yaml": ["record", "identify"],
         "contact_study.yaml": ["record"],
         "kang2007_hysteresis_experiment.yaml": ["record"],
@@ -236,6 +237,21 @@ def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
     document = ss.run_job(written(tmp_path, check), tmp_path / "out")
     assert document.title == "One"
     assert document.numbers["verification"]["one"]["r_squared"].value > 0.9
+
+
+def test_the_steps_of_a_motor_are_calibrated_by_a_job(tmp_path: Path) -> None:
+    example = Path(ss.__file__).parent / "examples" / "motor_steps.yaml"
+    document = ss.run_job(example, tmp_path)
+    law = ss.control.StepLaw.load(tmp_path / "step_law" / "steps.json")
+    assert law.forward == pytest.approx([0.2e-6, 0.6e-6, 1e-6], rel=0.03)
+    assert law.backward == pytest.approx([0.176e-6, 0.528e-6, 0.88e-6], rel=0.03)
+    assert (tmp_path / "step_law" / "steps.csv").is_file()
+    assert (tmp_path / "step_law" / "bursts.csv").is_file()
+    assert "threshold" in str(document.numbers)
+    alone = written(tmp_path, {"measured": "none.csv", "frequency": "100 Hz"}, "alone.yaml")
+    assert [one.kind for one in read_job(alone).steps] == ["steps"]
+    with pytest.raises(InputFileError, match=r"measured: none\.csv: there is no such file"):
+        ss.run_job(alone, tmp_path / "none")
 
 
 CELLS = {"identify": {"recordings": [{"cells": "a", "use": "fit"}]}}
@@ -275,7 +291,7 @@ def test_a_mistake_is_named_with_its_file(tmp_path: Path) -> None:
 
 def test_the_schema_knows_all_steps() -> None:
     schema = json_schema()
-    steps = {"record", "identify", "verify", "compare", "move", "design", "export"}
+    steps = {"record", "identify", "verify", "compare", "move", "design", "export", "steps"}
     assert set(registry.steps.packaged()) == steps
     assert set(schema["$defs"]["StepSpec"]["properties"]) == set(registry.steps.names())
 

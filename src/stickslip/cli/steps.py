@@ -26,20 +26,9 @@ def steps(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
-        from ..control import write_bursts
-        from ..jobs.analysis.stepping import read_steps, run_steps
-        from ..quantities.units import QuantityError
-        from ..report import view
+        from ..jobs.analysis.stepping import calibrate_steps, read_steps
 
         read = read_steps(file)
         with progress_bar() as progress, arming(arm):
-            bursts, law = run_steps(*read, progress)
-            document = view(law, read[0].title)
-        out.mkdir(parents=True, exist_ok=True)
-        write_bursts(bursts, out / "bursts.csv")
-        law.save(out / "steps.json")
-        try:
-            law.save(out / "steps.csv")
-        except QuantityError as error:
-            typer.echo(f"steps.csv is not written: {error}", err=True)
+            document = calibrate_steps(*read, out, progress)
         write(document, out, begun)

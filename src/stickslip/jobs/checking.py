@@ -23,6 +23,7 @@ from ..rig.experiment.running import read_experiment
 from .analysis.alignment import POSITION
 from .analysis.comparison import ComparisonAnalysis
 from .analysis.file import RecordingFile
+from .analysis.stepping import StepsFile
 from .analysis.verification import VerificationAnalysis
 from .analysis.walk import WalkAnalysis, WalkFile
 from .campaign.checking import check_campaign
@@ -65,6 +66,8 @@ def _check_files(step: JobStep, spec: Any, made: set[str], out: Path) -> None:
     folder = step.path.parent
     for place, text in _files(step.content):
         _check_there(place, text, [folder, out], made, out)
+    if isinstance(spec, StepsFile) and spec.measured is not None:
+        _check_there("measured", spec.measured, [folder], made, out)
     if isinstance(getattr(spec, "fit", None), str):
         _check_there("fit", spec.fit, [folder], made, out)
 

@@ -116,6 +116,8 @@ def _kind_of(content: Content, path: Path) -> str:
         return "record"
     if {"target", "walk", "position"} & content.keys():  # keys that no other file has
         return "move"
+    if {"positioner", "measured"} & content.keys():
+        return "steps"
     kind = content.get("kind")
     if kind in ("campaign", "experiment", "job", "move"):
         raise InputFileError(f"{path}: kind: the file of a {kind} has none; leave it out")

@@ -16,15 +16,18 @@ bursts.csv`` and a `frequency` instead, existing measurements are fitted.
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, ValidationError
 
-from ...control import Bursts, StepLaw, fit_steps, measure_steps, read_bursts
+from ...control import Bursts, StepLaw, fit_steps, measure_steps, read_bursts, write_bursts
 from ...quantities import registry
 from ...quantities.input_file import Strict, explain, load_yaml
 from ...quantities.progress import Progress
+from ...quantities.units import QuantityError
+from ...report import Document, view
 from ...rig.positioner import Positioner
 from .file import AnalysisError
 
@@ -87,6 +90,24 @@ def run_steps(file: StepsFile, folder: Path, progress: Progress) -> tuple[xr.Dat
         bursts = _made(file, folder, progress)
     progress("fitting", 0.9)
     return bursts, fit_steps(bursts)
+
+
+def calibrate_steps(file: StepsFile, folder: Path, out: Path, progress: Progress) -> Document:
+    """Run the calibration and return its report.
+
+    Writes steps.json (the law), bursts.csv, and where possible steps.csv (equal steps for a controller) into
+    `out`. Errors: see `run_steps`.
+    """
+    bursts, law = run_steps(file, folder, progress)
+    document = view(law, file.title)
+    out.mkdir(parents=True, exist_ok=True)
+    write_bursts(bursts, out / "bursts.csv")
+    law.save(out / "steps.json")
+    try:
+        law.save(out / "steps.csv")
+    except QuantityError as error:
+        return replace(document, summary=f"{document.summary} steps.csv is not written: {error}.")
+    return document
 
 
 def _made(file: StepsFile, folder: Path, progress: Progress) -> xr.Dataset:

@@ -1,0 +1,16 @@
+"""Step that calibrates the steps of a motor."""
+
+from __future__ import annotations
+
+from ...quantities import registry
+from ...report import Document
+from ..analysis.stepping import StepsFile, calibrate_steps
+from ..step import Running, StepKind
+
+
+def _run(spec: StepsFile, job: Running) -> Document:
+    return calibrate_steps(spec, job.folder, job.room("step_law"), job.progress)
+
+
+_MADE = ["step_law/steps.json", "step_law/bursts.csv"]
+registry.steps.add(StepKind(StepsFile, _run, makes=lambda spec, number: _MADE), "steps", _run)
