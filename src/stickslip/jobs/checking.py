@@ -66,8 +66,10 @@ def _check_files(step: JobStep, spec: Any, made: set[str], out: Path) -> None:
     folder = step.path.parent
     for place, text in _files(step.content):
         _check_there(place, text, [folder, out], made, out)
-    if isinstance(spec, StepsFile) and spec.measured is not None:
-        _check_there("measured", spec.measured, [folder], made, out)
+    if isinstance(spec, StepsFile):
+        if spec.measured is not None:
+            _check_there("measured", spec.measured, [folder], made, out)
+        return
     if isinstance(getattr(spec, "fit", None), str):
         _check_there("fit", spec.fit, [folder], made, out)
 
