@@ -103,10 +103,9 @@ def plan_experiment(
 
     Returns:
         A plan: the recordings, and the expected half-width of the 95 % interval of each parameter.
-            Half-widths are
-        linearised: a half-width of half a value only says that the interval is wide. The lags of filter and
-            sensor count as a delay, as in the fit; further smoothing by them is a bias that is not included.
-            Neither is the uncertainty of a stage that is taken as known.
+        Half-widths are linearised: a half-width of half a value only says that the interval is wide. The
+        lags of filter and sensor count as a delay, as in the fit; further smoothing by them is a bias that
+        is not included. Neither is the uncertainty of a stage that is taken as known.
 
     Raises:
         QuantityError: an unknown name, no candidates, none within the limits, a goal that no candidate
