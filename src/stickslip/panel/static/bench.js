@@ -54,8 +54,8 @@ export async function mount(element, app) {
   const heartbeat = h("label", { class: "choice", title: "For rigs that somebody must watch: closing this page, another tab in front of it or a lost network end the run with a ramp to 0 V" }, beat, h("span", {}));
   const whole = (...inside) => h("fieldset", { class: "bare" }, ...inside);
   const watching = h("p", { class: "watching", hidden: true }, "Another page is in control: ask it at the top. Stop works from here too.");
-  const choice = whole(h("div", { class: "field" }, h("label", { htmlFor: "run-choice" }, "Run"), select), rig.element, heartbeat);
-  const values = whole(h("h2", {}, "Inputs"), inputs);
+  const choice = whole(h("div", { class: "field" }, h("label", { htmlFor: "run-choice" }, "Run"), select), rig.element);
+  const values = whole(heartbeat, h("h2", {}, "Inputs"), inputs);
   const controls = h("div", { class: "bare" }, watching, choice, h("div", { class: "row" }, start, halt, home), values);
   const words = h("input", { "aria-label": "A note on this run", placeholder: "Note on this run", maxLength: 2000 });
   const note = h("form", { class: "note", onsubmit: async () => {
@@ -139,7 +139,7 @@ export async function mount(element, app) {
     }
     select.value = bench.chosen;
     beat.checked = experiment.content.limits?.heartbeat !== undefined;
-    heartbeat.lastChild.textContent = `Stop if this page is silent for ${experiment.content.limits?.heartbeat ?? HEARTBEAT}`;
+    heartbeat.lastChild.textContent = `Stop if this page is silent for ${String(experiment.content.limits?.heartbeat ?? HEARTBEAT).replace(" ", "\u00a0")}`;
     const own = experiment.variables.filter((one) => one.kind === "experiment");
     const now = JSON.stringify(own.map(({ name: called, unit }) => [called, unit]));
     if (now !== shape) {
