@@ -18,11 +18,12 @@ PATIENCE = 10.0  # s for an answer
 class FarRig:
     """See `stickslip.rig.Rig`. Args: the device's port of this machine; s that samples may take."""
 
+    origin = 0.0
+
     def __init__(self, port: int, patience: float) -> None:
         self._patience = patience
         try:
             self._link = socket.create_connection(("127.0.0.1", port), PATIENCE)
-            self.origin = 0.0
             self.capabilities = Capabilities(**self._ask("open")[0]["capabilities"])
         except OSError as error:
             raise RigError(f"the device cannot be reached: {error}") from None
@@ -31,7 +32,7 @@ class FarRig:
         self._ask("load", volts)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        self.origin = self._ask("arm", inputs=inputs, samples=samples)[0]["origin"]
+        self._ask("arm", inputs=inputs, samples=samples)
 
     def start(self) -> None:
         self._ask("start")
@@ -57,4 +58,5 @@ class FarRig:
             raise RigError(f"the device: {do}: {error}") from None
         if "error" in answer:
             raise RigError(f"the device: {do}: {answer['error']}")
+        self.origin = answer["origin"]
         return answer, block

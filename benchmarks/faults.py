@@ -246,7 +246,7 @@ def trial(number: int, random: random.Random, folder: Path, port: str, holds: bo
     (folder / "fault.json").unlink(missing_ok=True)
     words = said.read_text() if said.exists() else ""
     if held and LOUD not in words:
-        wrong.append("the output kept its voltage, and nobody was told")
+        wrong.append(f"the output kept its voltage, and nobody was told: {words[:200]}")
     runs = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
     late, more = judge(fault, struck, [] if held else runs, limits, holds, metronome.longest)
     beyond, seen = watched(folder, fault, limits, max(late or 0.0, 0.0))

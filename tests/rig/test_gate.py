@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stickslip.recording import open_recording
-from stickslip.rig import Capture, Home, LimitError, Limits, VirtualRig, measure
+from stickslip.rig import Capture, Home, LimitError, Limits, RigError, VirtualRig, measure
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.shapes import Step
 
@@ -137,3 +137,45 @@ def test_samples_are_beside_the_recording_while_it_is_made_and_gone_after(tmp_pa
     np.testing.assert_array_equal(
         open_recording(tmp_path / "walk.nc")["drive_voltage"], made["drive_voltage"]
     )
+
+
+class Told(VirtualRig):
+    """A rig that learns from its device where it is only when it is armed."""
+
+    def __init__(self) -> None:
+        super().__init__(ACTUATOR, BENCH)
+        self.true = 0.0
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        super().arm(inputs, samples)
+        self.origin = self.true
+
+    def stop(self, slew: float) -> None:
+        super().stop(slew)
+        self.true, self.origin = self.origin, 0.0
+
+
+def test_end_stops_count_from_where_the_device_says_that_it_is() -> None:
+    rig, home = Told(), Home()
+    measure(rig, WALK, IDEAL, CAPTURE, Limits(), home=home)
+    walked = rig.true
+    with pytest.raises(LimitError, match="beyond the end stop"):
+        measure(rig, WALK, IDEAL, CAPTURE, Limits(max_position=1.2 * walked), home=home)
+    assert 1.0 * walked < home.position < 1.3 * walked  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("both", [False, True])
+def test_a_stop_that_fails_in_this_program_asks_people_to_switch_off(both: bool) -> None:
+    class Stuck(VirtualRig):
+        def fetch(self) -> np.ndarray:
+            if both:
+                raise RigError("it gives nothing")
+            return super().fetch()
+
+        def stop(self, slew: float) -> None:
+            raise RigError("it does not stop")
+
+    with pytest.raises(RigError) as caught:
+        measure(Stuck(ACTUATOR, BENCH), WALK, IDEAL, CAPTURE, Limits())
+    assert "switch the amplifier off" in caught.value.__notes__[0]
+    assert str(caught.value) == ("it gives nothing" if both else "it does not stop")

@@ -210,6 +210,9 @@ def test_a_run_and_its_stop_that_both_fail_are_both_told() -> None:
     one = supervised(Card("fetch"))
     one.run(order(Limits(watchdog=100.0, stop_slew=2e9)))
     one.join()
+    with pytest.raises(RigError, match="it does not stop") as caught:  # of a client that fetches no more
+        one.check_stopped()
+    assert caught.value.__notes__ == ["The stop failed: switch the amplifier off"]
     with pytest.raises(RigError, match="it gives nothing") as caught:
         emptied(one)
     assert "The stop failed too (it does not stop): switch the amplifier off" in caught.value.__notes__

@@ -23,7 +23,7 @@ from ..recording.calibration.applying import calibration_attribute
 from ..recording.calibration.storage import to_text
 from ..waveform.signal import Waveform, value_at
 from .capture import Capture, stride
-from .gate import PositionInput
+from .gate import PositionInput, stop_failed
 from .home import Home
 from .hosted import HostedRig
 from .interlock import enabled
@@ -241,10 +241,7 @@ class _Loop:
         try:
             self._rig.stop(self._making.limits.stop_slew)
         except RigError as error:
-            if failure is None:
-                failure = error
-            else:
-                failure.add_note(f"The stop failed too: {error}")
+            failure = stop_failed(error, failure)
         thread.join(_GRACE)
         if isinstance(self._rig, LoopRig):
             self._take(self._rig.rest())

@@ -15,6 +15,7 @@ from .limits import LimitError, Limits, beyond, check_drive
 from .protocols import Array, Capabilities, Rig, RigError
 
 FROZEN_DRIVE = 10.0  # V by which the drive must move for unchanged readings to be a fault
+SWITCH_OFF = "switch the amplifier off"  # what people must do if the output cannot be brought to 0 V
 _ANSWER = 0.01  # s, longest time in which a sensor responds to the drive
 
 
@@ -66,11 +67,11 @@ class Gate:
     ) -> None:
         """Record these inputs. The first `rest` samples come before the drive."""
         self._inputs, self._position, self._rest = inputs, position, rest
-        self._origin = getattr(self._rig, "origin", 0.0)
         self._done = self._same = 0
         self._last, self.began = math.nan, None
         self._until = 0.0 if self._can.streams else samples / self._can.sample_rate
         self._rig.arm(inputs, samples)
+        self._origin = getattr(self._rig, "origin", 0.0)  # a device may tell it only now
 
     def start(self) -> None:
         """Start the loaded output and the watchdog."""
@@ -153,3 +154,19 @@ class Gate:
         ):
             if sign * (value - limit) > 0.0:
                 raise beyond(value, limit, position.unit(self._can))
+
+
+def stop_failed(error: BaseException, failure: BaseException | None) -> BaseException:
+    """Return the error that ends a run whose stop failed. It says that people must switch the amplifier off.
+
+    Args:
+        error: the error of the stop.
+        failure: the error that ended the run before, or None.
+    """
+    told = f"The stop failed: {SWITCH_OFF}"
+    if SWITCH_OFF not in str(error):
+        error.add_note(told)
+    if failure is None:
+        return error
+    failure.add_note(f"The stop failed too ({str(error).removesuffix(f'. {told}')}): {SWITCH_OFF}")
+    return failure

@@ -21,7 +21,7 @@ from ..recording.drive import drive_text
 from ..recording.schema import fits_name
 from ..waveform.signal import Waveform, value_at
 from .capture import Capture, CaptureError, find_trigger, stride
-from .gate import Gate, PositionInput
+from .gate import Gate, PositionInput, stop_failed
 from .home import Home
 from .hosted import HostedRig
 from .interlock import enabled
@@ -302,8 +302,5 @@ def _run(
     try:
         gate.stop()
     except RigError as error:
-        if failure is None:
-            failure = error
-        else:
-            failure.add_note(f"The stop failed too: {error}")
+        failure = stop_failed(error, failure)
     return np.concatenate(blocks, axis=1), failure

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO, cast
 import numpy as np
 
 from ..quantities.units import with_prefix
-from .gate import Gate, PositionInput
+from .gate import SWITCH_OFF, Gate, PositionInput, stop_failed
 from .home import Home
 from .interlock import Interlock, is_fault
 from .limits import LimitError, Limits
@@ -274,13 +274,9 @@ class Supervisor:
             self.stopped = {"measured": _monitored(self.rig)}
         except BaseException as error:
             error.__traceback__ = None
-            self.stopped = {"failed": f"the stop failed ({error}): switch the amplifier off"}
+            self.stopped = {"failed": f"the stop failed ({error}): {SWITCH_OFF}"}
             self._unsafe = error
-            if failure is not None:
-                failure.add_note(f"The stop failed too ({error}): switch the amplifier off")
-            else:
-                error.add_note("The stop failed: switch the amplifier off")
-            failure = failure or error
+            failure = stop_failed(error, failure)
             self.let_go()  # the device takes a closed connection as a stop
         ended = "complete" if failure is None else str(failure) or type(failure).__name__
         said = self.stopped.get("failed") or "ramped to 0 V" + (
