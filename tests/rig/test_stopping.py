@@ -68,7 +68,7 @@ def test_a_stop_ends_when_the_monitor_reads_no_voltage(link: Link) -> None:
     assert told[-1].state == "measured"
     assert abs(told[-1].measured or 0.0) < 1.0
     assert not any(one.alarm for one in told)
-    assert "a test: ramped to 0 V, the monitor reads" in (link.folder / "log.jsonl").read_text()
+    assert "a test; ramped to 0 V, the monitor reads" in (link.folder / "log.jsonl").read_text()
 
 
 def test_a_rig_that_is_frozen_is_told_of_until_it_answers(link: Link) -> None:
