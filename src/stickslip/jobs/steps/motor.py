@@ -5,10 +5,10 @@ from __future__ import annotations
 from ...quantities import registry
 from ...report import Document
 from ..analysis.stepping import StepsFile, calibrate_steps
-from ..step import Running, StepKind
+from ..step import JobRun, StepKind
 
 
-def _run(spec: StepsFile, job: Running) -> Document:
+def _run(spec: StepsFile, job: JobRun) -> Document:
     return calibrate_steps(spec, job.folder, job.room("step_law"), job.progress)
 
 
