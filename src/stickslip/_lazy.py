@@ -1,4 +1,4 @@
-"""Names that are imported when they are first used, from the stub beside an ``__init__.py``."""
+"""Import names when they are first used, as listed in the stub beside an ``__init__.py``."""
 
 from __future__ import annotations
 

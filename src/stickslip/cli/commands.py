@@ -127,7 +127,8 @@ def simulate(
 
 
 def _check_samples(seconds: float, rate: float) -> None:
-    """Raise an error if the trajectory and its report do not fit into memory."""
+    """Raise an error if a trajectory of this length [s] and sample rate [Hz], with its report, does not fit
+    into memory."""
     count = seconds * rate
     if count > MOST_SAMPLES and math.isfinite(seconds):
         raise ValueError(

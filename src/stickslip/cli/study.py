@@ -133,7 +133,8 @@ def stop(store: StoreFolder, show_traceback: Traceback = False) -> None:
 
 @study.command()
 def compare(first: StoreFolder, second: StoreFolder, show_traceback: Traceback = False) -> None:
-    """How the results of two studies over the same members differ; exit code 1 if they do."""
+    """Compare the results of two studies over the same members, and print how they differ; exit code 1 if
+    they do."""
     with errors_in_one_line(show_traceback):
         from ..study import compare_studies
 

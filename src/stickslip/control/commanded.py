@@ -168,8 +168,9 @@ class Commanded:
         return self._last
 
     def _scanning(self, middle: float, half: float, hertz: float, ticks: int) -> float:
-        """Return the target of a scan: a sine whose amplitude grows over its first period and decreases over
-        its last."""
+        """Return the target [m] of a scan, `ticks` updates after its start: a sine about `middle` with
+        amplitude `half` [m] and frequency `hertz` that grows over its first period and decreases over its
+        last."""
         self._scanned += 1
         k, rate = self._scanned, self.mover.regulator.rate
         period = rate / hertz

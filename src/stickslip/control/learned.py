@@ -86,7 +86,7 @@ class Learnt:
         return self.regulator.step(measured, target + float(self.correction[at]), tick)
 
     def learn(self) -> float:
-        """Update the correction by the error of the last run; return the rms of that error [m]."""
+        """Update the correction by the error of the last run; return its rms error [m]."""
         rms = float(np.sqrt(np.mean(self._errors**2)))
         self.history.append(rms)
         wider = self._q.size // 2

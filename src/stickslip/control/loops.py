@@ -169,8 +169,8 @@ def _behind(own: Sticking, lag: float) -> Sticking:
 
 
 def _aliased(own: Sticking, rate: float) -> float:
-    """Return the frequency [Hz] of the lowest mode that updates at this rate [Hz] do not resolve; 0 if there
-    is none."""
+    """Return the frequency [Hz] of the lowest mode that updates at this rate [Hz] do not resolve; 0
+    if they resolve all."""
     roots: Any = np.linalg.eig(own.a)
     poles, vectors = roots
     shares = np.abs((own.c @ vectors) * np.linalg.solve(vectors, own.b) / poles)

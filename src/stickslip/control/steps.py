@@ -215,12 +215,12 @@ class Steps:
 
     @property
     def forward(self) -> float:
-        """Return the factor on forward steps."""
+        """Return the factor by which the controller scales forward steps relative to the model's."""
         return self.of.ways[0].factor
 
     @property
     def backward(self) -> float:
-        """Return the factor on backward steps."""
+        """Return the factor by which the controller scales backward steps relative to the model's."""
         return self.of.ways[1].factor
 
     def size(self, voltage: float, direction: int) -> float:
@@ -228,7 +228,7 @@ class Steps:
         return self._lib.mover_size(self.of, voltage, direction)
 
     def voltage_for(self, distance: float, direction: int) -> float:
-        """Return the amplitude [V] of a step of that distance [m]; the largest if no step reaches it."""
+        """Return the amplitude [V] of a step of a given distance [m]; the largest if no step reaches it."""
         return self._lib.mover_voltage_for(self.of, distance, direction)
 
     def learn(self, voltage: float, direction: int, distance: float) -> None:

@@ -56,7 +56,8 @@ def sawtooths(
 
 
 def there_and_back(volts: float, hertz: float, rise: float, duration: float) -> Parts:
-    """Return alternating bursts of a sawtooth, forward and back, for the duration of the recording [s]."""
+    """Return alternating bursts of a sawtooth, forward and back: amplitude [V], frequency [Hz], fraction of
+    the period for the rise, and total duration [s]."""
     periods = max(FEWEST, round(BURST * hertz))
     rise = round(rise, 6)
     both = (
@@ -73,7 +74,8 @@ def walks_of(
     sample_rate: float,
     noise: float,
 ) -> dict[str, PlannedWalk]:
-    """Return candidates by name; a waveform becomes a recording of the default duration.
+    """Return candidates by name; a waveform becomes a recording of the given duration [s], sample rate [Hz]
+    and noise [m].
 
     Raises:
         QuantityError: there is no candidate, or one is neither a recording nor a waveform.

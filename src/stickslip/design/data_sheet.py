@@ -120,7 +120,7 @@ class DataSheet(NamedTuple):
 
     @property
     def numbers(self) -> dict[str, float]:
-        """The numbers that the sheet prints, SI, by name."""
+        """Return the numbers that the sheet prints, by name, in SI."""
         given = {name: getattr(self, name) for name in quantities(DataSheet)}
         return {name: value for name, value in given.items() if value is not None and name != "tolerance"}
 

@@ -10,7 +10,7 @@ from ..physics.electronics import OutputStage
 from ..physics.electronics.output import FEWEST, codes_within
 from ..quantities.units import QuantityError, to_si, with_prefix
 
-# Range of frequencies that is searched by default, relative to those of stage and contact.
+# Range of frequencies that is searched by default, relative to the natural frequencies of stage and contact.
 SLOWEST, FASTEST = 0.1, 3.0
 
 
@@ -36,7 +36,7 @@ def allowed(
     output: OutputStage | None,
     frequency: tuple[float, float] | None,
 ) -> Allowed:
-    """Return the drives that a model and an output stage allow together.
+    """Return the drives that a model and an output stage allow together: voltages in V, frequencies in Hz.
 
     Raises:
         QuantityError: no drive is allowed, or the model does not allow a voltage; the message names the

@@ -110,8 +110,8 @@ def _of_way_forward(back: Any, step: Any) -> Any:
 
 
 def sample_times(breaks: Array, period: float, rate: float) -> Array:
-    """Return sample times within one period. They are dense after each break (change of slope), with a
-    spacing in proportion to the time since it."""
+    """Return sample times [s] within one period; they are denser after each break (change of slope), with a
+    spacing in proportion to the time since it. `rate` [rad/s] is the fastest angular frequency to resolve."""
     finest = min(2.0 * np.pi / rate / PER_CYCLE, period / 64.0)
     first = np.arange(0.0, finest / GROWTH, finest)
     most = max(period / first[-1], 1.0)

@@ -1,4 +1,5 @@
-"""Closed polygons of the voltage, many at once: made from search coordinates, and kept within limits."""
+"""Closed polygons of the drive voltage over one period, many at once: they are made from the coordinates of a
+drive search, and kept within its limits."""
 
 from __future__ import annotations
 

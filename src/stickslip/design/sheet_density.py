@@ -74,7 +74,7 @@ class Simulated(NamedTuple):
 
     @property
     def drive(self) -> Sawtooth:
-        """The drive of the step: slow rise over all voltages, then a jump."""
+        """Return the drive of the step: a slow rise over the whole voltage range, then a jump."""
         return Sawtooth(self.expected.high - self.expected.low, self.step_rate, offset=self.expected.low)
 
     def predicted(self, values: Mapping[str, Array]) -> dict[str, Array]:

@@ -83,7 +83,7 @@ class SheetModel:
 
     @property
     def citation(self) -> str:
-        """The sheet's title and the source of each number, as text."""
+        """Return the sheet's title and the source of each number as text."""
         return "\n".join([self.sheet.title, *(f"  {name}: {said}" for name, said in self.sources.items())])
 
     _repr_html_ = preformatted

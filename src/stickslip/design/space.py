@@ -76,7 +76,7 @@ class DesignSpace(NamedTuple):
         return made
 
     def fields(self, values: Array) -> dict[str, Array]:
-        """Fields of the model, and "load", of candidates [n, names]."""
+        """Return the fields of the model (and "load") by name, for candidates [n, names]."""
         fields = dict(zip(self.names, values.T, strict=True))
         stiffness = fields.pop(STIFFNESS, self.model.stage_stiffness)
         if FREQUENCY not in fields and {STIFFNESS, "stage_mass"} & {*self.names} and not self.model.static:

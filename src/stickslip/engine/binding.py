@@ -1,7 +1,7 @@
-"""Calls of the engine with NumPy arrays.
+"""Calls of the compiled engine with NumPy arrays.
 
-Arrays are handed over as they are: C-contiguous and of doubles, or a TypeError says which is not. The engine
-runs without Python's lock, so that threads run side by side.
+Arrays are passed without a copy: each must be a C-contiguous array of doubles, or a TypeError names it. The
+engine runs without Python's global lock, so that threads run in parallel.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ _SHARES = ("velocity", "push", "position", "feed")
 
 
 class ComposedPlant:
-    """A plant as the engine takes it: made once, and good for any number of runs.
+    """A plant as a struct of the engine, usable for any number of runs.
 
     Args:
         plant: see `plant.system.Plant`.
 
     Raises:
-        QuantityError: the plant is larger than the engine's room, or pushes a mode along which the normal
+        QuantityError: the plant is larger than the engine allows, or pushes a mode along which the normal
             force of another element changes.
         TypeError: an element has no law.
     """
@@ -83,7 +83,7 @@ class ComposedPlant:
 
 
 class DriveTable:
-    """A drive, or a load, as the engine takes it (see `waveform.drive.Drive`)."""
+    """A drive or a load (see `waveform.drive.Drive`) as a struct of the engine."""
 
     def __init__(self, drive: Any) -> None:
         self.struct: Any = ffi.new("struct table *")
@@ -111,17 +111,17 @@ def integrate(
     resume: Array | None = None,
     account: Array | None = None,
 ) -> tuple[int, float, int, int]:
-    """Follow one trajectory.
+    """Integrate one trajectory of a plant.
 
     Args:
         plant: the plant.
-        drive: of the plant's drive.
+        drive: input of the plant.
         load: normal force over its reference.
         q: state [plant.states] at the start; becomes the state at the time reached.
         span: start and end, s.
         tolerance: m, on positions.
-        careful: small vibrations of contacts that stick are not to be lost.
-        max_steps: bound on accepted plus rejected steps.
+        careful: whether small vibrations of sticking contacts must be resolved.
+        max_steps: largest number of accepted plus rejected steps.
         times: s, of the samples, ascending.
         samples: states and outputs of the elements [times, plant.columns], filled up to the time reached.
         resume: [plant.resume_size], zeros to start from q; continued from otherwise.
@@ -218,8 +218,8 @@ def _bits(shares: tuple[float | None, ...]) -> int:
 
 
 def _refuse_shared_place(struct: Any) -> None:
-    """Raise QuantityError where a step could not be solved: a load along a mode is one more unknown of its
-    element, in which the push of another element is not."""
+    """Raise QuantityError for a plant whose step cannot be solved: one element's normal force depends on a
+    mode that another element pushes."""
     elements = [struct.element[e] for e in range(struct.elements)]
     for e, one in enumerate(elements):
         if one.along and not one.pushed:

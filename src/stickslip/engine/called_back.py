@@ -1,7 +1,7 @@
-"""A user's law as the plain Python functions that it is: the engine calls them back.
+"""Run a user's law by its plain Python functions, which the engine calls back.
 
-What such a function raises cannot pass through C. It is kept, the engine is stopped, and `running`
-raises it when the engine has returned.
+An exception of such a function cannot pass through C: it is kept, the engine is stopped, and `running` raises
+it after the engine's return.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from .interface import Interface
 from .law_struct import begun
 from .translator import BOOL, INT, Array, Record
 
-_MOST_RECORDS = 256  # rows of parameters whose records are kept
+_MOST_RECORDS = 256  # number of rows of parameters whose records are kept
 _THREAD = threading.local()
 
 
 @contextmanager
 def running() -> Iterator[Any]:
-    """Run the engine inside this: give the flag that stops it, and raise at the end what a law raised."""
+    """Yield the flag that stops the engine; after the run, raise what a user's law raised in it."""
     before = getattr(_THREAD, "run", None)
     flag = ffi.new("int32_t *", 0)
     _THREAD.run = run = [flag, None]
@@ -50,7 +50,7 @@ def _stopped() -> bool:
 
 
 def law(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]:
-    """A law's struct, and the callbacks in it."""
+    """Return the struct of a law whose functions call back Python, and the callbacks, which must be kept."""
     made, name = begun(interface, kind)
     records = _Records(record, kind, made.parameters)
     callbacks = {}
@@ -66,7 +66,7 @@ def law(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]:
 
 
 class _Records:
-    """Records of one kind by their rows of numbers."""
+    """Cache of the records of one type, by their rows of numbers."""
 
     def __init__(self, template: Any, kind: Record, count: int) -> None:
         self._template, self._kind, self._bytes = template, kind, 8 * count
@@ -84,7 +84,7 @@ class _Records:
 
 
 def _filled(template: Any, kind: Record, values: Iterator[float]) -> Any:
-    """The template with its numbers replaced; without the checks that a user's record may have."""
+    """Return the template with its numbers replaced, without the checks of a user's record."""
     fields = template._asdict()
     for name, inner in kind.fields:
         if isinstance(inner, Record):
@@ -97,7 +97,7 @@ def _filled(template: Any, kind: Record, values: Iterator[float]) -> Any:
 
 
 def _of_two(said: str, function: Callable[..., Any], records: _Records) -> Callable[..., None]:
-    """A callback that writes the force and the rate of the state."""
+    """Return a callback that writes the force and the rate of the state."""
 
     def call(p: Any, *given: Any) -> None:
         *arguments, force, dz = given
@@ -116,7 +116,7 @@ def _of_two(said: str, function: Callable[..., Any], records: _Records) -> Calla
 def _of_one(
     said: str, function: Callable[..., Any], records: _Records, kind: type[int] | type[float]
 ) -> Callable[..., Any]:
-    """A callback that returns a number."""
+    """Return a callback that returns one number."""
     none: Any = 0 if kind is int else math.nan
 
     def call(p: Any, *arguments: Any) -> Any:

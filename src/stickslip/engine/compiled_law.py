@@ -1,4 +1,4 @@
-"""A user's law as C that the machine's own compiler has compiled."""
+"""Compile a user's law, translated to C, with the machine's C compiler."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def compiler() -> tuple[str, ...] | None:
 
 
 def source(kind: Record, interface: Interface) -> str:
-    """The C of a law, with a function that gives its struct.
+    """Return the C source of a law, with a function that returns its struct.
 
     Raises:
         TranslationError: a function of the law cannot be translated.
@@ -58,7 +58,8 @@ def source(kind: Record, interface: Interface) -> str:
 
 
 def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any] | None:
-    """A law's struct and the library that holds it; None without a compiler that takes it."""
+    """Return the struct of a compiled law and the library that contains it; None if no compiler accepts
+    it."""
     command = compiler()
     if command is None:
         return None

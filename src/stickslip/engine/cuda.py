@@ -1,4 +1,5 @@
-"""Members of an ensemble on a GPU, a thread each: the physics and the steps are those of the processors.
+"""Integrate the members of an ensemble on a GPU, one thread each, with the equations and steps of the
+processors.
 
 The engine's own C is compiled by NVRTC for each layout of plants, and runs through NVIDIA's driver.
 """
@@ -25,7 +26,7 @@ from .nvrtc import GpuError
 
 __all__ = ["AT_ONCE", "integrate_members", "missing", "refused"]
 
-# Blocks of members at once: while one is integrated, the next is made ready.
+# Blocks of members in work at a time: while one is integrated, the next is prepared.
 AT_ONCE = 2
 DRIVER = "nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1"
 # Numbers of cuda.h.
@@ -85,11 +86,12 @@ def integrate_members(
     max_steps: int,
     results: tuple[Integers, Array, Integers],
 ) -> None:
-    """Follow many trajectories, a thread each.
+    """Integrate many trajectories on a GPU, one thread each.
 
     Args:
-        plant: one of the layout of all.
-        drives: tables of the members (`waveform.members.Drives`), which of them each has, and the load.
+        plant: any of the plants, all of one layout.
+        drives: tables of the members (`waveform.members.Drives`), the index of each member's table, and the
+            load.
         values: numbers of each plant, see `members.ComposedMembers`.
         states, spans, tolerance, careful, max_steps: see `members.integrate_members`.
         results: outcomes, times reached [s] and steps tried; in place, as the states.
@@ -122,7 +124,7 @@ def integrate_members(
 
 
 def _fill_table(to: Any, table: Any, memory: _Memory) -> None:
-    """Send tables of one drive or of many; see `waveform.members.Drives`."""
+    """Copy the segment tables of one drive or of many (`waveform.members.Drives`) to the GPU."""
     to.segments, to.harmonics = table.start.shape[-1], table.harmonic.shape[-2]
     for name in ("start", "polynomial", "harmonic", "first"):
         dtype = np.int64 if name == "first" else np.float64
@@ -130,7 +132,7 @@ def _fill_table(to: Any, table: Any, memory: _Memory) -> None:
 
 
 class _Memory:
-    """Arrays on the GPU, and the stream in which they come and go."""
+    """Arrays in the memory of the GPU, and the stream through which they are copied."""
 
     def __init__(self) -> None:
         self.stream: Any = ffi.NULL
@@ -140,7 +142,7 @@ class _Memory:
     @classmethod
     @contextmanager
     def opened(cls) -> Iterator[_Memory]:
-        """Memory for one launch, freed at its end."""
+        """Yield memory for one launch, which is freed at its end."""
         made = cls()
         _call("cuCtxSetCurrent", _device()[0])  # of this thread
         made.stream = _got("void **", "cuStreamCreate", _NON_BLOCKING)
@@ -173,7 +175,7 @@ def _bytes(array: NDArray[Any]) -> Any:
 
 @functools.cache
 def driver() -> Any:
-    """Open NVIDIA's driver.
+    """Return NVIDIA's driver, opened as a library.
 
     Raises:
         OSError: it is not installed.
@@ -183,7 +185,7 @@ def driver() -> Any:
 
 @functools.cache
 def _device() -> tuple[Any, int]:
-    """The context of the first GPU, and its compute capability: 90 is 9.0."""
+    """Return the context of the first GPU, and its compute capability: 90 is 9.0."""
     _call("cuInit", 0)
     device = _got("int *", "cuDeviceGet", 0)
     major, minor = (_got("int *", "cuDeviceGetAttribute", what, device) for what in (_MAJOR, _MINOR))
@@ -192,7 +194,7 @@ def _device() -> tuple[Any, int]:
 
 @functools.cache
 def _function(text: str) -> Any:
-    """The kernel of a layout, compiled once in a process."""
+    """Return the kernel of a layout, compiled once in a process."""
     context, capability = _device()
     _call("cuCtxSetCurrent", context)
     known = max((one for one in nvrtc.architectures() if one <= capability), default=capability)

@@ -1,4 +1,4 @@
-"""The engine's sources as NVRTC takes them, with the header that describes one layout of plants."""
+"""Prepare the engine's C sources for NVRTC, with a header that describes one layout of plants."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ _SUMS = ("modes", "elements", "states", "statics", "loaded", "branched", "sample
 
 
 def as_cpp(text: str) -> str:
-    """Return C99 of the engine as C++20, which differs in its literals of structs."""
+    """Return C source of the engine as C++20, in which literals of structs are written differently."""
     return _LITERAL.sub(r"\1{", text)
 
 
 def for_gpu(text: str) -> str:
-    """Return a source of the engine as the kernel includes it.
+    """Return a source of the engine in the form that the kernel includes.
 
-    Functions that are not inline in C are not to be so here: else the kernel is one function, and NVRTC takes
+    Functions that are not inline in C are marked as such: else the kernel is one function, and NVRTC takes
     ten times as long.
     """
     return _FUNCTION.sub("static __noinline__ ", as_cpp(text))
@@ -126,16 +126,16 @@ def refused(law: EngineLaw) -> str:
 
 
 def _member(place: tuple[str | int, ...]) -> str:
-    """Name a place in the plant as C does."""
+    """Return the C expression for a place in the plant."""
     return "P->" + "".join(f"[{one}]" if isinstance(one, int) else f".{one}" for one in place)[1:]
 
 
 @functools.cache
 def _laws(kinds: tuple[Record, ...], _functions: Any) -> str:
-    """The C of these laws, which have these Python functions.
+    """Return the C source of laws, given with their Python functions.
 
-    A single law becomes the struct itself: its functions are then known where they are called, and become
-    part of the step.
+    A single law becomes the struct itself: its functions are then known at compile time and inlined into the
+    step.
     """
     made = Translation()
     each = dict.fromkeys(kinds)
@@ -147,7 +147,7 @@ def _laws(kinds: tuple[Record, ...], _functions: Any) -> str:
 
 
 def _one_law(struct: re.Match[str]) -> str:
-    """A struct law whose fields are constants of its type."""
+    """Return the C++ struct of a law whose fields are constants of its type."""
     members = [
         f"    static constexpr {_KINDS.get(name, f'law_{name}_fn *')}{name} = {value};"
         for name, value in _FIELD.findall(struct[0])

@@ -1,8 +1,8 @@
-"""Functions that C calls through a struct of pointers: a friction law, or a user's own hysteresis.
+"""Structs of function pointers in C, made from records in Python: friction laws and a user's own hysteresis.
 
-Each is a kind of record in Python with some functions, its roles. Its parameters reach C as a row of numbers,
-the fields of the record one after the other: truths as 0 or 1, tuples and records inside it by their own
-numbers. What is no number (a text, None) is a constant of the C.
+The record's Python functions (its roles) become the functions of the struct. Its parameters are passed as a
+row of numbers, the fields one after the other: booleans as 0 or 1, tuples and nested records by their
+numbers. Text and None become constants of the C source.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from .translator import BOOL, INT, KEYWORDS, REAL, Array, Record, Translation, T
 
 
 class CallSignature(NamedTuple):
-    """A role as C has it: kinds and names of its values, names of what it writes, and what it returns."""
+    """C signature of a role: types and names of its arguments, names of what it writes, and the type it
+    returns."""
 
     values: tuple[tuple[str, str], ...]
     results: tuple[str, ...]
@@ -42,7 +43,7 @@ class Interface(NamedTuple):
     inputs: Callable[[str], list[tuple[Any, ...]]]
 
     def signature(self, role: str) -> CallSignature:
-        """Return what a role takes after the row of parameters, and what it gives."""
+        """Return the C signature of a role, without the row of parameters."""
         words = [tuple(word.rsplit(" ", 1)) for word in self.arguments[role].split(", ") if word]
         values = tuple((kind, name) for kind, name in words if not name.startswith("*"))
         results = tuple(name[1:] for _, name in words if name.startswith("*"))
@@ -51,7 +52,8 @@ class Interface(NamedTuple):
         )
 
     def packaged(self, classes: list[type]) -> str:
-        """The C of some of the package's records, and the table of them that the library gives."""
+        """Return the C source of some of the package's records, and the table through which the library lists
+        them."""
         made = Translation()
         parts = [self.c_of(made, of_numbers(one)) for one in classes]
         names = "\n".join(f"    &{self.name}_{one.__name__}," for one in classes)
@@ -59,7 +61,7 @@ class Interface(NamedTuple):
         return "\n".join([made.text(), *parts, table])
 
     def c_of(self, made: Translation, kind: Record) -> str:
-        """The C of this kind of record, with its struct.
+        """Return the C source of a record type with its struct.
 
         Raises:
             TranslationError: a function of it is outside the subset that can be translated.
@@ -78,7 +80,8 @@ class Interface(NamedTuple):
         return "\n".join(parts)
 
     def _role_c(self, made: Translation, kind: Record, role: str, function: Any) -> str:
-        """The C function of a role, which makes the record from the row p and calls its translation."""
+        """Return the C function of a role, which makes the record from the row p and calls its
+        translation."""
         name, struct, fill = (
             kind.record_class.__name__,
             made.record(kind),
@@ -111,7 +114,7 @@ def numbers(kind: Any) -> int:
 
 
 def _filled(kind: Any, places: Iterator[int]) -> str:
-    """The C of a record's fields, from the row p."""
+    """Return the C initialiser of a record from the row p."""
     if isinstance(kind, Record):
         return f"{{{', '.join(_filled(inner, places) for _, inner in kind.fields) or '0'}}}"
     if isinstance(kind, Array):
@@ -121,7 +124,7 @@ def _filled(kind: Any, places: Iterator[int]) -> str:
 
 
 def row_of(kind: Any, place: str) -> list[str]:
-    """The C of a row of parameters: the numbers of a record, or of another value of this type, at a place."""
+    """Return the C expressions of a row of parameters: the numbers of the value of this type at a place."""
     if isinstance(kind, Record):
         named = [(f"{name}_" if name in KEYWORDS else name, inner) for name, inner in kind.fields]
         return [text for name, inner in named for text in row_of(inner, f"{place}.{name}")]
@@ -131,7 +134,7 @@ def row_of(kind: Any, place: str) -> list[str]:
 
 
 def row(record: Any) -> list[float]:
-    """A record's parameters as C takes them."""
+    """Return a record's parameters as the row of numbers that C reads."""
     found: list[float] = []
     for name, inner in record_type(record).fields:
         value = getattr(record, name)
@@ -143,5 +146,5 @@ def row(record: Any) -> list[float]:
 
 
 def of_numbers(record_class: type) -> Record:
-    """The type of a record all of whose fields are numbers."""
+    """Return the type of a record all of whose fields are numbers."""
     return Record(record_class, tuple((name, REAL) for name in record_class._fields))  # type: ignore[attr-defined]

@@ -1,9 +1,9 @@
-"""The engine's law for a record: one of the package, or a user's own in the quickest way that there is. A
-piezo model of a user's own is made by the same rules.
+"""Choose how the engine runs a friction law, one of the package or a user's own; a user's piezo model follows
+the same rules.
 
-A user's law runs as compiled C where a C compiler is installed and its functions can be translated; compiled
-by Numba where that is installed; and else as plain Python functions. All three see the same row of numbers
-(see `interface`). Nothing that is compiled is kept on disk: a compiler needs a twentieth of a second.
+A user's law runs as compiled C where a C compiler is installed and its functions can be translated; else
+compiled by Numba where that is installed; else as plain Python functions. All three read the same row of
+numbers (see `interface`). Nothing compiled is kept on disk: a compiler needs a twentieth of a second.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ AGREES = 1e-9
 
 class EngineLaw(NamedTuple):
     """A law of the engine: pointer to its struct, how its functions run ("package", "compiler", "numba" or
-    "python"), and what must live as long as it does."""
+    "python"), and objects that must be kept as long."""
 
     pointer: Any
     how: str
@@ -39,7 +39,7 @@ _MAKING = threading.RLock()
 
 
 def law_of(record: Any, slowest: bool = False, interface: Interface = LAW) -> EngineLaw:
-    """The engine's law for records of this kind.
+    """Return the engine's law for records of this type.
 
     Args:
         record: one with an equation of its own: no composed law, but an element of one.
@@ -78,9 +78,10 @@ def _made(record: Any, kind: Record, slowest: bool, interface: Interface = LAW) 
 
 
 def agrees(pointer: Any, record: Any, interface: Interface = LAW) -> bool:
-    """Return whether a compiled law gives what its Python functions give, where these give numbers.
+    """Return whether a compiled law gives the same values as its Python functions, wherever these give
+    numbers.
 
-    What a translator or a compiler takes to mean something else is not used.
+    A compiled law that does not is not used.
     """
     from ._abi import ffi
 

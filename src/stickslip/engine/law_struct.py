@@ -10,7 +10,8 @@ from .translator import Record
 
 
 def begun(interface: Interface, kind: Record) -> tuple[Any, Any]:
-    """Return a struct without functions, and its name, which must live as long as it does."""
+    """Return an empty C struct for a law of this record type, and the C string of its name, which must be
+    kept as long."""
     made: Any = ffi.new(f"struct {interface.name} *")
     name = ffi.new("char[]", kind.record_class.__name__.encode("ascii", "replace"))
     made.name, made.parameters = name, numbers(kind)

@@ -25,7 +25,7 @@ _STATES = (0.0, 1e-9, 1e-7, 1e-6, 1e-5, 1.0)
 
 
 def functions(law_type: type) -> dict[str, Any]:
-    """The Python function of each role that a law has."""
+    """Return the Python function of each role of a law, by role."""
     made = registered._IMPLEMENTATIONS[law_type]
     found = {role: getattr(made, role) for role in ("rate", "breakaway", "project", "tick")}
     if made.branches:
@@ -35,7 +35,8 @@ def functions(law_type: type) -> dict[str, Any]:
 
 
 def _numbers(kind: Record) -> dict[str, int]:
-    """1 for an element without a kink at v = 0, 0 for a contact; the place of the period of a sampled one."""
+    """Return numbers that a law's struct contains: 1 for an element without a kink at v = 0, 0 for a contact;
+    the index of the period of a sampled element."""
     law = kind.record_class
     period = place_of_period(kind) if "tick" in functions(law) else -1
     return {"smooth": int(registered.is_smooth(law)), "period": period}
@@ -86,26 +87,27 @@ LAW = Interface(
 
 
 def parameters(law: Any) -> list[float]:
-    """The parameters of all elements of a law as C takes them, one after the other."""
+    """Return the parameters of all elements of a law, one after the other, as C reads them."""
     return [
         number for i in range(max(registered.elements(law), 1)) for number in row(registered.element(law, i))
     ]
 
 
 def packaged() -> list[type]:
-    """The laws of the package that have an equation of their own, elements of composed ones among them."""
+    """Return the types of the package's laws that have an equation of their own, elements of composed laws
+    included."""
     own = __name__.split(".")[0]
     found = registered._IMPLEMENTATIONS.items()
     return [law for law, made in found if made.rate is not None and law.__module__.split(".")[0] == own]
 
 
 def header(what: str, name: str, text: str, include: str = "law.h") -> str:
-    """The text of a generated header."""
+    """Return the text of a generated header."""
     return f"{HEAD.format(what=what, guard=name.upper(), include=include)}{text}\n#endif\n"
 
 
 def generated() -> dict[str, str]:
-    """Name and text of the C files that are made from the laws of the package."""
+    """Return name and text of the C files generated from the package's laws."""
     along, force = Translation(), of_numbers(normal_force.NormalForce)
     along.function(normal_force.along, (force, REAL), ("share", "steep", "curved"))
     for function in (normal_force.softening, normal_force.kept, normal_force.leaning):

@@ -1,4 +1,4 @@
-"""The compiled engine, which lies beside this file: built by CMake, opened through cffi."""
+"""Open the compiled engine, a library beside this file, built by CMake and opened through cffi."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from ._abi import ffi
 # Placed there by native/CMakeLists.txt.
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 FILE = Path(__file__).with_name(f"_engine{SUFFIX}")
-# The C that it is made of: a user's law includes it, a GPU compiles it, exported code contains it.
+# Folder of the engine's C sources: a user's law includes them, a GPU compiles them, exported code contains
+# them.
 SOURCES = Path(__file__).with_name("c")
 
 
@@ -22,7 +23,7 @@ class EngineMissingError(ImportError):
 
 @functools.cache
 def library() -> Any:
-    """Open the engine.
+    """Return the engine, opened as a library.
 
     Raises:
         EngineMissingError: it was not built, or it does not fit this machine.

@@ -1,4 +1,4 @@
-"""Many trajectories by the engine, each with numbers, drive and state of its own."""
+"""Integrate many trajectories with the engine, each member with its own numbers, drive and state."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Integers = NDArray[np.int64]
 
 
 class _Structs:
-    """Structs of the engine side by side; one field of all of them is a column."""
+    """An array of structs of the engine, of which one field of all is a column."""
 
     def __init__(self, kind: str, count: int) -> None:
         self.pointer: Any = ffi.new(f"{kind}[]", count)
@@ -28,12 +28,12 @@ class _Structs:
         self._arrays: list[Any] = []  # the engine points into them
 
     def fill(self, like: Any) -> None:
-        """Let all be like this one."""
+        """Copy one struct to all."""
         one: Any = ffi.buffer(like)
         np.frombuffer(self._memory, np.uint8).reshape(self._shape)[:] = np.frombuffer(one, np.uint8)
 
     def put(self, values: Any, dtype: Any, *place: str | int) -> None:
-        """Fill one field of all with these values."""
+        """Set one field of all structs to these values."""
         if self._shape[0] == 0:
             return
         offset = ffi.offsetof(self._kind, *place)
@@ -41,7 +41,7 @@ class _Structs:
         column[:] = values
 
     def point(self, rows: NDArray[Any], which: Integers, *place: str | int) -> None:
-        """Let one field of each point to its row of an array."""
+        """Let a pointer field of each struct point to a row of an array."""
         self._arrays.append(rows)
         self.put(rows.ctypes.data + which * rows.strides[0], np.uintp, *place)
 
@@ -75,11 +75,11 @@ class ComposedMembers:
 
 
 class MemberDrives:
-    """The drive of each member as the engine takes it.
+    """Drives of the members as structs of the engine.
 
     Args:
         drives: see `waveform.members.Drives`.
-        which: the number of each member's drive.
+        which: index of each member's drive.
     """
 
     def __init__(self, drives: Any, which: Integers) -> None:
@@ -118,11 +118,11 @@ def integrate_members(
     times: Array,
     column: int,
 ) -> Followed:
-    """Follow many trajectories, one after the other.
+    """Integrate many trajectories, one after the other.
 
     Args:
         members: the plants.
-        drives: of the members.
+        drives: drive of each member.
         load: normal force over its reference, the same for all.
         outcomes: of each (see `engine.outcome`), in place; members whose outcome is not DONE at the start are
             left out.
@@ -184,7 +184,8 @@ def numbers_of(plant: Any, values: Array) -> Iterator[tuple[tuple[str | int, ...
 
 
 def check_fit(members: ComposedMembers, drives: MemberDrives | None, column: int) -> None:
-    """Raise ValueError where members have not as many drives, if any, or no such state."""
+    """Raise ValueError if the number of drives (if any) is not that of the members, or the state's index is
+    too large."""
     if drives is not None and drives.count != members.count:
         raise ValueError(f"there are {members.count} plants and {drives.count} drives")
     if not 0 <= column < members.states:
@@ -200,7 +201,7 @@ def integers(array: Integers, name: str) -> Any:
 
 
 def _parameters(law: Any, numbers: Iterator[Array], count: int) -> Array:
-    """Parameters of a law as the engine takes them, for each member [members, numbers]."""
+    """Return parameters of a law for each member, [members, numbers], as the engine reads them."""
     given = np.empty((count, sum(1 for _ in numbers_in(law))))
     for place in given.T:
         place[:] = next(numbers)

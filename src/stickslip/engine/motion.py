@@ -80,5 +80,5 @@ def forces_at(law: Any, velocity: Array, states: Array, force: Array) -> None:
 
 
 def _taken(law: Any) -> tuple[EngineLaw, Array]:
-    """The engine's law and the parameters of its elements."""
+    """Return the engine's law and the parameters of its elements."""
     return law_of(element(law, 0)), np.array(parameters(law), dtype=float)

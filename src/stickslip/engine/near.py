@@ -1,4 +1,5 @@
-"""A trajectory with neighbours that take exactly its steps, by the engine: derivatives without noise."""
+"""Integrate a trajectory and slightly different neighbours with identical steps, so that differences give
+derivatives without noise."""
 
 from __future__ import annotations
 
@@ -62,7 +63,7 @@ def integrate_near(
     samples: Array,
     near: Neighbours,
 ) -> tuple[tuple[int, float, int, int], NDArray[np.float64]]:
-    """Follow one trajectory with its neighbours.
+    """Integrate one trajectory with its neighbours.
 
     Args:
         plant, drive, load, q, span, tolerance, max_steps, times, samples: see `binding.integrate`; at least

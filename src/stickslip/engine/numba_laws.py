@@ -18,7 +18,8 @@ _POINTER = "CPointer(float64)"
 
 
 def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any] | None:
-    """A law's struct, and what it needs to live; None without Numba, or where Numba refuses."""
+    """Return the struct of a law compiled by Numba, and objects that must be kept; None without Numba, or
+    where Numba fails."""
     if find_spec("numba") is None:
         return None
     from numba.core.errors import NumbaError
@@ -56,7 +57,7 @@ def _raises(function: Any, seen: set[Any]) -> bool:
 
 
 def _compiled(signature: CallSignature, function: Any, record: Any, kind: Record) -> Any:
-    """One role as a C function, which makes the record from the row of parameters."""
+    """Return one role as a C function, which makes the record from the row of parameters."""
     import numba
 
     values, results, returns = signature
@@ -71,7 +72,7 @@ def _compiled(signature: CallSignature, function: Any, record: Any, kind: Record
 
 
 def _filled(template: Any, kind: Record, places: Iterator[int], known: dict[str, Any]) -> str:
-    """The Python of a record from the row p; what is no number is a constant."""
+    """Return the Python expression of a record from the row p; text and None are constants."""
     name = f"class_{len(known)}"
     known[name] = kind.record_class
     types, parts = dict(kind.fields), []

@@ -37,7 +37,7 @@ class GpuError(RuntimeError):
 
 @functools.cache
 def library() -> Any:
-    """Open NVRTC; None where it is not installed."""
+    """Return NVRTC, opened as a library; None where it is not installed."""
     try:
         found = importlib.util.find_spec(PACKAGE)
     except ModuleNotFoundError:
@@ -91,7 +91,7 @@ def compiled(source: str, headers: dict[str, str], target: str, *options: str) -
 
 
 def _texts(given: Any) -> tuple[Any, list[Any]]:
-    """Texts as C takes them, and what must live as long."""
+    """Return texts as an array of C strings, and objects that must be kept as long."""
     kept = [ffi.new("char[]", one.encode()) for one in given]
     return ffi.new("char *[]", kept), kept
 

@@ -1,4 +1,4 @@
-"""Periodic orbits by the engine, each of a plant with numbers, drive and state of its own."""
+"""Find periodic orbits with the engine, for members with their own numbers, drive and state."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ def find_orbits(
     column: int,
     smooth: bool,
 ) -> Orbits:
-    """Look for the periodic orbits of members, one after the other (see `simulation.periodic`).
+    """Find the periodic orbits of members, one after the other, by the method of `simulation.periodic`.
 
     Args:
         members: the plants.
-        drives: of the members.
+        drives: drive of each member.
         load: normal force over its reference, the same for all.
         outcomes: of each, in place: DONE, NOT_FOUND, or why the motion could not be
             followed; members whose outcome is not DONE at the start are left out.

@@ -18,11 +18,11 @@ def largest(plant: Any) -> dict[str, int]:
 
 
 def sizes(plant: Any, suffix: str) -> dict[str, str]:
-    """Return the macros for plants of this layout: what all of them have in common is known to the compiler.
+    """Return macros (name to value) that tell the C compiler what all plants of this layout have in common.
 
     Args:
         plant: one of them.
-        suffix: of the names of this size's functions.
+        suffix: suffix of the names of functions compiled with these macros.
     """
     modes, states = len(plant.modes), {elements(one.law) for one in plant.elements}
     statics = sum("breakaway" in functions(type(element(one.law, 0))) for one in plant.elements)

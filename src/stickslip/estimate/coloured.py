@@ -165,7 +165,8 @@ def _walk(pieces: Sequence[Array]) -> float:
 
 
 def _without_walk(r: Array, ratio: float) -> Array:
-    """Return the residuals without their most likely random walk."""
+    """Return the residuals r without their most likely random walk; `ratio` is the variance of its increments
+    over that of the white noise."""
     # Solves (1/ratio) D'D x + x = r, where D takes differences.
     band = np.full((2, r.size), -1.0 / ratio)
     band[0] = 1.0 + 2.0 / ratio

@@ -29,7 +29,7 @@ def walk_and_white(
 ) -> Callable[[float], tuple[float, float]]:
     """Return a function of the log ratio of random-walk variance (per sample) to white-noise variance.
 
-    The function returns minus twice the log-likelihood of that ratio, and the variance of the white noise.
+    The function returns minus twice the log-likelihood of this ratio, and the variance of the white noise.
     The differences of walk plus white noise are a moving average: their covariance is tridiagonal, with sines
     as eigenvectors.
 
@@ -106,7 +106,8 @@ class Drift(NamedTuple):
 
 
 def said_drift(slope: float, error: float, unit: str) -> str:
-    """Return a sentence part with the drift rate of a channel and its standard error."""
+    """Return a sentence part with the drift rate of a channel and its standard error, in `unit` per
+    second."""
     rate, known_to = (with_prefix(x, f"{unit}/s", 3) for x in (slope, error))
     return f"drifts by {rate} (standard error {known_to})"
 

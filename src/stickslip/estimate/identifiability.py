@@ -33,7 +33,8 @@ def loosest(fit: Fit, apart: Collection[str]) -> str | None:
 
 
 def _wider(fit: Fit, ratio: float, share: float) -> list[str]:
-    """Return the parameters whose 95 % interval exceeds a ratio of its ends, or a share of its range."""
+    """Return the names of parameters whose 95 % interval has ends of a ratio above `ratio`, or covers more
+    than `share` of the range."""
     found, intervals = [], fit.confidence_intervals()
     for p in fit.parameters:
         low, high = intervals[p.name]

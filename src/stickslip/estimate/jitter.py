@@ -22,7 +22,7 @@ QUIET, BESIDE, FAR = 1.4, 5, 30.0
 # number, doubled because neighbours share samples.
 GAINED = 50.0
 # Correlated share of the squares, between neighbours or between periods, above which the scatter is not
-# jitter; and the standard errors of that share.
+# jitter; and the standard errors of the share.
 COMMON, ERRORS = 0.3, 3.0
 # Fewest samples in which the jitter is as large as the noise.
 FEWEST = 12

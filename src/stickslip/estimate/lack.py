@@ -10,7 +10,7 @@ There are up to five tests, each if a recording allows it:
 * the same samples: the largest change of the level in motion between neighbouring groups of samples, as a
   wrong slip causes it, against the changes at rest;
 * periods of the drive: the part that repeats is model error, the part that does not is noise. The power of
-  the mean over the periods is compared with that of the scatter about it, at each frequency.
+  the mean over the periods is compared with the power of the scatter about it, at each frequency.
 
 Correlated noise has fewer independent samples (`independent`).
 """
@@ -287,7 +287,7 @@ def _by_levels(r: Array, known: KnownNoise) -> _Compared | None:
 
 
 def _of_largest_change(r: Array, n: int, m: int, noise: float) -> float:
-    """Return the probability that, at rest, the mean level of m samples changes as much within 2 m samples as
+    """Return the probability that the mean level of m samples changes as much within 2 m samples at rest as
     it does in motion. It is estimated from n samples at rest, or from white noise of this variance if that is
     larger."""
     level = np.convolve(r, np.full(m, 1.0 / m), mode="valid")

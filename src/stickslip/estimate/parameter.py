@@ -29,7 +29,7 @@ class Parameter(NamedTuple):
     (`power` 1) or its inverse (-1): if the data are closer to linear in that, the minimum is less curved.
 
     `prior` is independent knowledge: value and standard deviation, in its unit. In the coordinate
-    that is fitted it is a normal distribution of that width.
+    that is fitted it is a normal distribution of this width.
 
     With `limits` (those of the law), `lower` and `upper` are only the first search range. A search that ends
     at one of them continues beyond it, and no interval ends there. With `log` and a `shift`, the logarithm of

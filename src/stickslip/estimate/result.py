@@ -319,7 +319,7 @@ class Fit:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Return sentences on the reasons not to trust the values; empty if there are none."""
+        """Return sentences on the reasons not to trust the values; empty if they can be trusted."""
         found = [one.sentence for one in self.lack if one.seen]
         if self.r_squared < 0.0:
             found.append(f"the fit is worse than a constant: r^2 = {self.r_squared:.3g}")

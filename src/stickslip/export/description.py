@@ -25,13 +25,13 @@ _BASE = {
 def model_description(
     version: int, identifier: str, token: str, title: str, made: str, found: list[ModelVariable], step: float
 ) -> str:
-    """The text of modelDescription.xml.
+    """Return the text of modelDescription.xml.
 
     Args:
         version: of FMI, 2 or 3.
         identifier: name of the binary and of the model in C.
-        token: that the importer hands back.
-        title: what the model is, in one line.
+        token: GUID that the importer must return.
+        title: description of the model in one line.
         made: date and time, ISO 8601 with Z.
         found: all variables.
         step: s, of the default experiment.
@@ -86,12 +86,12 @@ def model_description(
 
 
 def sources(version: int) -> tuple[str, ...]:
-    """The C files that are compiled."""
+    """Return the names of the C files that are compiled for a version of FMI."""
     return ("stickslip.c", "stickslip_parameters.c", f"fmi{version}.c")
 
 
 def build_description(identifier: str) -> str:
-    """sources/buildDescription.xml of FMI 3.0."""
+    """Return the text of sources/buildDescription.xml of FMI 3.0."""
     root = xml.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     build = xml.SubElement(root, "BuildConfiguration", {"modelIdentifier": identifier})
     files = xml.SubElement(build, "SourceFileSet", {"language": "C99"})
@@ -111,7 +111,7 @@ def _units(root: xml.Element, found: list[ModelVariable]) -> None:
 
 
 def _number(value: float) -> str:
-    """A number as XML takes it everywhere: infinity as the largest double."""
+    """Return a number as XML text; infinity becomes the largest double."""
     return repr(math.copysign(sys.float_info.max, value)) if math.isinf(value) else repr(float(value))
 
 

@@ -49,7 +49,7 @@ _SAME = ("OF(name)", "WATCHED(test)")
 
 
 class SignalChain(NamedTuple):
-    """Parts between a program and the actuator; each may be missing."""
+    """Parts between a program and the actuator (amplifier, capacitance, sensor); each may be missing."""
 
     amplifier: Amplifier | None = None
     capacitance: float | None = None  # F, of the piezo; with the amplifier
@@ -57,10 +57,13 @@ class SignalChain(NamedTuple):
 
 
 def equations(model: Any, chain: SignalChain, step: float, any_layout: bool) -> str:
-    """The text of stickslip_equations.h, without its first comment, for steps of `step` [s].
+    """Return the text of stickslip_equations.h, without its first comment.
 
     Args:
-        any_layout: whether parameters may change what moves, unless the code is compiled otherwise.
+        model: actuator or pulled slider.
+        chain: amplifier and sensor.
+        step: s.
+        any_layout: whether parameters may change which parts move, unless the code is compiled otherwise.
 
     Raises:
         TranslationError: a function of the law is outside the subset that can be translated.
@@ -104,7 +107,7 @@ _HEAD = """#ifndef STICKSLIP_EQUATIONS_H
 
 
 def _law(made: Translation, law: Any) -> list[str]:
-    """The friction law as the engine takes it, and the numbers of each of its elements."""
+    """Return C lines with the friction law in the engine's form and the numbers of each of its elements."""
     name, kind, one = type(law).__name__, record_type(law), element(law, 0)
     inner, count = record_type(one), elements(law)
     whole, static = _implementation(law), "breakaway" in functions(type(one))
@@ -141,7 +144,7 @@ def _calls(head: str, arguments: str, body: str) -> str:
 
 
 def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
-    """Amplifier and sensor, as far as there are any."""
+    """Return C lines of the amplifier and the sensor, if there are any."""
     kind = record_type(chain)
     if not kind.fields:
         struct = "typedef struct { char unused; } stickslip_signal_chain;"
@@ -193,7 +196,7 @@ def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
 
 
 def room(model: Any) -> dict[str, Any]:
-    """The engine's room for the model in each layout that its parameters can give it."""
+    """Return the engine's array sizes for the model in each layout that its parameters allow."""
     port, law = getattr(model, "two_port", None), model.friction
     further = getattr(model, "further_modes", None)
     modes = 2 + (len(further.gain) if further is not None else 0)
@@ -207,8 +210,8 @@ def room(model: Any) -> dict[str, Any]:
 
 
 def layout(model: Any) -> str:
-    """The text of stickslip_layout.h: the engine's sizes for the layout of this model, and those for any that
-    its parameters can give it."""
+    """Return the text of stickslip_layout.h: the engine's sizes for this model's layout, and for any layout
+    that its parameters allow."""
     fixed = sizes(system(model).plant, "stickslip")
     free = {name: fixed[name] for name in _SAME}
     any_plant, this_plant = (
@@ -222,7 +225,7 @@ def layout(model: Any) -> str:
 
 
 def _limits(kind: Record) -> str:
-    """The limits of the input; without end where the model has none."""
+    """Return the limits of the input as C text; infinite where the model has none."""
     lines = []
     for end, field, none in (("low", "min_voltage", "-INFINITY"), ("high", "max_voltage", "INFINITY")):
         has = field in dict(kind.fields)
@@ -232,7 +235,7 @@ def _limits(kind: Record) -> str:
 
 
 def _checks(made: Translation, owner: str, kind: Record) -> list[str]:
-    """Lines that return what is wrong with a record's values: ranges, then how they fit each other."""
+    """Return C lines that return an error for a record's values: first their ranges, then their relations."""
     lines, specs = [], quantities(kind.record_class)
     arrow = "->" if "->" not in owner and "." not in owner else "."
     for name, inner in kind.fields:
@@ -261,7 +264,7 @@ def _checks(made: Translation, owner: str, kind: Record) -> list[str]:
 
 
 def _allowed(spec: Quantity, field: str) -> str:
-    """The range of a field as a condition, false for NaN; infinity only where it is a limit itself."""
+    """Return the range of a field as a C condition, false for NaN; infinity is allowed only as a limit."""
     parts = []
     for sign, limit in ((">=", spec.minimum), (">", spec.above), ("<=", spec.maximum), ("<", spec.below)):
         if limit is not None:

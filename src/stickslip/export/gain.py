@@ -1,4 +1,5 @@
-"""The observer's gain: of the Kalman filters of the contact's states, the one that serves all of them."""
+"""Compute the observer's gain: among the Kalman filters for the states of the contact, the one that is best
+in the worst state."""
 
 from __future__ import annotations
 
@@ -12,12 +13,14 @@ from ..friction import elements
 from .linear import Method, S, W, X, Y, Z, contacts
 
 Matrix = NDArray[np.float64]
-# By how much an error grows in a step where the contact does not stay: where friction falls with the speed.
+# Largest growth of an error in one step in a state through which the contact only passes, where friction
+# falls with speed.
 _RUNS_AWAY = 1.001
-# By how much one part of an error may throw up another in a step: beyond, the rounding of a float does.
+# Largest amplification of one part of an error into another in a step; beyond it the rounding of a float
+# dominates.
 _HELD = 2.0**24
-# Shares of an error by which the end-effector's position, and over the step its velocity, are corrected
-# alone: of steps longer than a period of stage and contact, after which a deflection is forgotten.
+# Pairs of shares of an error by which the position of the end-effector, and its velocity over the step, are
+# corrected alone: for steps longer than a period of stage and contact, after which a deflection has decayed.
 _SHARES = ((1.0, 0.0), (1.0, 0.01), (1.0, 0.1), (1.0, 0.5), (0.3, 0.03), (0.1, 0.003))
 # Number of doublings for 2^36 steps: an error that falls by less than a part in 1e10 a step
 # counts as growing.
@@ -95,10 +98,10 @@ def _of(matrices: Matrix, parts: list[int]) -> Matrix:
     return matrices[..., parts, :][..., parts]
 
 
-@np.errstate(all="ignore")  # what grows is given up, and said
+@np.errstate(all="ignore")  # gains with growing errors are rejected
 def kalman_gains(steps: Matrix, seen: Matrix, noises: Matrix) -> Matrix:
-    """The gains of the Kalman filters of some parts of the state, shape (states, parts); NaN where the others
-    leave none.
+    """Return the gains of the Kalman filters of some parts of the state, shape (states, parts); NaN where the
+    others leave none.
 
     Solves the Riccati equations :math:`P = A P A^T - A P c^T (c P c^T + 1)^{-1} c P A^T + Q` of all states at
     once by the structure-preserving doubling algorithm [chu2004].
@@ -145,8 +148,8 @@ def _solved(left: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
 
 @np.errstate(all="ignore")
 def stationary_errors(steps: Matrix, seen: Matrix, noises: Matrix, gains: Matrix) -> Matrix:
-    r"""Standard deviations of the corrected position over that of a measured one, of each gain in each state,
-    shape (gains, states); infinite where the error grows.
+    r"""Return the standard deviation of the corrected position relative to that of a measured one, for each
+    gain in each state, shape (gains, states); infinite where the error grows.
 
     The sum :math:`P = \sum_k A^k Q (A^k)^T` by doubling the number of its terms [smith1968]: all of them are
     positive semi-definite, so that no rounding is blown up by a system of equations.

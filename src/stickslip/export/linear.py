@@ -1,4 +1,5 @@
-"""The motion over a step about a state of the contact, as a matrix: what becomes of a small error."""
+"""Linearise the motion over one step about a state of the contact: the matrix that propagates a small
+error."""
 
 from __future__ import annotations
 
@@ -13,10 +14,10 @@ from ..simulation.models import mechanism, stage_mode
 
 Matrix = NDArray[np.float64]
 
-# Order of a state: position and velocity of the stage (of its first mode) and of the end-effector, the
-# bristles as one, then position and velocity of each further mode of the stage.
+# Order of the state: position and velocity of the stage (first mode) and of the end-effector, the bristles as
+# one, then position and velocity of each further mode of the stage.
 Y, W, X, S, Z, MORE = range(6)
-# In how many times that a bristle relaxes a step is taken to lie at most: beyond, it is at its equilibrium.
+# Largest ratio of a step to the relaxation time of a bristle; beyond it the bristle is at its equilibrium.
 _FASTEST = 1e4
 
 
@@ -34,7 +35,7 @@ class ContactSlopes(NamedTuple):
 
 
 class Method:
-    """The motion of stage, end-effector and bristle over a step, linear about a state of the contact.
+    """Linearised motion of stage, end-effector and bristle over a step, about a state of the contact.
 
     Args:
         model: actuator or pulled slider.
@@ -57,7 +58,7 @@ class Method:
             mode = stage_mode(gain, omega, zeta)
             a[row, row + 1], a[row + 1, row], a[row + 1, row + 1] = 1.0, -mode.stiffness, -mode.damping
             push[row + 1] = -1.0 / mass if mech.reaction else 0.0
-        # A force that is not known acts on each body: shape (size, 2), of the stage and of the end-effector.
+        # An unknown force acts on each body: shape (size, 2), of the stage and of the end-effector.
         self.forces = np.zeros((self.size, 2))
         self.forces[[i + 1 for i in self.stage], 0] = [abs(push[i + 1]) or mech.mobility for i in self.stage]
         self.forces[S, 1] = mech.mobility
@@ -85,13 +86,13 @@ class Method:
 
 
 def contacts(law: Any, h: float, mobility: float) -> tuple[list[ContactSlopes], float]:
-    """In which states a contact can be: sticking at some deflections, sliding at some speeds; and about the
-    force that it holds, N.
+    """Return the states in which a contact can be (sticking at some deflections, sliding at some speeds), and
+    the force that it can hold, N.
 
     Args:
-        law: of friction.
+        law: friction law.
         h: s, the step.
-        mobility: 1/kg, what the force does to the sliding velocity.
+        mobility: 1/kg, change of the sliding acceleration per force.
     """
     parts = [element(law, i) for i in range(max(elements(law), 1))]
     if elements(law) == 0:
@@ -117,7 +118,7 @@ def contacts(law: Any, h: float, mobility: float) -> tuple[list[ContactSlopes], 
 
 
 def _still(one: Any, v: float) -> float:
-    """The deflection at which sliding at v [m/s] leaves the bristle, m."""
+    """Return the deflection at which sliding at v [m/s] leaves the bristle unchanged, m."""
     low, high = 0.0, 1.0
     for _ in range(60):
         middle = 0.5 * (low + high)

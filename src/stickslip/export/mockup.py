@@ -134,7 +134,7 @@ def export_fmu(
 
 
 def _compile(compiler: str, root: Path, fmi: int, identifier: str) -> None:
-    """The shared library for 64-bit Linux."""
+    """Compile the sources to a shared library for 64-bit Linux."""
     target = root / "binaries" / _BINARIES[fmi]
     target.mkdir(parents=True)
     command = [

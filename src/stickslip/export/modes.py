@@ -1,4 +1,5 @@
-"""Further modes of the stage in C: their numbers are translated, the engine's plant holds them."""
+"""Write the further modes of the stage in C: their numbers are translated, the engine's plant contains
+them."""
 
 from __future__ import annotations
 

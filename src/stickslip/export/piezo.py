@@ -1,7 +1,8 @@
-"""Hysteresis and creep in C: loops over the functions of `stickslip.physics.piezo`, which are translated.
+"""Write hysteresis and creep in C: loops over the functions of `stickslip.physics.piezo`, which are
+translated.
 
-Within a step the voltage goes along a line, and so does what comes out of the hysteresis, but for corners
-within the step; creep is exact for that. The stops of a two-port are an element of the engine's plant.
+Within a step the voltage is linear in time, and so is the output of the hysteresis between its corners; creep
+is exact for such an input. The stops of a two-port are an element of the engine's plant.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from ..simulation.two_port import PER_VOLT
 
 
 def refused(piezo: Piezo | None) -> str:
-    """Why a piezo cannot be exported; empty if it can."""
+    """Return why a piezo cannot be exported; an empty text if it can."""
     if piezo is None:
         return ""
     hystereses = PrandtlIshlinskii | BoucWen | MaxwellCapacitor
@@ -78,12 +79,12 @@ def _states(hysteresis: object) -> int:
 
 
 def felt(gain, stage_mass, natural_frequency, capacitance):  # type: ignore[no-untyped-def]
-    """T/C_0: by how many volts the stops of a two-port feel a metre of the stage."""
+    """Return T/C_0, V/m: the voltage at the stops of a two-port per displacement of the stage."""
     return gain * stage_mass * natural_frequency**2 / capacitance
 
 
 def two_port_c(made: Translation, model: Any) -> list[str]:
-    """The stops of a two-port, of a model that has one."""
+    """Return C lines for the stops of a two-port, if the model has one."""
     port = getattr(model, "two_port", None)
     if port is None:
         return []
@@ -126,7 +127,7 @@ def two_port_c(made: Translation, model: Any) -> list[str]:
 
 
 def two_port_checks(model: Any) -> list[str]:
-    """Lines of C that return what is wrong with the order of a two-port's elements."""
+    """Return C lines that report a wrong order of a two-port's elements."""
     port = getattr(model, "two_port", None)
     of = "model->piezo.hysteresis"
     said = "MaxwellCapacitor: the charges at which the elements slip must ascend"

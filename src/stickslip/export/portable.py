@@ -32,9 +32,10 @@ from .values import parameters_c, plain
 from .writing import whole
 
 C = Path(__file__).parent / "c"
-# Hz, of an amplifier of which only the slew rate is known.
+# Bandwidth of an amplifier of which only the slew rate is known, Hz.
 AT_ONCE = 1e7
-# Part of a period in which the default sawtooth of a model that cannot jump falls: 0.4 ms, 20 default steps.
+# Part of a period in which the default sawtooth falls, for a model that cannot follow a jump: 0.4 ms, 20
+# default steps.
 FALL = 0.002
 CORE = ("stickslip.c", "stickslip.h", "stickslip_follow.h", "stickslip_player.h")
 _INCLUDED = re.compile(r'^#include "(?:engine/)?([^"]+)"', re.MULTILINE)
@@ -132,7 +133,15 @@ def export_c(
 def core_files(
     found: Exported, chain: SignalChain, h: float, noise: float, any_layout: bool = False
 ) -> dict[str, str]:
-    """Name and text of the C files that every export has."""
+    """Return name and text of the C files that every export contains.
+
+    Args:
+        found: the model with the sources of its values.
+        chain: amplifier and sensor.
+        h: s, the step.
+        noise: m, standard deviation of a measured position.
+        any_layout: as for `equations.equations`.
+    """
     head = heading(found)
     files = {name: (C / name).read_text(encoding="utf-8") for name in CORE}
     files["stickslip_layout.h"] = head + layout(found.model)
@@ -144,7 +153,7 @@ def core_files(
 
 
 def _engine(*texts: str) -> dict[str, str]:
-    """The engine's own source, as far as these texts include it."""
+    """Return name and text of those engine sources that the given texts include."""
     found: dict[str, str] = {}
     names = {name for text in texts for name in _INCLUDED.findall(text) if (SOURCES / name).exists()}
     while names := names - found.keys():
@@ -154,7 +163,8 @@ def _engine(*texts: str) -> dict[str, str]:
 
 
 def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
-    """Return the observer's gain; raises ExportError if none is possible."""
+    """Return the observer's gain for a step h [s] and the standard deviation `noise` [m] of a measured
+    position; raises ExportError if no gain is possible."""
     does, why = None, "none is stable"
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
@@ -179,7 +189,7 @@ def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
 
 
 def heading(found: Exported) -> str:
-    """The first comment of a generated file."""
+    """Return the first comment of a generated file."""
     keys = ", ".join(found.model.citation_keys) or "none"
     model, law = type(found.model).__name__, type(found.model.friction).__name__
     rotary = getattr(found.model, "rotary", False)
@@ -195,7 +205,7 @@ def heading(found: Exported) -> str:
 
 
 def checked_step(step: float | str) -> float:
-    """The step in s; raises QuantityError if it is out of range."""
+    """Return the step in s; raises QuantityError if it is out of range."""
     h = to_si(step, "s", "step")
     if not 1e-9 <= h <= 1.0:
         raise QuantityError(f"step = {h:g} s is out of range: it must be >= 1e-09 s and <= 1 s")
@@ -203,7 +213,8 @@ def checked_step(step: float | str) -> float:
 
 
 def checked_noise(noise: float | str, model: Any) -> float:
-    """The noise of a sample in m (rad); raises QuantityError if it is out of range."""
+    """Return the standard deviation of a sample's noise in m (rad); raises QuantityError if it is out of
+    range."""
     unit = unit_for(model, "m")
     found = to_si(noise, unit, "measurement_noise")
     if not 0.0 < found < math.inf:
@@ -248,7 +259,7 @@ def signal_chain(
 
 
 def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform:
-    """A sawtooth that the model can take, before the amplifier if there is one."""
+    """Return a sawtooth within the limits of the model, as the input of the amplifier if there is one."""
     if not isinstance(model, Actuator):
         return Sawtooth(1e-4, 1.0, periods=4, unit="m")
     if amplifier is not None:
@@ -258,8 +269,8 @@ def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform
 
 
 def _default_motion(model: Actuator, h: float) -> Waveform:
-    """A sine of a tenth of what the default waveform moves, from rest about its middle; of about 10 Hz: a
-    period is of whole steps of h [s], so that the table of one plays all."""
+    """Return a sine of about 10 Hz and a tenth of the default waveform's displacement, from rest about its
+    middle. Its period is a whole number of steps h [s], so that one table repeats it."""
     reach = 0.1 * abs(model.gain) * min(65.0, model.max_voltage)
     middle = 5.0 * reach + model.gain * max(0.0, model.min_voltage)
     period = max(round(0.1 / h), 20) * h
@@ -271,7 +282,7 @@ def repr_of(waveform: Waveform) -> str:
 
 
 def write_files(folder: Path, files: dict[str, str]) -> None:
-    """Write them all."""
+    """Write files, given as name and text, to a folder."""
     for name, text in files.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="ascii")

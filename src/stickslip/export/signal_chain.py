@@ -10,17 +10,18 @@ import math
 
 
 def amplifier_settled(amplifier, wanted):
-    """Output at a constant input."""
+    """Return the output of the amplifier at a constant input, V."""
     return min(max(amplifier.gain * wanted + amplifier.offset, amplifier.low), amplifier.high)
 
 
 def amplifier_input(amplifier, output):
-    """The constant input at which it comes to an output within its range."""
+    """Return the constant input that settles at an output within the amplifier's range, V."""
     return (output - amplifier.offset) / amplifier.gain
 
 
 def amplifier_after(amplifier, capacitance, wanted, now, h):
-    """Output after h seconds: a ramp at the slew rate, then an exponential towards the target."""
+    """Return the output after h seconds, V: a ramp at the slew rate, then an exponential towards the
+    target."""
     target = amplifier_settled(amplifier, wanted)
     tau = 0.5 / (math.pi * amplifier.bandwidth) + amplifier.output_resistance * capacitance
     slew = min(amplifier.slew_rate, amplifier.max_current / capacitance)
@@ -33,7 +34,7 @@ def amplifier_after(amplifier, capacitance, wanted, now, h):
 
 
 def sensor_after(sensor, position, now, h):
-    """The position as a sensor of one pole sees it after h seconds."""
+    """Return the position after h seconds as a sensor of one pole measures it, m."""
     if math.isinf(sensor.bandwidth):
         return position
     return position + (now - position) * math.exp(-2.0 * math.pi * sensor.bandwidth * h)

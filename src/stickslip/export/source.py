@@ -24,8 +24,8 @@ class ExportError(ValueError):
 
 
 class Exported(NamedTuple):
-    """A model, the source of its values by field ("friction.sigma_0" for those of the law), and the chain to
-    its position channel, where the recordings that it is from have shown one."""
+    """A model to export, the source of each value by field ("friction.sigma_0" for those of the law), and the
+    signal chain of the position channel, if recordings determined one."""
 
     model: Any
     sources: dict[str, str]
@@ -33,10 +33,10 @@ class Exported(NamedTuple):
 
 
 def exported(source: Any) -> Exported:
-    """The model of a parameter set (its name or file), results.json, `Fit`, or of itself.
+    """Return the model to export from a parameter set (its name or file), a results.json, a `Fit` or a model.
 
     Raises:
-        ExportError: it has no actuator, or is nothing of these.
+        ExportError: the source has no actuator, or is of another kind.
         ParameterSetError, QuantityError: a file is missing or wrong.
     """
     model = getattr(source, "model", source)
@@ -71,7 +71,7 @@ def exported(source: Any) -> Exported:
 
 
 def _refuse(model: Any) -> None:
-    """Raise ExportError for what exported code has not."""
+    """Raise ExportError for a model with parts that exported code does not support."""
     said = refused(getattr(model, "piezo", None))
     if not said and getattr(model, "normal_force", None) is not None:
         said = "a normal force along the stroke is not part of exported code: set normal_force to None"
@@ -80,7 +80,7 @@ def _refuse(model: Any) -> None:
 
 
 def _of_results(file: Path) -> Exported:
-    """The actuator that ``stickslip identify`` wrote into a results.json."""
+    """Return the actuator that ``stickslip identify`` wrote into a results.json."""
     try:
         numbers = results_numbers(file)
         found = numbers["model"]
@@ -139,7 +139,8 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def exported_values(model: Any) -> dict[str, Any]:
-    """The numbers of a model by field; as "friction.sigma_0" those of its law, as "piezo.creep.shares" ..."""
+    """Return the numbers of a model by field, such as "friction.sigma_0" for those of its law, and
+    "piezo.creep.shares"."""
     found = {}
     for name, value in model._asdict().items():
         if hasattr(value, "_fields"):
@@ -150,7 +151,7 @@ def exported_values(model: Any) -> dict[str, Any]:
 
 
 def meaning(model: Any, name: str) -> tuple[str, str, str]:
-    """Unit, symbol and meaning of a value that `exported_values` names."""
+    """Return unit, symbol and meaning of a value that `exported_values` names."""
     path, _, field = name.rpartition(".")
     owner = model
     for part in path.split(".") if path else ():

@@ -1,4 +1,4 @@
-"""A waveform as a table of straight lines of whole steps: what a timer interrupt plays."""
+"""Approximate a waveform by straight lines of whole steps, which a timer interrupt can play."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SHORT, _AT_ONCE, _LONG = 64, 4096, 65536
 
 
 class TableLine(NamedTuple):
-    """So many steps from one value to another."""
+    """A straight line from one value to another over a number of steps."""
 
     steps: int
     begin: float
@@ -30,7 +30,7 @@ class TableLine(NamedTuple):
 
 
 class Played(NamedTuple):
-    """The lines of one period (of everything, without one) and how often they are played."""
+    """The lines of one period (of the whole duration, if not periodic), and the number of repeats."""
 
     lines: list[TableLine]
     repeats: int
@@ -39,14 +39,21 @@ class Played(NamedTuple):
 
     @property
     def steps(self) -> int:
-        """Number of steps of all repeats."""
+        """Return the number of steps of all repeats."""
         return self.repeats * sum(line.steps for line in self.lines)
 
 
 def played(
     waveform: Waveform, h: float, duration: float | None, tolerance: float = 1e-5, name: str = "waveform"
 ) -> Played:
-    """The waveform in steps of h [s]; lines are off by at most `tolerance` of its range; `name` is in errors.
+    """Return the waveform as lines over whole steps.
+
+    Args:
+        waveform: the drive signal.
+        h: s, the step.
+        duration: s; None: that of the waveform.
+        tolerance: largest error, relative to the waveform's range.
+        name: name of the waveform in errors.
 
     Raises:
         QuantityError: no duration, or too many steps or lines for a table.
@@ -130,7 +137,7 @@ def _lines(begin: NDArray[Any], end: NDArray[Any], tolerance: float) -> list[Tab
 
 
 def _short(steps: _Steps, first: int, starts: int, most: int, tolerance: float) -> list[int]:
-    """From each of so many steps on, how long a line can be; 0 if that may be above `most`."""
+    """Return the possible length of a line from each of some consecutive steps; 0 if it may exceed `most`."""
     end, over, under = (sliding_window_view(part, most)[first : first + starts] for part in steps[1:])
     low, high = np.full(starts, -np.inf), np.full(starts, np.inf)
     begin = steps.begin[first : first + starts, None]
@@ -139,7 +146,8 @@ def _short(steps: _Steps, first: int, starts: int, most: int, tolerance: float) 
 
 
 def _longest(steps: _Steps, first: int, likely: int, tolerance: float) -> int:
-    """How long a line from one step on can be; in parts, the first of which is as long as `likely`."""
+    """Return the possible length of a line from one step on; searched in parts, the first as long as
+    `likely`."""
     length, done, part = 1, 0, max(likely, _SHORT)
     low, high = np.float64(-np.inf), np.float64(np.inf)
     while low <= high and first + done < steps.begin.size:
@@ -155,11 +163,12 @@ def _longest(steps: _Steps, first: int, likely: int, tolerance: float) -> int:
 def _fitting(
     begin: Any, end: Any, over: Any, under: Any, done: int, low: Any, high: Any, tolerance: float
 ) -> tuple[Any, Any, Any]:
-    """Whether a line from `begin` to the end of each step of the last axis is near to all between; `done`
-    steps lie before, which leave slopes from `low` to `high` per step. And the slopes left in the end.
+    """Return whether lines from `begin` to the end of each step (last axis) stay near all values between, and
+    the remaining range of slopes.
 
     The cone of the slopes that pass all values so far within the tolerance [sklansky1980]; a line ends in a
-    value of the waveform, and the slope to it must lie in the cone of those before.
+    value of the waveform, and its slope must lie in the cone of the values before. `done` steps precede,
+    which allow slopes from `low` to `high` per step.
     """
     count = np.arange(done + 1, done + 1 + end.shape[-1])
     lows, highs = (over - begin - tolerance) / count, (under - begin + tolerance) / count
@@ -175,7 +184,7 @@ def _fitting(
 
 
 def table_h(name: str, what: str, table: Played, h: float) -> str:
-    """A header with the table."""
+    """Return a C header with the table."""
     rows = ",\n".join(f"    {{{line.steps}L, {real(line.begin)}, {real(line.end)}}}" for line in table.lines)
     upper = name.upper()
     return (

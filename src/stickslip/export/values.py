@@ -13,7 +13,7 @@ from .source import Exported, exported_values, meaning
 
 
 def parameters_c(found: Exported, chain: SignalChain, gain: NDArray[Any]) -> str:
-    """The text of stickslip_parameters.c, without its first comment."""
+    """Return the text of stickslip_parameters.c, without its first comment."""
     lines = []
     for name, value in exported_values(found.model).items():
         unit, symbol, words = meaning(found.model, name)
@@ -58,6 +58,6 @@ _SPELLED = str.maketrans({
 
 
 def plain(text: str) -> str:
-    """The text in ASCII, safe inside a C comment."""
+    """Return the text in ASCII, safe inside a C comment."""
     ascii_text = text.translate(_SPELLED).encode("ascii", "replace").decode()
     return " ".join(ascii_text.replace("*/", "* /").replace("/*", "/ *").split())

@@ -50,7 +50,16 @@ _INPUTS, _FIRST_OUTPUT, _FIRST_PARAMETER = 1, 100, 1000
 def variables(
     found: Exported, chain: SignalChain, mode: Mode, step: float, rest: float
 ) -> list[ModelVariable]:
-    """All variables of a mode; references 1.. are inputs, 100.. outputs, 1000.. parameters."""
+    """Return all variables of a mode; value references from 1 are inputs, from 100 outputs, from 1000
+    parameters.
+
+    Args:
+        found: the model with the sources of its values.
+        chain: amplifier and sensor.
+        mode: plant, observer or feedforward.
+        step: s, the internal step.
+        rest: V, input at rest.
+    """
     made = [*_inputs(found.model, mode, step, rest), *_outputs(found.model, chain, mode)]
     # The gain of an observer is for its step, which therefore cannot be set.
     made += [one for one in _parameters(found, step) if mode != "observer" or one.name != "step"]
@@ -126,7 +135,8 @@ def _parameters(found: Exported, step: float) -> list[ModelVariable]:
 
 
 def variables_h(found: list[ModelVariable], mode: Mode, token: str, step: float, rest: float) -> str:
-    """The text of fmi_variables.h."""
+    """Return the text of fmi_variables.h for these variables; `step` is the internal step [s], `rest` the
+    input at rest [V]."""
     accessors = []
     for kind, boolean in (("real", False), ("boolean", True)):
         c_type = "bool" if boolean else "real_t"

@@ -1,4 +1,4 @@
-"""A folder that appears whole or not at all."""
+"""Write a folder that appears complete or not at all."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .source import ExportError
 
 @contextmanager
 def whole(out: str | os.PathLike[str]) -> Iterator[Path]:
-    """A new folder to write into, which becomes `out` at the end, or nothing if something goes wrong.
+    """Yield a new folder to write into, which becomes `out` at the end; it is removed if an error occurs.
 
     Raises:
         ExportError: `out` is no path, exists already, or cannot be made.

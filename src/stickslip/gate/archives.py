@@ -17,7 +17,7 @@ _PACKED = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # as NumPy packs; others r
 
 
 class _Table(io.FileIO):
-    """A file of which no more than a table of contents of the largest size is read at once."""
+    """Reader of a file that limits how much of an archive's table of contents is read at once."""
 
     def __init__(self, path: Path, file: io.BufferedReader) -> None:
         super().__init__(file.fileno(), closefd=False)

@@ -13,7 +13,7 @@ class GateError(ValueError):
 
 
 class GateBusy(GateError):
-    """A file that was not read, though nothing is wrong with it as far as known: try again."""
+    """A file that could not be read for a reason outside the file; trying again may succeed."""
 
 
 @contextmanager

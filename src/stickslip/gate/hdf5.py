@@ -64,7 +64,7 @@ class Hdf5Array:
                 self._packed = chunk_bytes
 
     def has(self, attribute: str) -> bool:
-        """Return whether the array has an attribute of that name."""
+        """Return whether the array has an attribute called `attribute`."""
         return bool(self.kind) and h5a.exists(self.identifier, attribute.encode())
 
     def attribute(self, name: str) -> Any:
@@ -319,7 +319,7 @@ def is_hdf5(path: Path) -> bool:
 
 
 def has_attribute(path: Path, name: str, group: str = "/") -> bool:
-    """Return whether a group of an HDF5 file has an attribute of that name; False if there is no such group.
+    """Return whether a group of an HDF5 file has a named attribute; False if there is no such group.
 
     Raises:
         GateError: the file is damaged.

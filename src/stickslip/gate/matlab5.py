@@ -30,7 +30,7 @@ _SIZES = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}  # bytes of a number of version 4,
 
 
 class _End(Exception):
-    """The bytes end, or are no MAT file: SciPy says what is wrong."""
+    """End of the bytes, or bytes that are no MAT file; SciPy then reports the error."""
 
 
 class _Bytes:

@@ -14,7 +14,7 @@ _NOT_PLAIN = "\\:"  # of Windows: another drive, a stream of a file
 
 
 def inside(root: str | os.PathLike[str], name: str, called: str = "the folder") -> Path:
-    """Return the path of the file or folder of that name in a folder, with all links resolved.
+    """Return the path of a named file or folder in a folder, with all links resolved.
 
     Args:
         root: the folder.

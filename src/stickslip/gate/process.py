@@ -29,7 +29,7 @@ from .errors import GateBusy, GateError
 from .priority import come_last
 
 STUCK = 8.0  # clock time over computing time, from which on the machine or its drive is too busy
-MOST_WAITING = 8  # requests at a time; others are asked to try again
+MOST_WAITING = 8  # requests at a time; others are refused and may be repeated
 _STARTS = 60.0  # s in which the process has to start, on a busy machine
 _REMEMBERED = 500  # files that are remembered as exceeding a limit
 

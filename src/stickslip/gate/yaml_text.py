@@ -26,7 +26,7 @@ _NUMERIC = re.compile(r"[-+.]?[0-9][-+0-9_.:a-fA-Fxo]*")
 
 
 class _Held(NamedTuple):
-    """A value and how many values are in it, those behind references as often as they are used."""
+    """A parsed value with its number of values; those behind references count at each use."""
 
     value: Any
     size: int
@@ -101,7 +101,8 @@ class _Built:
         self._put(_Held(value, 1))
 
     def _value(self, event: Any) -> Any:
-        """The value of a scalar: what a plain one looks like, else a text."""
+        """Return the value of a scalar: a number, date or None if its plain text looks like one, else the
+        text."""
         text, tag = event.value, event.tag
         if tag in _PLAIN:
             if not event.implicit[0] or tag == "!":

@@ -32,9 +32,9 @@ NOTES = (NOTE, LINKS)
 def described(recording: xr.Dataset) -> dict[str, Any]:
     """Return the columns of a recording for the index, except its name and size.
 
-    `settings` are drive, capture, limits, variables of the experiment, the actuator as in the file, and data
-    of a virtual rig on its contact in that run. For a recording from a user's file, they contain the name of
-    that file.
+    `settings` are drive, capture, limits, variables of the experiment, the actuator as in the file, and the
+    contact's properties that a virtual rig used in the run. For a recording from a user's file, they contain
+    the name of that file.
     """
     attrs = {str(name): value for name, value in recording.attrs.items()}
     time = recording["time"].values

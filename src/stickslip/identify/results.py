@@ -84,7 +84,7 @@ def _written(known: Mapping[str, Quantity], values: Mapping[str, Any]) -> dict[s
 
 
 def model_of(numbers: Mapping[str, Any]) -> Actuator:
-    """Return the actuator of `model_numbers`, read from results.json: the inverse of that function.
+    """Return the actuator of `model_numbers`, read from results.json: the inverse of the function.
 
     Raises:
         QuantityError: the numbers are not of an actuator, or a field is missing, out of range, or in a unit

@@ -3,8 +3,8 @@
 A sensor whose scale is wrong by a share s shows (1 + s) times the motion. Least squares then give other
 values; the change is linearised, as for all quantities that a fit takes as known (`estimate.moves`). Values
 identified earlier through the same sensor, such as those of a stage, change with it. If nothing else is known
-in the sensor's unit, each value changes by the power of that unit in its own unit: a gain in m/V or a force
-by s, a damping ratio not at all.
+in the sensor's unit, each value changes by the power with which that unit enters its own: a gain in m/V or a
+force by s, a damping ratio not at all.
 """
 
 from __future__ import annotations

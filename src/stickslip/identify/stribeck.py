@@ -156,7 +156,7 @@ def _start(
     v: Array, f: Array, noise: Array | None, exponent: float, offset: bool
 ) -> tuple[tuple[float, float, float, float], float]:
     """Return the initial guess (Coulomb friction, excess of stiction, viscous friction, Stribeck velocity)
-    and the force offset.
+    and the force offset, for velocities v [m/s] and forces f [N].
 
     Each of several Stribeck velocities is tried with the best non-negative forces; the best is returned.
     """
@@ -197,7 +197,8 @@ def _unseen(chance: float) -> tuple[str, ...]:
 
 
 def _doubts(law: Stribeck, slowest: float, fastest: float) -> tuple[str, ...]:
-    """Return sentences on a Stribeck velocity that is near or beyond the slowest or fastest point."""
+    """Return sentences on a Stribeck velocity that is near or beyond the slowest or fastest measured speed
+    [m/s]."""
     if law.stribeck_velocity < NEAR_ENDS * slowest and law.stiction_force > law.coulomb_force:
         return (
             f"the friction falls below {NEAR_ENDS * slowest:.3g} m/s, where there are hardly any points: "

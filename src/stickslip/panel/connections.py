@@ -43,12 +43,13 @@ class BoundedConnection(H11Protocol):
 
     @property
     def idle(self) -> bool:
-        """True if no request is being answered."""
+        """Return True if no request is being answered."""
         return self.cycle is None or self.cycle.response_complete
 
     @property
     def _waits_for_the_server(self) -> bool:
-        """True if the request is complete and its answer has not started: a busy machine may need minutes."""
+        """Return True if the request is complete and its answer has not started: a busy machine may need
+        minutes."""
         return self.cycle is not None and not self.cycle.more_body and not self.cycle.response_started
 
     def _look(self) -> None:

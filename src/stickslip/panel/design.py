@@ -72,7 +72,7 @@ class Searches:
 def design_routes(
     sets: Sets, searches: Searches, control: Control, journal: Journal, hub: Hub, document: BenchDocument
 ) -> APIRouter:
-    """Return the routes of the page.
+    """Return the web server's routes of the panel's design page.
 
     A wrong value is answered with status 422 and the reason as `error`.
     """

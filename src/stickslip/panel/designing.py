@@ -87,7 +87,8 @@ def fields(rotary: bool) -> list[dict[str, Any]]:
 
 
 def _checked(model: Actuator, name: str, value: Any) -> float:
-    """Return the value in the unit of a linear or rotary model; raises QuantityError if it is wrong."""
+    """Return a field's value in the unit of the model, linear or rotary; raises QuantityError if it is
+    wrong."""
     quantity = _FIELDS[name]
     return quantity.along(coordinate_of(model)).check(value, name)
 

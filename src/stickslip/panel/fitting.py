@@ -155,7 +155,7 @@ def _stage(steps: Sequence[xr.Dataset], start: Actuator, rate: float | None, say
 
 
 def _near(step: xr.Dataset, measured: Array, model: Array) -> tuple[Array, Array, Array]:
-    """Return time, measured and model around a step, until its vibration has decayed."""
+    """Return time [s], measured and model around a step, until its vibration has decayed."""
     time_, drive = step["time"].values, step["drive_voltage"].values
     at = time_[int(np.argmax(np.abs(drive - drive[0]) > 0.5 * np.ptp(drive)))]
     kept = (time_ > at - STEP_SHOWN / 4) & (time_ < at + STEP_SHOWN)

@@ -51,7 +51,7 @@ class Folder:
         self._shared = Shared()
 
     def path(self, name: str) -> Path:
-        """Return the path of a file of that name, existing or not.
+        """Return the path of a named file, existing or not.
 
         Raises:
             FolderError: the name leads out of the folder, by dots or by a link; it is not a plain name; it

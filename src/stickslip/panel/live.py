@@ -93,7 +93,7 @@ class Live:
 
     @property
     def begun(self) -> bool:
-        """True if the run has samples."""
+        """Return True if the run has samples."""
         return self._filled > 0
 
     def add(self, block: Mapping[str, NDArray[np.float64]]) -> None:

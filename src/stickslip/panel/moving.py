@@ -59,8 +59,6 @@ _TOLD = 0.05  # s between messages about the progress
 _SPREAD = 0.05  # relative change of the natural frequency, both ways, at which the loop must keep its margins
 _SHOWN = 0.03  # s of a predicted response
 COLUMNS = {"drive_voltage": "drive", POSITION: "end-effector", "target_position": "target"}
-
-
 SETTINGS = ("amplitude", "frequency", "tolerance")  # fields of `Stepping` that the page shows
 
 
@@ -140,8 +138,7 @@ def _range(tuned: float, low: float, high: float) -> dict[str, float]:
 
 
 class Moves:
-    """Moves of the bench's rig, one session at a time: from the first command until release, stop, or
-    `AT_MOST`."""
+    """Moves of the bench's rig. A session lasts from the first command until release, stop, or `AT_MOST`."""
 
     def __init__(
         self,
@@ -168,12 +165,8 @@ class Moves:
         control.gone.append(self._left)
 
     def prepared(self) -> Prepared:
-        """Return the preparation for the first run of the experiment on the bench.
-
-        Raises:
-            ValueError: it cannot be moved in closed loop: no gain keeps the margins, or it is clamped.
-            RigError: the rig does not answer.
-        """
+        """Return the preparation for the first run on the bench. Raises ValueError if no loop can be closed
+        (too small margins, clamped actuator), and RigError if the rig does not answer."""
         content = self._document.checked.content
         content = {**content, "runs": content["runs"][:1]}
         key = json.dumps(content, sort_keys=True, default=str)

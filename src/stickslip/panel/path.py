@@ -41,7 +41,7 @@ from .stream import Hub
 
 PREDICTIONS = "predictions"  # the folder
 PREDICTED = "predicted"  # name of the bench's run that has the predicted drive
-SAID = "As predicted in "  # start of the notes of that run
+SAID = "As predicted in "  # start of the notes of the run
 _SAMPLES = 4000  # samples of a prediction
 _LONGEST = 60.0  # s, longest prediction
 _REST = 0.2  # s that are recorded after the drive

@@ -64,7 +64,7 @@ class Hub:
 
     @property
     def behind(self) -> bool:
-        """True if the event loop has not sent the last message yet.
+        """Return True if the event loop has not sent the last message yet.
 
         Messages that can be combined with the next one should wait then; otherwise a stop waits until all of
         them are written to every page.

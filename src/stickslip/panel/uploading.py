@@ -150,7 +150,7 @@ def _upload(folder: Folder, token: str) -> Path:
 
 
 def _free(folder: Folder, name: str) -> Path:
-    """Return an unused path for an upload of that name."""
+    """Return an unused path for an upload of a given name."""
     path = folder.path(f"uploads/{name.removesuffix('.nc')}.nc")
     number = 1
     while path.exists():

@@ -1,4 +1,5 @@
-"""Parts of input files whose fields are arguments of a function, which alone declares them."""
+"""Models of parts of input files whose fields are the arguments of a Python function, so that names, types
+and defaults are declared only there."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ class ArgumentFields(NullIsDefault):
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """The arguments that the file gives, by name."""
+        """Return the arguments that the file gives, by name."""
         names = {name for kind in type(self).__mro__ for name in vars(kind).get("of_function", ())}
         return {name: getattr(self, name) for name in sorted(names & self.model_fields_set)}
 

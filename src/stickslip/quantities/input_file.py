@@ -99,7 +99,7 @@ class RecordFields(NullIsDefault):
 
     @property
     def given(self) -> dict[str, Any]:
-        """The record's fields that the file gives, by name: arguments of the record."""
+        """Return the record's fields that the file gives, by name: arguments of the record."""
         return {name: getattr(self, name) for name in self.of_record if name in self.model_fields_set}
 
 
@@ -234,7 +234,8 @@ def load_yaml(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict
 
 
 def _change(content: dict[str, Any], change: str) -> None:
-    """Set one value; mappings on the way to it are made where they are missing."""
+    """Set one value, given as "FIELD=VALUE", in the content of a file; missing mappings on the way are
+    created."""
     try:
         name, text = assignment("--set", change, "FIELD=VALUE, or FIELD.FIELD=VALUE")
         value = yaml_mapping(f"value: {text}", f"--set {change}")["value"]
@@ -268,7 +269,7 @@ def _mapping(found: Any, source: str) -> dict[str, Any]:
 
 
 def yaml_text(content: dict[str, Any]) -> str:
-    """The YAML of a file's content, in the order that it has."""
+    """Return the content of a file as YAML text, in its order."""
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
 
 

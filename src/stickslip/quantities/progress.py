@@ -9,7 +9,7 @@ Progress = Callable[[str, float], None]
 
 
 def unheard(doing: str, done: float) -> None:
-    """The progress of a call that nobody follows."""
+    """Ignore the progress of a call."""
 
 
 def within(progress: Progress, begin: float, length: float, doing: str, done: float) -> None:

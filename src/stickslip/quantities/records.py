@@ -49,7 +49,7 @@ class Quantity(NamedTuple):
         return self._replace(unit=coordinate.unit(self.unit))
 
     def range_text(self) -> str:
-        """The allowed range in words, with the unit."""
+        """Return the allowed range as text with the unit."""
         limits = ((">", self.above), (">=", self.minimum), ("<", self.below), ("<=", self.maximum))
         parts = [f"{sign} {limit:g}" for sign, limit in limits if limit is not None and math.isfinite(limit)]
         if parts:
@@ -68,7 +68,11 @@ class Quantity(NamedTuple):
         return ok if self.below is None else ok & (values < self.below)
 
     def check(self, value: Any, field: str) -> float:
-        """The value, a number or a string with a unit, in SI.
+        """Return a value in SI units after checking it.
+
+        Args:
+            value: a number in SI, or a text with a unit.
+            field: name of the field, for errors.
 
         Raises:
             QuantityError: wrong dimension, no number, NaN, or out of range; names field, unit and range.
@@ -90,7 +94,7 @@ SAMPLE_RATE = Quantity("Hz", "f_s", "samples per second", above=0)
 
 
 class Field(NamedTuple):
-    """A field of a record that has a `Quantity`."""
+    """A field of a record, with its `Quantity`: unit, symbol, meaning and range."""
 
     quantity: Quantity
     optional: bool  # whether None is a value
@@ -134,13 +138,13 @@ def _kinds(record_type: type) -> dict[str, Any]:
 
 
 def quantities(record_type: type) -> dict[str, Quantity]:
-    """The `Quantity` of each field that has one, in order of the fields."""
+    """Return the `Quantity` of each field that has one, in order of the fields."""
     return {name: field.quantity for name, field in fields_with_quantity(record_type).items()}
 
 
 def quantities_of(one: Any, owner: Any = None) -> dict[str, Quantity]:
-    """`quantities` of a record; where it, or the one that it is part of, is `rotary`, in the units of what
-    turns."""
+    """Return the `Quantity` of each field of a record; in units of rotation if the record, or its `owner`, is
+    `rotary`."""
     of = coordinate_of(one if owner is None else owner)
     return {name: quantity.along(of) for name, quantity in quantities(type(one)).items()}
 
@@ -151,13 +155,18 @@ def quantities_within(model: Any) -> dict[str, Quantity]:
 
 
 def sequences(record_type: type) -> frozenset[str]:
-    """The fields that hold several values, each a `Quantity`."""
+    """Return the names of the fields that hold several values, each a `Quantity`."""
     return frozenset(name for name, field in fields_with_quantity(record_type).items() if field.sequence)
 
 
 def of_kind(value: Any, kind: Any, field: str) -> Any:
-    """The value; raises QuantityError, which names the field, where it is of none of the kinds: a type, or
-    several (``LowPass | None``)."""
+    """Return the value if it is of an allowed kind, else raise QuantityError naming the field.
+
+    Args:
+        value: value of the field.
+        kind: a type, or a union (``LowPass | None``).
+        field: name of the field.
+    """
     if isinstance(value, kind):
         return value
     names = [_PLAIN.get(one, str(one.__name__)) for one in get_args(kind) or (kind,)]
@@ -165,7 +174,8 @@ def of_kind(value: Any, kind: Any, field: str) -> Any:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A hint at the end of an error about an unknown name; empty where nothing known looks like it."""
+    """Return a hint for an error about an unknown name, such as the most similar known name; empty if none is
+    similar."""
     close = get_close_matches(word, list(known), n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
@@ -173,7 +183,8 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 def _bind(
     record_type: Any, args: tuple[Any, ...], kwargs: dict[str, Any], specs: dict[str, Field]
 ) -> list[Any]:
-    """The value of each field, from arguments and defaults; errors speak of fields, not of arguments."""
+    """Return the value of each field of a record from arguments and defaults; errors name fields, not
+    arguments."""
     owner, fields = record_type.__name__, record_type._fields
     if len(args) > len(fields):
         raise QuantityError(

@@ -43,14 +43,15 @@ _RUNS: ContextVar[bool] = ContextVar("runs", default=True)  # whether a new file
 
 
 class RegistryError(QuantityError):
-    """A name that nothing is known by, or a user's file that cannot be used; says which and what there is."""
+    """A name that is unknown, or a user's file that cannot be used; the message lists what is known."""
 
 
 class Kind:
-    """Everything of one kind by name.
+    """Registry of everything of one kind (such as friction laws) by name.
 
-    `noun` and `plural` are what it is called. `rooms` are where the package has such things: a module, a
-    folder of modules, or "folder.*" and "folder.*.module", the packages of a folder and a module of each.
+    `noun` and `plural` name the kind in messages. `rooms` lists where the package defines such objects: a
+    module, a folder of modules, or "folder.*" and "folder.*.module" for the packages in a folder and a module
+    of each.
     """
 
     def __init__(self, noun: str, plural: str, *rooms: str) -> None:
@@ -59,14 +60,14 @@ class Kind:
         self._called: dict[Any, str] = {}  # the names of those that are not called as they call themselves
 
     def add(self, thing: T, name: str = "", maker: Any = None) -> T:
-        """Make a thing known, and return it (a decorator of classes).
+        """Register an object and return it; usable as a decorator of classes.
 
-        One of the same name from the same place is replaced.
+        An object of the same name from the same place is replaced.
 
         Args:
-            thing: what it is.
-            name: what it is called; by default as it calls itself.
-            maker: the function or class that shows where it is from, if not the thing itself.
+            thing: the object.
+            name: its name; by default its own.
+            maker: the function or class whose file is the origin, if not the object itself.
         """
         place = origin(thing if maker is None else maker)
         if name and isinstance(thing, type):
@@ -75,7 +76,7 @@ class Kind:
         return thing
 
     def packaged(self) -> dict[str, Any]:
-        """Things of the package, by name."""
+        """Return the objects that the package itself defines, by name."""
         self._import_rooms()
         return {name: of[""] for name, of in self._things.items() if "" in of}
 
@@ -85,8 +86,7 @@ class Kind:
         return tuple(dict.fromkeys((*self.packaged(), *self._things, *self._installed())))
 
     def all(self) -> Iterator[tuple[str, Any]]:
-        """Each name with what it is; without those that are two things, or of an installed package that
-        fails."""
+        """Yield each name with its object; ambiguous names and installed packages that fail are left out."""
         for name in self.names():
             try:
                 yield name, self.find(name)
@@ -94,7 +94,7 @@ class Kind:
                 continue
 
     def find(self, text: str, folder: str | os.PathLike[str] | None = None) -> Any:
-        """Return the thing with a name. A file of the user's, as in ``path.py:Name``, is executed.
+        """Return the object with a name; for ``path.py:Name`` the user's file is executed.
 
         Args:
             text: the name.
@@ -147,11 +147,11 @@ class Kind:
         return {**said, f"{self.noun}_of": place} if place else said
 
     def of_results(self, said: Any) -> Any:
-        """The thing of what `written` gave; no file is run for it.
+        """Return the object from what `written` recorded in results; no file is executed for it.
 
         Raises:
-            RegistryError: it is not known, and the user has to name the file that it is from.
-            KeyError: nothing is said of one.
+            RegistryError: it is unknown, and the user has to name the file that it is from.
+            KeyError: nothing was recorded.
         """
         name, place = str(said[self.noun]), said.get(f"{self.noun}_of")
         if place is None:
@@ -198,7 +198,7 @@ class Kind:
 
 
 def not_run(noun: str, name: str, place: str) -> str:
-    """Why something of a user's own that results name is not known."""
+    """Return the message that explains why a user's own object, named in results, is unknown."""
     return (
         f"its {noun} {name} is of {place}, which is not run because a result names it: if you trust it, name "
         f"it yourself, stickslip --use {place} ..., or ss.registry.use_file({place!r}) in Python"
@@ -206,7 +206,7 @@ def not_run(noun: str, name: str, place: str) -> str:
 
 
 def own_path(text: str) -> tuple[str, str]:
-    """Path and name of ``path.py:Name``; of any other name, "" and that."""
+    """Split ``path.py:Name`` into path and name; any other name gives "" and itself."""
     path, colon, name = text.rpartition(":")
     return (path, name) if colon and path.endswith(".py") else ("", text)
 
@@ -222,7 +222,8 @@ def origin(thing: Any) -> str:
 
 @contextmanager
 def nothing_run() -> Iterator[None]:
-    """Keep user's files that were not used before from being run: for what only reads, lists or cites."""
+    """Yield a context in which user's files that were not used before are not executed: for reading, listing
+    and citing."""
     before = _RUNS.set(False)
     try:
         yield
@@ -282,12 +283,13 @@ def use_file(path: str | os.PathLike[str]) -> ModuleType:
 
 
 def used_files() -> tuple[str, ...]:
-    """The user's files that were used, for processes that are to know the same."""
+    """Return the paths of the user's files used so far, for other processes that need the same."""
     return tuple(_USED)
 
 
 def check_used(text: str, folder: str | os.PathLike[str] = "") -> None:
-    """Raise RegistryError for a ``path.py:Name`` whose file was not used yet, and shall not be from here."""
+    """Raise RegistryError for a ``path.py:Name`` whose file was not used yet and may not be used from this
+    folder."""
     path, _ = own_path(text)
     if path and str(Path(folder, path).resolve()) not in _USED:
         raise RegistryError(_not_run_here(text, path))
@@ -319,7 +321,7 @@ def _run(file: Path, path: str | os.PathLike[str], content: str) -> ModuleType:
 
 
 def _imported(file: str) -> ModuleType | None:
-    """The module that Python has made of a file, if it has."""
+    """Return the module that Python has already imported from a file, or None."""
     return next((module for module in list(sys.modules.values()) if _is_of(module, file)), None)
 
 

@@ -52,7 +52,8 @@ def _units(text: str) -> Any:
 
 
 def _radians_per_cycle(units: Any, wanted: Any) -> float:
-    """2π between Hz and rad/s: to pint both are 1/s, and "525.7 Hz" would become 525.7 rad/s silently."""
+    """Return the factor 2π between Hz and rad/s, else 1: pint takes both for 1/s, and would read "525.7 Hz"
+    as 525.7 rad/s."""
     angle = re.compile("radian|degree|turn|revolution")
     if "hertz" in str(units) and angle.search(str(wanted)):
         return 2.0 * math.pi
@@ -65,8 +66,8 @@ _EXPONENTS = {"": 0, "p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "k
 
 
 def _prefix_power(unit: str, si_unit: str) -> int | None:
-    """The power of ten of a unit that differs from the SI unit in prefixes only, "N/um" from "N/m", or
-    None. Most units are such, and pint takes a third of a second to import."""
+    """Return the power of ten between a unit and the SI unit if they differ in prefixes only ("N/um" and
+    "N/m"), else None. This avoids importing pint, which takes a third of a second."""
     power, sign = 0, 1
     parts, wanted = re.split(r"([ /])", unit), re.split(r"([ /])", si_unit)
     if len(parts) != len(wanted):
@@ -115,13 +116,13 @@ def _parse(text: str, si_unit: str) -> float:
 
 
 def to_si(value: float | str, unit: str, field: str = "value") -> float:
-    """The value as a float in `unit` (an SI unit).
+    """Return a value as a float in an SI unit.
 
     Args:
         value: a number, taken to be in `unit` already (a NumPy or xarray scalar will do), or a string such as
             "65 V" or "1.399 N/um". Hz and rad/s are converted into each other with the factor 2π.
         unit: the SI unit of the field, "" for a plain number.
-        field: what to call the value in an error.
+        field: name of the value in an error.
 
     Raises:
         QuantityError: the string cannot be read, or is of another dimension, or the value is no number.
@@ -147,16 +148,16 @@ def to_si(value: float | str, unit: str, field: str = "value") -> float:
 
 
 def array_si(values: Any, unit: str, field: str = "values") -> NDArray[np.float64]:
-    """The values as an array of floats in `unit` (an SI unit), of their shape.
+    """Return values as an array of floats in an SI unit, of unchanged shape.
 
     Args:
         values: numbers, taken to be in `unit` already; an array with a unit of its own, of xarray (the
             attribute `units`) or pint; or strings with units, numbers among them, in lists or arrays.
         unit: the SI unit of the field, "" for plain numbers.
-        field: what to call the values in an error.
+        field: name of the values in an error.
 
     Raises:
-        QuantityError: as `to_si`, of any of them; lists in the list are not of one length.
+        QuantityError: as `to_si`, of any of them; nested lists have unequal lengths.
     """
     own = own_unit(values)
     given: Any = getattr(values, "magnitude", values)
@@ -186,7 +187,7 @@ def array_si(values: Any, unit: str, field: str = "values") -> NDArray[np.float6
 
 
 def own_unit(value: Any) -> str:
-    """The unit that numbers of xarray or pint bring with them; empty without one."""
+    """Return the unit that an object of xarray or pint has; empty without one."""
     return str(getattr(value, "attrs", {}).get("units", "")) or str(getattr(value, "units", ""))
 
 
@@ -205,7 +206,7 @@ _TAKES_PREFIX = re.compile(r"(?:m|s|V|A|N|Hz|W|J|C|rad)(?:[ /]|$)")
 
 
 def with_prefix(value: float, unit: str, digits: int = 4) -> str:
-    """The value for people to read: ``with_prefix(3.2e-7, "m")`` is "320 nm".
+    """Return a value as text with an SI prefix: ``with_prefix(3.2e-7, "m")`` is "320 nm".
 
     The prefix goes to the first unit ("105.7 nm/V", "1.399 MN/m"); kg and powers get none, rad/s none of
     thousands ("3303 rad/s", but "1.3 mrad/s").
@@ -228,10 +229,11 @@ def near_one(value: float, digits: int = 4) -> str:
 
 
 def with_unit(text: str) -> Any:
-    """A text such as "0.1 ms" as pint's quantity, which arithmetic carries its unit through; "1" is a number.
+    """Return a text such as "0.1 ms" as a quantity of pint, which carries its unit through arithmetic; "1"
+    gives a number.
 
     Raises:
-        QuantityError: it cannot be read; the message is the end of a sentence.
+        QuantityError: the text cannot be read; the message is the end of a sentence.
     """
     written = _NUMBER.match(text.strip())
     if written is None:

@@ -100,7 +100,7 @@ def _entry(recording: xr.Dataset) -> Any:
 
 
 def _moment(epoch: str, seconds: float) -> str:
-    """The moment of a time of the recording, ISO 8601; "" where the recording has no date."""
+    """Return the date and time, ISO 8601, of a time [s] of the recording; "" if the recording has no date."""
     try:
         return (datetime.fromisoformat(epoch) + timedelta(seconds=seconds)).isoformat()
     except (ValueError, OverflowError):
@@ -151,7 +151,7 @@ def _instrument(recording: xr.Dataset) -> Any:
 
 
 def _calibrations(attrs: dict[Any, Any]) -> Any:
-    """Each calibration that was applied, in order, as a polynomial and as a table."""
+    """Return the applied calibrations in order, each as polynomial and as table."""
     made = {}
     for name, applied in json_attribute(attrs, "calibration").items():
         for k, said in enumerate(applied if isinstance(applied, list) else [], 1):

@@ -101,7 +101,7 @@ class Sampling(NamedTuple):
 
     @property
     def regular(self) -> bool:
-        """True if every interval is within 1 % of the median (files print times with few digits)."""
+        """Return True if every interval is within 1 % of the median (files print times with few digits)."""
         close = 0.01 * self.interval
         return self.largest_gap - self.interval <= close and self.interval - self.smallest_gap <= close
 
@@ -354,7 +354,7 @@ def _check_finite(name: str, unit: str, values: np.ndarray) -> None:
 
 
 def storable_attributes(attrs: Mapping[Any, Any], of: str = "") -> dict[str, Any]:
-    """The attributes as HDF5 can hold them; truth becomes 0 or 1.
+    """Return the attributes in types that HDF5 can store; booleans become 0 or 1.
 
     Raises:
         RecordingError: one is neither text nor a number, or holds characters that cannot be stored; the error

@@ -145,7 +145,8 @@ def off_jumps(shape: Array) -> NDArray[np.bool_]:
 
 
 def _candidates(time: Array, moved: Array) -> list[Drive]:
-    """Return the usual waveforms of the right length, frequency and range."""
+    """Return the usual waveforms (sawtooth and others) with the length, frequency and range of a channel:
+    times [s] and voltages [V]."""
     low, high = float(moved.min()), float(moved.max())
     level = np.where(moved > low + 0.7 * (high - low), 1, np.where(moved < low + 0.3 * (high - low), 0, -1))
     known = np.flatnonzero(level >= 0)
@@ -232,7 +233,8 @@ class _Fitted(NamedTuple):
         return np.abs(volts - own)[off_jumps(own)]
 
     def is_shown(self, since: Array, volts: Array) -> bool:
-        """Return True if the channel is this waveform beyond doubt."""
+        """Return True if a channel (times since the start [s], voltages [V]) is this waveform beyond
+        doubt."""
         span, off = float(np.ptp(volts)), self.off(since, volts)
         if off.size <= 0.8 * volts.size:
             return False
@@ -242,7 +244,8 @@ class _Fitted(NamedTuple):
         return bool(near and left < max(_NEAR * span, 2.0 * noise_level(volts)))
 
     def rounded(self, since: Array, volts: Array) -> _Fitted:
-        """Return the waveform with the roundest frequency, amplitude and offset that fit as well."""
+        """Return the waveform with the roundest frequency, amplitude and offset that fits the samples (times
+        since its start [s], voltages [V]) as well."""
         most = (1.0 + max(_AS_GOOD, _CHANCE / since.size)) * self.residual + _EXACT * float(np.ptp(volts))
         best, fixed = self, ()
         for name in ("frequency", "offset", "amplitude"):
@@ -271,7 +274,8 @@ def _residual(one: _Fitted) -> float:
 
 
 def _roundest(value: float, within: float, fits: Callable[[float], bool]) -> float:
-    """Return the roundest number close to a value that fits; the value itself if none does."""
+    """Return the roundest number within a distance of a value for which `fits` is True; the value itself if
+    there is no such number."""
     roundings = (0.0, *(float(f"{value:.{digits}g}") for digits in (1, 2, 3, 4, 5)))
     near = (one for one in roundings if abs(one - value) <= within)
     return next((one for one in near if fits(one)), value)

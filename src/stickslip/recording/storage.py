@@ -42,7 +42,7 @@ def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
 
 
 def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
-    """The recording of a ``.nc`` file, or of a NeXus file that `save_nexus` has written, in memory.
+    """Return the recording of a ``.nc`` file, or of a NeXus file that `save_nexus` has written, in memory.
 
     Raises:
         RecordingError: the file is missing, damaged, no recording, or of a newer schema.

@@ -1,7 +1,7 @@
 """Choice of the drive of a recording.
 
 It is the first available of: the waveform in the recording's attribute, the waveform that its channel
-drive_voltage shows, the samples of that channel.
+drive_voltage shows, the samples of this channel.
 """
 
 from __future__ import annotations

@@ -128,7 +128,7 @@ def results_json(document: Document, made: Circumstances) -> str:
 
 
 def _given(record: Any) -> dict[str, Any]:
-    """The fields of a record that are given; null is a value, and the unit of a column of text."""
+    """Return the given fields of a record; null counts as a value, and so does the unit of a text column."""
     optional = {name for name, one in record.__dataclass_fields__.items() if one.default is None}
     if getattr(record, "level", None) is not None:
         optional -= {"low", "high"}  # an end that is infinite is null

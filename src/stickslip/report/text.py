@@ -24,7 +24,7 @@ def document_text(document: Document) -> str:
 
 
 def shown_number(number: Number) -> str:
-    """Return a number with its unit, its interval and the level of that; for a missing number, the reason."""
+    """Return a number with unit, interval and confidence level; for a missing number, the reason."""
     text = _plain(number_text(number))
     if number.low is None or number.high is None:
         return text

@@ -51,12 +51,12 @@ class Capture(NamedTuple):
 
     @property
     def samples(self) -> int:
-        """Number of samples."""
+        """Return the number of samples."""
         return int(self.length / self.interval + 1e-6)
 
     @property
     def before(self) -> int:
-        """Number of samples before the trigger."""
+        """Return the number of samples before the trigger."""
         return round(self.pre_trigger / self.interval)
 
 

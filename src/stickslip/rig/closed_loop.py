@@ -86,8 +86,8 @@ def regulate(
 
     Returns:
         The recording, with `target_position` and `asked_voltage` [V]. Its attributes `limited_updates`,
-            `slowest_step` [s], `mean_step` [s] and `late_updates` (steps longer than an update) are
-            statistics of the run.
+        `slowest_step` [s], `mean_step` [s] and `late_updates` (steps longer than an update) are statistics of
+        the run.
 
     Raises:
         QuantityError: a channel, the target or a time does not fit the rig. Nothing was put out.

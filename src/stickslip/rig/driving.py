@@ -20,5 +20,5 @@ def driving() -> Iterator[None]:
 
 
 def is_driving() -> bool:
-    """True if any thread of this program is in such a context."""
+    """Return True if any thread of this program is inside `driving`."""
     return bool(_HOLDERS)

@@ -35,7 +35,8 @@ class Home:
         self.origin = 0.0
 
     def set(self, source: str, reading: float, origin: float) -> None:
-        """Make the place with this reading (in the input's unit) home."""
+        """Set home, the origin of positions, to the place with this reading (in the input's unit) and
+        position `origin` [m]."""
         self.readings = {source: (reading, origin)}
         self.position = 0.0
 

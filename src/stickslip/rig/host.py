@@ -367,7 +367,7 @@ def main(folder: Path) -> int:
             sys.setswitchinterval(1e-3)
             with collected_on_request():
                 host.serve()
-    except (OSError, RigError) as error:  # a file of the folder; the client shows this line
+    except (OSError, RigError) as error:  # an unreadable file of the folder; the client shows this line
         print(error, file=sys.stderr)
         return 1
     return 0

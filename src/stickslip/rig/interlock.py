@@ -235,7 +235,7 @@ def _reason(why: str) -> str:
 
 
 def is_fault(failure: BaseException | None) -> bool:
-    """True if the end of a run is a fault: neither a requested stop nor a missing trigger."""
+    """Return True if a run ended by a fault: neither by a requested stop nor by a missing trigger."""
     return failure is not None and not isinstance(failure, StopRequested | CaptureError)
 
 

@@ -63,7 +63,7 @@ class Irregularity(NamedTuple):
 
     @property
     def none(self) -> bool:
-        """True if every slip follows the equations of the actuator."""
+        """Return True if every slip follows the equations of the actuator."""
         return not (self.scatter or self.direction or self.threshold_noise or self.relaxation)
 
 
@@ -122,7 +122,7 @@ class Slips:
         return np.array([self.step(q, dt) for q, dt in zip(slid.tolist(), seconds.tolist(), strict=True)])
 
     def _begin(self, way: int) -> None:
-        """Draw the deviation of a new slip."""
+        """Draw the random deviation of a new slip in the direction `way` (1 or -1)."""
         scatter, gap = self._random.standard_normal(2)
         self._way, self._gap = way, self._gap_noise * gap
         self._factor = self._ratios[way] * max(1.0 + self._of.scatter * scatter, 0.0)

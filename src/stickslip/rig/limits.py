@@ -67,7 +67,7 @@ class Limits(NamedTuple):
 
     @property
     def end_stops(self) -> bool:
-        """True if the travel is limited."""
+        """Return True if the travel is limited."""
         return math.isfinite(self.min_position) or math.isfinite(self.max_position)
 
 
@@ -96,7 +96,7 @@ def changed_limits(before: Limits | None, after: Limits, unit: str = "") -> list
 
 
 def beyond(position: float, end: float, unit: str) -> LimitError:
-    """Return the error for an end-effector beyond its end stop."""
+    """Return the error for an end-effector at a position beyond its end stop, both in `unit`."""
     here, there = with_prefix(position, unit), with_prefix(end, unit)
     return LimitError(f"the end-effector is at {here} from home, beyond the end stop at {there}: stopped")
 

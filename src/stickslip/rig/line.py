@@ -195,7 +195,7 @@ class _Tcp:
         self.recv, self.close = self._link.recv, self._link.close
 
     def waiting(self) -> bool:
-        """True if data have arrived."""
+        """Return True if data have arrived."""
         return bool(select.select([self._link], [], [], 0.0)[0])
 
 
@@ -214,7 +214,7 @@ class _Serial:
         self._port.timeout = self._port.write_timeout = timeout
 
     def waiting(self) -> bool:
-        """True if data have arrived."""
+        """Return True if data have arrived."""
         return self._port.in_waiting > 0
 
     def sendall(self, content: bytes) -> None:

@@ -31,7 +31,8 @@ class Ranges(NamedTuple):
     def check(
         self, axis: int, count: int = 0, voltage: float | None = None, frequency: float | None = None
     ) -> None:
-        """Raise QuantityError, with the range, for a value outside it. Nothing is sent to the device."""
+        """Raise QuantityError, with the range, for a number of steps, a voltage [V] or a frequency [Hz]
+        outside it. Nothing is sent to the device."""
         if axis not in self.axes:
             raise QuantityError(
                 f"{self.name}: there is no axis {axis}; there are {', '.join(map(str, self.axes))}"

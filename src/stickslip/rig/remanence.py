@@ -39,11 +39,11 @@ class AtPiezo:
 
     @property
     def period(self) -> None:
-        """Always None: the drive does not repeat."""
+        """Return None: the drive does not repeat."""
 
     def range(self) -> tuple[float, float]:
-        """Return the least and greatest value at the breaks. The limits of a drive are checked before the
-        piezo."""
+        """Return the least and greatest voltage at the breaks of the table, V. The limits of a drive are
+        checked before the piezo's hysteresis is applied."""
         levels = self.table.polynomial[:, 0]
         return float(levels.min()), float(levels.max())
 
@@ -74,7 +74,8 @@ def simplified(piezo: Piezo | None) -> Piezo | None:
 
 
 def remembers(piezo: Piezo | None) -> bool:
-    """True if the states of its models are known here. Other models start again with each run."""
+    """Return True if the states of the piezo's models can be kept between runs. Other models start again with
+    each run."""
     return (
         piezo is not None
         and isinstance(piezo.hysteresis, PrandtlIshlinskii | None)

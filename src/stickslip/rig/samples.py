@@ -185,7 +185,7 @@ def recover(folder: Path, most: float = 2.0) -> list[Path]:
 
 
 def _is_saved(target: Path, run_id: str) -> bool:
-    """True if a recording of the run exists, finished or not."""
+    """Return True if a recording of the run exists, finished or not."""
     own = re.compile(re.escape(target.stem) + r"(-\d+)?\.nc")
     others = [one for one in target.parent.glob("unfinished/*.nc") if own.fullmatch(one.name)]
     for one in (target, *others):

@@ -89,12 +89,12 @@ class Stream:
 
     @property
     def position(self) -> float:
-        """Position of the end-effector, m."""
+        """Return the position of the end-effector, m."""
         return self._motion.position + (0.0 if self._slips is None else self._slips.offset)
 
     @property
     def remanence(self) -> Remanence | None:
-        """State of the piezo, if it has a memory."""
+        """Return the state of the piezo, if it has a memory."""
         found = self._motion.remanence
         return None if found is None else Remanence(*found)
 
@@ -147,8 +147,8 @@ class Stream:
 
 
 def _between(a: float, da: float, b: float, db: float, share: float, span: float) -> float:
-    """Interpolate the motion within one update by a cubic with the slopes of both ends, accurate to
-    picometres."""
+    """Return the motion within one update by a cubic from position a to b with slopes da and db; `share` of
+    the update's `span` [s] has passed."""
     if share == 1.0:
         return b
     left = 1.0 - share

@@ -81,7 +81,7 @@ class Supervisor:
 
     @property
     def busy(self) -> bool:
-        """True while a run is active."""
+        """Return True while a run is active."""
         return self.phase in ("preparing", "running", "stopping")
 
     def run(self, order: Order) -> None:

@@ -45,7 +45,7 @@ class Variation(NamedTuple):
 
     @property
     def none(self) -> bool:
-        """True if every run has the same contact."""
+        """Return True if every run has the same contact."""
         return self.friction == self.drift == self.stiffness == 0.0
 
 

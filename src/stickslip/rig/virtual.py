@@ -30,7 +30,8 @@ from .variation import EXACT, Repeats
 
 BLOCK = 0.02  # s of samples per `fetch`
 OVERSAMPLING = 4  # factor between the rate of analogue signals and the sampling rate
-_COLUMN = {"stage": STAGE, "end_effector": SLIDER}  # columns of a trajectory
+# column of a simulated trajectory for each place of a sensor
+_COLUMN = {"stage": STAGE, "end_effector": SLIDER}
 _SETTLE = 1e-3  # s at 0 V after a stop, for the amplifier to settle
 MAX_POINTS = 5_000_000
 MAX_STEPS = 5_000_000  # of the solver; a recording of 10 s takes some 200 000

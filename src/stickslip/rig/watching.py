@@ -59,7 +59,7 @@ class WatchedRig:
 
     @property
     def simulated(self) -> bool:
-        """True if the wrapped rig is simulated."""
+        """Return True if the wrapped rig is simulated."""
         return getattr(self._rig, "simulated", False)
 
     @property

@@ -162,8 +162,8 @@ def behind(output: OutputStage, rows: list[Any], reasons: list[str]) -> list[Any
 
 
 def refuse_voltages(model: Actuator, rows: list[Any], scale: NDArray[np.float64], reasons: list[str]) -> None:
-    """Add to the reasons which waveforms, multiplied by their factors, leave the voltage range of the
-    actuator."""
+    """Add to `reasons` a sentence for each waveform that, multiplied by its factor in `scale`, leaves the
+    voltage range of the actuator."""
     lows, highs = (np.broadcast_to(v, len(rows)) for v in (model.min_voltage, model.max_voltage))
     for m, row in enumerate(rows):
         if reasons[m]:

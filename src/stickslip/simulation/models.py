@@ -340,7 +340,7 @@ def classic(
 def _acceleration(
     of: System, samples: NDArray[np.float64], drive: Drive, times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the acceleration of a clamped body, m/s²."""
+    """Return the acceleration of a clamped body at times [s], m/s², from the solver's samples."""
     if not of.stages:
         i = segment_at(drive, times)
         return of.gain * np.array(

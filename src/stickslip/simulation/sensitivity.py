@@ -380,7 +380,7 @@ def warn_unsettled(
     errors: NDArray[np.float64],
     least: NDArray[np.float64] | float,
 ) -> None:
-    """Warn of parameters whose derivatives have not settled."""
+    """Warn of parameters (by name) whose derivatives have errors too large relative to their values."""
     largest = np.abs(by).max(axis=0, initial=0.0)
     for name, error, most, enough in zip(names, errors, largest, least + 0.0 * errors, strict=True):
         if not error <= SETTLED * most + enough:

@@ -82,7 +82,8 @@ def stable(largest: Any) -> Any:
 
 
 def not_found(periods: int, residual: float, largest: float) -> str:
-    """Return the reason why no periodic motion was found, in words."""
+    """Return the message why no periodic motion was found: periods computed, residual [m] and largest growth
+    factor per period."""
     return (
         f"no motion with the period of the drive was found in {periods} periods: the state still "
         f"changes by {with_prefix(residual, 'm')} per period (largest multiplier {largest:.3g})"

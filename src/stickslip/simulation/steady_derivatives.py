@@ -78,7 +78,7 @@ def steady_step_derivatives(
         return moved(model, names, state, None, contact, endless(waveform), period, slipping, True, tolerance)
 
     def last_states(of: NeighbouringModels, state: Array, tolerance: float) -> tuple[Array, Array]:
-        """Return the state one period later, and its derivatives."""
+        """Return the state one period after `state`, and its derivatives by the varied values."""
         last = state.copy()
         _, _, by = follow_moved(of, drive, last, times, tolerance, load=contact.table, over_period=True)
         return last, by

@@ -92,7 +92,7 @@ def labelled_impacts(found: tuple[Impact, ...]) -> dict[str, xr.DataArray]:
 
 
 class StoppedRun:
-    """A run between stops, with the arguments of `engine.binding.integrate`."""
+    """A run of a trajectory between end stops; arguments as those of `engine.binding.integrate`."""
 
     def __init__(
         self,
@@ -147,7 +147,8 @@ class StoppedRun:
         return Stopped(outcome, t, self.steps[0], self.steps[1], tuple(self.impacts))
 
     def _side(self, q: Array, still: float) -> float:
-        """Return the stop at which the body rests: -1, 1, or 0 where it moves."""
+        """Return the stop at which the body rests: -1 (lower), 1 (upper), or 0 where it moves faster than
+        `still` [m/s]."""
         position, velocity = q[self.of.slider : self.of.slider + 2]
         for side, stop in ((-1.0, self.stops.low), (1.0, self.stops.high)):
             if position == stop and side * velocity >= -still:
@@ -223,7 +224,8 @@ class StoppedRun:
     def _passes(
         self, plant: ComposedPlant, q: Array, t: float, until: float, low: float, high: float
     ) -> tuple[float, float] | None:
-        """Return when a bound is passed in a short time, and which; q becomes the state then."""
+        """Return when [s] and which bound (`low` or `high` [m]) is passed before `until`, or None; q becomes
+        the state then."""
         x, n = self.of.slider, self.free.states
         within = np.unique(t + (until - t) * 2.0 ** -np.arange(HALVINGS, -1.0, -1.0))
         rows = self._run(plant, q, (t, until), within[within > t])[1]
@@ -257,7 +259,7 @@ def held(plant: Plant, mode: int, side: float, push: float) -> Plant:
 
 
 def _outside(positions: Array, low: float, high: float) -> Array:
-    """Return -1 below the bounds, 1 above, 0 between."""
+    """Return -1 for positions below the bounds [m], 1 above, 0 between."""
     return np.where(positions > high, 1.0, np.where(positions < low, -1.0, 0.0))
 
 

@@ -40,12 +40,16 @@ class ChunkError(Exception):
 
 
 def part_beside(path: Path) -> Path:
-    """Return another name in the same folder, for what is written before it takes its own."""
+    """Return a temporary path in the same folder; the file written there is then renamed to `path`."""
     return path.with_name(f".{path.name}.{uuid.uuid4().hex}{PART}")
 
 
 def chunk_bytes(values: NDArray[Any], dtype: str) -> bytes:
-    """Return the content of a chunk; of texts, the part of the gzip data after its header.
+    """Return the bytes of a chunk: numbers as little-endian data, texts as the gzip data after its header.
+
+    Args:
+        values: array of any shape, numbers or texts.
+        dtype: data type in Zarr, such as "float64", or "text".
 
     Raises:
         ChunkError: texts that take more memory than a chunk may.
@@ -69,12 +73,12 @@ def checksum(data: bytes) -> int:
 
 
 def with_comment(data: bytes, comment: bytes) -> bytes:
-    """Return gzip data from the part after the header."""
+    """Return complete gzip data from the part after the header; `comment` goes into the header."""
     return b"".join([_GZIP, comment, b"\0", data])
 
 
 def comment_of(data: bytes) -> tuple[bytes, bytes]:
-    """Return the comment and the part after the header of gzip data; raises ChunkError for other data."""
+    """Return the comment of gzip data, and the part after its header; raises ChunkError for other data."""
     comment, end, rest = data.removeprefix(_GZIP).partition(b"\0")
     if not data.startswith(_GZIP) or not end:
         raise ChunkError("has no seal")
@@ -82,7 +86,7 @@ def comment_of(data: bytes) -> tuple[bytes, bytes]:
 
 
 def write_chunk(path: Path, data: bytes) -> None:
-    """Write a chunk with its checksum under another name, and give it its name.
+    """Write a chunk and its checksum to a temporary file, which is then renamed to `path`.
 
     Raises:
         OSError: the disk is full, or another failure; the partial file is removed.
@@ -101,10 +105,16 @@ def write_chunk(path: Path, data: bytes) -> None:
 
 
 def unpacked(name: str, packed: bytes, count: int) -> bytes:
-    """Return what `count` texts, gzip data without its header, unpack to.
+    """Return the bytes that gzip data without its header unpacks to.
+
+    Args:
+        name: name of the file, for errors.
+        packed: gzip data after its header.
+        count: number of texts that the data must contain.
 
     Raises:
-        ChunkError: no gzip data, of another number of texts, or of more memory than a chunk may have.
+        ChunkError: the data are no gzip data, contain another number of texts, or take more memory than a
+            chunk may.
     """
     try:
         raw = zlib.decompressobj(-zlib.MAX_WBITS).decompress(packed, MOST_CHUNK_BYTES + 1)

@@ -42,7 +42,8 @@ _PREPARING = threading.Lock()
 
 
 def one_task(path: str, number: int) -> None:
-    """A task on a worker. What it made is in the store: nothing is fetched from a worker, which may hang."""
+    """Compute one task on a worker and write its results to the store, so that no result has to be
+    fetched."""
     try:
         with _PREPARING:
             if path not in _PREPARED:
@@ -69,11 +70,11 @@ def _read(path: Path) -> Load:
 def run_on_cluster(
     load: Load, todo: list[int], address: str, heard: Callable[[Done], None]
 ) -> dict[int, str]:
-    """Do tasks; see `run_local`.
+    """Compute tasks on the workers of a dask scheduler; arguments and return value as those of `run_local`.
 
     Raises:
-        StudyError: the scheduler does not answer, or not any more; a worker cannot do this study; there is no
-            room for results.
+        StudyError: the scheduler does not answer (any more), a worker cannot compute this study, or the disk
+            is full.
     """
     tasks, store, lost = Tasks(waiting=todo[::-1]), Store(load.store), 0.0
     data = pickle.dumps(load)
@@ -173,7 +174,8 @@ def _give(
 
 
 def _late(client: Client, running: dict[Any, _RunningShare], tasks: Tasks) -> list[tuple[int, list[str]]]:
-    """Tasks that take too long, each with the workers that have no such task: one may hang."""
+    """Return the numbers of late tasks, each with the addresses of the workers that do not compute it
+    already."""
     newest: dict[int, float] = {}
     for one in running.values():
         newest[one.number] = max(one.begun, newest.get(one.number, 0.0))

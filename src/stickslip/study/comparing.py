@@ -31,8 +31,11 @@ class StudyComparison(NamedTuple):
 
 
 class Compared(NamedTuple):
-    """`said`: how the studies differ, place by place; members computed in one store alone, and in both; of
-    those, each variable."""
+    """Result of comparing two studies.
+
+    `said` lists the differences between the descriptions. Further fields give the number of members computed
+    in one store only and in both, and a `StudyComparison` per variable.
+    """
 
     said: list[str]
     only_first: int
@@ -42,7 +45,7 @@ class Compared(NamedTuple):
 
     @property
     def equal(self) -> bool:
-        """True if both have the same results, to the last bit."""
+        """Return True if both studies have identical results, to the last bit."""
         return not (self.only_first or self.only_second or any(v.members for v in self.variables))
 
 

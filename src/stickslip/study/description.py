@@ -22,7 +22,7 @@ SHOWN = 64
 
 
 def described(study: Any) -> dict[str, Any]:
-    """A study, the package and its engine, and the user's own files, as JSON knows it."""
+    """Return the description of a study, the package, its engine and the user's own files as JSON data."""
     return {
         "study": {key: _plain(getattr(study, key)) for key in ("points", "measure", "summary", "keep")},
         "order": _order(study.points),
@@ -32,15 +32,15 @@ def described(study: Any) -> dict[str, Any]:
 
 
 def _order(points: Any) -> list[list[str]]:
-    """The names of each part in their order: that of a grid's dimensions, and of the columns that a random
-    design is dealt to. `identity` sorts what is by name, and would take another order for the same study."""
+    """Return the order of the names in each part: a grid's dimensions, and the columns of a random design.
+    `identity` sorts by name, so without this a study in another order would seem equal."""
     parts = [points] if isinstance(points, Part) else points
     ordered = [part for part in parts if isinstance(part, Grid | Random)]
     return [list(part.values if isinstance(part, Grid) else part.ranges) for part in ordered]
 
 
 def identity(description: Mapping[str, Any]) -> str:
-    """The hash of a description."""
+    """Return the hash of a study's description, by which a store recognises its study."""
     text = json.dumps(description, sort_keys=True, allow_nan=True)
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -62,7 +62,7 @@ class Study:
 
     @cached_property
     def axes(self) -> list[StudyAxis]:
-        """Axes of the varied quantities, one per dimension; raises QuantityError."""
+        """Return the varied quantities, one `StudyAxis` per dimension of the study; raises QuantityError."""
         return axes_of(self.points, self.measure.read)
 
     @property
@@ -74,7 +74,12 @@ class Study:
         return tuple(axis.size for axis in self.axes)
 
     def columns(self, place: dict[str, slice]) -> Columns:
-        """Return the varied values of the members of a part, the last dimension fastest."""
+        """Return the varied values of some members by name, each an array [members]; the last dimension
+        varies fastest.
+
+        Args:
+            place: the part of each dimension that the members fill.
+        """
         parts = [axis.at(place[axis.dim].start, place[axis.dim].stop) for axis in self.axes]
         shape, found = tuple(part.shape[1] for part in parts), {}
         for i, (axis, part) in enumerate(zip(self.axes, parts, strict=True)):
@@ -84,10 +89,10 @@ class Study:
         return found
 
     def computed(self, columns: Columns) -> xr.Dataset:
-        """Everything that is kept of members, over "member", status and reason last.
+        """Compute some members; return what is kept of their results over "member", status and reason last.
 
         Raises:
-            QuantityError: `keep` has a name that there is not, or a summary one that there is already.
+            QuantityError: `keep` names an unknown result, or a summary has the name of a result.
         """
         found, own = self.measure.computed(columns), []
         found = found.drop_vars([name for name in columns if name in found])
@@ -133,13 +138,13 @@ class Study:
         return Layout(self.dims, self.shape, cut(self.shape, task), (*varied, *found))
 
     def inner(self) -> dict[str, xr.DataArray]:
-        """Coordinates of the results' own dimensions, such as time."""
+        """Return the coordinates of the results' own dimensions, such as time."""
         made = self._trial
         return {str(name): c for name, c in made.coords.items() if name != "member"}
 
     @cached_property
     def _trial(self) -> xr.Dataset:
-        """The results of two members."""
+        """Compute two members, to learn names, units and shapes of the results."""
         place = {axis.dim: slice(0, min(2, axis.size)) for axis in self.axes}
         return self.computed({name: column[:2] for name, column in self.columns(place).items()})
 

@@ -27,14 +27,14 @@ SAME = 1e-6
 def drawn_parameters(
     source: Fit | Posterior | Mapping[str, ArrayLike], model: Actuator, count: int, seed: int
 ) -> dict[str, Array]:
-    """Draws [count] of the parameters of the model that the source is about.
+    """Return draws [count] of parameters of a model, by name, from what was estimated.
 
-    Of a fit they are normal in its coordinates, cut at its bounds; of a posterior, its samples; of arrays by
-    name (of a prior), rows of these.
+    Draws from a fit are normally distributed in the fit's coordinates and truncated at its bounds; draws from
+    a posterior are its samples; draws from arrays by name (of a prior) are rows of these.
 
     Raises:
-        QuantityError: it is neither, is of no parameter of the model, does not determine one, or the model
-            has other values than the fit.
+        QuantityError: the source is of no parameter of the model, does not determine one, or the model has
+            other values than the fit.
     """
     random = np.random.default_rng(seed)
     if isinstance(source, Posterior):
@@ -68,7 +68,8 @@ def _arrays(source: Mapping[str, ArrayLike], model: Actuator) -> dict[str, Array
 
 
 def draws_in_si(model: Actuator, name: str, values: ArrayLike) -> Array:
-    """Values [n] of a parameter of the model, or of what a posterior has besides; raises QuantityError."""
+    """Return values [n] of a parameter of the model, or of an extra value of a posterior, in SI; raises
+    QuantityError."""
     quantity = quantity_of(model, None, name)
     unit = quantity.unit if quantity else unit_for(model, NOT_OF_ACTUATOR.get(name, ""))
     return np.ravel(array_si(values, unit, f"draws of {name}"))

@@ -68,7 +68,7 @@ def _tables(store: Store, progress: Progress) -> Iterator[pd.DataFrame]:
 
 
 def _table(part: xr.Dataset, dims: tuple[str, ...]) -> pd.DataFrame:
-    """A line for each member that is computed; columns with units in their names' attributes."""
+    """Return a table with a line for each computed member; the names of the columns contain the units."""
     spread = xr.broadcast(*(part[n] for n in [*part.coords, *part.data_vars] if {*part[n].dims} <= {*dims}))
     columns = {str(one.name): one.transpose(*dims).values.ravel() for one in spread}
     texts = {n: np.asarray(c, dtype=object) if c.dtype.kind not in "fiu" else c for n, c in columns.items()}
@@ -117,7 +117,7 @@ def _parquet(store: Store, file: Path, progress: Progress) -> int:
 
 @contextmanager
 def _closed() -> Iterator[list[Any]]:
-    """A writer, once there is one, closed at the end."""
+    """Yield a list for a table's writer, which is closed at the end."""
     writers: list[Any] = []
     try:
         yield writers

@@ -20,8 +20,11 @@ MOST_CHUNK_BYTES = 128_000_000  # bytes of a chunk, twice `LARGEST`: a reader ne
 
 
 class StudyVariable(NamedTuple):
-    """A result (or what varies). `dims`: of the study, then `inner` ones with their sizes, such as time;
-    `dtype`: of NumPy, or "text"; `about`: attributes."""
+    """Description of one variable in the store, a result or a varied value.
+
+    `dims` names the dimensions of the study that it has, `inner` its own ones (such as time) with their
+    sizes; `dtype` is NumPy's, or "text"; `about` holds the attributes.
+    """
 
     name: str
     dims: tuple[str, ...]
@@ -31,13 +34,16 @@ class StudyVariable(NamedTuple):
 
     @property
     def missing(self) -> Any:
-        """Value of results that are not computed yet."""
+        """Return the fill value of results that are not computed yet."""
         return "" if self.dtype == TEXT else -1 if self.dtype == "int8" else float("nan")
 
 
 class Layout(NamedTuple):
-    """`dims` and `shape` of all members, `task` the part of one task along each, `variables` in the order in
-    which they are written: status last."""
+    """Layout of all results of a study in its store.
+
+    `dims` and `shape` are those of all members, `task` is the number of members of a task along each
+    dimension, and `variables` are in the order of writing, status last.
+    """
 
     dims: tuple[str, ...]
     shape: tuple[int, ...]
@@ -50,7 +56,7 @@ class Layout(NamedTuple):
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Tasks along each dimension."""
+        """Return the number of tasks along each dimension."""
         return tuple(-(-size // part) for size, part in zip(self.shape, self.task, strict=True))
 
     @property
@@ -59,11 +65,11 @@ class Layout(NamedTuple):
 
     @property
     def bytes(self) -> int:
-        """Size of all results in bytes, without texts."""
+        """Return the size of all results without texts, bytes."""
         return self.tasks * sum(self.size(v) for v in self.variables if v.dtype != TEXT)
 
     def place(self, number: int) -> dict[str, slice]:
-        """The part of each dimension that a task covers."""
+        """Return the part of each dimension that a task covers."""
         at = np.unravel_index(number, self.counts)
         return {
             dim: slice(int(i) * part, min((int(i) + 1) * part, size))
@@ -71,22 +77,22 @@ class Layout(NamedTuple):
         }
 
     def chunk(self, variable: StudyVariable) -> tuple[int, ...]:
-        """The shape of its chunks, which those at the end have too, filled up."""
+        """Return the shape of a variable's chunks; those at the end of a dimension are filled up to it."""
         part = dict(zip(self.dims, self.task, strict=True))
         return (*(part[dim] for dim in variable.dims), *(size for _, size in variable.inner))
 
     def size(self, variable: StudyVariable) -> int:
-        """Bytes of a chunk in memory."""
+        """Return the size of a chunk in memory, bytes."""
         one = 8 if variable.dtype == TEXT else np.dtype(variable.dtype).itemsize
         return one * math.prod(self.chunk(variable))
 
     def whole(self, variable: StudyVariable) -> tuple[int, ...]:
-        """The shape of the variable."""
+        """Return the shape of the variable over all members."""
         size = dict(zip(self.dims, self.shape, strict=True))
         return (*(size[dim] for dim in variable.dims), *(count for _, count in variable.inner))
 
     def key(self, variable: StudyVariable, number: int) -> str:
-        """The file of a task's chunk, relative to the store."""
+        """Return the file of a task's chunk, relative to the store."""
         at = dict(zip(self.dims, np.unravel_index(number, self.counts), strict=True))
         return "/".join(
             [
@@ -99,7 +105,8 @@ class Layout(NamedTuple):
 
 
 def cut(shape: tuple[int, ...], wanted: int) -> tuple[int, ...]:
-    """Parts of all dimensions, the last ones whole as far as they fit, of about `wanted` members or fewer."""
+    """Return the number of members of a task along each dimension, about `wanted` in all; the last dimensions
+    are kept whole as far as possible."""
     parts, left = [], max(1, wanted)
     for size in reversed(shape):
         parts.append(min(size, left))
@@ -108,7 +115,8 @@ def cut(shape: tuple[int, ...], wanted: int) -> tuple[int, ...]:
 
 
 def usual(members: int, bytes_of_one: int) -> int:
-    """Members of a task: a power of two, for at least `TASKS` tasks and at most `LARGEST` bytes each."""
+    """Return the default number of members of a task: a power of two, for at least `TASKS` tasks and at most
+    `LARGEST` bytes each."""
     most = min(MOST, max(1, members // TASKS), max(1, LARGEST // max(1, bytes_of_one)))
     return 1 << (most.bit_length() - 1)
 

@@ -47,8 +47,8 @@ def processors() -> int:
 
 @contextlib.contextmanager
 def sigint_blocked() -> Iterator[None]:
-    """A context for starting a process that this one ends, not Ctrl-C in the terminal, which reaches both. It
-    starts with the signal blocked: during its imports it could not ignore it."""
+    """Yield a context in which SIGINT is blocked, for starting a process that must not end by Ctrl-C in the
+    terminal: this process ends it."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
@@ -60,7 +60,8 @@ def sigint_blocked() -> Iterator[None]:
 
 
 class Worker:
-    """A process, and the thread that reads its answers into a queue: (worker, answer), None at its end."""
+    """A worker process, and the thread that puts its answers into a queue as (worker, answer); None marks its
+    end."""
 
     def __init__(self, load: Load, answers: queue.Queue[tuple[Worker, Any]]) -> None:
         self.task: int | None = None
@@ -89,7 +90,7 @@ class Worker:
         answers.put((self, None))
 
     def give(self, number: int) -> None:
-        """A task to do; that the worker is dead shows elsewhere."""
+        """Send the number of a task to the worker; a dead worker is noticed elsewhere."""
         self.task, self.begun = number, time.monotonic()
         assert self.process.stdin
         with contextlib.suppress(OSError):
@@ -109,7 +110,7 @@ class Worker:
 
 @dataclass
 class Tasks:
-    """Tasks to do, and their outcomes."""
+    """Queue of the tasks still to compute, and the outcomes of the others."""
 
     waiting: list[int]
     attempts: dict[int, int] = field(default_factory=dict)
@@ -133,7 +134,8 @@ class Tasks:
         return new
 
     def again(self, number: int, why: str) -> None:
-        """A task failed, or its worker did."""
+        """Put a task whose computation or worker failed back into the queue, or report it after the third
+        failure."""
         if number in self.done:
             return
         self.attempts[number] = self.attempts.get(number, 0) + 1
@@ -151,26 +153,26 @@ class Tasks:
         return max(late)[1] if late else None
 
     def limit(self) -> float:
-        """When a task is late [s]; never, while none is done."""
+        """Return the computing time above which a task is late, s; infinite while no task is done."""
         if not self.seconds:
             return math.inf
         return max(AT_LEAST, LATE * statistics.median(self.seconds[-200:]))
 
 
 def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done], None]) -> dict[int, str]:
-    """Do tasks.
+    """Compute tasks in worker processes on this machine.
 
     Args:
-        load: what workers are given.
-        todo: numbers of tasks.
-        workers: processes, at most.
+        load: study and files that each worker is given at its start.
+        todo: numbers of the tasks.
+        workers: largest number of processes.
         heard: called after each task.
 
     Returns:
-        Why tasks failed, by number.
+        The reasons of failed tasks, by number.
 
     Raises:
-        StudyError: no worker comes up, there is no room for results, or somebody asked to stop.
+        StudyError: no worker starts, the disk is full, or the study was asked to stop.
     """
     answers: queue.Queue[tuple[Worker, Any]] = queue.Queue()
     tasks, store = Tasks(waiting=todo[::-1]), Store(load.store)

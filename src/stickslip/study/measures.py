@@ -48,7 +48,8 @@ class SteadySteps:
         return _read(self.model, self.waveform, name, values)
 
     def computed(self, columns: Columns) -> xr.Dataset:
-        """Return the results of members, over "member"."""
+        """Compute the steady step of members with these varied values (arrays by name); return a dataset over
+        "member"."""
         return _quietly(
             lambda: steady_steps(
                 self.model,
@@ -84,7 +85,7 @@ class WalksFromRest:
     max_steps: int = 2_000_000
 
     def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
-        """Return a value with its unit, as `SteadySteps` does."""
+        """Return the values of a varied parameter in SI, and its attributes, as `SteadySteps.read` does."""
         return _read(self.model, self.waveform, name, values)
 
     def computed(self, columns: Columns) -> xr.Dataset:
@@ -106,15 +107,15 @@ class WalksFromRest:
 
 @dataclass(frozen=True)
 class Own:
-    """A function of the user's own, which is given columns, arrays [member] by name, and returns what it
-    found: arrays [member] by name, or `xarray.DataArray` with units in their attributes.
+    """A user's function as the measure of a study.
 
-    Where it raises for several members, they are tried one by one; a member that fails by itself has the
-    status 1, and the error as its reason.
+    It is called with the varied values, arrays [member] by name, and returns results: arrays [member] by
+    name, or `xarray.DataArray` with units in their attributes. Where it raises for several members, each is
+    tried alone; a member that fails by itself has the status 1, and the error as its reason.
 
     Args:
         function: a function of a module or a file, or ``"FILE.py:NAME"``.
-        units: of the names that vary.
+        units: SI unit of each varied value, by name.
     """
 
     function: Callable[..., Any] | str | OwnFunction
@@ -174,12 +175,17 @@ def one_by_one(work: Callable[[slice], xr.Dataset], count: int) -> tuple[xr.Data
 
 
 def told(error: BaseException) -> str:
-    """An error in one line."""
+    """Return an error as one line of text."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def as_dataset(found: Any, count: int, of: str) -> xr.Dataset:
-    """Return the results of a user's function, over "member".
+    """Return the results of a user's function as a dataset over "member".
+
+    Args:
+        found: mapping of arrays [count], as the function returned it.
+        count: number of members.
+        of: name of the function, for errors.
 
     Raises:
         QuantityError: the result is not a mapping of arrays [member].

@@ -17,14 +17,14 @@ from ..quantities.registry import RegistryError, allowed_file, origin, own_path,
 
 @dataclass(frozen=True)
 class OwnFunction:
-    """A function by its file, its name and the hash of the file's content."""
+    """A user's function, identified by its file, its name and the hash of the file's content."""
 
     path: str
     name: str
     content: str
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it; the file is run where it was not yet."""
+        """Call the function; its file is imported at the first call."""
         return _found(self)(*arguments)
 
     def __str__(self) -> str:
@@ -66,7 +66,7 @@ def own_function(
 
 
 def content_hash(path: str | Path) -> str:
-    """SHA-256 of a file; raises RegistryError."""
+    """Return the SHA-256 hash of a file; raises RegistryError if it cannot be read."""
     try:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     except OSError as error:
@@ -85,19 +85,19 @@ def _found(function: OwnFunction) -> Any:
 
 
 def files_of(paths: Iterable[str]) -> list[tuple[str, bytes]]:
-    """Files as they are sent: path and content."""
+    """Return files as they are sent to workers: pairs of path and content."""
     return [(path, Path(path).read_bytes()) for path in dict.fromkeys(paths)]
 
 
 def law_files(model: Any) -> list[str]:
-    """The user's own files that a model's law is of, and those in use."""
+    """Return the paths of the user's own files that define a model's friction law or were used before."""
     law = origin(type(getattr(model, "friction", None)))
     return [*([law] if law.endswith(".py") else []), *registry.used_files()]
 
 
 def put_in_use(files: Iterable[tuple[str, bytes]]) -> None:
-    """Run files that were sent, from where they were if they are there as they are, else from a folder of
-    this process's own machine; raises RegistryError."""
+    """Import files that were sent: the local copy where its content is equal, else a copy in a temporary
+    folder; raises RegistryError."""
     for path, text in files:
         content = hashlib.sha256(text).hexdigest()
         path = _PLACES.get(content, path)

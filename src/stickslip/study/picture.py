@@ -30,9 +30,12 @@ _QUANTILES = {"median": 0.5, "tenth": 0.1, "nine_tenths": 0.9, "least": 0.0, "gr
 
 
 class StudyPicture(NamedTuple):
-    """`cells` [up, across] between the edges, NaN where there is no member; `log`, whether the edges are
-    evenly apart by their ratios, across and up; `members` that it is of, and how many of the tasks that are
-    done were `read` and were found `damaged`."""
+    """Picture of a study: the statistic of a result in cells of two varied values.
+
+    `cells` [up, across] holds the statistic between the edges, NaN in empty cells; `log` says for each axis
+    (across, up) whether it is logarithmic; `members` is the number of members shown; `read` and `damaged`
+    count the finished tasks that were read and that are damaged.
+    """
 
     across: Array
     up: Array
@@ -64,18 +67,19 @@ def pictured(store: Store) -> tuple[dict[str, StudyVariable], dict[str, StudyVar
 def study_picture(
     path: str | os.PathLike[str], result: str, across: str, up: str = "", statistic: Statistic = "median"
 ) -> StudyPicture:
-    """A result of a study over one or two of the values that vary.
+    """Return a statistic of one result over one or two varied values, in cells.
 
     Args:
-        path: the store.
-        result: name of a result, of whose members in a cell the statistic is.
-        across, up: names of what varies; without `up`, the result itself is upwards, and cells count members.
+        path: folder of the study.
+        result: name of the result.
+        across, up: names of the varied values on the two axes; without `up` the result itself is the vertical
+            axis, and cells count members.
         statistic: "median", "tenth" and "nine_tenths" (quantiles), "least", "greatest", "count" of members,
             or "failed", the share of members that have no result.
 
     Raises:
         QuantityError: there is no such name or statistic.
-        StudyError: it is no store of a study, or nothing of it can be shown yet.
+        StudyError: the folder is no store of a study, or contains nothing that can be shown yet.
     """
     store = Store(path)
     varied, results = pictured(store)
@@ -124,7 +128,7 @@ def _coordinates(store: Store) -> dict[str, tuple[StudyVariable, Array]]:
 def _columns(
     store: Store, names: list[str], known: dict[str, tuple[StudyVariable, Array]]
 ) -> tuple[dict[str, Array], int, int, int]:
-    """Columns of members that are computed; how many tasks are done, were read, are damaged."""
+    """Return the values of computed members by name, and the numbers of finished, read and damaged tasks."""
     layout = store.layout
     of = {one.name: one for one in layout.variables}
     done = np.flatnonzero(store.done())

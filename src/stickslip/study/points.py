@@ -85,8 +85,11 @@ Part = Grid | Random | Draws
 
 
 class StudyAxis(NamedTuple):
-    """Some names along one dimension. `values` are of all its points, [names, size]; without them
-    `drawn(start, stop)` gives those of some, [names, stop - start]."""
+    """One dimension of a study with the values that vary along it.
+
+    `values` [names, size] are known beforehand for grids and draws; else ``drawn(start, stop)`` computes
+    those of some points, [names, stop - start].
+    """
 
     dim: str
     names: tuple[str, ...]
@@ -101,10 +104,14 @@ class StudyAxis(NamedTuple):
 
 
 def axes_of(parts: Part | Sequence[Part], read: Read) -> list[StudyAxis]:
-    """The axes of a study, in order.
+    """Return the dimensions of a study in order.
+
+    Args:
+        parts: a `Grid`, `Random`, `Draws`, or several.
+        read: function that converts the values of a name to SI, with their attributes.
 
     Raises:
-        QuantityError: a name or a value that cannot be; names the part and the name.
+        QuantityError: a name or a value that is not allowed; names the part and the name.
     """
     found: list[StudyAxis] = []
     for part in [parts] if isinstance(parts, Part) else parts:
@@ -183,15 +190,14 @@ def _random_axis(part: Random, read: Read) -> StudyAxis:
 
 
 class _Sequence:
-    """Points in the unit cube by their numbers. A sampler is kept: on the way forward it need not begin
-    anew."""
+    """Points of a quasi-random or random sequence in the unit cube, computed by their numbers."""
 
     def __init__(self, method: Method, seed: int, dimensions: int) -> None:
         self._method, self._seed, self._dimensions = method, seed, dimensions
         self._sampler: Any = None
 
     def numbers(self, start: int, stop: int) -> Array:
-        """[dimensions, stop - start]."""
+        """Return the points from `start` up to `stop`, [dimensions, stop - start]."""
         if self._method == "uniform":
             generator = np.random.PCG64(self._seed)
             generator.advance(start * self._dimensions)

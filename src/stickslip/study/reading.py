@@ -49,7 +49,7 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def blocks(store: Store) -> Iterator[tuple[dict[str, slice], xr.Dataset]]:
-    """The part of each task and its results, in memory, task after task."""
+    """Yield, task after task, the part of each dimension that it covers and its results in memory."""
     whole = open_study(store.path)
     for number in range(store.layout.tasks):
         place = store.layout.place(number)
@@ -57,7 +57,7 @@ def blocks(store: Store) -> Iterator[tuple[dict[str, slice], xr.Dataset]]:
 
 
 class _Results(BackendArray):
-    """Results of one variable, of the tasks that are `done`."""
+    """Results of one variable, read from the finished tasks; others give the fill value."""
 
     def __init__(self, store: Store, variable: StudyVariable, done: NDArray[np.bool_]) -> None:
         self._store, self._variable, self._done = store, variable, done
@@ -101,7 +101,7 @@ class _Results(BackendArray):
         return np.atleast_1d(np.ravel_multi_index(tuple(at.T), layout.counts)).tolist()
 
     def _put(self, number: int, box: list[range], whole: NDArray[Any]) -> None:
-        """Put what a task has of a box in its place."""
+        """Copy what a task has of a region of the results into the array `whole`."""
         variable, place = self._variable, self._store.layout.place(number)
         try:
             values = self._store.read(number, variable)

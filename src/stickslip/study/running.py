@@ -134,7 +134,8 @@ def run_study(
 
 
 def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
-    """The store of a study, made if it is not there; raises StudyDiffers, QuantityError and StudyError."""
+    """Return the store of a study, which is created if missing; raises StudyDiffers, QuantityError and
+    StudyError."""
     description = described(study)
     if not (Path(path) / "zarr.json").exists() and not has_arrays(Path(path)):
         create(path, description, study.layout(), study.axes, study.inner(), study.title)
@@ -151,14 +152,15 @@ def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
 
 
 def _of(layout: Layout) -> list[Any]:
-    """Return what a layout is of, as a store keeps it, without tasks and attributes."""
+    """Return the parts of a layout that must agree between a study and its store: all but tasks and
+    attributes."""
     found = json.loads(layout_text(layout))
     fields = ("name", "dims", "inner", "dtype")
     return [found["dims"], found["shape"], [[one[key] for key in fields] for one in found["variables"]]]
 
 
 def _todo(store: Store, shard: tuple[int, int] | None, progress: Progress) -> list[int]:
-    """The tasks that are still to do; those that are done are checked first."""
+    """Return the numbers of the tasks that are still to compute; finished ones are checked first."""
     k, n = shard or (1, 1)
     mine, done, damaged = range(k - 1, store.layout.tasks, n), store.done(), []
     for i, number in enumerate(mine):
@@ -176,7 +178,7 @@ def _todo(store: Store, shard: tuple[int, int] | None, progress: Progress) -> li
 
 
 class _ToldProgress:
-    """Tells the progress of a run, now and then."""
+    """Reporter of a run's progress, at increasing intervals."""
 
     def __init__(self, layout: Layout, tasks: int, progress: Progress) -> None:
         self._layout, self._tasks, self._progress = layout, tasks, progress
@@ -203,12 +205,12 @@ class _ToldProgress:
 
 
 def pace(rate: float) -> str:
-    """Members per second, or per minute where they are few, for people."""
+    """Return a rate as text: members per second, or per minute if there are few."""
     return f"{rate:,.0f} members/s" if rate >= 10.0 else f"{60.0 * rate:,.2g} members/min"
 
 
 def duration(seconds: float) -> str:
-    """A time for people."""
+    """Return a time as text, in a suitable unit."""
     for unit, size in (("d", 86_400.0), ("h", 3600.0), ("min", 60.0)):
         if seconds >= 2 * size:
             return f"{seconds / size:.1f} {unit}"

@@ -19,10 +19,13 @@ DAMAGED = "damaged"
 
 
 class StudyState(NamedTuple):
-    """`done` of `tasks`; members in all, and those computed by their status; members per second lately, NaN
-    where nothing was written lately; `left` [s], of the rest at this rate; `last` [s, Unix time], when
-    something was written, NaN: never; `damage`: what is wrong with a task that is done, or "". Of
-    results it is only seen whether they are there: who uses them reads them."""
+    """Progress of a study, read from its store.
+
+    `done` of `tasks` are finished; members are counted in all and by their status; the rate is in members per
+    second of late, NaN where nothing was written of late; `left` is the remaining time at this rate, s;
+    `last` is the time of the last result, s (Unix time), NaN for none; `damage` describes a damaged finished
+    task, or is "". Results are only checked for existence.
+    """
 
     title: str
     tasks: int

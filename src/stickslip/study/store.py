@@ -149,7 +149,7 @@ class Store:
         return found
 
     def damage(self, number: int) -> str:
-        """Return the damage of a finished task; empty if there is none."""
+        """Return the damage of a finished task; empty for a whole one."""
         try:
             for variable in self.layout.variables:
                 self._content(variable, number)
@@ -158,7 +158,7 @@ class Store:
         return ""
 
     def lacks(self, number: int) -> str:
-        """Return the missing part of a finished task, without reading it; empty if there is none."""
+        """Return the missing part of a finished task, without reading it; empty for a complete one."""
         gone = (one.name for one in self.layout.variables if not self._file(one, number).exists())
         return next((f"{name} is missing" for name in gone), "")
 
@@ -179,14 +179,19 @@ class Store:
         return f"{self.path}: task {number}: {damage}: run the study again, which computes it anew"
 
     def forget(self, number: int) -> None:
-        """A task is not done any more; raises StudyError where its status is not in the store."""
+        """Mark a task as not done; raises StudyError where its status file is not in the store."""
         self._written(self.layout.variables[-1], number).unlink(missing_ok=True)
 
     def write(self, number: int, found: xr.Dataset, varied: Mapping[str, NDArray[np.float64]]) -> None:
-        """The results of a task, over "member", status last; `varied`, of each name along its own dimension.
+        """Write the results of a task.
+
+        Args:
+            number: number of the task.
+            found: results over "member"; the status is written last.
+            varied: values of each name along its own dimension.
 
         Raises:
-            StudyError: there is no room, or a link leads out of the store.
+            StudyError: the disk is full, or a link leads out of the store.
         """
         try:
             contents = {
@@ -236,7 +241,8 @@ class Store:
         return whole
 
     def read(self, number: int, variable: StudyVariable) -> NDArray[Any]:
-        """Numbers or texts of a task, over the variable's dimensions; raises ChunkError."""
+        """Return the numbers or texts of one variable of a task, over the variable's dimensions; raises
+        ChunkError."""
         data, place = self._content(variable, number), self.layout.place(number)
         if variable.dtype == TEXT:
             whole = texts_of(variable.name, data, math.prod(self.layout.chunk(variable)))
@@ -270,7 +276,8 @@ class Store:
         return content
 
     def _sealed(self, number: int, data: bytes | None) -> tuple[dict[str, int], bytes]:
-        """Return what the seal of a task lists, and its packed texts; `data`, if they were read already."""
+        """Return the checksums that the seal of a task lists, and the task's packed texts (`data`, if they
+        were read already)."""
         name = self._text.name
         if data is None:
             data = _chunk(name, self.path, self.layout.key(self._text, number), None)
@@ -305,14 +312,14 @@ class Store:
         return found, np.frombuffer(data, "<f8").astype(float).reshape(shape)
 
     def stop(self) -> None:
-        """Ask all that work on it, on whatever machine, to end."""
+        """Ask all processes that work on the study, on any machine, to end."""
         if (self.path / STOP).is_symlink():  # nothing outside of the store is touched
             (self.path / STOP).unlink()
         (self.path / STOP).touch()
         os.utime(self.path / STOP)
 
     def must_end(self) -> bool:
-        """True if somebody asked to stop since this store was opened."""
+        """Return True if a stop was requested since this store was opened."""
         return self._asked() != self._asked_before
 
     def _asked(self) -> int:
@@ -322,7 +329,7 @@ class Store:
             return 0
 
     def written(self) -> NDArray[np.float64]:
-        """When the tasks that are done were written, s (Unix time)."""
+        """Return the times at which the finished tasks were written, s (Unix time)."""
         files = (self._file(self.layout.variables[-1], int(i)) for i in np.flatnonzero(self.done()))
         return np.array([file.stat().st_mtime for file in files])
 
@@ -358,7 +365,7 @@ def _numbers(folder: Path) -> list[int]:
 
 
 def _chunk(name: str, store: Path, file: str, size: int | None) -> bytes:
-    """`read_chunk` of a variable; its ChunkError names it."""
+    """Read a chunk as `read_chunk`, with the name of the variable in a ChunkError."""
     try:
         return read_chunk(store, file, size)
     except ChunkError as error:

@@ -16,7 +16,8 @@ from .store import Store
 
 
 class Done(NamedTuple):
-    """A task that is written: its number, how long it took [s], members, and how many of them failed."""
+    """Report of a finished task: its number, computing time (s), number of members, and number of failed
+    ones."""
 
     number: int
     seconds: float
@@ -40,7 +41,7 @@ class Load(NamedTuple):
 
 
 def load_of(study: Study, store: Store, folders: Sequence[str] = ()) -> Load:
-    """Raises StudyError for a study that cannot be sent."""
+    """Return what a worker needs for a study; raises StudyError if the study cannot be sent."""
     functions = [study.summary, getattr(study.measure, "function", None)]
     own = [one.path for one in functions if isinstance(one, OwnFunction)]
     files = files_of([*own, *law_files(getattr(study.measure, "model", None))])

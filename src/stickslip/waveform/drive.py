@@ -35,7 +35,7 @@ class Drive(NamedTuple):
 
 
 def constant(value: float) -> Drive:
-    """A drive that never changes."""
+    """Return a drive with one constant value."""
     return Drive(
         float(value),
         np.zeros(1),
@@ -46,7 +46,7 @@ def constant(value: float) -> Drive:
 
 
 def value_slope_curvature(drive, i, t):
-    """u, du/dt and d²u/dt² at time t, by the formula of segment i."""
+    """Return u, du/dt and d²u/dt² at time t [s] by the formula of segment i."""
     tau = t - drive.start[i]
     c1, c2, c3 = drive.polynomial[i, 1], drive.polynomial[i, 2], drive.polynomial[i, 3]
     u = drive.polynomial[i, 0] + tau * (c1 + tau * (c2 + tau * c3))
@@ -64,12 +64,14 @@ def value_slope_curvature(drive, i, t):
 
 
 def segment_at(drive: Drive, t: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Index of the segment that holds each time; at a break point, the later one."""
+    """Return the index of the segment that contains each time [s]; at a break point, that of the later
+    one."""
     return np.maximum(np.searchsorted(drive.start, t, side="right") - 1, 0)
 
 
 def evaluate(drive: Drive, t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Values and slopes at many times; `before` and 0 for t < 0. At a jump, the value after it."""
+    """Return values and slopes at times [s]; before t = 0 they are `before` and 0, and at a jump the value
+    after it."""
     times = np.atleast_1d(np.asarray(t, dtype=float))
     segment = segment_at(drive, times)
     tau = times - drive.start[segment]

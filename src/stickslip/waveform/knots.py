@@ -70,21 +70,22 @@ class PeriodicKnots(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """s, infinite unless the periods are counted"""
+        """Return the duration, s; infinite unless the number of periods is given."""
         return math.inf if self.periods is None else self.periods * self.period
 
     def range(self) -> tuple[float, float]:
-        """Exact: there is nothing beyond the knots."""
+        """Return the exact least and greatest value: those of the knots."""
         return min(self.values), max(self.values)
 
     def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
+        """Return the segment table of the drive for 0 <= t < duration [s]."""
         times = np.array(self.times)
         polynomial = _polynomials(times, np.array(self.values), np.array(self.period), self.smooth)
         return repeat_table(wrapped(times, polynomial, self.period), self.period, self.periods, duration)
 
     def drives(self, durations: Array) -> Drives:
-        """The tables of members, where numbers of the fields are arrays of one for each, unchecked."""
+        """Return the segment tables of many members; varied fields of `self` are arrays with a number per
+        member, unchecked."""
         times, values, period = (
             columns_of(numbers, durations.size) for numbers in (self.times, self.values, [self.period])
         )
@@ -93,7 +94,8 @@ class PeriodicKnots(NamedTuple):
 
 
 def _polynomials(times: Array, values: Array, period: Array, smooth: bool) -> Array:
-    """c_0..c_3 from each knot to the next, [..., knots, 4]; see `PeriodicKnots`."""
+    """Return the coefficients c_0..c_3 from each knot to the next, [..., knots, 4]; formulas in
+    `PeriodicKnots`."""
     h = np.diff(times, append=times[..., :1] + period[..., None])
     delta = np.diff(values, append=values[..., :1]) / h
     polynomial = np.zeros((*times.shape, 4))
@@ -108,7 +110,8 @@ def _polynomials(times: Array, values: Array, period: Array, smooth: bool) -> Ar
 
 
 def _monotone_slopes(h: Array, delta: Array) -> Array:
-    """Slope at each knot of a closed curve; see `PeriodicKnots`."""
+    """Return the slope at each knot of a closed curve by the weighted harmonic mean given in
+    `PeriodicKnots`."""
     h_before, before = np.roll(h, 1, axis=-1), np.roll(delta, 1, axis=-1)
     slopes = np.zeros_like(delta)
     on = np.sign(before) * np.sign(delta) > 0

@@ -1,4 +1,4 @@
-"""Tables of many members of one waveform, whose fields differ: for ensembles."""
+"""Segment tables of the members of an ensemble, for one waveform whose fields differ between members."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ class Drives(NamedTuple):
 
 
 def member_of(drives, m):
-    """The table of one member, as views."""
+    """Return the segment table of member m, as views."""
     return Drive(drives.before[m], drives.start[m], drives.polynomial[m], drives.first[m], drives.harmonic[m])
 
 
 def common(drive: Drive) -> Drives:
-    """One table."""
+    """Return one segment table as that of a single member."""
     return stacked([drive])
 
 
 def stacked(tables: Sequence[Drive]) -> Drives:
-    """These tables."""
+    """Return segment tables as one `Drives`, one member each."""
     count, most = len(tables), max(table.start.size for table in tables)
     rows = max(len(table.harmonic) for table in tables)
     made = Drives(
@@ -57,7 +57,7 @@ def stacked(tables: Sequence[Drive]) -> Drives:
 
 
 def columns_of(values: Sequence[Any], count: int) -> Array:
-    """Numbers, or arrays of one for each member, as [members, values]."""
+    """Return numbers, or arrays of one number per member, as an array [members, values]."""
     return np.stack([np.broadcast_to(np.asarray(v, dtype=float), count) for v in values], axis=1)
 
 
@@ -123,7 +123,14 @@ def _tiled(
     end: Array | None,
     durations: Array,
 ) -> Drives:
-    """Segments [members, periods, n] of periods that are alike; at rest [members, 1] from the end on."""
+    """Return segments of identical periods, per member.
+
+    Args:
+        start, polynomial, rows, harmonic: segments [members, periods, n] and their formulas.
+        rest: value at rest, [members, 1].
+        end: time from which each member rests, s; None: never.
+        durations: of the members, s.
+    """
     count, periods, n = start.shape
     start = start.reshape(count, periods * n)
     polynomial, harmonic = np.tile(polynomial, (1, periods, 1)), np.tile(harmonic, (1, periods, 1))

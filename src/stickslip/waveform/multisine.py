@@ -52,7 +52,8 @@ class Multisine(NamedTuple):
 
     @property
     def period(self) -> float | None:
-        """s: the shortest common one; None where the frequencies have no ratios of numbers up to 10 000."""
+        """Return the shortest common period, s; None where the frequencies have no ratios of whole numbers up
+        to 10,000."""
         ratios = [Fraction(f / self.frequencies[0]).limit_denominator(10_000) for f in self.frequencies]
         for ratio, frequency in zip(ratios, self.frequencies, strict=True):
             if abs(float(ratio) * self.frequencies[0] - frequency) > 1e-12 * frequency:
@@ -62,17 +63,19 @@ class Multisine(NamedTuple):
         return common / divisor / self.frequencies[0]
 
     def components(self) -> NDArray[np.float64]:
-        """[K, 4] amplitude, angular frequency (rad/s), phase (rad) and 0: rows of `Drive.harmonic`."""
+        """Return the sines as rows [K, 4] of `Drive.harmonic`: amplitude, angular frequency (rad/s), phase
+        (rad) and 0."""
         amplitudes = np.array(self.amplitudes)
         phases = schroeder_phases(amplitudes) if self.phases is None else np.array(self.phases)
         omega = 2 * np.pi * np.array(self.frequencies)
         return np.column_stack([amplitudes, omega, phases, np.zeros_like(omega)])
 
     def range(self) -> tuple[float, float]:
-        """The crests themselves, found on a fine grid over one period and polished by Newton's method.
+        """Return the least and greatest value, found on a fine grid over one period and refined by Newton's
+        method.
 
-        Where there is no period, or the grid would be too large, the bound offset ± sum |A_k|, which
-        frequencies without a common period come arbitrarily close to.
+        Without a period, or if the grid would be too large, return the bound offset ± ``sum |A_k|``, which
+        incommensurate frequencies approach arbitrarily closely.
         """
         horizon = min(self.period or math.inf, self.duration)
         bound = sum(abs(a) for a in self.amplitudes)
@@ -86,14 +89,14 @@ class Multisine(NamedTuple):
         return float(self.offset - max(0.0, _crest(waves, t))), float(self.offset + high)
 
     def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
+        """Return the segment table of the drive for 0 <= t < duration [s]."""
         waves = tuple(tuple(row) for row in self.components().tolist())
         pieces = [Piece(0.0, (self.offset,), waves), Piece(self.duration, (self.offset,))]
         return assemble(self.offset, pieces, duration)
 
 
 def schroeder_phases(amplitudes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Phases [rad] of sines that give a low crest; see `Multisine`."""
+    """Return Schroeder's phases [rad] for a low crest, by the formula in `Multisine`."""
     power = np.square(amplitudes)
     share = power / power.sum() if power.any() else power
     below = np.concatenate([[0.0], np.cumsum(share)[:-1]])  # sum of the p_j with j < k
@@ -101,7 +104,7 @@ def schroeder_phases(amplitudes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _sum(waves: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[3, n]: value, slope and curvature of a sum of sines at the times t."""
+    """Return value, slope and curvature of a sum of sines at times t [s], shape [3, n]."""
     total = np.zeros((3, len(t)))
     for amplitude, omega, phase, _ in waves:
         sine, cosine = np.sin(phase + omega * t), np.cos(phase + omega * t)
@@ -110,7 +113,7 @@ def _sum(waves: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float
 
 
 def _crest(waves: NDArray[np.float64], t: NDArray[np.float64]) -> float:
-    """Greatest value on [t_0, t_n], a uniform grid."""
+    """Return the greatest value of a sum of sines on the uniform grid t [n], s."""
     values = _sum(waves, t)[0]
     step = t[1] - t[0]
     short_by = np.sum(np.abs(waves[:, 0]) * waves[:, 1] ** 2) * step**2 / 8  # at most: u is that much curved

@@ -29,23 +29,24 @@ Periods = Annotated[float | None, Quantity("", "N", "number of periods", minimum
 # Properties of every periodic waveform, copied into each class by name (see signal.py).
 @property
 def _period(w: Any) -> float:
-    """s"""
+    """Return the period, s."""
     return 1 / w.frequency
 
 
 @property
 def _duration(w: Any) -> float:
-    """s, infinite unless the periods are counted"""
+    """Return the duration, s; infinite unless the number of periods is given."""
     return math.inf if w.periods is None else w.periods / w.frequency
 
 
 def _drive(w: Any, duration: float) -> Drive:
-    """The segment table for 0 <= t < duration [s]."""
+    """Return the segment table of the drive for 0 <= t < duration [s]."""
     return repeat(w.pieces(), w.frequency, w.periods, w.offset, duration)
 
 
 def _drives(w: Any, durations: NDArray[np.float64]) -> Drives:
-    """The tables of members, where the fields of `w` are arrays of one number for each, unchecked."""
+    """Return the segment tables of many members; varied fields of `w` are arrays with a number per member,
+    unchecked."""
     with np.errstate(divide="ignore", invalid="ignore"):  # of strokes that take no time
         return repeat_members(w.pieces(), w.frequency, w.periods, w.offset, durations)
 
@@ -55,13 +56,13 @@ def _some(condition: Any) -> bool:
 
 
 def _stroke(waveform: Sawtooth | ReverseSawtooth | Triangle | Cycloid) -> tuple[float, float]:
-    """Least and greatest value, exactly."""
+    """Return the exact least and greatest value."""
     rest, turn = waveform.offset, waveform.offset + waveform.amplitude
     return min(rest, turn), max(rest, turn)
 
 
 def check_periods(waveform: Any) -> None:
-    """Raises QuantityError unless the number of periods is a whole one."""
+    """Raise QuantityError unless the number of periods is a whole number."""
     if waveform.periods is not None and waveform.periods % 1:
         field = f"{type(waveform).__name__}.periods"
         raise QuantityError(f"{field} = {waveform.periods:g} is out of range: it must be a whole number >= 1")
@@ -98,7 +99,7 @@ class Sawtooth(NamedTuple):
         _check_fraction(self.rise_fraction, "Sawtooth.rise_fraction")
 
     def pieces(self) -> list[Piece]:
-        """One period, as `pieces.repeat` takes it."""
+        """Return the pieces of one period, as `pieces.repeat` takes them."""
         top, rate, r = self.offset + self.amplitude, self.amplitude * self.frequency, self.rise_fraction
         rise = [Piece(0.0, (self.offset, rate / r))]
         return [*rise, Piece(r, (top, -rate / (1 - r)))] if _some(r < 1) else rise
@@ -129,7 +130,7 @@ class ReverseSawtooth(NamedTuple):
         _check_fraction(self.fall_fraction, "ReverseSawtooth.fall_fraction")
 
     def pieces(self) -> list[Piece]:
-        """One period, as `pieces.repeat` takes it."""
+        """Return the pieces of one period, as `pieces.repeat` takes them."""
         top, rate, r = self.offset + self.amplitude, self.amplitude * self.frequency, self.fall_fraction
         fall = [Piece(1 - r, (top, -rate / r))]
         return [Piece(0.0, (self.offset, rate / (1 - r))), *fall] if _some(r < 1) else fall
@@ -150,7 +151,7 @@ class Triangle(NamedTuple):
     _check = check_periods
 
     def pieces(self) -> list[Piece]:
-        """One period, as `pieces.repeat` takes it."""
+        """Return the pieces of one period, as `pieces.repeat` takes them."""
         rate = 2 * self.amplitude * self.frequency
         return [Piece(0.0, (self.offset, rate)), Piece(0.5, (self.offset + self.amplitude, -rate))]
 
@@ -182,7 +183,7 @@ class Cycloid(NamedTuple):
         _check_fraction(self.rise_fraction, "Cycloid.rise_fraction")
 
     def pieces(self) -> list[Piece]:
-        """One period, as `pieces.repeat` takes it."""
+        """Return the pieces of one period, as `pieces.repeat` takes them."""
         r, top = self.rise_fraction, self.offset + self.amplitude
         rise = [_cycloidal_stroke(0.0, r, self.offset, self.amplitude, self.frequency)]
         back = [_cycloidal_stroke(r, 1 - r, top, -self.amplitude, self.frequency)] if _some(r < 1) else []
@@ -211,11 +212,11 @@ class Sine(NamedTuple):
     _check = check_periods
 
     def range(self) -> tuple[float, float]:
-        """Exact."""
+        """Return the exact least and greatest value."""
         return self.offset - abs(self.amplitude), self.offset + abs(self.amplitude)
 
     def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
+        """Return the segment table of the drive for 0 <= t < duration [s]."""
         wave = (self.amplitude, 2 * math.pi * self.frequency, self.phase, 0.0)
         pieces = [Piece(0.0, (self.offset,), (wave,)), Piece(self.duration, (self.offset,))]
         return assemble(self.offset, pieces, duration)

@@ -20,7 +20,8 @@ MOST_PERIODS = 10_000_000
 
 
 class Piece(NamedTuple):
-    """One formula of `drive.Drive`: start, c_0.. (up to four), and rows of amplitude, rad/s, rad, rad/s²."""
+    """One formula of `drive.Drive`: start, coefficients c_0 to at most c_3, and rows of amplitude, angular
+    frequency (rad/s), phase (rad) and chirp rate (rad/s²)."""
 
     start: float
     polynomial: tuple[float, ...]
@@ -28,7 +29,13 @@ class Piece(NamedTuple):
 
 
 def assemble(before: float, pieces: Iterable[Piece], duration: float) -> Drive:
-    """The drive made of pieces whose starts [s] ascend from 0; of several at one time, the last counts."""
+    """Return the drive made of pieces; of several pieces with one start, the last counts.
+
+    Args:
+        before: value for t < 0.
+        pieces: pieces with ascending starts [s], the first 0.
+        duration: s; pieces that start later are left out.
+    """
     kept: dict[float, Piece] = {piece.start: piece for piece in pieces}
     drive = _table(before, list(kept.values()))
     return cut(drive, duration)
@@ -37,7 +44,7 @@ def assemble(before: float, pieces: Iterable[Piece], duration: float) -> Drive:
 def repeat(
     pieces: Sequence[Piece], frequency: float, periods: float | None, rest: float, duration: float
 ) -> Drive:
-    """The drive that repeats one period and then rests.
+    """Return the drive that repeats one period and then rests.
 
     Args:
         pieces: one period; starts are fractions of it, ascending from 0 to below 1, the rest as in `Piece`.
@@ -79,7 +86,8 @@ def wrapped(start: NDArray[np.float64], polynomial: NDArray[np.float64], period:
 
 
 def polynomials(start: NDArray[np.float64], polynomial: NDArray[np.float64]) -> Drive:
-    """The drive of polynomials [n, 4] from their starts [s] on, the first 0; at rest at its first value."""
+    """Return the drive of polynomials [n, 4] that start at `start` [s], the first at 0; before that it rests
+    at its first value."""
     # a segment that changes nothing on a flat stretch is no break: the solver need not stop there
     level, moves = polynomial[:, 0], np.any(polynomial[:, 1:] != 0, axis=1)
     kept = np.append(True, (np.diff(level) != 0) | moves[1:] | moves[:-1])
@@ -102,8 +110,14 @@ def cut(drive: Drive, duration: float) -> Drive:
 
 
 def by_periods(drive: Drive, period: float | None, duration: float) -> Drive:
-    """A sum of sines [period in s] in one segment for each period, for then the solver sees that it repeats;
-    every other table stays as it is, and so does one that would be too large."""
+    """Return a sum of sines with one segment per period, so that the solver can recognise the repetition;
+    other tables, and those that would become too large, stay as they are.
+
+    Args:
+        drive: the segment table.
+        period: s; None: not periodic.
+        duration: s.
+    """
     waves = drive.harmonic[: drive.first[1]]
     until = min(duration, float(drive.start[1])) if drive.start.size > 1 else duration
     plain = drive.start.size <= 2 and len(waves) > 0 and not np.any(waves[:, 3])
@@ -148,7 +162,7 @@ def join(drives: Sequence[Drive], begins: Sequence[float]) -> Drive:
 
 
 def _begun(duration: float, period: float, periods: float | None) -> int:
-    """Return the number of periods that start before the end."""
+    """Return the number of periods that start before the end of the duration, all in s."""
     if not math.isfinite(duration):
         raise QuantityError(
             f"duration = {duration} s is out of range: a periodic drive is tabulated up to a finite time"
@@ -164,7 +178,8 @@ def _begun(duration: float, period: float, periods: float | None) -> int:
 
 
 def _tiled(one: Drive, start: NDArray[np.float64], end: float | None, duration: float) -> Drive:
-    """One period again and again, its segments beginning at start[k, i]; at rest from the end [s] on."""
+    """Return the segments of one period repeated; segment i of period k starts at start[k, i] [s], and the
+    drive rests from `end` [s] on."""
     count = len(start)
     polynomial = np.tile(one.polynomial, (count, 1))
     rows = np.tile(np.diff(one.first), count)

@@ -78,7 +78,8 @@ class Sampled:
     def from_recording(
         cls, recording: Mapping[str, Any], name: str, interpolation: Literal["linear", "hold"] = "linear"
     ) -> Sampled:
-        """One variable of a recording (an ``xarray.Dataset`` over "time"), timed from the first sample.
+        """Return a waveform from one variable of a recording (an ``xarray.Dataset`` over "time"), timed from
+        the first sample.
 
         The unit is the variable's attribute `units`, which must be "V", "m" or "rad".
         """
@@ -90,15 +91,15 @@ class Sampled:
 
     @property
     def duration(self) -> float:
-        """s, the last time; infinite with a period"""
+        """Return the duration: the last time, s; infinite with a period."""
         return float(self.times[-1]) if self.period is None else math.inf
 
     def range(self) -> tuple[float, float]:
-        """Exact."""
+        """Return the exact least and greatest value."""
         return float(self.values.min()), float(self.values.max())
 
     def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
+        """Return the segment table of the drive for 0 <= t < duration [s]."""
         start, polynomial = self.times, np.zeros((len(self.times), 4))
         polynomial[:, 0] = self.values
         if self.interpolation == "linear":

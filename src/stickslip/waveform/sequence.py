@@ -53,20 +53,21 @@ class Sequence:
 
     @property
     def period(self) -> None:
-        """Period: None, because a sequence does not repeat."""
+        """Return None: a sequence does not repeat."""
 
     @property
     def duration(self) -> float:
-        """s"""
+        """Return the total duration, s."""
         return math.fsum(length for _, length in self.parts)
 
     def range(self) -> tuple[float, float]:
-        """Union of the ranges of its parts: exact, unless a part is cut off before it gets there."""
+        """Return the least and greatest value of all parts: exact, unless a part is cut off before it reaches
+        them."""
         ranges = [waveform.range() for waveform, _ in self.parts]
         return min(low for low, _ in ranges), max(high for _, high in ranges)
 
     def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
+        """Return the segment table of the drive for 0 <= t < duration [s]."""
         begins = [0.0, *accumulate(length for _, length in self.parts)]
         drives = [
             cut(waveform.drive(min(length, duration - begin)), length)

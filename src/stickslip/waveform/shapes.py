@@ -16,7 +16,7 @@ Delay = Annotated[float, Quantity("s", "t_0", "time before it begins", minimum=0
 
 @signal_record
 class Constant(NamedTuple):
-    """One value for ever."""
+    """Constant value `offset` for all times."""
 
     level: Annotated[float, Quantity("V", "u_0", "value")] = 0.0
     unit: Unit = "V"
@@ -25,19 +25,19 @@ class Constant(NamedTuple):
 
     @property
     def period(self) -> None:
-        """Period: None, because the waveform is not periodic."""
+        """Return None: the waveform is not periodic."""
 
     @property
     def duration(self) -> float:
-        """s, infinite"""
+        """Return the duration, s: infinite."""
         return math.inf
 
     def range(self) -> tuple[float, float]:
-        """Exact."""
+        """Return the value twice, as least and greatest value."""
         return self.level, self.level
 
     def drive(self, duration: float) -> Drive:
-        """The segment table."""
+        """Return the segment table of the drive: one constant segment."""
         return constant(self.level)
 
 
@@ -53,20 +53,20 @@ class Rest(NamedTuple):
 
     @property
     def period(self) -> None:
-        """Period: None, because the waveform is not periodic."""
+        """Return None: the waveform is not periodic."""
 
     def range(self) -> tuple[float, float]:
-        """Exact."""
+        """Return the value twice, as least and greatest value."""
         return self.level, self.level
 
     def drive(self, duration: float) -> Drive:
-        """The segment table."""
+        """Return the segment table of the drive: one constant segment."""
         return constant(self.level)
 
 
 @signal_record
 class Step(NamedTuple):
-    """From `offset` to `offset + amplitude` at t = delay, and there for ever."""
+    """Step from `offset` to `offset + amplitude` at t = `delay`, held for ever."""
 
     amplitude: Annotated[float, Quantity("V", "A", "amplitude")]
     delay: Delay = 0.0
@@ -77,27 +77,28 @@ class Step(NamedTuple):
 
     @property
     def period(self) -> None:
-        """Period: None, because the waveform is not periodic."""
+        """Return None: the waveform is not periodic."""
 
     @property
     def duration(self) -> float:
-        """s, infinite"""
+        """Return the duration, s: infinite."""
         return math.inf
 
     def range(self) -> tuple[float, float]:
-        """Exact."""
+        """Return the exact least and greatest value."""
         top = self.offset + self.amplitude
         return min(self.offset, top), max(self.offset, top)
 
     def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
+        """Return the segment table of the drive for 0 <= t < duration [s]."""
         pieces = [Piece(0.0, (self.offset,)), Piece(self.delay, (self.offset + self.amplitude,))]
         return assemble(self.offset, pieces, duration)
 
 
 @signal_record
 class Ramp(NamedTuple):
-    """From `offset` at t = delay at a constant rate; after `rise_time` it holds the value reached."""
+    """Ramp from `offset` at a constant rate, starting at t = `delay`; after `rise_time` it holds the value
+    reached."""
 
     rate: Annotated[float, Quantity("V/s", "R", "rate")]
     delay: Delay = 0.0
@@ -109,24 +110,24 @@ class Ramp(NamedTuple):
 
     @property
     def period(self) -> None:
-        """Period: None, because the waveform is not periodic."""
+        """Return None: the waveform is not periodic."""
 
     @property
     def duration(self) -> float:
-        """s, until it holds; infinite by default"""
+        """Return the time until the ramp holds its value, s; infinite by default."""
         return self.delay + self.rise_time
 
     @property
     def end(self) -> float:
-        """The value it holds at last (V or m); infinite where it never does."""
+        """Return the final value (V or m); infinite for an endless ramp."""
         return self.offset + (self.rate * self.rise_time if self.rate else 0.0)
 
     def range(self) -> tuple[float, float]:
-        """Exact."""
+        """Return the exact least and greatest value."""
         return min(self.offset, self.end), max(self.offset, self.end)
 
     def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
+        """Return the segment table of the drive for 0 <= t < duration [s]."""
         rise = [Piece(0.0, (self.offset,)), Piece(self.delay, (self.offset, self.rate))]
         return assemble(self.offset, [*rise, Piece(self.duration, (self.end,))], duration)
 
@@ -149,10 +150,10 @@ class Chirp(NamedTuple):
 
     @property
     def period(self) -> None:
-        """Period: None, because the waveform is not periodic."""
+        """Return None: the waveform is not periodic."""
 
     def range(self) -> tuple[float, float]:
-        """Exact, also where the sweep ends before the first crest."""
+        """Return the exact least and greatest value, also where the sweep ends before the first crest."""
         angle = math.pi * (self.start_frequency + self.end_frequency) * self.duration
         high = 1.0 if angle >= math.pi / 2 else math.sin(angle)
         low = -1.0 if angle >= 3 * math.pi / 2 else min(0.0, math.sin(angle))
@@ -160,7 +161,7 @@ class Chirp(NamedTuple):
         return min(turns), max(turns)
 
     def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
+        """Return the segment table of the drive for 0 <= t < duration [s]."""
         sweep = math.pi * (self.end_frequency - self.start_frequency) / self.duration
         wave = (self.amplitude, 2 * math.pi * self.start_frequency, 0.0, sweep)
         pieces = [Piece(0.0, (self.offset,), (wave,)), Piece(self.duration, (self.offset,))]

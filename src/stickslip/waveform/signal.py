@@ -29,11 +29,12 @@ class Waveform(Protocol):
     def duration(self) -> float: ...
 
     def drive(self, duration: float) -> Drive:
-        """The segment table, right for 0 <= t < duration [s] (a jump at the very end is left out)."""
+        """Return the segment table of the drive for 0 <= t < duration [s]; a jump at the very end is left
+        out."""
         ...
 
     def range(self) -> tuple[float, float]:
-        """Least and greatest value over all time, limits of jumps included."""
+        """Return the least and greatest value over all time, limits of jumps included."""
         ...
 
 
@@ -42,14 +43,14 @@ class Waveform(Protocol):
 
 
 def value_at(waveform: Waveform, t: ArrayLike) -> NDArray[np.float64]:
-    """u at the times t [s], in an array of their shape; at a jump, the value after it. Raises QuantityError
-    for what are no finite times."""
+    """Return the value u at times t [s] (finite), in an array of their shape; at a jump, the value after it.
+    Raises QuantityError for other times."""
     return _evaluated(waveform, t, 0)
 
 
 def slope_at(waveform: Waveform, t: ArrayLike) -> NDArray[np.float64]:
-    """du/dt at the times t [s], in an array of their shape; at a kink, the one after it; a jump has none.
-    Raises QuantityError as `value_at`."""
+    """Return the slope du/dt at times t [s] (finite), in an array of their shape; at a kink, the slope after
+    it; jumps are left out. Raises QuantityError for other times."""
     return _evaluated(waveform, t, 1)
 
 
@@ -69,15 +70,16 @@ def _evaluated(waveform: Waveform, t: ArrayLike, which: int) -> NDArray[np.float
 
 
 def check_unit(unit: Any, owner: str) -> None:
-    """Raises QuantityError unless the unit is one that waveforms know."""
+    """Raise QuantityError unless the unit is "V", "m" or "rad"."""
     if unit not in get_args(Unit):
         raise QuantityError(f"{owner}.unit = {unit!r}: a waveform is in 'V', in 'm' or in 'rad'")
 
 
 def signal_record(named_tuple: type[T]) -> type[T]:
-    """`records.record` for a waveform: fields declared in V (or V/s) are read in the record's `unit`.
+    """Make a ``NamedTuple`` a waveform that checks its fields, as `records.record` does; fields declared in V
+    (or V/s) are read in the record's `unit`.
 
-    It is known by its name from then on.
+    The waveform is registered by its name.
     """
     checked = record(named_tuple)
     checked_new = checked.__new__
@@ -124,10 +126,14 @@ def shape(text: str, folder: str | os.PathLike[str] | None = None) -> Any:
 
 
 def check_range(waveform: Waveform, minimum: float | str, maximum: float | str) -> None:
-    """Nothing, if the waveform stays within the limits (in its own unit, or as strings with units).
+    """Check that a waveform stays within limits.
+
+    Args:
+        waveform: the drive signal.
+        minimum, maximum: limits in its own unit, or strings with units.
 
     Raises:
-        QuantityError: it leaves them; the message names the value reached, the limit and the unit.
+        QuantityError: it exceeds a limit; the message names the value reached, the limit and the unit.
     """
     unit = waveform.unit
     least, most = to_si(minimum, unit, "minimum"), to_si(maximum, unit, "maximum")

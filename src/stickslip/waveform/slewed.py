@@ -30,12 +30,12 @@ class Slewed:
 
     @property
     def unit(self) -> str:
-        """Unit of the source."""
+        """Return the unit of the source."""
         return self.source.unit
 
     @property
     def duration(self) -> float:
-        """s, that of the source and of a last jump."""
+        """Return the duration, s: that of the source and of a last jump."""
         low, high = self.source.range()
         return self.source.duration + (high - low) / self.rate
 
@@ -44,7 +44,7 @@ class Slewed:
         return self.source.range()
 
     def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s].
+        """Return the segment table of the drive for 0 <= t < duration [s].
 
         Raises:
             QuantityError: a jump takes longer than what follows it before the next.
@@ -93,7 +93,7 @@ def _meeting(table: Drive, i: int, last: float, rate: float, longest: float) -> 
 
 
 def _at(table: Drive, i: int, tau: float) -> float:
-    """The value of segment i, also at its very end."""
+    """Return the value of segment i at `tau` [s] after its start, also at its very end."""
     c0, c1, c2, c3 = table.polynomial[i].tolist()
     waves = table.harmonic[table.first[i] : table.first[i + 1]].tolist()
     swing = sum(a * math.sin(phase + tau * (omega + chirp * tau)) for a, omega, phase, chirp in waves)
@@ -101,7 +101,7 @@ def _at(table: Drive, i: int, tau: float) -> float:
 
 
 def _shifted(polynomial: np.ndarray, by: float) -> list[float]:
-    """Coefficients of the same polynomial from a later time on."""
+    """Return the coefficients of the same polynomial for a time that starts `by` [s] later."""
     c0, c1, c2, c3 = polynomial
     return [
         c0 + by * (c1 + by * (c2 + by * c3)),

@@ -16,7 +16,7 @@ _MADE = re.compile(r"made_\d+(\.\w+)?")
 
 
 class Retyped(Exception):
-    """A variable, or the result, needs a wider type than it was given first."""
+    """Signals that a variable, or the result, needs a wider type than it got first."""
 
     def __init__(self, name: str, kind: Any) -> None:
         super().__init__(name)
@@ -24,7 +24,7 @@ class Retyped(Exception):
 
 
 def assign(body: FunctionBody, node: ast.Assign, targets: list[ast.expr], value: Value) -> None:
-    """Set one or several targets, each a name or a tuple of names."""
+    """Translate an assignment to one or several targets, each a name or a tuple of names."""
     match targets:
         case [ast.Name(id=name)]:
             set_variable(body, node, name, value)
@@ -39,7 +39,7 @@ def assign(body: FunctionBody, node: ast.Assign, targets: list[ast.expr], value:
 
 
 def set_variable(body: FunctionBody, node: ast.AST, name: str, value: Value) -> None:
-    """Set a variable, which is declared if it is new."""
+    """Assign a value to a variable, which is declared if it is new."""
     if isinstance(value.type, Array):
         if body.stores.count(name) > 1:
             raise body.source.error(node, f"{name} cannot be set to {value.text}")
@@ -79,7 +79,7 @@ def _store(body: FunctionBody, node: ast.AST, name: str, kind: Any, value: Value
 
 
 def _held(body: FunctionBody, value: Value) -> Value:
-    """The value in variables of its own, which stay as they are when others change."""
+    """Return the value copied to new variables, which stay as they are when others change."""
     if value.type is None:
         return value._replace(parts=tuple(_held(body, part) for part in value.parts))
     if value.constant is not None or isinstance(value.type, Array | Record) or _MADE.fullmatch(value.text):
@@ -88,7 +88,7 @@ def _held(body: FunctionBody, value: Value) -> Value:
 
 
 def unpack(body: FunctionBody, node: ast.AST, targets: list[ast.expr], value: Value) -> None:
-    """Set a name for each part of a tuple; parts that contain one of the names are computed before."""
+    """Assign the parts of a tuple to names; parts that contain one of the names are computed first."""
     value = parts_of(value)
     if len(targets) != len(value.parts):
         raise body.source.error(node, "a tuple needs one name for each of its parts")
@@ -110,7 +110,7 @@ def _texts(value: Value) -> list[str]:
 
 
 def parts_of(value: Value) -> Value:
-    """A table as a tuple of its numbers; any other value as it is."""
+    """Return a table as a tuple of its numbers; any other value as it is."""
     if not isinstance(value.type, Array):
         return value
     parts = (Value(f"{value.text}[{i}]", REAL) for i in range(value.type.length))

@@ -38,7 +38,7 @@ _OF_TWO = {"atan2": "arctan2", "copysign": "copysign", "fmod": "fmod", "hypot": 
 
 
 def _functions() -> dict[Any, tuple[str, int]]:
-    """The C function of each, and its number of arguments."""
+    """Return, for each Python function, the name of its C counterpart and its number of arguments."""
     found: dict[Any, tuple[str, int]] = {abs: ("r_abs", 1), np.sign: ("r_sign", 1)}
     found |= {np.square: ("r_square", 1)}
     found |= {math.fabs: ("r_abs", 1), np.abs: ("r_abs", 1), np.fabs: ("r_abs", 1)}
@@ -107,7 +107,8 @@ def _called(context: Context, node: ast.Call) -> Any:
 
 
 def _bound(context: Context, node: ast.Call, function: Any, arguments: list[Value]) -> list[Value]:
-    """All arguments of a function in their order, keywords and defaults filled in."""
+    """Return all arguments of a call in the order of the function's parameters, with keywords and defaults
+    filled in."""
     if isinstance(function, LocalFunction):
         spec = function.source.tree.args
         names = [one.arg for one in spec.args]
@@ -128,7 +129,7 @@ def _bound(context: Context, node: ast.Call, function: Any, arguments: list[Valu
 
 
 def _known(context: Context, node: ast.Call, function: Any, values: list[Value]) -> Value | None:
-    """The value of a call of what C has too; None for any other function."""
+    """Return the value of a call of a function that C has too; None for any other function."""
     try:
         hash(function)
     except TypeError:
@@ -180,7 +181,7 @@ def _of_numpy(context: Context, node: ast.Call, function: Any, values: list[Valu
 
 
 def _array(context: Context, node: ast.AST, value: Value) -> Value:
-    """Numbers side by side in memory: a table, or a tuple written into one."""
+    """Return numbers contiguous in memory: a table, or a tuple written into one."""
     if isinstance(value.type, Array):
         return value
     if value.type is not None or not value.parts:
@@ -191,7 +192,7 @@ def _array(context: Context, node: ast.AST, value: Value) -> Value:
 
 
 def _of_all(context: Context, node: ast.Call, function: Any, values: list[Value]) -> Value:
-    """The least, the greatest or the sum of several numbers, or of those of a tuple."""
+    """Return the minimum, maximum or sum of several numbers, or of those of a tuple."""
     if len(values) == 1:
         (of,) = values
         if isinstance(of.type, Array):
@@ -225,7 +226,7 @@ def _in_c(context: Context, node: ast.Call, name: str, count: int, values: list[
 
 
 def _made(context: Context, node: ast.Call, record_class: Any) -> Value:
-    """A record from its fields, all of which must be numbers or conditions."""
+    """Return a record made from its fields, all of which must be numbers or conditions."""
     names = record_class._fields
     given = dict(zip(names, node.args, strict=False))
     given |= {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg}
@@ -241,7 +242,7 @@ def _made(context: Context, node: ast.Call, record_class: Any) -> Value:
 
 
 def _replaced(context: Context, node: ast.Call, owner: Value) -> Value:
-    """A copy of a record with some fields changed."""
+    """Return a copy of a record with some fields changed."""
     if node.args or any(k.arg is None for k in node.keywords):
         raise context.source.error(node, f"{ast.unparse(node)!r} is outside the subset")
     fields = dict(owner.type.fields)

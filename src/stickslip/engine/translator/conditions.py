@@ -1,4 +1,4 @@
-"""Conditions and what depends on them: comparisons, `and` and `or`, one value or another."""
+"""Translate conditions: comparisons, `and` and `or`, and conditional expressions."""
 
 from __future__ import annotations
 
@@ -58,7 +58,8 @@ def _boolean(context: Context, node: ast.BoolOp) -> Value:
 
 
 def _one_of(context: Context, node: ast.BoolOp, both: bool) -> Value:
-    """Numbers joined by `and` or `or`: the one that decides; as a condition it is the same in C."""
+    """Return numbers joined by `and` or `or` as the operand that decides; as a condition this is the same in
+    C."""
     *firsts, last = node.values
     whole: ast.expr = last
     for one in reversed(firsts):
@@ -90,7 +91,7 @@ def _compare(context: Context, node: ast.Compare) -> Value:
 
 
 def _among(context: Context, node: ast.Compare) -> Value:
-    """A number that is, or is not, in a tuple."""
+    """Return the condition that a number is, or is not, in a tuple."""
     if len(node.ops) != 1 or not isinstance(node.comparators[0], ast.Tuple):
         raise context.source.error(node, f"the comparison {ast.unparse(node)!r} is outside the subset")
     tests = [ast.Compare(node.left, [ast.Eq()], [one]) for one in node.comparators[0].elts]
@@ -126,7 +127,7 @@ def _choice(context: Context, node: ast.IfExp) -> Value:
 
 
 def chosen(test: Value, yes: Value, no: Value) -> Value:
-    """One of two values of the same type, of a tuple part by part."""
+    """Return the C conditional expression of two values of the same type, part by part for tuples."""
     if yes.type is None:
         parts = (chosen(test, a, b) for a, b in zip(yes.parts, no.parts, strict=True))
         return Value("", None, parts=tuple(parts))
@@ -135,7 +136,7 @@ def chosen(test: Value, yes: Value, no: Value) -> Value:
 
 
 def _places(context: Context, kind: Any) -> Value:
-    """Variables that are set in branches, for a value or each part of it."""
+    """Return variables to be set in branches, for a value or each part of it."""
     if isinstance(kind, Tuple):
         return Value("", None, parts=tuple(_places(context, one) for one in kind.types))
     return Value(context.hoisted(kind), kind)

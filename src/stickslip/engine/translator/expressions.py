@@ -1,4 +1,4 @@
-"""Expressions of the subset, from Python's syntax tree to C."""
+"""Translate expressions of the subset from Python's syntax tree to C."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class LocalFunction(NamedTuple):
 
 
 class Context(Protocol):
-    """Interface of the function around an expression."""
+    """What the translation of an expression needs of the function around it."""
 
     source: FunctionSource
     variables: dict[str, Any]
@@ -61,7 +61,7 @@ class Context(Protocol):
 
 
 def as_real(context: Context, node: ast.AST, value: Value) -> Value:
-    """The value as a real number."""
+    """Return the value as a real number."""
     if value.type == REAL:
         return value
     if value.type in (INT, BOOL):
@@ -72,7 +72,7 @@ def as_real(context: Context, node: ast.AST, value: Value) -> Value:
 
 
 def as_bool(context: Context, node: ast.AST, value: Value) -> Value:
-    """The value as a condition: a number is true where it is not 0."""
+    """Return the value as a condition: a number is true where it is not 0."""
     if value.type == BOOL:
         return value
     if value.type in (INT, REAL):
@@ -85,7 +85,7 @@ def as_bool(context: Context, node: ast.AST, value: Value) -> Value:
 
 
 def as_type(context: Context, node: ast.AST, value: Value, kind: Any) -> Value:
-    """The value as a number, truth or tuple of the given type, which can hold it."""
+    """Return the value converted to a wider type of number, boolean or tuple."""
     if isinstance(kind, Tuple):
         parts = (as_type(context, node, v, k) for v, k in zip(value.parts, kind.types, strict=True))
         return Value("", None, parts=tuple(parts))
@@ -93,7 +93,7 @@ def as_type(context: Context, node: ast.AST, value: Value, kind: Any) -> Value:
 
 
 def expression(context: Context, node: ast.expr) -> Value:
-    """The C of an expression.
+    """Return the C text of an expression, with its type.
 
     Raises:
         TranslationError: it is outside the subset.
@@ -107,7 +107,7 @@ def expression(context: Context, node: ast.expr) -> Value:
 
 
 def constant(context: Context, node: ast.AST, value: Any) -> Value:
-    """A number, truth, table of numbers or record that is known now."""
+    """Return the value of a number, boolean, table of numbers or record known at translation."""
     if isinstance(value, bool | np.bool_):
         return Value("true" if value else "false", BOOL, constant=bool(value))
     if isinstance(value, int | np.integer) and abs(value) < 2**31:
@@ -126,7 +126,7 @@ def constant(context: Context, node: ast.AST, value: Any) -> Value:
 
 
 def _table(context: Context, node: ast.AST, value: Any) -> Value:
-    """Numbers of a module: a tuple of a few parts, or a table."""
+    """Return numbers of a module as a tuple if few, else as a table."""
     found = np.asarray(value, dtype=object)
     if found.size > ARRAY_LIMIT:
         raise context.source.error(node, f"{ast.unparse(node)} has more than {ARRAY_LIMIT} numbers")
@@ -157,14 +157,14 @@ def outside(context: Context, node: ast.expr) -> Any:
 
 
 def identifier(context: Context, node: ast.AST, name: str) -> str:
-    """The C name of a variable."""
+    """Return the C name of a variable."""
     if not name.isascii():
         raise context.source.error(node, f"the name {name} must be in ASCII, as C takes it")
     return f"{name}_" if name in KEYWORDS else name
 
 
 def variable(context: Context, node: ast.AST, name: str, kind: Any) -> Value:
-    """The value of a variable: of a tuple, of the variables of its parts."""
+    """Return the value of a variable; for a tuple, of one variable per part."""
     if isinstance(kind, Value):  # another name of a table
         return kind
     text = identifier(context, node, name)
@@ -204,7 +204,7 @@ def _attribute(context: Context, node: ast.Attribute) -> Value:
 
 
 def number(context: Context, node: ast.AST, value: Value) -> Value:
-    """A number that arithmetic takes: a truth counts as 0 or 1."""
+    """Return a number for arithmetic: a boolean counts as 0 or 1."""
     if value.type not in NUMBERS:
         raise context.source.error(node, f"{ast.unparse(node)} is no number")
     return value._replace(type=INT) if value.type == BOOL and value.constant is None else value

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 
 def loop(body: FunctionBody, node: ast.stmt) -> bool | None:
-    """Return whether what follows a statement is dead; None if the statement belongs to no loop."""
+    """Translate a loop; return whether the code after it is unreachable, or None if the statement is no
+    loop."""
     match node:
         case ast.Break() | ast.Continue():
             body.line("break;" if isinstance(node, ast.Break) else "continue;")
@@ -88,7 +89,8 @@ def _called(body: FunctionBody, node: ast.expr) -> Any:
 
 
 def _rows(body: FunctionBody, node: ast.expr) -> tuple[int, Callable[[Value], Value]]:
-    """Return how many rounds a loop has, and what gives the value of the round that is counted."""
+    """Return the number of iterations of a loop, and a function that gives the value at an iteration's
+    index."""
     function = _called(body, node)
     if function is zip or function is enumerate:
         assert isinstance(node, ast.Call)
@@ -131,7 +133,7 @@ def _range(body: FunctionBody, node: ast.For, call: ast.Call) -> None:
 def _counted(
     body: FunctionBody, node: ast.For, target: ast.Name, first: str, end: str, step: int, inside: int
 ) -> None:
-    """A loop over whole numbers; the name is a variable of its own where others set or see it."""
+    """Translate a loop over whole numbers; its name is a separate variable if it is set or used elsewhere."""
     name = target.id
     by = {1: "++{0}", -1: "--{0}"}.get(step, f"{{0}} += {step}" if step > 0 else f"{{0}} -= {-step}")
     own = name not in body.variables and _only_in(body, node, name)
@@ -151,14 +153,15 @@ def _counted(
 
 
 def _only_in(body: FunctionBody, node: ast.For, name: str) -> bool:
-    """Return whether a name is set by this loop alone, and not used outside it."""
+    """Return whether a name is set by this loop alone, and not used outside of it."""
     inside = {id(n) for n in ast.walk(node)}
     seen = [n for n in ast.walk(body.source.tree) if isinstance(n, ast.Name) and n.id == name]
     return body.stores.count(name) == 1 and all(id(n) in inside for n in seen)
 
 
 def _column(body: FunctionBody, node: ast.expr, of: Value) -> Callable[[Value], Value]:
-    """Return what a round sees of a tuple: from a table, or from tables of the parts of its parts."""
+    """Return a function that gives an element of a tuple by index: from a table, or from tables of the parts
+    of its parts."""
     if isinstance(of.type, Array):
         return lambda counter: Value(f"{of.text}[{counter.text}]", REAL)
     if all(kind_of(part) in NUMBERS for part in of.parts):

@@ -1,4 +1,5 @@
-"""Statements of one function of the subset, from Python's syntax tree to C; loops are in `loops`."""
+"""Translate the statements of one function of the subset from Python's syntax tree to C; `loops` translates
+loops."""
 
 from __future__ import annotations
 
@@ -45,7 +46,7 @@ _UNSET = {REAL: "R(NAN)", INT: "0", BOOL: "false"}  # of a variable before a bra
 
 
 class FunctionBody:
-    """One function on its way to C: what `expressions.Context` asks for, and the statements."""
+    """Translation of one function: its statements, and what `expressions.Context` needs."""
 
     def __init__(
         self,
@@ -69,7 +70,7 @@ class FunctionBody:
         self._temporaries = 0
 
     def translated(self, name: str) -> tuple[Any, str]:
-        """The type of the result, and the function in C."""
+        """Return the type of the result, and the function in C."""
         tree, self._name = self.source.tree, name
         arguments = tree.args
         if (
@@ -101,7 +102,7 @@ class FunctionBody:
         return self._result, "\n".join(body)
 
     def _parameter(self, argument: ast.arg, kind: Any) -> list[tuple[str, str]]:
-        """Name and declaration of a parameter in C, several of a tuple."""
+        """Return name and declaration of a parameter in C; several for a tuple."""
         name = argument.arg
         if kind in NUMBERS:
             kind = joined(kind, self.types.get(name)) if name in self.types else kind
@@ -137,7 +138,7 @@ class FunctionBody:
             self.line(text)
 
     def captured(self, node: ast.expr) -> tuple[Value, list[str]]:
-        """An expression, and the lines that come before it, which are not yet written."""
+        """Return an expression, and the lines that must precede it, not yet written."""
         value, before = self.capturing(lambda: expression(self, node))
         return value, before
 
@@ -155,7 +156,7 @@ class FunctionBody:
         self.translation.record(record)
 
     def table(self, name: str, numbers: tuple[float, ...]) -> str:
-        """The C name of a table of numbers."""
+        """Return the C name of a table of numbers, which is declared if new."""
         return self.translation.table(name, numbers)
 
     def _new(self) -> str:
@@ -163,7 +164,7 @@ class FunctionBody:
         return f"made_{self._temporaries}"
 
     def temporary(self, c_type: Any, text: str) -> str:
-        """A variable with this value, declared here; at most one branch sees it."""
+        """Return a new variable with this value, declared here; at most one branch uses it."""
         name = self._new()
         if isinstance(c_type, Array):
             self.line(f"const real_t {name}[{c_type.length}] = {text};")
@@ -172,13 +173,13 @@ class FunctionBody:
         return name
 
     def hoisted(self, c_type: Any) -> str:
-        """A variable that is declared at the top, to be set in branches."""
+        """Return a variable that is declared at the top of the function, to be set in branches."""
         name = self._new()
         self.declared[name] = c_type
         return name
 
     def call(self, node: ast.AST, function: Any, arguments: list[Value]) -> Value:
-        """A call of another function, whose source is translated too."""
+        """Return a call of another function, whose source is translated too."""
         if isinstance(function, LocalFunction):
             function, arguments = self._closed(node, function, arguments)
         kinds = tuple(kind_of(value) for value in arguments)
@@ -195,7 +196,7 @@ class FunctionBody:
     def _closed(
         self, node: ast.AST, function: LocalFunction, arguments: list[Value]
     ) -> tuple[LocalFunction, list[Value]]:
-        """A local function with the variables around it, as they are now, as further arguments."""
+        """Return a local function with the variables around it, as they are now, as further arguments."""
         tree = function.source.tree
         if len(tree.args.args) != len(arguments):
             raise self.source.error(node, f"{ast.unparse(node)!r} does not fit the function's arguments")
@@ -255,7 +256,7 @@ class FunctionBody:
         return found
 
     def _message(self, node: ast.expr) -> str:
-        """The text of an error, without the values that it would show."""
+        """Return the text of an error, without the values that it would contain."""
         owner = next((kind.record_class.__name__ for kind in self.kinds if isinstance(kind, Record)), "")
         words = []
         for part in node.values if isinstance(node, ast.JoinedStr) else [node]:
@@ -267,7 +268,7 @@ class FunctionBody:
         return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
     def set(self, node: ast.AST, name: str, value: Value) -> None:
-        """Set a variable, which is declared if it is new."""
+        """Assign a value to a variable, which is declared if it is new."""
         set_variable(self, node, name, value)
 
     def _if(self, node: ast.If) -> bool:
@@ -290,7 +291,7 @@ class FunctionBody:
         return yes and no
 
     def indented(self, statements: list[ast.stmt]) -> bool:
-        """Translate a block one level deeper."""
+        """Translate a block one level deeper; return whether it returns on every path."""
         self.depth += 1
         try:
             return self._block(statements)
@@ -318,7 +319,7 @@ class FunctionBody:
         self._result = value.type
 
     def _expect(self, node: ast.AST, kind: Any) -> Any:
-        """The type of the result, which holds what all returns give."""
+        """Return the type of the result, wide enough for all return statements."""
         known = self.types.get(RESULT)
         before = self._result
         if isinstance(before, Pair):
@@ -332,7 +333,7 @@ class FunctionBody:
 
 
 def _stores(tree: ast.FunctionDef) -> list[str]:
-    """The names that a function sets, each as often as it does; not those of functions inside it."""
+    """Return the names that a function sets, each as often as it does, without those of inner functions."""
     found: list[str] = []
     pending: list[ast.AST] = list(tree.body)
     while pending:

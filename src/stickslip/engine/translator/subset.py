@@ -41,7 +41,7 @@ class Record(NamedTuple):
 
     @property
     def c_name(self) -> str:
-        """Name of the struct."""
+        """Return the name of the struct."""
         return f"ss_{self.record_class.__name__}"
 
 
@@ -58,7 +58,7 @@ class Tuple(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """Type of a tuple that a function returns, with the C name of its struct and of its members."""
+    """Type of a tuple that a function returns, with the names of its struct and members in C."""
 
     c_name: str
     members: tuple[str, ...]
@@ -78,7 +78,7 @@ class Value(NamedTuple):
     below: int = 0
 
     def within(self, level: int) -> str:
-        """The text as an operand that must bind at least as strongly as `level`."""
+        """Return the C text as an operand that must bind at least as strongly as `level`."""
         return self.text if self.level <= level else f"({self.text})"
 
 
@@ -92,18 +92,19 @@ class FunctionSource(NamedTuple):
     tree: ast.FunctionDef
 
     def error(self, node: ast.AST | None, what: str) -> TranslationError:
-        """Say what is wrong in which line."""
+        """Return an error that says what is wrong in which line."""
         line = self.first_line + getattr(node, "lineno", 1) - 1
         return TranslationError(f"{self.name} ({self.where}, line {line}) cannot be translated to C: {what}")
 
     def local(self, tree: ast.FunctionDef | ast.Lambda, name: str) -> FunctionSource:
-        """A function that is defined inside this one."""
+        """Return a function that is defined inside this one."""
         made = with_arguments(tree, []) if isinstance(tree, ast.Lambda) else tree
         return self._replace(name=f"{self.name}_{name}", tree=made)
 
 
 def with_arguments(tree: ast.FunctionDef | ast.Lambda, names: list[str]) -> ast.FunctionDef:
-    """The function with further arguments, without defaults; of a lambda, one that returns its value."""
+    """Return the function with further arguments, without defaults; a lambda becomes a function that returns
+    its value."""
     made = ast.parse("def unnamed(): ...").body[0]
     assert isinstance(made, ast.FunctionDef)
     made.args, made.lineno = tree.args, tree.lineno
@@ -116,7 +117,7 @@ def with_arguments(tree: ast.FunctionDef | ast.Lambda, names: list[str]) -> ast.
 
 
 def source_of(function: Callable[..., Any]) -> FunctionSource:
-    """The source of a plain or compiled function.
+    """Return the source of a plain or compiled function.
 
     Raises:
         TranslationError: it has no source that can be read (typed at a prompt, built in).
@@ -145,7 +146,8 @@ def source_of(function: Callable[..., Any]) -> FunctionSource:
 
 
 def record_type(record: Any) -> Record:
-    """The type of a record, from one instance: tuples have its lengths, text and None are left out."""
+    """Return the type of a record, inferred from one instance: tuples have its lengths, text and None are
+    left out."""
     found = []
     annotations = _annotations(type(record))
     for name, value in record._asdict().items():
@@ -171,7 +173,7 @@ def _annotations(record_class: type) -> dict[str, Any]:
 
 
 def joined(one: Any, other: Any) -> Any:
-    """Return the type that holds values of both, or None."""
+    """Return the type that can hold values of both types, or None."""
     if one is None or one == other:
         return other
     if one in _ORDER and other in _ORDER:
@@ -183,12 +185,12 @@ def joined(one: Any, other: Any) -> Any:
 
 
 def kind_of(value: Value) -> Any:
-    """The type of a value, that of a tuple made of its parts."""
+    """Return the type of a value; for a tuple, made of the types of its parts."""
     return Tuple(tuple(kind_of(part) for part in value.parts)) if value.type is None else value.type
 
 
 def real(value: float) -> str:
-    """A number as C writes it."""
+    """Return a number as C source."""
     number = float(value)
     if number != number:
         return "R(NAN)"

@@ -16,10 +16,10 @@ from .subset import Array, Pair, Record, real, source_of
 
 
 class Translation:
-    """The C of some functions and of all that they call: `text()` after calling `function` for each.
+    """C source of some functions and of all that they call: `text()` after calling `function` for each.
 
-    `dispatched` gives the implementation of a function for the record that is its first argument, or None
-    where there is one for all records.
+    `dispatched` gives the implementation of a function for the record that is its first argument, or None if
+    one serves all records.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class Translation:
         self._open: list[Any] = []
 
     def record(self, record: Record) -> str:
-        """The C name of a record's struct, which is declared."""
+        """Return the C name of a record's struct, which is declared."""
         for _, kind in record.fields:
             if isinstance(kind, Record):
                 self.record(kind)
@@ -48,9 +48,12 @@ class Translation:
     def function(
         self, function: Any, kinds: tuple[Any, ...], members: tuple[str, ...] = ()
     ) -> tuple[str, Any]:
-        """The C name and the type of the result of a function called with these types.
+        """Return the C name, and the type of the result, of a function called with arguments of these types.
 
-        `members` names the parts of the result, if it is a tuple; they are then real numbers.
+        Args:
+            function: the Python function.
+            kinds: types of its arguments.
+            members: names of the parts of a result that is a tuple; these are then real numbers.
 
         Raises:
             TranslationError: the function, or one that it calls, is outside the subset.
@@ -79,7 +82,8 @@ class Translation:
     def _translated(
         self, source: Any, kinds: tuple[Any, ...], members: tuple[str, ...], name: str
     ) -> tuple[Any, str]:
-        """The type of the result, and the C: again from the start where a variable needs a wider type."""
+        """Return the type of the result and the C source; starts again where a variable needs a wider
+        type."""
         types: dict[str, Any] = {}
         while True:
             try:
@@ -88,23 +92,24 @@ class Translation:
                 types[wider.name] = wider.kind
 
     def check(self, function: Callable[..., Any], kind: Record) -> str:
-        """The C name of a record's ``_check``, in which raising is to return the text of the error."""
+        """Return the C name of a record's ``_check``, translated to return the text of the error instead of
+        raising it."""
         name, _ = self.function(function, (kind,), CHECK)
         return name
 
     def pair(self, name: str, kinds: tuple[Any, ...], members: tuple[str, ...]) -> Pair:
-        """The struct for a tuple that a function returns."""
+        """Return the struct for a tuple that a function returns."""
         members = members if len(members) == len(kinds) else tuple(f"part_{i}" for i in range(len(kinds)))
         self._pairs[name] = Pair(f"{name}_result", members, kinds)
         return self._pairs[name]
 
     def table(self, name: str, numbers: tuple[float, ...]) -> str:
-        """The C name of a table of numbers."""
+        """Return the C name of a table of numbers."""
         word = "".join(c if c.isalnum() and c.isascii() else "_" for c in name)
         return self._tables.setdefault(numbers, f"ss_table_{len(self._tables)}_{word}")
 
     def kept(self, key: Any, make: Callable[[], Any]) -> Any:
-        """Return what was made for a key, made at most once: each local function is translated once."""
+        """Return the object made for a key, made at most once: each local function is translated once."""
         if key not in self._kept:
             self._kept[key] = make()
         return self._kept[key]
@@ -114,7 +119,7 @@ class Translation:
         return kind.c_name if isinstance(kind, Record | Pair) else str(kind)
 
     def text(self) -> str:
-        """All structs and tables, then all functions, callees first."""
+        """Return the C source: all structs and tables, then all functions, callees first."""
         structs = [self._struct(record.c_name, record.fields) for record in self._records.values()]
         structs += [
             self._struct(p.c_name, tuple(zip(p.members, p.types, strict=True))) for p in self._pairs.values()

@@ -163,7 +163,7 @@ def _steady_force(law: Any, speed: float) -> float:
 
 def _stiffness(law: Any) -> float:
     """Return the stiffness of the contact from rest: the slope of the force over a first small displacement.
-    It is infinite if a tenth of that displacement gives the same force."""
+    It is infinite if a tenth of the displacement gives the same force."""
     way = np.array([0.0, 1e-11, 1e-10])
     _, near, far = _force(law, way, CREEPING)
     return math.inf if near > 0.5 * far else float((far - near) / (way[2] - way[1]))

@@ -48,8 +48,8 @@ def degrees_of_freedom(n: int) -> int:
 
 
 def _at_ratio(differences: Array, moves: Array, ratio: float) -> tuple[float, float, float]:
-    """Fit the step by generalised least squares at a known ratio a/b; return the step, its variance and the
-    log-likelihood."""
+    """Fit the mean step by generalised least squares at a known ratio a/b of the two variances; return the
+    step [m], its variance and the log-likelihood."""
     n = differences.size
     covariance = np.zeros((2, n))  # the upper diagonal, and the main one
     covariance[0, 1:] = -ratio / (1.0 + 2.0 * ratio)

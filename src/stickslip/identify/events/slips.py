@@ -62,8 +62,8 @@ def slips_of(t: Array, x: Array, u: Array | None, where: str) -> SlipEvents:
 
 
 def _walks(time: Array, sign: NDArray[np.int64], period: float) -> NDArray[np.int64]:
-    """Return the number of the walk of each slip: a new walk starts after a long pause, or if the direction
-    changes."""
+    """Return the number of the walk to which each slip belongs, [n]: a new walk starts after a pause much
+    longer than `period` [s], or if the direction changes."""
     new = (np.diff(time) > APART * period) | (np.diff(sign) != 0)
     return np.concatenate([[0], np.cumsum(new)])
 

@@ -150,7 +150,7 @@ def _at(model: ModalModel | AmplitudeModel, volts: float) -> ModalModel:
 
 
 def law(ratio: float | Array, p: float) -> Array:
-    """Return xi at an amplitude relative to the reference, for the exponent p."""
+    """Return the nonlinearity xi at an amplitude relative to the reference, for the exponent p."""
     logarithm = np.log(ratio)
     return logarithm * _mean_power(p * logarithm)
 

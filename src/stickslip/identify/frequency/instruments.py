@@ -38,7 +38,8 @@ def applied_voltage(
         capacitance: capacitance of the piezo, F.
 
     Returns:
-        Voltage in V, shape (n,), without frequencies above half the sample rate; accurate below 0.8 of that.
+        Voltage in V, shape (n,), without frequencies above half the sample rate; accurate below 0.4 times the
+        sample rate.
 
     Raises:
         QuantityError: the capacitance or the rate is out of range.

@@ -106,8 +106,8 @@ def _fixed(
     described: Callable[[Sequence[Parameter]], Problem],
     tolerance: float = 1e-7,
 ) -> Fit | None:
-    """Return the fit of all other parameters with one value fixed; None if the model cannot be computed
-    there."""
+    """Return the fit of all other parameters with the named value fixed (SI); None if the model cannot be
+    computed there."""
     begin = {**fit.values, name: value}
     fixed = [
         q
@@ -129,7 +129,7 @@ def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float 
     Args:
         fit: fit of all parameters.
         points: fits with the named value fixed.
-        name: name of that value.
+        name: name of the fixed value.
         less: factor that reduces an excess of chi-squared.
     """
     if not points:

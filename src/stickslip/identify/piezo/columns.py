@@ -40,8 +40,8 @@ class Observed(NamedTuple):
     """A recording for the fit of a piezo.
 
     Fields: `time` [n] from its first sample, s; `drive` [n], V; `position` [n], m; `rest`, voltage [V] at
-    which it rested before, reached from 0 V; `cycled`, True if it did not rest, but the drive moved between
-    its ends before as it does in the recording.
+    which the piezo rested before the recording, reached from 0 V; `cycled`, True if it did not rest but had
+    been cycled with the same drive before.
     """
 
     name: str
@@ -204,7 +204,8 @@ def lagged(time: Array, values: Array, tau: Array, rest: float) -> Array:
 
 
 def columns(observed: Observed, timing: DelayAndLag, grid: PlayGrid) -> Columns:
-    """Return all columns of the linear model for a recording."""
+    """Return the responses of all plays and dead zones to the drive of a recording, [samples, plays], at once
+    and by creep: the columns of the linear model of a piezo."""
     way = observed.way
     u = np.append(way, at_piezo(observed, timing))
     plays = grid.plays

@@ -84,8 +84,8 @@ def edges_of(observed: Sequence[Observed], still: Sequence[Array]) -> Edges:
 
 
 def _until(left: Array, first: int, end: int) -> int:
-    """Return the end sample of the window of an edge. A model without lag first has an error [m] of the
-    edge's height, and no more than elsewhere once the edge is over."""
+    """Return the end sample of the window of an edge: where the error [m] of a model without lag is no larger
+    than elsewhere."""
     most = min(MOST, int(AFTER * (end - first)))
     after = left[first : first + most]
     high = np.flatnonzero(after > max(OVER * float(after.max()), float(np.median(left))))

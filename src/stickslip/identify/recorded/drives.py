@@ -33,7 +33,7 @@ FEWEST_PER_PERIOD = 10
 def taken_drives(
     recordings: Several[xr.Dataset], drive: Any = None, slew_rate: float | None = None
 ) -> tuple[list[xr.Dataset], list[Waveform | None]]:
-    """Return recordings and the waveform of each, in the time of that waveform.
+    """Return recordings and the waveform of each, in the time of the waveform.
 
     By default the recording's own waveform is used (see `taken_drive`), in time since the first sample;
     None means the samples of drive_voltage.
@@ -113,8 +113,16 @@ def _refuse_stretch(
     start: float,
     where: str,
 ) -> None:
-    """Raise RecordingError if the channel differs from the waveform for a whole period, such as by a missing
-    period."""
+    """Raise RecordingError if the channel differs from the waveform for a whole period, for example by a
+    missing period.
+
+    Args:
+        since: times since the start of the drive, s.
+        u, wanted: voltages of the channel and of the waveform at these times, V.
+        drive: the waveform.
+        start: start of the drive, s.
+        where: name of the recording, for the error.
+    """
     volts, when = greatest_difference(since, u, wanted, drive)
     low, high = drive.range()
     if volts > STRETCH * (high - low):
@@ -159,7 +167,7 @@ def greatest_difference(
 
 
 def periodic_part(drive: Any, begin: float = 0.0) -> tuple[float, Any]:
-    """Return the start [s] of the first periodic part of a drive, and that part; None if there is none. A
+    """Return the start [s] of the first periodic part of a drive, and the part; None for an aperiodic drive.
     drive may be a sequence of parts."""
     if isinstance(drive, Slewed):
         return periodic_part(drive.source, begin)

@@ -219,8 +219,8 @@ def _bends(u: Array, first: int, last: int, rounding: float) -> list[list[int]]:
 
 
 def _kinks(t: Array, u: Array, group: list[int]) -> list[Knot]:
-    """Return the kinks of a group: one at a sample, one between two samples, or two around four samples (a
-    short flank); an empty list for other groups."""
+    """Return the kinks of a group of samples (times t [s], voltages u [V]): one at a sample, one between two
+    samples, or two around four samples (a short flank); an empty list for other groups."""
     if len(group) == 1:
         return [Knot(t[group[0]], u[group[0]], u[group[0]])]
     if len(group) not in (2, 4) or group[0] < 1 or group[-1] + 1 >= u.size:
@@ -238,7 +238,8 @@ def _kinks(t: Array, u: Array, group: list[int]) -> list[Knot]:
 
 
 def _line(t: Array, u: Array, first: int, last: int) -> StraightLine:
-    """Return the straight line through the samples first..last; a constant if it has no significant slope."""
+    """Return the straight line through the samples first..last (times t [s], voltages u [V]); a constant if
+    it has no significant slope."""
     times, values = t[first : last + 1], u[first : last + 1]
     time, level = float(times.mean()), float(values.mean())
     apart = times - time
@@ -282,7 +283,7 @@ def _instants(
 
 
 def _met(t: Array, i: int, line: StraightLine, level: float) -> float | None:
-    """Return the time in interval i at which a line crosses a level beyond doubt; otherwise None."""
+    """Return the time [s] in interval i at which a line reaches a level [V] beyond doubt; otherwise None."""
     interval = t[i + 1] - t[i]
     if abs(line.slope) * interval <= 10.0 * line.scatter + 1e-9 * abs(line.level):
         return None
@@ -292,7 +293,8 @@ def _met(t: Array, i: int, line: StraightLine, level: float) -> float | None:
 
 
 def _splines(t: Array, u: Array, knots: list[Knot], slew_rate: float | None) -> RecordedDrive:
-    """Return the drive as cubic splines through the samples from each knot to the next."""
+    """Return the drive as cubic splines through the samples (times t [s], voltages u [V]) from each knot to
+    the next."""
     ends = [Knot(t[0], u[0], u[0]), *knots, Knot(t[-1], u[-1], u[-1])]
     touching = TOUCHING * float(np.median(np.diff(t)))
     straight = STRAIGHT * float(np.ptp(u))

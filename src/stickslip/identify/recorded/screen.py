@@ -29,8 +29,8 @@ FEWEST = 64  # samples, below which noise is not tested
 # Fewest blocks of samples whose scatter distinguishes noise from a signal.
 FEWEST_BLOCKS = 8
 # Largest and smallest possible gain of a piezo stage, m/V (rad/V). The largest is ten times that of amplified
-# stages; the smallest a third of that of the weakest piezo ceramics (d31 of hard PZT, one layer). Wrong units
-# differ by a factor of 1000.
+# stages; the smallest a third of the value of the weakest piezo ceramics (d31 of hard PZT, one layer). Wrong
+# units differ by a factor of 1000.
 LARGEST_GAIN, SMALLEST_GAIN = 1e-4, 3e-11
 # m/V: a larger gain means that the columns of voltage and position are swapped.
 SWAPPED_GAIN = 1.0

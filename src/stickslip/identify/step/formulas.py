@@ -180,7 +180,7 @@ def step_features(
 
     Returns:
         A dataset of these numbers over "recording"; in `attrs` damping_ratio, natural_frequency and gain from
-        the mean overshoot and the mean peak time, as the thesis averages them, and r_squared of that model.
+        the mean overshoot and the mean peak time, as the thesis averages them, and r_squared of this model.
         `r_squared` of each is over `peak_within` of its own numbers.
 
     Raises:

@@ -86,7 +86,7 @@ class Tried(NamedTuple):
 
     @property
     def explains(self) -> bool:
-        """True if no recording shows a lack of fit or, without known noise, correlated residuals."""
+        """Return True if no recording shows a lack of fit or, without known noise, correlated residuals."""
         return not lacking(self.fit) and (_judged(self.fit) or not correlated(self.fit))
 
 

@@ -100,7 +100,7 @@ def first_guess(
     The first guess fits a short part of a recording best; other local minima follow, at most `BEGINS` in all.
 
     Args:
-        residuals: function for the residuals of that part, with the measured positions.
+        residuals: function for the residuals of this part, with the measured positions.
         time: times of its samples, s.
         jacobian: derivatives of the residuals, as `fit_least_squares` takes them.
         parameters: parameters with the user's initial guess, which is tried too.

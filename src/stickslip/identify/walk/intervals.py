@@ -232,7 +232,7 @@ def prediction_band(
         slopes: derivatives of the prediction by the coordinates q of the fit, shape (n, k); for its own
             recordings, `fit.jacobian`.
         level: confidence level.
-        observation: the band of a single noisy sample, instead of that of the curve.
+        observation: the band of a single noisy sample, instead of the band of the curve.
     """
     free = np.flatnonzero(fit.uncertainty.bounded == 0)
     covariance = fit.uncertainty.covariance[np.ix_(free, free)]

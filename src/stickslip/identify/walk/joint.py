@@ -111,7 +111,7 @@ def jointly(
 
     Args:
         fit: fit of `identify_friction` with this stage fixed; its law must have derivatives.
-        recordings, drives, slew_rate: arguments of that fit.
+        recordings, drives, slew_rate: arguments of the fit.
         stage: fit of the stage.
         start: actuator with the friction of a further initial guess.
         hops: as for `identify_friction`.

@@ -104,7 +104,8 @@ def terms_of(fit: Fit, walks: Walks, step: float) -> list[Term]:
 
 
 def _linear(name: str, now: float, size: float, limits: tuple[float, float]) -> Way:
-    """Return the variant in which a number changes from its present value, on a linear scale."""
+    """Return the variation of a named number from its present value on a linear scale, with typical change
+    `size` and limits, all in SI."""
     low, high = limits
     return Way(({name: now + size},), lambda steps: {name: float(np.clip(now + steps[0] * size, low, high))})
 

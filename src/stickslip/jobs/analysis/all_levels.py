@@ -46,7 +46,7 @@ class OneModel(NamedTuple):
 
 
 def score(predicted: NDArray[np.float64], steady: NDArray[np.float64]) -> Score:
-    """Return r² and rms error over all outputs and realisations."""
+    """Return r² and rms error of a prediction, both arrays over all outputs and realisations."""
     residual = predicted - predicted.mean(axis=0) - steady
     return 1.0 - float(np.sum(residual**2) / np.sum(steady**2)), float(np.sqrt(np.mean(residual**2)))
 

@@ -69,7 +69,7 @@ class RecordingFile(SourceFile):
 
     @property
     def label(self) -> str:
-        """Name in tables and figures."""
+        """Return the name used in tables and figures."""
         return self.name or Path(self.file).stem
 
     def read(self, folder: Path) -> xr.Dataset:

@@ -1,4 +1,4 @@
-"""Model named by a file: a parameter set or a fit, with changed fields."""
+"""Fields of an input file that name a model: a parameter set or a fit, with changed fields."""
 
 from __future__ import annotations
 

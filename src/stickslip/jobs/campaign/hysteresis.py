@@ -38,7 +38,7 @@ class Hysteresis(NamedTuple):
 
     @property
     def needed(self) -> bool:
-        """True if a stage without hysteresis does not explain the recordings."""
+        """Return True if a stage without hysteresis does not explain the recordings."""
         return self.straight_leaves >= self.fit.judgement.lack_ratio
 
     @property

@@ -26,7 +26,7 @@ class Inspected(NamedTuple):
 
     @property
     def drive(self) -> Drive | None:
-        """The waveform, if a file can name it in one line."""
+        """Return the recording's waveform if one line of a file can describe it, else None."""
         waveform: Any = None if self.taken is None else self.taken.waveform
         return waveform if isinstance(waveform, Drive) else None
 

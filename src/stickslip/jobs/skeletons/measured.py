@@ -30,7 +30,8 @@ def measured_kind(seen: list[Inspected]) -> str:
 
 
 def loops(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
-    """Return the entries of the recordings (two parts of a single one), and initial values of the laws."""
+    """Return the fields of a new file for friction loops: entries of the recordings (a single one is split in
+    two), and initial values of the laws."""
     recording: Any = seen[0].found.recording
     position, friction = (recording[name].values for name in _CONTACT)
     force = 0.5 * float(np.ptp(friction)) or 1.0
@@ -82,7 +83,8 @@ def _round_between(time: Array) -> float:
 
 
 def _against(position: Array, friction: Array) -> bool:
-    """Return True if the force does positive work, because it is the force on the other body."""
+    """Return True if the force [N] does positive work along the position [m], because it is the force on the
+    other body."""
     force = friction - np.mean(friction)
     return float(np.sum(np.diff(position) * (force[1:] + force[:-1]))) < 0.0
 

@@ -87,7 +87,7 @@ class GreenwoodWilliamson(NamedTuple):
         roughness: Roughness,
         contact_modulus: float | str,
     ) -> GreenwoodWilliamson:
-        """The model of a measured roughness; force in N, area in m², modulus in Pa.
+        """Return the model of a measured roughness; force in N, area in m², modulus in Pa.
 
         Raises:
             QuantityError: a value is out of range.

@@ -1,11 +1,12 @@
-r"""Hertz contact: a ball on a flat, or two balls, under a normal force [johnson1985, sec. 4.2].
+r"""Hertz contact: a ball of radius R on a flat, or two balls, under a normal force P [johnson1985, sec. 4.2].
 
 .. math:: a = \left( \frac{3 P R}{4 E^*} \right)^{1/3}, \qquad \delta = \frac{a^2}{R}, \qquad
-          p_0 = \frac{3 P}{2 \pi a^2}, \qquad k_n = \frac{dP}{d\delta} = 2 a E^*
+    p_0 = \frac{3 P}{2 \pi a^2}, \qquad k_n = \frac{dP}{d\delta} = 2 a E^*
 
-Stiffness is proportional to the cube root of the load. Valid for smooth elastic bodies without adhesion, a
-well below R, and p_0 below 1.6 times the hardness over 2.8 (first yield below the surface); rougher than a
-tenth of the approach δ, the contact is softer [johnson1985, sec. 13.5].
+with contact radius a, approach δ, greatest pressure p_0, normal stiffness k_n and reduced modulus E*. The
+stiffness is proportional to the cube root of the load. Valid for smooth elastic bodies without adhesion, a
+well below R, and p_0 below 1.6 times the hardness over 2.8 (first yield below the surface); if rougher than a
+tenth of δ, the contact is softer [johnson1985, sec. 13.5].
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ class Persson(NamedTuple):
         return self.contact_modulus * self.decay_length * self.roughness.longest
 
     def holds(self) -> str:
-        """Return the reason why the stiffness is not reliable; an empty text if there is none."""
+        """Return the reason why the stiffness is not reliable; an empty text if it is."""
         if self.real_area > MOST_AREA * self.nominal_area:
             return (
                 f"{100.0 * self.real_area / self.nominal_area:.0f} % of the nominal area touch: above "

@@ -139,7 +139,8 @@ def _follows(of: ChargingLimits, amplifier: Amplifier, waveform: Waveform) -> bo
 def _asked(
     of: ChargingLimits, amplifier: Amplifier, waveform: Waveform, duration: float, tolerance: float
 ) -> PiecewiseLinear:
-    """Return the target of the amplifier as straight lines within half of the tolerance."""
+    """Return the target voltage of the amplifier as straight lines over the duration [s], within half of the
+    tolerance [V]."""
     if waveform.unit != "V":
         raise QuantityError(f"{type(waveform).__name__} is in {waveform.unit}: an amplifier gives volts")
     lines = lines_of(waveform.drive(duration), duration, 0.5 * tolerance)
@@ -159,8 +160,8 @@ def _asked(
 def _answer(
     of: ChargingLimits, asked: PiecewiseLinear, state: Array, tolerance: float
 ) -> tuple[Array, Array]:
-    """Return times and voltages of the output, starting from the state, which is replaced by that at the
-    end."""
+    """Return times [s] and voltages [V] of the output, starting from the state, which is replaced by that at
+    the end."""
     if of.tau == 0.0 and math.isinf(of.rate):  # the output equals the target
         state[0] = asked.end
         return asked.bounds, np.append(asked.values, state[0])
@@ -202,7 +203,7 @@ def _joined(times: list[Array], volts: list[Array]) -> tuple[Array, Array]:
 
 
 def _period(times: Array, volts: Array, period: float) -> Sampled:
-    """Return one period; its end is the start of the next."""
+    """Return the waveform of one period [s]; the voltage at its end is that at the start of the next."""
     t = times - times[0]
     within = t < period * (1.0 - SLIVER)
     return Sampled(t[within], volts[within], period=period)

@@ -64,8 +64,8 @@ def lines_of(drive: Drive, duration: float, tolerance: float) -> PiecewiseLinear
 
 
 def _wanted(drive: Drive, segment: Index, start: Array, length: Array, tolerance: float) -> Index:
-    """Return the number of equal lines for each part of a segment. The error of a line over h is h²/8 of the
-    second derivative, for which a bound is used."""
+    """Return the number of equal lines for each part of a segment (start and length in s, tolerance in V).
+    The error of a line over h is h²/8 of the second derivative, for which a bound is used."""
     c2, c3 = drive.polynomial[segment, 2], drive.polynomial[segment, 3]
     near = start - drive.start[segment]
     far = near + length
@@ -97,7 +97,8 @@ def _harmonics(drive: Drive, segment: Index) -> Iterator[tuple[Index, Index]]:
 
 
 def clipped(lines: PiecewiseLinear, low: float, high: float) -> PiecewiseLinear:
-    """Return the lines clipped to a range, with breaks where they enter and leave it."""
+    """Return straight lines of a voltage clipped to a range [V], with breaks where they enter and leave
+    it."""
     bounds, values, slopes = lines.bounds, lines.values, lines.slopes
     with np.errstate(divide="ignore", invalid="ignore"):
         crossings = [bounds[:-1] + (limit - values) / slopes for limit in (low, high)]

@@ -96,7 +96,8 @@ def lag_change(tau, step, x, before, after):
 
 
 def struct_of(tau: Array, shares: Array) -> Any:
-    """Return the terms as a C struct for the engine; it is valid as long as the arrays exist."""
+    """Return creep terms (time constants tau [s], shares of the gain) as a C struct for the engine; it is
+    valid as long as the arrays exist."""
     sized("shares", shares, tau.size)
     return ffi.new("struct lags *", (tau.size, doubles(tau, "time constants"), doubles(shares, "shares")))
 

@@ -173,7 +173,8 @@ def fit_calibration(
 
 
 def _of_slope(coefficients: Sequence[float], covariance: ArrayLike, low: float, high: float) -> float:
-    """Return the relative standard uncertainty of the slope, root mean square over a range."""
+    """Return the relative standard uncertainty of the slope of a polynomial, root mean square over the range
+    from `low` to `high`."""
     x, powers = np.linspace(low, high, 201), np.arange(1, len(coefficients))
     # Scaled as in `prediction_band`: powers of x differ by decades.
     scale = max(abs(low), abs(high), 1e-300)

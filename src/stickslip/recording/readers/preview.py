@@ -39,10 +39,9 @@ def look(path: Path) -> dict[str, Any]:
 
     Returns:
         reader, samples, and columns: index, name, column (reference to it: name or index), numeric, first
-            (values as in the file), low, high, clock (True for a time), time (reference to its time column,
-            if there are several), unit (in the file; "" without one), known (True for a known unit), guess
-            (standard name of such a quantity; "" for none), guessed_unit (from the range of values, if the
-            file has none).
+        (values as in the file), low, high, clock (True for a time), time (reference to its time column, if
+        there are several), unit (in the file; "" without one), known (True for a known unit), guess (standard
+        name of such a quantity; "" for none), guessed_unit (from the range of values, if the file has none).
 
     Raises:
         RecordingError: the format is unknown, or the file is damaged or has no columns.

@@ -64,7 +64,8 @@ def select(
     if equally_spaced and ("time" in columns or own):
         raise RecordingError("say sample_rate or a time column, not both")
     common = None if equally_spaced else common_clock(channels, columns, named, own)
-    said = common is not None and channels[common].clock != common  # a time that the layout does not know
+    # the common time axis has a clock that the layout does not know
+    said = common is not None and channels[common].clock != common
 
     variables = []
     for name, i in named.items():

@@ -77,7 +77,7 @@ class HeaderSettings(NamedTuple):
         return found if len(found) == width and not all(map(is_number, found)) else []
 
     def clocks(self, width: int) -> list[HeaderClock]:
-        """Return the clock of each of `width` columns; an empty list if there are none.
+        """Return the clock of each of `width` columns; an empty list if the settings do not tell.
 
         Raises:
             QuantityError: an interval and a rate contradict each other.

@@ -104,7 +104,8 @@ def frequency_response(
 def polar(
     gain: Axes, phase: Axes, frequency: ArrayLike, response: ArrayLike, scale: Scale, **how: Any
 ) -> None:
-    """Draw modulus, and phase in degrees without jumps.
+    """Draw modulus and phase [degrees, without jumps] of a complex response over frequency [Hz]; `how` is
+    passed to matplotlib.
 
     The phase starts between -270 and 90 degrees: measurement and model of a negative gain, at -180 or 180
     degrees, then start at the same value.

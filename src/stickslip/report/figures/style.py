@@ -124,7 +124,8 @@ def panels(
 
 
 def trace(axes: Axes, x: ArrayLike | NDArray, y: ArrayLike | NDArray, **how: Any) -> Line2D:
-    """Draw a line through the points, or markers at them; a large number of points becomes pixels."""
+    """Draw a line through the points (x, y), or markers at them, and return it; a large number of points is
+    rasterised. `how` is passed to matplotlib."""
     (line,) = axes.plot(x, y, **how)
     limit = MANY_POINTS if line.get_marker() == "None" else MANY_MARKERS
     line.set_rasterized(len(line.get_xdata()) > limit)  # type: ignore[arg-type]

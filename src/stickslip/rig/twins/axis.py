@@ -74,13 +74,13 @@ class Axis:
 
     @property
     def moving(self) -> bool:
-        """True during a motion."""
+        """Return True during a motion."""
         self.advance()
         return self._pieces is not None or self._path is not None
 
     @property
     def forever(self) -> bool:
-        """True during a motion without an end."""
+        """Return True during a motion without an end."""
         return self.moving and self._pieces is not None and self._forever
 
     def advance(self) -> float:
@@ -112,7 +112,7 @@ class Axis:
 
 
 def ramp(begin: float, end: float, seconds: float) -> Iterator[Piece]:
-    """Return a linear ramp from one voltage to another, in pieces of a tenth of a second."""
+    """Yield a linear ramp between two voltages [V] over some seconds, in pieces of a tenth of a second."""
     count = max(1, math.ceil(seconds / _RAMP))
     samples: Array = np.linspace(0.0, seconds / count, 21)[1:]
     for k in range(1, count + 1):

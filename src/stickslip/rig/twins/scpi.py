@@ -143,7 +143,7 @@ def shortened(header: str) -> tuple[str, int]:
 
 
 def number(text: str, low: float = -math.inf, high: float = math.inf) -> float:
-    """Return a number within a range. Raises ScpiError."""
+    """Return the number that a text gives; raises ScpiError outside the range from `low` to `high`."""
     try:
         value = float(text)
     except ValueError:

@@ -109,8 +109,8 @@ def with_values(plant: Plant, values: NDArray[np.float64]) -> Plant:
 
 
 def speeds(plant: Plant, q: NDArray[np.float64], u: float, rate: float) -> list[float]:
-    """Return the input of each element at the state q, a drive u and its rate, without contributions of other
-    elements."""
+    """Return the input of each element at the state q, the drive u [V] and its rate [V/s], without
+    contributions of other elements."""
     positions, velocities = q[0 : 2 * len(plant.modes) : 2], q[1 : 2 * len(plant.modes) : 2]
 
     def along(shares: Sequence[float | None] | None, values: NDArray[np.float64]) -> float:

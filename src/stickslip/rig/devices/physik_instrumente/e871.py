@@ -55,7 +55,8 @@ class E871Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Start steps in open loop."""
+        """Start open-loop steps: `count` steps of this voltage [V] and frequency [Hz], backwards if
+        negative."""
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         for command in (

@@ -83,13 +83,13 @@ class Output:
 
     @property
     def generating(self) -> bool:
-        """True while the generator runs."""
+        """Return True while the generator runs."""
         self.axis.advance()
         return self._generating
 
     @property
     def recording(self) -> bool:
-        """True while the recorder runs, or waits for its start."""
+        """Return True while the recorder runs, or waits for its start."""
         self.axis.advance()
         return self.recorder.running or self.recorder.armed
 
@@ -103,7 +103,7 @@ class Output:
         return float(self._sensed(np.array([y if self._on_stage else x]))[0])
 
     def go(self, value: float, seconds: float = 0.0) -> None:
-        """Go to a set point, at once or within a time."""
+        """Move the output to a set point (V, or position in closed loop), at once or within some seconds."""
         self.axis.advance()
         if self._kept["recast"] == 1 and self.recorder.armed:
             self._record_now()
@@ -259,7 +259,8 @@ class Output:
 
 
 def _piece(begin: float, volts: Array) -> Piece:
-    """Return a piece with one value per tick, reached within it. Ticks on a straight line need no knot."""
+    """Return a piece from the voltage `begin` with one voltage [V] per tick, reached within it. Ticks on a
+    straight line need no knot."""
     times: Array = np.arange(1, volts.size + 1, dtype=np.float64) * TICK
     slopes = np.diff(np.append(begin, volts))
     keep = np.append(np.abs(np.diff(slopes)) > 1e-12, True)
