@@ -268,7 +268,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "panel notes.txt": ("is a file", "'notes.txt'", "stickslip panel --help"),
     "runs nowhere": ("no such folder", "nowhere", "name the folder of your recordings"),
     "runs notes.txt": ("is a file, not a folder", "notes.txt", "name the folder of your recordings"),
-    "twin mcs3": ("is not one of", "'mcs3'", "'mcs2'"),
+    "twin mcs3": ("no twin", "'mcs3'", "did you mean 'mcs2'?"),
     "rigs --at nowhere.invalid": ("no host", "nowhere.invalid", "check name and network"),
     "list lawz": ("no kind", "'lawz'", "did you mean 'laws'?"),
     "calibrate nowhere": ("No such file", "nowhere", "tables known by name"),
