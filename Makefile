@@ -9,7 +9,9 @@
 #   make mutation   flips signs in the physics and asks the tests to notice; SAMPLE=100 for that many, of which nine tenths do, FILES=friction/ for some
 #   make lines-c    counts the lines of the engine's C that its tests run; below 95 % is an error
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
-#   make studies    rates over random models, recordings, faults and files: docs/benchmarks/; hours; STUDY=random_orbits for one
+#   make studies    rates over random models, recordings, faults and files: docs/benchmarks/, and all figures; hours; STUDY=random_orbits for one
+#   make figures    the figures of the pages: docs/figures/
+#   make release    dry run of a release: builds, checks, tests of the wheel in clean environments (RELEASING.md)
 #   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)
 #   make lowest     a core of the tests with the lowest versions that pyproject.toml allows; PYTHON= one of them
 #   make engine     build the engine again, after an edit of its C
@@ -30,6 +32,8 @@ CPU_SECONDS ?=
 # Share of the lines that the tests run, in %.
 COVERAGE ?= 95
 LOCK_FLAGS ?=
+# Of a release: those that the wheel is tested with.
+PYTHONS ?= 3.11 3.12 3.13
 # Of trajectory, steady, ensemble, fit, accuracy, startup; all of them if empty.
 PART ?=
 # Where another version of a dependency shows: units, data, files, the command line, figures, reports, fits.
@@ -46,7 +50,7 @@ PEERS := .venv-peers
 DRIVERS := .venv-drivers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test coverage tools drivers check format mutation lines-c bench studies docs peers lowest engine laws lock clean
+.PHONY: help setup demo test coverage tools drivers check format mutation lines-c bench studies figures release docs peers lowest engine laws lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -153,12 +157,19 @@ of_intervals := 40
 of_real_moves := 320
 of_open_loop := 400
 STUDY ?= random_actuators random_orbits random_piezos fuzz_engine faults instruments coverage hysteresis lack_of_fit \
-  zero_parameter folder_fuzz hostile_files intervals real_moves open_loop
-studies: $(READY) engine $(addprefix study-,$(STUDY))
+  zero_parameter folder_fuzz hostile_files intervals real_moves open_loop plausibility
+studies: $(READY) engine $(addprefix study-,$(STUDY)) figures
 
 study-%: $(READY) engine
 	@mkdir -p out
 	$(BIN)/python -m benchmarks.$* $(of_$*)
+
+figures: $(READY) engine tools
+	$(BIN)/python examples/gallery.py docs
+	$(BIN)/python -m tests.panel.pictures
+
+release: $(READY)
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python tools/check_release.py $(PYTHONS)
 
 docs: $(READY)
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs out/docs

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -135,9 +136,12 @@ def test_the_wheel_works_without_the_checkout(installed: Path, tmp_path: Path) -
     assert (tmp_path / "out" / "simulate" / "report.html").is_file()
 
 
-def test_version_changelog_and_citation_agree() -> None:
+def test_version_changelog_citation_and_recipe_agree() -> None:
     version = stickslip.__version__
     assert yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))["version"] == version
+    assert json.loads((ROOT / ".zenodo.json").read_text("utf-8"))["version"] == version
+    recipe = yaml.safe_load((ROOT / "recipe" / "recipe.yaml").read_text("utf-8"))
+    assert recipe["context"]["version"] == version
     (newest, *_) = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
     assert newest == "Unreleased" if ".dev" in version else newest.startswith(f"[{version}]")
     assert yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))["license"] == PROJECT["license"]
