@@ -67,23 +67,14 @@ def titles(
     rows = {i: fields for i, fields in above.items() if len(fields) == len(kinds) and not _marks(fields)}
     texts = [i for i, fields in rows.items() if set(signs.kinds(fields)) in ({"s"}, {"s", "e"})]
     header = texts[-1] if texts else -1
-    for i, fields in rows.items():
-        wrong = [k for k, field in enumerate(fields) if signs.kind(field) not in (kinds[k], "e")]
-        fits = [k for k, field in enumerate(fields) if signs.kind(field) == kinds[k] in ("n", "d")]
-        if i > header and not COMMENT.match(lines[i]) and fits and any(kinds[k] != "e" for k in wrong):
-            name = rows[header][wrong[0]] if texts else str(wrong[0])
-            hint = "" if texts else f" (if the line is no data: skip={i + 1})"
-            # most values below are words, as with thousands separators
-            if signs.kind(fields[wrong[0]]) == "n":
-                ((i, fields),) = data.items()
-            raise RecordingError(f"line {i + 1}, column {name!r}: {fields[wrong[0]]!r} is not a number{hint}")
-    apart = [i for i, fields in rows.items() if i > header and any(fields) and not COMMENT.match(lines[i])]
-    if not texts or apart or COMMENT.match(lines[header]):
-        numeric = [k for k, kind in enumerate(kinds) if kind in "nd"]
-        for places in (list(range(len(kinds))), numeric, numeric[1:]):
-            if names := said.names(len(places)):
-                named = dict(zip(places, names, strict=True))
-                return _distinct([channel_of(named.get(k, "")) for k in range(len(kinds))])
+    titled = rows[header] if texts else None
+    below = {i: fields for i, fields in rows.items() if i > header and not COMMENT.match(lines[i])}
+    for i, fields in below.items():
+        _refuse_words(i, fields, kinds, signs, titled, data)
+    if not texts or any(map(any, below.values())) or COMMENT.match(lines[header]):
+        found = _said_names(kinds, said)
+        if found is not None:
+            return found
     if not texts:
         return [FileChannel(str(k) if kinds[k] != "e" else "") for k in range(len(kinds))]
     names, units = _names_and_units(
@@ -98,6 +89,37 @@ def titles(
         if units and any(names)
         else columns
     )
+
+
+def _refuse_words(
+    line: int,
+    fields: list[str],
+    kinds: str,
+    signs: Signs,
+    titled: list[str] | None,
+    data: dict[int, list[str]],
+) -> None:
+    """Raise RecordingError for a line with numbers that has words where the data have numbers."""
+    wrong = [k for k, field in enumerate(fields) if signs.kind(field) not in (kinds[k], "e")]
+    fits = any(signs.kind(field) == kinds[k] in ("n", "d") for k, field in enumerate(fields))
+    if not fits or all(kinds[k] == "e" for k in wrong):
+        return
+    name = str(wrong[0]) if titled is None else titled[wrong[0]]
+    hint = f" (if the line is no data: skip={line + 1})" if titled is None else ""
+    # most values below are words, as with thousands separators
+    if signs.kind(fields[wrong[0]]) == "n":
+        ((line, fields),) = data.items()
+    raise RecordingError(f"line {line + 1}, column {name!r}: {fields[wrong[0]]!r} is not a number{hint}")
+
+
+def _said_names(kinds: str, said: HeaderSettings) -> list[FileChannel] | None:
+    """Return the columns by the names in the settings above the data; None if their number does not fit."""
+    numeric = [k for k, kind in enumerate(kinds) if kind in "nd"]
+    for places in (list(range(len(kinds))), numeric, numeric[1:]):
+        if names := said.names(len(places)):
+            named = dict(zip(places, names, strict=True))
+            return _distinct([channel_of(named.get(k, "")) for k in range(len(kinds))])
+    return None
 
 
 def _marks(fields: Sequence[str]) -> bool:
