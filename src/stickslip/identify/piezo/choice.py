@@ -74,25 +74,9 @@ def chosen(
         QuantityError: a number of plays that cannot be fitted; or creep is requested for too short
             recordings.
     """
-    lasts = max(float(one.time[-1]) for one in observed)
-    fewest = min(one.time.size for one in observed)
-    if operators is not None and not 1 <= operators <= fewest // SAMPLES_PER_PLAY:
-        raise QuantityError(
-            f"operators = {operators} is out of range: 1 to {fewest // SAMPLES_PER_PLAY} for {fewest} samples"
-        )
-    for tau in time_constants:
-        shortest = 2.0 * float(observed[0].time[1])
-        if not shortest <= tau <= lasts:
-            raise QuantityError(
-                f"time_constants has {tau:g} s, which recordings of {lasts:.3g} s do not determine: "
-                f"from {shortest:.3g} s to {lasts:.3g} s"
-            )
+    lasts, fewest = _lasts(observed), min(one.time.size for one in observed)
     long_enough = lasts >= LONG_ENOUGH * CREEP_BEGINS
-    if creep and not long_enough:
-        raise QuantityError(
-            f"creep = True, but the recordings last {lasts:.3g} s: "
-            f"at least {LONG_ENOUGH * CREEP_BEGINS:g} s are needed"
-        )
+    _refuse_undetermined(observed, operators, bool(creep) and not long_enough, time_constants)
     plays = PLAYS if operators is None else (operators,)
     crept = (False, True) if creep is None and long_enough else (bool(creep),)
     tried = []
@@ -115,24 +99,60 @@ def chosen(
     count = sum(y.size for y in positions)
     good = [one for one in tried if _as_good(one[0], best, white, count)]
     squares, _, grid, late = min(good, key=lambda one: one[1])
-    remarks = []
-    if len(tried) > 1:
+    remarks = _remarks(observed, grid, len(tried), creep, long_enough)
+    made = Choice(grid, late, typical(squares), tuple(remarks))
+    return _lasting(observed, made, lasts) if grid.times.size and not time_constants else made
+
+
+def _lasts(observed: Sequence[Observed]) -> float:
+    """Return the duration of the longest recording, s."""
+    return max(float(one.time[-1]) for one in observed)
+
+
+def _refuse_undetermined(
+    observed: Sequence[Observed], operators: int | None, too_short: bool, time_constants: Sequence[float]
+) -> None:
+    """Raise QuantityError for options that the recordings do not determine; `too_short`: for creep."""
+    lasts, fewest = _lasts(observed), min(one.time.size for one in observed)
+    if operators is not None and not 1 <= operators <= fewest // SAMPLES_PER_PLAY:
+        raise QuantityError(
+            f"operators = {operators} is out of range: 1 to {fewest // SAMPLES_PER_PLAY} for {fewest} samples"
+        )
+    for tau in time_constants:
+        shortest = 2.0 * float(observed[0].time[1])
+        if not shortest <= tau <= lasts:
+            raise QuantityError(
+                f"time_constants has {tau:g} s, which recordings of {lasts:.3g} s do not determine: "
+                f"from {shortest:.3g} s to {lasts:.3g} s"
+            )
+    if too_short:
+        raise QuantityError(
+            f"creep = True, but the recordings last {lasts:.3g} s: "
+            f"at least {LONG_ENOUGH * CREEP_BEGINS:g} s are needed"
+        )
+
+
+def _remarks(
+    observed: Sequence[Observed], grid: PlayGrid, tried: int, creep: bool | None, long_enough: bool
+) -> list[str]:
+    """Return what the choice of a model among `tried` ones leaves open."""
+    remarks: list[str] = []
+    if tried > 1:
         remarks.append(
             f"{grid.thresholds.size} plays, {'with' if grid.zones.size else 'without'} asymmetry"
             f"{' and skew' * bool(grid.skew)}, "
-            f"{'with' if grid.times.size else 'without'} creep: the smallest of {len(tried)} models that "
+            f"{'with' if grid.times.size else 'without'} creep: the smallest of {tried} models that "
             f"predicts parts left out at most {100 * ENOUGH:g} % worse than the best, noise apart"
         )
     if creep is None and not long_enough:
-        remarks.append(f"creep is left out: it does not show within {lasts:.3g} s")
+        remarks.append(f"creep is left out: it does not show within {_lasts(observed):.3g} s")
     if creep is None and grid.times.size and not any(map(_rests, observed)):
         remarks.append(
             f"creep is from a voltage that never rests for {LONG_ENOUGH * CREEP_BEGINS:g} s: there it can "
             "stand for hysteresis that the plays do not describe, and what it predicts of a voltage held is "
             "not tested; record one, or leave it out (creep=False)"
         )
-    made = Choice(grid, late, typical(squares), tuple(remarks))
-    return _lasting(observed, made, lasts) if grid.times.size and not time_constants else made
+    return remarks
 
 
 def left_of_all(observed: Sequence[Observed], late: Lateness, grid: PlayGrid) -> tuple[float, float]:
