@@ -129,15 +129,15 @@ def expectations(sheet: DataSheet) -> Expectations:
     known["damping_ratio"] = Expected(DAMPING, OF_DAMPING, "of stages with a piezo")
     if sheet.holding_force is not None:
         known["coulomb_force"] = Expected(sheet.holding_force, printed, SHEET)
+    elif sheet.mass is not None:
+        known["coulomb_force"] = Expected(
+            ACCELERATION * sheet.mass, OF_ACCELERATION, f"{ACCELERATION:g} m/s² times the moved mass"
+        )
     elif sheet.stall_force is not None:
         known["coulomb_force"] = Expected(
             FRICTION_OVER_STALL * sheet.stall_force,
             OF_FRICTION,
             f"{FRICTION_OVER_STALL:g} times the stall force",
-        )
-    elif sheet.mass is not None:
-        known["coulomb_force"] = Expected(
-            ACCELERATION * sheet.mass, OF_ACCELERATION, f"{ACCELERATION:g} m/s² times the moved mass"
         )
     else:
         known["coulomb_force"] = Expected(

@@ -1,7 +1,9 @@
 r"""Tempered sequential Monte Carlo: samples of a posterior with a wide prior and a narrow likelihood.
 
 Points drawn from the prior follow the densities p(z) L(z)^β from β = 0 to 1 [delmoral2006]. At each level
-they are weighted, resampled, and moved by Metropolis steps with the covariance of the points of another run.
+they are weighted, resampled, and moved by Metropolis steps: random walks with the covariance of the points of
+the other runs, and independent proposals from a `Bent` distribution fitted to the points of the other runs.
+Random walks follow narrow ridges. Independent proposals exchange distant points, so that the runs agree.
 Several runs give the chains of the `Posterior`; R-hat shows whether they agree.
 """
 
@@ -15,6 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..quantities.progress import Progress, unheard
+from .bent import bent
 from .posterior import CHAINS, Posterior, summary_of
 from .problem import FitError
 
@@ -24,7 +27,7 @@ Array = NDArray[np.float64]
 LogLikelihood = Callable[[Array, Array], Array]
 
 KEPT = 0.6  # effective fraction of the points that remains at each level
-MOVES, LAST_MOVES = 4, 40  # Metropolis steps at each level, and at the last one
+MOVES, LAST_MOVES = 2, 16  # pairs of Metropolis steps at each level, and at the last one
 MOST_LEVELS = 60
 WANTED_ACCEPTANCE = 0.25  # for random walks in several dimensions [gelman1997]
 START = 4  # number of prior points per draw
@@ -76,7 +79,8 @@ def sample_tempered(
         beta = last
         done = bool(np.all(beta >= 1.0))
         for _ in range(LAST_MOVES if done else MOVES):
-            moved = _move(log_likelihood, z, found, beta, scale, random)
+            moved = _walk(log_likelihood, z, found, beta, scale, random)
+            _exchange(log_likelihood, z, found, beta, random)
         progress("sampling the posterior", float(np.mean(beta)) if not done else 1.0)
     return _described(z, found, columns, units, moved, levels, random)
 
@@ -120,7 +124,7 @@ def _systematic(weights: Array, count: int, random: np.random.Generator) -> NDAr
     return np.minimum(np.searchsorted(np.cumsum(weights), wanted), weights.size - 1)
 
 
-def _move(
+def _walk(
     log_likelihood: LogLikelihood,
     z: Array,
     found: Array,
@@ -128,23 +132,54 @@ def _move(
     scale: Array,
     random: np.random.Generator,
 ) -> float:
-    """Make one Metropolis step of all points, in place; each run with the covariance of another run's points.
-
-    Returns the fraction of accepted steps.
-    """
+    """Make one random-walk step of all points, in place. Returns the fraction of accepted steps."""
     proposed = np.empty_like(z)
     for c in range(CHAINS):
-        covariance = np.cov(z[c - 1].T) + 1e-9 * np.eye(z.shape[2])
+        covariance = np.cov(_of_others(z, c).T) + 1e-9 * np.eye(z.shape[2])
         proposed[c] = z[c] + scale[c] * random.standard_normal(z[c].shape) @ np.linalg.cholesky(covariance).T
+    share = _accept(log_likelihood, z, found, proposed, np.zeros(found.shape), beta, random)
+    scale *= np.exp(share - WANTED_ACCEPTANCE)
+    return float(share.mean())
+
+
+def _exchange(
+    log_likelihood: LogLikelihood, z: Array, found: Array, beta: Array, random: np.random.Generator
+) -> None:
+    """Make one step of all points to independent proposals, in place."""
+    proposed, log_ratio = np.empty_like(z), np.empty_like(found)
+    for c in range(CHAINS):
+        others = _of_others(z, c)
+        of = bent(others, np.full(len(others), 1.0 / len(others)))
+        proposed[c] = of.drawn(z.shape[1], random)
+        log_ratio[c] = of.log_density(z[c]) - of.log_density(proposed[c])
+    _accept(log_likelihood, z, found, proposed, log_ratio, beta, random)
+
+
+def _of_others(z: Array, run: int) -> Array:
+    """Return the points of all runs but one."""
+    return np.delete(z, run, axis=0).reshape(-1, z.shape[2])
+
+
+def _accept(
+    log_likelihood: LogLikelihood,
+    z: Array,
+    found: Array,
+    proposed: Array,
+    log_ratio: Array,
+    beta: Array,
+    random: np.random.Generator,
+) -> Array:
+    """Make a Metropolis-Hastings step, in place. Returns the fraction of accepted steps of each run.
+
+    `log_ratio` is the log ratio of the proposal densities, of the present points over the proposed ones.
+    """
     chance = np.log(random.random(found.shape))
     of_prior = -0.5 * (np.sum(proposed**2, axis=2) - np.sum(z**2, axis=2))
-    least = found + (chance - of_prior) / beta[:, None]
+    least = found + (chance - of_prior - log_ratio) / beta[:, None]
     other = _of_all(log_likelihood, proposed, least)
     accepted = other > least
     z[accepted], found[accepted] = proposed[accepted], other[accepted]
-    share = accepted.mean(axis=1)
-    scale *= np.exp(share - WANTED_ACCEPTANCE)
-    return float(share.mean())
+    return accepted.mean(axis=1)
 
 
 def _described(
