@@ -63,8 +63,10 @@ SHOWN = {"end_effector_position": Channel("laser"), "drive_voltage": Channel("dr
 
 
 def axis() -> Actuator:
-    """Return an actuator like the real axis: 88 nm a step of 50 V at 500 Hz, from some 17 V on; the real axis
-    makes at least 67 nm."""
+    """Return an actuator like the real axis: 88 nm a step of 50 V at 500 Hz, from some 17 V on.
+
+    The real axis makes at least 67 nm.
+    """
     base = load_actuator("kang2007")
     force, deflection, mass = 0.02, 20e-9, 0.01
     stiffness = force / deflection
