@@ -91,7 +91,7 @@ def panel(
         if browser:
             _open(address)
         server = uvicorn.Server(server_config(served))
-        if hasattr(signal, "SIGHUP"):  # as uvicorn does for the other signals
+        if hasattr(signal, "SIGHUP"):  # uvicorn handles the other signals itself
             signal.signal(signal.SIGHUP, server.handle_exit)
         with suppress(KeyboardInterrupt):  # Ctrl-C is the usual end of a panel
             server.run(sockets=[listening])

@@ -114,7 +114,7 @@ def optimise_actuator(
 
 
 def _of(output: Any, name: str, models: Mapping[str, Actuator]) -> OutputStage | None:
-    """Return the output stage of one model."""
+    """Return the output stage of one model by name, from one stage for all or a mapping by name."""
     if not isinstance(output, Mapping):
         return output
     if {*output} != {*models}:

@@ -120,7 +120,7 @@ class Simulated(NamedTuple):
         given |= {"external_force": np.full(walks.size, -load), "frequency": np.full(walks.size, rate)}
         scale = self.expected.known["gain"].value * (self.expected.high - self.expected.low)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SimulationWarning)  # of improbable members
+            warnings.simplefilter("ignore", SimulationWarning)  # improbable members may fail
             of = steady_steps(self.model, self.drive, parameters=given, tolerance=TOLERANCE * scale)
         kept = (of["status"].values == CONVERGED) & ((of["net_step"].values > 0.0) | (load > 0.0))
         steps[walks[kept]] = of["net_step"].values[kept]

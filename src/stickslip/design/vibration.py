@@ -65,7 +65,15 @@ def audible(shapes: Polygons) -> int:
 def acceleration(
     shapes: Polygons, gain: float, natural: float, damping: float, count: int = HARMONICS
 ) -> NDArray[np.complex128]:
-    """Harmonics 1 to `count` of the stage's acceleration, m/s^2, [n, count]; see the module."""
+    """Return harmonics 1 to `count` of the stage's acceleration, m/s^2, [n, count]; see the module.
+
+    Args:
+        shapes: polygons of the drive voltage.
+        gain: gain of the stage, m/V.
+        natural: natural frequency of the stage, rad/s.
+        damping: damping ratio.
+        count: number of harmonics.
+    """
     n = np.arange(1, count + 1)
     lines = [
         jumps @ np.exp(-2j * math.pi * shares[:, None] * n)

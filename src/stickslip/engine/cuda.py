@@ -144,7 +144,7 @@ class _Memory:
     def opened(cls) -> Iterator[_Memory]:
         """Yield memory for one launch, which is freed at its end."""
         made = cls()
-        _call("cuCtxSetCurrent", _device()[0])  # of this thread
+        _call("cuCtxSetCurrent", _device()[0])  # the context is per thread
         made.stream = _got("void **", "cuStreamCreate", _NON_BLOCKING)
         try:
             yield made

@@ -25,7 +25,7 @@ class _Structs:
         self.pointer: Any = ffi.new(f"{kind}[]", count)
         self._kind, self._shape = kind, (count, ffi.sizeof(kind))
         self._memory: Any = ffi.buffer(self.pointer)
-        self._arrays: list[Any] = []  # the engine points into them
+        self._arrays: list[Any] = []  # the engine keeps pointers into them
 
     def fill(self, like: Any) -> None:
         """Copy one struct to all."""
@@ -173,7 +173,7 @@ def numbers_of(plant: Any, values: Array) -> Iterator[tuple[tuple[str | int, ...
             if name == "along" and value is not None:
                 yield ("element", e, name), np.stack([next(numbers) for _ in value], axis=1)
             elif name == "loaded" and value is not None:
-                next(numbers)  # a flag
+                next(numbers)  # a flag is no number of a member
             elif isinstance(value, tuple):
                 for i, share in enumerate(value):
                     if share is not None:

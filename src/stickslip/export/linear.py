@@ -71,7 +71,7 @@ class Method:
         a, push, start = self.motion.copy(), self.push, np.eye(self.size)
         if self.kinematic:  # the stage is where its input is, whatever it was
             start[[Y, W]] = 0.0
-        if self.clamped:  # the end-effector goes as the stage does
+        if self.clamped:  # the end-effector moves with the stage
             made = np.asarray(scipy.linalg.expm(a * self.h), np.float64) @ start
             made[X], made[S] = made[self.stage].sum(axis=0), made[[i + 1 for i in self.stage]].sum(axis=0)
             return made

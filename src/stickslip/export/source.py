@@ -107,7 +107,7 @@ def _sources(model: Any, fitted: dict[str, str]) -> dict[str, str]:
     load = load_actuator if isinstance(model, Actuator) else load_pulled_slider
     parameters, original = None, {}
     if model.name:
-        with suppress(ParameterSetError):  # a file that has gone since
+        with suppress(ParameterSetError):  # the file may have been deleted since
             parameters = load_set(model.name)
             original = exported_values(load(model.name))
     found = {}

@@ -217,7 +217,7 @@ class Hdf5Tree:
         if not (text or (kind in _KINDS and shape is not None)):
             return None
         if shape is None:
-            return ""  # as other programs write an empty text
+            return ""  # other programs write an empty text so
         self._count_attribute(stored.get_size() * math.prod(shape))
         value = np.empty(shape, opened.dtype)
         opened.read(value)
@@ -255,7 +255,7 @@ class Hdf5Tree:
                 member = Hdf5Group(name, found)
                 self._fill(member, depth + 1)
             else:
-                continue  # a type by name has no data
+                continue  # a named type has no data
             group.members[self._name(label)] = member
 
     def _add(self, one: Hdf5Array | Hdf5Group, identifier: Any, depth: int) -> None:
@@ -298,7 +298,7 @@ def _kind(stored: Any) -> str:
     try:
         return stored.dtype.kind
     except (TypeError, ValueError):
-        return ""  # a number that NumPy does not have
+        return ""  # NumPy has no such number
 
 
 def _is_complex(stored: Any) -> bool:

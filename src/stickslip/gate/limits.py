@@ -82,7 +82,7 @@ def _written_bytes(path: Path, size: int, enough: int) -> int:
                 at = os.lseek(file.fileno(), start, os.SEEK_HOLE)
             except OSError as error:
                 return found if error.errno == errno.ENXIO else size  # only holes from here on
-            except AttributeError:  # another system than Linux
+            except AttributeError:  # only Linux has SEEK_DATA
                 return size
             found += at - start
     return found

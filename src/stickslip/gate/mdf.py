@@ -38,7 +38,7 @@ def check_mdf(path: Path) -> None:
         head = file.read(12)
         if head[:8] not in (b"MDF     ", b"UnFinMF "):
             return
-        if head[8:9] != b"4":  # which asammdf would build unchecked
+        if head[8:9] != b"4":  # asammdf would read it unchecked
             version = head[8:].decode("ascii", "replace").strip(" \0")
             raise GateError(f"{path}: an MDF file of version {version}; 4 is read")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
@@ -54,7 +54,7 @@ def check_mdf(path: Path) -> None:
 class _Blocks:
     def __init__(self, path: Path, content: mmap.mmap) -> None:
         self._path, self._content, self._visits = path, content, Visits(path)
-        self._parts = self._unpacked = 0  # of the numbers: blocks, bytes
+        self._parts = self._unpacked = 0  # counts of blocks and bytes of numbers
 
     def check(self) -> None:
         """Follow all links as asammdf does."""

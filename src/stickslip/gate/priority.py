@@ -29,6 +29,6 @@ def come_last() -> None:
     """Lower the priority of this process, in a session of its own. Ctrl-C and the end of a terminal no longer
     reach it: whoever started it ends it."""
     if hasattr(os, "setpriority"):
-        with suppress(OSError):  # it leads a session already
+        with suppress(OSError):  # the process leads a session already
             os.setsid()
         os.setpriority(os.PRIO_PROCESS, 0, max(os.getpriority(os.PRIO_PROCESS, 0), LAST))

@@ -148,7 +148,7 @@ def load_toml(raw: bytes | str, source: str) -> dict[str, Any]:
     _check_toml(text, source)
     try:
         found = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a key or table given twice too
+    except (ValueError, RecursionError) as error:  # includes a key or table given twice
         raise GateError(f"{source} is no valid TOML: {error}") from error
     check_depth(found, source)
     return found

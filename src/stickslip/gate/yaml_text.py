@@ -60,7 +60,7 @@ def load_yaml(raw: bytes | str, source: str) -> Any:
         return _Built(source).of(yaml.parse(text, Loader=_PARSER))
     except GateError:
         raise
-    except (yaml.YAMLError, ValueError, OverflowError) as error:  # a date that does not exist, say
+    except (yaml.YAMLError, ValueError, OverflowError) as error:  # includes a date that does not exist
         said = " ".join(str(error).replace('"<unicode string>"', "it").split())
         raise GateError(
             f"{source} is no YAML: {said}. Check brackets, quotes and indentation there"
@@ -114,7 +114,7 @@ class _Built:
             rules = _RULES.get(text[:1], []) + _RULES.get(None, [])
             tag = next((kind for kind, pattern in rules if pattern.match(text)), "")
             if ":" in text and tag in (f"{_TAG}int", f"{_TAG}float"):
-                return text  # of base 60
+                return text  # a number of base 60 stays a text
         elif tag == f"{_TAG}str":
             return text
         else:
@@ -129,7 +129,7 @@ class _Built:
         if key in place.made or (key == "<<" and place.merged):
             raise self._error(event, f"the key {key[:60]!r} is given twice")
         place.key = key
-        place.made[key] = None  # its place among the others
+        place.made[key] = None  # reserve the key's place in the order
         self._add(1)
 
     def _start(self, event: Any) -> None:

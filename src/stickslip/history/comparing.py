@@ -54,7 +54,7 @@ class Zero(NamedTuple):
 
     time: float
     event: str
-    triggered: bool  # it was recorded with a trigger
+    triggered: bool  # the recording started by a trigger
 
 
 def common_zeros(recordings: Sequence[xr.Dataset]) -> list[Zero]:

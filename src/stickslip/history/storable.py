@@ -76,7 +76,7 @@ def _escaped(letter: str) -> str:
     code = ord(letter)
     if letter == "\\":
         return "\\\\"
-    if 0xDC80 <= code <= 0xDCFF:  # a byte, as Python gives it
+    if 0xDC80 <= code <= 0xDCFF:  # Python's escape of an invalid byte
         return f"\\x{code - 0xDC00:02x}"
     return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 

@@ -30,7 +30,7 @@ def worded(found: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, Any]]
     flat = flat_rows(rows)
     shown = []
     for name, values in found.items():
-        if name.endswith(".unit"):  # it stands behind its number
+        if name.endswith(".unit"):  # the unit follows its number
             continue
         texts = [_plain(value) if name == "channels" else value for value in values]
         shown.append({"what": _words(name), "values": texts, "units": [_unit(name, one) for one in flat]})

@@ -28,7 +28,7 @@ class Beating:
         threading.Thread(target=self._pass_on, args=(folder, needed), daemon=True).start()
 
     def _pass_on(self, folder: Path, needed: Callable[[], bool]) -> None:
-        with suppress(RigError):  # without an answer the run ends, and says why
+        with suppress(RigError):  # without an answer the run ends with a message
             link = Link(folder, "the panel's operator")
             try:
                 while needed():

@@ -22,7 +22,7 @@ class BoundedConnection(H11Protocol):
     """
 
     _timer: TimerHandle | None = None
-    _served: Any = None  # the request at the last look
+    _served: Any = None  # the request at the last check
     _looks = 0
 
     def connection_made(self, transport: Any) -> None:
@@ -53,7 +53,8 @@ class BoundedConnection(H11Protocol):
         return self.cycle is not None and not self.cycle.more_body and not self.cycle.response_started
 
     def _look(self) -> None:
-        if self.transport.is_closing() or self.transport.get_protocol() is not self:  # it is a WebSocket now
+        # the connection became a WebSocket
+        if self.transport.is_closing() or self.transport.get_protocol() is not self:
             return
         waited = self.cycle is self._served and not self._waits_for_the_server
         self._looks = self._looks + 1 if waited else 0

@@ -60,7 +60,7 @@ class Fitting:
             self._out = f"{REPORTS}/{datetime.now():%Y-%m-%d_%H-%M-%S}"
             self.state = {"phase": RUNNING, "doing": "reading", "request": request.model_dump()}
             self.frames = {}
-            self._tell()  # before any of its curves
+            self._tell()  # the state is sent before the curves
             self._connection.send(FitTask(request, self._out))
 
     def cancel(self) -> None:

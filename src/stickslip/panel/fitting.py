@@ -218,7 +218,7 @@ class _Drafts:
         """Send the curves of the model for these values."""
         try:
             curves = [observed(motion, self._varied, dict(values)) for motion in self._motions]
-        except ArithmeticError:  # a trial that cannot be simulated
+        except ArithmeticError:  # some trial values cannot be simulated
             curves = []
         self._say("step", fields or {"values": dict(values)}, [_thin(curve) for curve in curves])
 

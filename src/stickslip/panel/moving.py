@@ -256,7 +256,7 @@ class Moves:
                 self._first = asked.what  # the session is starting: the last command counts
                 return
             if do == "halt":
-                return  # it has ended
+                return  # the session has ended
             if do not in ("go", "steps", "jog"):
                 raise QuantityError("nothing holds: go somewhere first")
             self._starter.need_free()

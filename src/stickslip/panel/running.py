@@ -144,7 +144,7 @@ class Runner:
         """Ask the run to end with a ramp to 0 V, at once. Return False if nothing was active."""
         asked, stopper = time.perf_counter(), self._stopper
         told = stopper is not None and self._busy and self._stop is None
-        if stopper is not None and told:  # before anything that may take time
+        if stopper is not None and told:  # before anything slow
             with suppress(RigError):
                 stopper.tell_stop(why)
                 threading.Thread(target=self._halt, args=(stopper, asked), daemon=True).start()

@@ -337,7 +337,7 @@ def same(one: Any, other: Any) -> bool:
     """
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return np.array_equal(one, other, equal_nan=np.asarray(one).dtype.kind in "fc")
-    if isinstance(one, float) and isinstance(other, float):  # one of NumPy's, too
+    if isinstance(one, float) and isinstance(other, float):  # includes NumPy's float64
         return one == other or (one != one and other != other)
     if type(one) is not type(other):
         return False

@@ -302,7 +302,7 @@ def _not_run_here(text: str, path: str = "") -> str:
 def _run(file: Path, path: str | os.PathLike[str], content: str) -> ModuleType:
     # The same name in every process, wherever the file is: records are pickled between processes by name.
     name = f"own_{file.stem}_{content[:8]}"
-    if name in sys.modules:  # a copy, beside the original
+    if name in sys.modules:  # a copied file with equal content
         name += f"_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = spec_from_file_location(name, file)
     if spec is None or spec.loader is None:

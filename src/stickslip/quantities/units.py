@@ -106,7 +106,7 @@ def _parse(text: str, si_unit: str) -> float:
     if not math.isfinite(number):
         return number
     convert = _registry().Quantity
-    if convert(0.0, units).to(wanted).magnitude != 0.0:  # a scale with another zero, °C say
+    if convert(0.0, units).to(wanted).magnitude != 0.0:  # a scale with an offset, such as °C
         return float(convert(number, units).to(wanted).magnitude)
     factor = convert(1.0, units).to(wanted).magnitude * _radians_per_cycle(units, wanted)
     power = round(math.log10(factor))

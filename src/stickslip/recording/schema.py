@@ -95,7 +95,7 @@ def _warn_of_misspelling(name: str) -> None:
 class Sampling(NamedTuple):
     """Sampling of a time axis; all in seconds."""
 
-    interval: float  # the median
+    interval: float  # median interval, s
     smallest_gap: float
     largest_gap: float
 
@@ -325,7 +325,7 @@ def refuse_unit(name: str, unit: str, where: str = "") -> None:
     try:
         conversion = to_si_unit(unit)
     except QuantityError:
-        return  # a user's own name
+        return  # a user's own name is free
     if (conversion.factor, conversion.offset) != (1.0, 0.0):
         raise RecordingError(
             f"{name}{where} is labelled {unit!r}, but recordings are in {conversion.unit or 'numbers'}: "

@@ -56,8 +56,8 @@ def origin_of(model: Actuator, recordings: Iterable[xr.Dataset], fitted: Collect
 
 
 def _of_any(model: Actuator, field: str) -> bool:
-    """Return True if no simulated motion depends on a value, or if it holds for any real actuator, such as
-    the reaction of the friction."""
+    """Return True if a value needs no source: no simulated motion depends on it, or it holds for any real
+    actuator, such as the reaction of the friction."""
     law = model.friction
     if field == "friction.stribeck_velocity":
         return getattr(law, "stiction_force", None) == getattr(law, "coulomb_force", None)

@@ -71,7 +71,7 @@ class Gate:
         self._last, self.began = math.nan, None
         self._until = 0.0 if self._can.streams else samples / self._can.sample_rate
         self._rig.arm(inputs, samples)
-        self._origin = getattr(self._rig, "origin", 0.0)  # a device may tell it only now
+        self._origin = getattr(self._rig, "origin", 0.0)  # some devices know it only now
 
     def start(self) -> None:
         """Start the loaded output and the watchdog."""

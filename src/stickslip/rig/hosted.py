@@ -272,7 +272,7 @@ class HostedRig:
             self._ask("close", within=_LAST, late=LATE)
         except RigError as error:
             if str(error).startswith("close: open the rig first"):
-                return  # it never started
+                return  # the process never started
             raise
 
     def home_here(self, position: PositionInput, slew: float) -> None:

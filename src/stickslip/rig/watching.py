@@ -64,7 +64,7 @@ class WatchedRig:
 
     @property
     def guard(self) -> Callable[[Limits, PositionInput | None, int, Path | None], None] | None:
-        """Function `guard` of a wrapped rig that is supervised in its own process; None for others."""
+        """Return `guard` of the wrapped rig if another process supervises it; None for others."""
         return getattr(self._rig, "guard", None)
 
     def told(self, runs: int) -> dict[str, str]:

@@ -182,7 +182,7 @@ class _EnsembleTask(NamedTuple):
     tolerance: float
     max_steps: int
     times: NDArray[np.float64]
-    gpu: Any  # the module `engine.cuda`, or None
+    gpu: Any  # module `engine.cuda`, or None
 
 
 def _gpu(model: Actuator, times: NDArray[np.float64]) -> Any:

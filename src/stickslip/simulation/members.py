@@ -180,7 +180,7 @@ def block_size(
         if output is not None and output.updates:
             slower = [float(np.nanmax(1.0 / c[c > 0.0], initial=1.0)) for c in per_period]
             segments = max(segments, end * max([1.0, *slower]) * output.update_rate)
-            quicker = 1.0  # one period each
+            quicker = 1.0  # the updates alone set the size
     return int(np.clip(LARGEST_TABLES / (5.0 * segments * quicker), 1, most))
 
 
@@ -220,7 +220,7 @@ def prepared(
         if output is not None:
             rows = behind(output, rows, reasons)
         refuse_voltages(members, rows, scale, reasons)
-        if "drive_scale" in columns and bends(model):  # before the piezo; otherwise in the plants
+        if "drive_scale" in columns and bends(model):  # before the hysteresis; otherwise in the plants
             rows = [Scaled(row, factor) for row, factor in zip(rows, scale, strict=True)]
             scale = np.ones(count)
         precision = table_precision(members, tolerance / _largest(scale))

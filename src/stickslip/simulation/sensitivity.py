@@ -312,7 +312,7 @@ def sensitivities(
     contact = contact_load(load, end)
     state = contact.rest(contact.system(model), drive.before)
     of = moved(model, parameters, state, drive.before, contact, waveform, end, tolerance=tolerance)
-    if of.itself is not None:  # in the segments of the neighbours: with creep these depend on the end
+    if of.itself is not None:  # the neighbours' segments, which depend on the end if there is creep
         drive = of.itself
 
     def derivatives(tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

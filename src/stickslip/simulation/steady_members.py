@@ -153,7 +153,7 @@ def orbit_blocks(
         QuantityError: see `steady_orbit`.
     """
     period, waveform = period_of(waveform), endless(waveform)
-    if output is not None and not waveform_columns(waveform, columns):  # one drive for all
+    if output is not None and not waveform_columns(waveform, columns):  # all members share one drive
         waveform, output = of_kind(output, OutputStage, "output").behind(waveform), None
         period = period_of(waveform)
     tolerance = checked_tolerance(model, tolerance)

@@ -196,7 +196,8 @@ def _straight(model: Actuator, waveform: Waveform, end: float, i: int) -> Drive:
 
 
 def _followed(of: Joined, drives: Sequence[Drive], times: Array, tolerance: float, careful: bool) -> _Run:
-    """Follow the plant from piece to piece; samples are NaN from where it cannot be followed."""
+    """Integrate the plant over all pieces of the drives, and return samples [times]; they are NaN after a
+    point that cannot be passed."""
     free = ComposedPlant(of.plant)
     end, samples, steps = float(times[-1]), np.full((times.size, free.columns), np.nan), 0
     starts = np.unique(np.concatenate([drive.start for drive in drives]))

@@ -104,7 +104,7 @@ def _across(model: Actuator, table: Drive, times: Array) -> Array:
     assert port is not None
     free = port.capacitance + model.gain * model.drive_force_per_volt
     plays = port.operators
-    plays = plays._replace(threshold=plays.threshold / free)  # in terms of the command, V
+    plays = plays._replace(threshold=plays.threshold / free)  # thresholds in terms of the command, V
     z = np.sign(table.before) * np.maximum(abs(table.before) - plays.threshold, 0.0)
     rest = float(plays.weight @ z)
     after = through(plays, table, float(times[-1]), z, rest)

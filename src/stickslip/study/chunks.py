@@ -214,7 +214,7 @@ def in_store(store: Path, name: str) -> Path:
 
 def _texts(values: NDArray[Any]) -> bytes:
     parts, texts = [values.size.to_bytes(4, "little")], values.ravel().tolist()
-    if not any(texts):  # as a rule
+    if not any(texts):  # usually all texts are empty
         return parts[0] + bytes(4 * len(texts))
     for text in (str(one).encode() for one in texts):
         parts += [len(text).to_bytes(4, "little"), text]

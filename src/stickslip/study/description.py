@@ -27,7 +27,7 @@ def described(study: Any) -> dict[str, Any]:
         "study": {key: _plain(getattr(study, key)) for key in ("points", "measure", "summary", "keep")},
         "order": _order(study.points),
         "package": __version__,
-        "engine": library().STICKSLIP_ABI,  # the hash of its sources
+        "engine": library().STICKSLIP_ABI,  # hash of the engine's sources
     }
 
 
@@ -85,7 +85,7 @@ def _plain(value: Any) -> Any:
         return _listed(value)
     if isinstance(value, np.generic):
         return value.item()
-    if hasattr(value, "__array__"):  # of xarray, pandas or pint
+    if hasattr(value, "__array__"):  # an array of xarray, pandas or pint
         return {"units": own_unit(value), "values": _listed(np.asarray(getattr(value, "magnitude", value)))}
     if value is None or isinstance(value, bool | int | float | str):
         return value

@@ -85,7 +85,7 @@ def _rows(columns: Mapping[str, Array], count: int, random: np.random.Generator)
     if len(sizes) != 1 or 0 in sizes:
         raise QuantityError(f"draws of {', '.join(columns) or 'nothing'} must be as many of each, and some")
     size = sizes.pop()
-    chosen = np.arange(count) if size == count else random.integers(0, size, count)  # all of them, once
+    chosen = np.arange(count) if size == count else random.integers(0, size, count)  # each once
     return {name: values[chosen] for name, values in columns.items()}
 
 

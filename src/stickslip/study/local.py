@@ -201,7 +201,7 @@ def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done],
                     team.append(Worker(load, answers))
                 else:
                     _take(worker, answer, tasks, heard)
-                    if "ready" in answer and len(team) == 1:  # what the first refuses is said once
+                    if "ready" in answer and len(team) == 1:  # a refusal of the first worker is reported once
                         team += [Worker(load, answers) for _ in range(min(workers, len(todo)) - 1)]
             for idle in (one for one in team if one.ready and one.task is None):
                 number = tasks.take()

@@ -141,7 +141,7 @@ def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
         create(path, description, study.layout(), study.axes, study.inner(), study.title)
     there = Store(path)
     there.check(description, study.task)
-    if _of(there.layout) != _of(study.layout()):  # which the identity does not say
+    if _of(there.layout) != _of(study.layout()):  # the identity does not contain the layout
         raise StudyError(
             f"{there.path}: its layout is not that of the study, with {study.layout().members:,} members: "
             "was its zarr.json changed? Take another store"
@@ -190,7 +190,7 @@ class _ToldProgress:
         self._members += done.members
         self._failed += done.failed
         now = time.monotonic()
-        if not self._begun:  # from here on workers are there
+        if not self._begun:  # time counts from the workers' start
             self._begun = self._last = now - done.seconds
         passed = now - self._begun
         if self._done < self._tasks and now - self._last < max(OFTEN, SHARE * passed):

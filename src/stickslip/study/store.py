@@ -102,7 +102,7 @@ class Store:
             raise self._no_store(error) from None
 
     def _no_store(self, error: Exception) -> StudyError:
-        said = f": {error}" if isinstance(error, ValueError) else ""  # other errors are in Python's words
+        said = f": {error}" if isinstance(error, ValueError) else ""  # other errors have Python's wording
         return StudyError(f"{self.path} is no store of a study, or its zarr.json is damaged{said}")
 
     def _damaged(self, name: str, said: str) -> StudyError:
@@ -313,7 +313,7 @@ class Store:
 
     def stop(self) -> None:
         """Ask all processes that work on the study, on any machine, to end."""
-        if (self.path / STOP).is_symlink():  # nothing outside of the store is touched
+        if (self.path / STOP).is_symlink():  # never write outside of the store
             (self.path / STOP).unlink()
         (self.path / STOP).touch()
         os.utime(self.path / STOP)
@@ -376,6 +376,7 @@ def has_arrays(path: Path) -> bool:
     """Return whether a folder has arrays of a store, which may have lost its own zarr.json."""
     for file in path.glob("*/zarr.json"):
         with contextlib.suppress(ChunkError):
-            if b'"node_type": "group"' not in plain_bytes(path, f"{file.parent.name}/{file.name}"):  # another
+            # an array, not a group
+            if b'"node_type": "group"' not in plain_bytes(path, f"{file.parent.name}/{file.name}"):
                 return True
     return False

@@ -21,7 +21,7 @@ from .task import Load, received, run_task
 def main() -> None:
     """Read a `Load` from standard input, report ready, then compute each task whose number arrives."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent process, which then ends this one
-    if hasattr(signal, "pthread_sigmask"):  # not on Windows
+    if hasattr(signal, "pthread_sigmask"):  # not available on Windows
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see `sigint_blocked`
     # Output of a user's function must not mix with the answers.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")

@@ -102,7 +102,7 @@ def repeat_curves(
         before = polynomial[:, 0, :1]
         start = np.concatenate([np.zeros((len(start), 1)), start[:, 1:]], axis=1)
     tiled = _whole(durations / period, periods) * period[:, None, None] + start[:, None, :]
-    tiled[:, 1:] *= 1 - 2.0**-51  # as `repeat_table`
+    tiled[:, 1:] *= 1 - 2.0**-51  # rounded down, as in `repeat_table`
     end = None if periods is None else (periods * period)[:, None]
     none = np.zeros((len(start), 0, 4))
     return _tiled(tiled, polynomial, [0] * start.shape[1], none, before, end, durations)

@@ -116,7 +116,8 @@ def _crest(waves: NDArray[np.float64], t: NDArray[np.float64]) -> float:
     """Return the greatest value of a sum of sines on the uniform grid t [n], s."""
     values = _sum(waves, t)[0]
     step = t[1] - t[0]
-    short_by = np.sum(np.abs(waves[:, 0]) * waves[:, 1] ** 2) * step**2 / 8  # at most: u is that much curved
+    # bound of the error, from the largest curvature
+    short_by = np.sum(np.abs(waves[:, 0]) * waves[:, 1] ** 2) * step**2 / 8
     near = t[values >= values.max() - short_by]
     crest = near
     for _ in range(4):

@@ -47,7 +47,7 @@ def _drive(w: Any, duration: float) -> Drive:
 def _drives(w: Any, durations: NDArray[np.float64]) -> Drives:
     """Return the segment tables of many members; varied fields of `w` are arrays with a number per member,
     unchecked."""
-    with np.errstate(divide="ignore", invalid="ignore"):  # of strokes that take no time
+    with np.errstate(divide="ignore", invalid="ignore"):  # strokes may have no duration
         return repeat_members(w.pieces(), w.frequency, w.periods, w.offset, durations)
 
 

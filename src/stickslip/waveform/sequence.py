@@ -81,7 +81,7 @@ class Sequence:
 
 
 def _timed(part: Any, field: str) -> tuple[Waveform, float]:
-    if hasattr(part, "drive"):  # before the pair: records are tuples too
+    if hasattr(part, "drive"):  # checked before pairs, because records are tuples too
         if not math.isfinite(part.duration):
             raise QuantityError(
                 f"{field} is an endless {type(part).__name__}: give (waveform, duration in s), or periods"

@@ -43,7 +43,7 @@ def set_variable(body: FunctionBody, node: ast.AST, name: str, value: Value) -> 
     if isinstance(value.type, Array):
         if body.stores.count(name) > 1:
             raise body.source.error(node, f"{name} cannot be set to {value.text}")
-        body.variables[name] = value  # another name for it
+        body.variables[name] = value  # the name is an alias of the table
         return
     kind = joined(body.types.get(name), kind_of(value))
     known = body.variables.get(name)

@@ -114,7 +114,7 @@ def constant(context: Context, node: ast.AST, value: Any) -> Value:
         return Value(str(value), INT, ATOM if value >= 0 else UNARY, constant=int(value))
     if isinstance(value, int | float | np.floating | np.integer):
         return Value(real(float(value)), REAL, constant=float(value))
-    if hasattr(value, "_fields") and not isinstance(value, type):  # a record of the module
+    if hasattr(value, "_fields") and not isinstance(value, type):  # a record defined in the module
         kind = record_type(value)
         context.use(kind)
         parts = ((constant(context, node, getattr(value, name)), of) for name, of in kind.fields)
@@ -165,7 +165,7 @@ def identifier(context: Context, node: ast.AST, name: str) -> str:
 
 def variable(context: Context, node: ast.AST, name: str, kind: Any) -> Value:
     """Return the value of a variable; for a tuple, of one variable per part."""
-    if isinstance(kind, Value):  # another name of a table
+    if isinstance(kind, Value):  # an alias of a table
         return kind
     text = identifier(context, node, name)
     if isinstance(kind, Tuple):

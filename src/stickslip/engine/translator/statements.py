@@ -211,7 +211,8 @@ class FunctionBody:
     # Statements. Each says whether it returns on every path.
 
     def _block(self, statements: list[ast.stmt]) -> bool:
-        return any(self._statement(statement) for statement in statements)  # what follows a return is dead
+        # code after a return is unreachable
+        return any(self._statement(statement) for statement in statements)
 
     def _statement(self, node: ast.stmt) -> bool:
         match node:
@@ -285,7 +286,7 @@ class FunctionBody:
         no = self.indented(node.orelse)
         self.line("}")
         chained = self._lines[before + 1 :]
-        if len(node.orelse) == 1 and chained and chained[0].lstrip().startswith("if ("):  # else if
+        if len(node.orelse) == 1 and chained and chained[0].lstrip().startswith("if ("):  # an "else if"
             inner = [line.removeprefix("    ") for line in chained[:-1]]
             self._lines[before:] = [f"{'    ' * self.depth}}} else {inner[0].lstrip()}", *inner[1:]]
         return yes and no

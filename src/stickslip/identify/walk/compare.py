@@ -108,7 +108,7 @@ def walk_candidates(
                 **{f"strength_{i}": (0.05 * f, f) for i in (1, 2)},
                 "sigma_2": (0.0, 3.0 * sigma_1),
             },
-            -(-starts // 4),  # each evaluation takes ten times as long
+            -(-starts // 4),  # each evaluation takes ten times as long, so fewer starts
         ),
     ]
 

@@ -163,7 +163,7 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
         ModuleNotFoundError: SurfaceTopography is missing (extra ``stickslip[topography]``).
     """
     try:
-        with warnings.catch_warnings():  # it warns that it runs without MPI
+        with warnings.catch_warnings():  # the library warns that it runs without MPI
             warnings.simplefilter("ignore", ImportWarning)
             from SurfaceTopography.IO import open_topography
     except ModuleNotFoundError as missing:

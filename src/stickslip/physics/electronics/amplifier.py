@@ -138,7 +138,7 @@ def amplifier_output(
     if asked.ndim != 1 or not asked.size or not np.all(np.isfinite(asked)):
         raise QuantityError(f"volts [V] must be one row of finite values, at least one: {volts!r:.60}")
     targets = np.clip(amplifier.gain * asked + amplifier.offset, amplifier.low, amplifier.high)
-    changes = np.flatnonzero(np.diff(targets, prepend=np.nan))  # the first sample counts as one
+    changes = np.flatnonzero(np.diff(targets, prepend=np.nan))  # the first sample counts as a change
     if of.tau == 0.0 and math.isinf(of.rate) and changes.size > 1:
         raise QuantityError("an amplifier without bandwidth, output resistance and slew rate would jump")
     bounds = np.append(changes / rate, targets.size / rate)

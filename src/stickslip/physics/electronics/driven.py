@@ -146,7 +146,7 @@ def _asked(
     lines = lines_of(waveform.drive(duration), duration, 0.5 * tolerance)
     asked = clipped(lines, amplifier.low, amplifier.high)
     jumped = np.abs(jumps(asked)[0]).max()
-    if _endless(waveform) is not None:  # also at the end of a period
+    if _endless(waveform) is not None:  # include the jump at the end of a period
         jumped = max(jumped, abs(asked.values[0] - asked.end))
     if of.tau == 0.0 and math.isinf(of.rate) and jumped > tolerance:
         raise QuantityError(

@@ -21,7 +21,7 @@ class Leaf(NamedTuple):
     shape: tuple[int, ...]
     load: Callable[[], np.ndarray]
     of_complex: bool = False  # the numbers are complex
-    unit: str = ""  # in the file
+    unit: str = ""  # as in the file
     epoch: float = 0.0  # for dates: zero of the numbers, s since 1970
     # reads a part along an axis, if that is faster
     load_part: Callable[[int, slice], np.ndarray] | None = None

@@ -31,8 +31,8 @@ class Rows(NamedTuple):
 class FileChannel(NamedTuple):
     """One signal of a file, as a reader describes it."""
 
-    name: str  # in the file
-    unit: str = ""  # in the file, if any
+    name: str  # as in the file
+    unit: str = ""  # as in the file, if any
     key: tuple[Any, ...] = ()  # reference to it besides name and index
     clock: int | None = None  # the channel with its time, if the file's layout determines it
     numeric: bool = True

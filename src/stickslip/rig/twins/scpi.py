@@ -132,7 +132,7 @@ def shortened(header: str) -> tuple[str, int]:
     words, suffix = [], 1
     for word in header.upper().strip(":?").split(":"):
         letters = word.rstrip("0123456789")
-        if letters == "DAC":  # its number is part of the word
+        if letters == "DAC":  # the number belongs to the keyword
             letters = word
         elif word != letters:
             suffix = int(word[len(letters) :][:6])

@@ -263,7 +263,7 @@ def _count(rest: list[str]) -> int | None:
         return None
     if not rest[0].isascii() or not rest[0].isdecimal() or len(rest[0]) > 9:
         raise ConsoleError("Parameter out of range")
-    return int(rest[0]) or None  # the maker's 0 is endless as well
+    return int(rest[0]) or None  # the maker's 0 means endless
 
 
 registry.twins.add(lambda stages, seed, clock: Anc300(stages, clock=clock), "anc300")

@@ -171,7 +171,8 @@ class PiRig:
         if len(rows) != self._samples + 1 or any(len(row) != len(self._inputs) for row in rows):
             raise RigError(f"{self._line.name}: {query}: {len(rows)} rows came")
         self._check(np.array(rows[1:]).T)
-        scale = np.array([1e-6 if name == "position" else 1.0 for name in self._inputs])  # from um
+        # the controller gives positions in um
+        scale = np.array([1e-6 if name == "position" else 1.0 for name in self._inputs])
         return (np.array(rows[1:]) * scale).T  # the first sample is from before the drive
 
     def _check(self, found: Array) -> None:

@@ -69,7 +69,7 @@ class PairRig:
         ports=(5025, 5555, 4000),
     )
 
-    asked_last: ClassVar[bool] = True  # other controllers answer *IDN? too
+    asked_last: ClassVar[bool] = True  # other controllers also answer *IDN?
 
     @staticmethod
     def identify(host: str, port: int, timeout: float) -> str:
