@@ -96,7 +96,8 @@ def _solved(
     threads: int | None,
     extras: tuple[str, ...],
 ) -> PeriodicMotions:
-    """Return the motion of each member."""
+    """Return the periodic motion of each member (a variant of model and drive); `extras` names further
+    results."""
     found = solved(model, drive, members, tolerance, 1.0, threads, None, unheard, extras)
     if found.interrupted:
         raise KeyboardInterrupt

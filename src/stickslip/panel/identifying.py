@@ -34,7 +34,8 @@ _REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; 
 
 
 def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) -> APIRouter:
-    """Return the routes; the stream carries the progress of the fit ("fit", "fit_traces")."""
+    """Return the web server's routes of the panel's identification page; its stream carries the progress of
+    the fit ("fit", "fit_traces")."""
     routes = APIRouter(prefix="/api/identify")
 
     @lru_cache(maxsize=2000)

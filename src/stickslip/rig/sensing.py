@@ -1,4 +1,4 @@
-"""A sensor sample by sample: the same as `Mounted.sensor.sense`, which takes a whole signal."""
+"""Simulate a sensor sample by sample, with the same result as `Mounted.sensor.sense` for a whole signal."""
 
 from __future__ import annotations
 

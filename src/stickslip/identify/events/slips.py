@@ -117,8 +117,8 @@ def _in_position(t: Array, x: Array, where: str) -> tuple[Array, NDArray[np.int6
 
 
 def _stand_out(x: Array, half: int) -> tuple[float, NDArray[np.int64], NDArray[np.int64]]:
-    """Return the significance (a sum), indices and signs of edges of this half width; significance 0 if they
-    are not regular."""
+    """Return significance (a sum over edges), indices and signs of the edges in the position x [n]; `half` is
+    their half width in samples. The significance is 0 unless the edges recur regularly."""
     edges = _edges(x, half)
     slow = edges - scipy.ndimage.median_filter(edges, 8 * half + 1, mode="nearest")
     size = np.abs(slow)

@@ -55,8 +55,8 @@ def step_response(
 def residues(
     poles: list[complex], zeros: list[complex] | None = None
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return the coefficients c and poles p of the sum of exponentials; equal poles are slightly
-    separated."""
+    """Return the coefficients c and poles p [rad/s] of a unit step response 1 + sum of c exp(p t); equal
+    poles are slightly separated."""
     p = np.array(poles, dtype=complex)
     for i in range(1, p.size):
         while np.min(np.abs(p[:i] - p[i])) < 0.5 * APART * abs(p[i]):
