@@ -13,6 +13,8 @@
 #   make figures    the figures of the pages: docs/figures/
 #   make release    dry run of a release: builds, checks, tests of the wheel in clean environments (RELEASING.md)
 #   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)
+#   make site       the documentation to host, a folder for each version in out/site; SITE_URL= where it will be
+#   make links      asks the network whether the addresses in the documentation are still there
 #   make lowest     a core of the tests with the lowest versions that pyproject.toml allows; PYTHON= one of them
 #   make engine     build the engine again, after an edit of its C
 #   make laws       write the C of the friction laws again, after an edit of their Python functions
@@ -34,6 +36,8 @@ COVERAGE ?= 95
 LOCK_FLAGS ?=
 # Of a release: those that the wheel is tested with.
 PYTHONS ?= 3.11 3.12 3.13
+# Where the site is hosted, for its sitemap.
+SITE_URL ?= https://stickslip.github.io/stickslip
 # Of trajectory, steady, ensemble, fit, accuracy, startup; all of them if empty.
 PART ?=
 # Where another version of a dependency shows: units, data, files, the command line, figures, reports, fits.
@@ -50,7 +54,7 @@ PEERS := .venv-peers
 DRIVERS := .venv-drivers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test coverage tools drivers check format mutation lines-c bench studies figures release docs peers lowest engine laws lock clean
+.PHONY: help setup demo test coverage tools drivers check format mutation lines-c bench studies figures release docs site links peers lowest engine laws lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -173,6 +177,12 @@ release: $(READY)
 
 docs: $(READY)
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs out/docs
+
+site: $(READY)
+	$(BIN)/python -m tools.site out/site $(SITE_URL)
+
+links: $(READY)
+	$(BIN)/python -m sphinx -q -b linkcheck -D nb_execution_mode=off docs out/links
 
 # A tool that cannot be installed is a row that says so: numbalsoda needs a Fortran compiler, Octave is not of Python.
 peers: $(PEERS)/.ready

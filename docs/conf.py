@@ -14,13 +14,13 @@ author = "The stickslip developers"
 version = release = stickslip.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-extensions += ["device_pages", "offline_math", "reference_pages"]
+extensions += ["device_pages", "offline_math", "reference_pages", "sitemap"]
 exclude_patterns = ["_ext", "_static"]
 source_suffix = {".rst": "restructuredtext", ".md": "myst-nb"}
 suppress_warnings = ["myst.header"]  # a page may begin with a table's heading
 
 html_theme = "furo"
-html_title = "stickslip"
+html_title = f"stickslip {release}"
 html_static_path = ["_static"]
 html_css_files = ["wide.css"]
 html_show_copyright = False
