@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import html
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -52,6 +53,7 @@ def main(site: Path, url: str, *options: str) -> None:
     address = ["-D", f"html_baseurl={url.rstrip('/')}/{name}/"]
     trees = ["-d", str(site.resolve().parent / "doctrees")]
     subprocess.run([*command, *address, *trees, str(ROOT / "docs"), str(site / name)], check=True)
+    shutil.rmtree(site / "jupyter_execute", ignore_errors=True)  # what MyST-NB leaves beside the pages
     write_top(site, url)
 
 
