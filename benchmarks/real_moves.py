@@ -302,9 +302,9 @@ each).
 
 The twin's errors and share outside are like those of one more session of the real axis. Its times are 0.1 s
 shorter than those of the quickest sessions, because its steps are longer: 10 um are 114 steps of 88 nm, 0.23
-s at 500 Hz, and 149 steps of the 67 nm that the real axis makes at least, 0.30 s. With a gain for 69 nm a step
-the median is 0.29 s (range 90 nm, 16 moves). The times of real sessions come in groups 0.3 s apart, for which
-the published files give no reason, and one real move took 135 s; the twin has neither.
+s at 500 Hz, and 149 steps of the 67 nm that the real axis makes at least, 0.30 s. With a gain for 69 nm a
+step the median is 0.29 s (range 90 nm, 16 moves). The times of real sessions come in groups 0.3 s apart, for
+which the published files give no reason, and one real move took 135 s; the twin has neither.
 
 ![Errors after the stop on the twin, and of the published sessions](../figures/real-moves.svg)
 
