@@ -35,8 +35,6 @@ def packed(item: Any) -> Any:
     Raises:
         TypeError: the item contains an unsupported type.
     """
-    import xarray as xr
-
     if item is None or isinstance(item, bool | int | str):
         return item
     if isinstance(item, float | np.floating):
@@ -45,9 +43,13 @@ def packed(item: Any) -> Any:
     if isinstance(item, np.integer):
         return int(item)
     if isinstance(item, np.ndarray):
-        return {TYPE: "array", "dtype": str(item.dtype), "rows": packed(item.tolist())}
+        kind, rows = item.dtype.kind, item.tolist()
+        plain = kind in "biuU" or (kind == "f" and bool(np.isfinite(item).all()))
+        return {TYPE: "array", "dtype": str(item.dtype), "rows": rows if plain else packed(rows)}
     if isinstance(item, np.bool_):
         return bool(item)
+    import xarray as xr  # not for each of a million numbers
+
     if isinstance(item, xr.Dataset):
         held = {"coords": _held(item.coords), "data": _held(item.data_vars)}
         return {TYPE: "dataset", **held, "attrs": packed(dict(item.attrs))}
@@ -72,8 +74,6 @@ def unpacked(item: Any, types: Mapping[str, type]) -> Any:
     Raises:
         TypeError: a type is unknown, or a field has the wrong kind. Other damage may raise other errors.
     """
-    import xarray as xr
-
     if isinstance(item, list):
         return tuple(unpacked(one, types) for one in item)
     if not isinstance(item, dict):
@@ -88,6 +88,8 @@ def unpacked(item: Any, types: Mapping[str, type]) -> Any:
     if kind == "method":
         return _method(unpacked(item["owner"], types), item["name"])
     if kind == "dataset":
+        import xarray as xr
+
         of = {key: _variables(item[key], types) for key in ("data", "coords")}
         return xr.Dataset(of["data"], of["coords"], unpacked(item["attrs"], types))
     made: Any = types.get(str(kind))
