@@ -214,7 +214,8 @@ def campaign(
     arm: Arm = "",
     show_traceback: Traceback = False,
 ) -> None:
-    """From the recordings of steps and walks to a verified model, with the uncertainty of every number."""
+    """Identify and verify a model from recordings of steps and walks, with the uncertainty of every
+    number."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, CONTINUES):
         check_output(out)
@@ -281,8 +282,8 @@ def design(
     out: Out = Path("out/design"),
     show_traceback: Traceback = False,
 ) -> None:
-    """A map of the step over voltage, frequency, load and other fields, as a file describes it; Ctrl-C keeps
-    what is done."""
+    """Compute a map of the step over voltage, frequency, load and other fields, as a file describes it;
+    Ctrl-C keeps finished points."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)
@@ -301,7 +302,7 @@ def design(
 
 @app.command()
 def demo(out: Out = Path("out/demo"), show_traceback: Traceback = False) -> None:
-    """The thesis's campaign on the virtual rig, and models of published recordings."""
+    """Run the thesis's campaign on the virtual rig, and fit models to published recordings."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, _OF_THE_DEMO):
         check_output(out)

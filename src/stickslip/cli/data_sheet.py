@@ -35,8 +35,8 @@ def data_sheet(
     out: Out = Path("out/data-sheet"),
     show_traceback: Traceback = False,
 ) -> None:
-    """An actuator that reproduces a data sheet, with what the sheet leaves open: model.toml and posterior.nc,
-    which design files and other commands take."""
+    """Make an actuator that reproduces a data sheet, and draws of what the sheet leaves open: model.toml and
+    posterior.nc, which design files and other commands take."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)

@@ -93,7 +93,7 @@ def _leave_terminal() -> None:
 
 
 def _writable(stream: int) -> bool:
-    """Return whether the stream can be written; that of a closed terminal cannot."""
+    """Return whether the stream can be written, which fails for a closed terminal."""
     try:
         os.write(stream, b"")
     except OSError:

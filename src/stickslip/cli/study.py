@@ -89,7 +89,7 @@ def _shard(text: str) -> tuple[int, int] | None:
 
 @study.command()
 def show(store: StoreFolder, show_traceback: Traceback = False) -> None:
-    """How far a study is: tasks, members by their status, rate, time left."""
+    """Show the progress of a study: tasks, members by status, rate, time left."""
     with errors_in_one_line(show_traceback):
         from ..study.store import Store
 

@@ -33,7 +33,7 @@ from .stored import Stored, solved_in_store
 Array = NDArray[np.float64]
 Extra = Literal["backlash", "backward_rate", "ringing", "ripple"]
 
-# Smallest step, in tolerances, that is compared between directions.
+# Smallest step, in units of the tolerance, whose size is compared between directions.
 KNOWN = 100.0
 
 LABELS = {

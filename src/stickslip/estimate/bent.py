@@ -138,7 +138,7 @@ def _in_axes(points: Array, weights: Array, axes: Array) -> Bent:
         left_of = {i: _explained(z[:, [j for j in before if j != i]], z[:, i], weights)[1] for i in before}
         order.insert(0, min(before, key=left_of.__getitem__))
         before.remove(order[0])
-    # Fitted again, with the previous coordinates in this order.
+    # Fit again, with the previous coordinates in this order.
     found = [_explained(z[:, order[:n]], z[:, i], weights) for n, i in enumerate(order)]
     left = WIDER * np.array([rest for _, rest in found])
     return Bent(centre, axes[order], tuple(c for c, _ in found), left)

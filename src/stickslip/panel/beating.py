@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..rig import Link, RigError
 
-_LOOKS = 0.2  # s between two looks at whether the run goes on
+_LOOKS = 0.2  # s between two checks of whether the run continues
 _ANSWERS = 1.0  # s in which the rig's process must answer
 
 

@@ -1,4 +1,4 @@
-"""Studies run: what a study costs, its store made or gone on with, its tasks given to an engine."""
+"""Run studies: estimate the cost, create the store or resume from it, and give the tasks to workers."""
 
 from __future__ import annotations
 

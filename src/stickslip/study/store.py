@@ -344,7 +344,8 @@ class Store:
         return self.path / self.layout.key(variable, number)
 
     def _written(self, variable: StudyVariable, number: int) -> Path:
-        """Return the file of a chunk that is written or removed; raises StudyError for a folder elsewhere."""
+        """Return the path at which a chunk is written or removed; raises StudyError for a folder outside of
+        the store."""
         folder, _, name = self.layout.key(variable, number).rpartition("/")
         return self._place(folder) / name
 
