@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shlex
 import sys
 import time
@@ -265,7 +266,8 @@ def write(document: Document, out: Path, begun: float, browser: str = "") -> Non
         report = write_report(document, out, command=command, elapsed=time.perf_counter() - begun)
     except OSError as error:  # the error of a full disk does not name the file
         raise OSError(error.errno, error.strerror, error.filename or f"--out {out}") from error
-    typer.echo(document.summary)
+    for sentence in re.split(r"(?<=\.) (?=[A-Z])", document.summary):
+        typer.echo(sentence)
     for what, number in document.highlights:
         typer.echo(f"  {what}: {shown_number(number)}")
     typer.echo(f"Report: {report}")
@@ -274,8 +276,11 @@ def write(document: Document, out: Path, begun: float, browser: str = "") -> Non
     if document.interrupted:
         typer.echo("; ".join(document.failures), err=True)
         raise KeyboardInterrupt
-    if document.failures:
-        raise RequirementError(f"not as required: {'; '.join(document.failures)}")
+    *others, last = [f"not as required: {one}" for one in document.failures] or [""]
+    for one in others:
+        typer.echo(f"Error: {_in_one_line(one)}", err=True)
+    if last:
+        raise RequirementError(last)
 
 
 def _version(asked: bool) -> None:

@@ -53,7 +53,7 @@ def missing(cause: str, seed: int) -> tuple[Any, Any]:
     changes: dict[str, dict[str, Any]] = {
         terms.CONSTANT: {"external_force": 0.05 * force},
         terms.REACTION: {"stage_reaction": True},
-    }
+    }  # NO_REACTION: this contact as it is; START then has the reaction
     model = model.replace(**changes.get(cause, {}))
     return model, recorded(model, rng)
 
@@ -65,11 +65,13 @@ def missing(cause: str, seed: int) -> tuple[Any, Any]:
         (terms.STRIBECK, 2),
         (terms.CONSTANT, 4),
         (terms.REACTION, 6),
+        (terms.NO_REACTION, 7),
     ],
 )
 def test_what_is_missing_is_named(cause: str, seed: int, tmp_path: Path) -> None:
     truth, recording = missing(cause, seed)
-    fit = ss.identify_friction(recording, START, FREE, drive=DRIVE)
+    start = START.replace(stage_reaction=cause == terms.NO_REACTION)
+    fit = ss.identify_friction(recording, start, FREE, drive=DRIVE)
     advice = fit.advice
     assert fit.failures
     assert advice is not None
@@ -80,7 +82,7 @@ def test_what_is_missing_is_named(cause: str, seed: int, tmp_path: Path) -> None
     assert ss.load_fit(tmp_path / "fit.json").advice == fit.advice
     assert pickle.loads(pickle.dumps(advice)) == advice
     better = ss.identify_friction(
-        recording, START.replace(**advice.change), [*advice.free], drive=DRIVE, bounds={**advice.bounds}
+        recording, start.replace(**advice.change), [*advice.free], drive=DRIVE, bounds={**advice.bounds}
     )
     assert better.advice is None
     assert not better.failures

@@ -34,7 +34,7 @@ from .displacement import has_slopes
 from .position_channel import CHANNEL
 from .reaction import CLEAR, difference, with_reaction
 from .several import from_points
-from .terms import REACTION, RIPPLE, STAGE, Term, Way, bounds_about, terms_of
+from .terms import NO_REACTION, REACTION, RIPPLE, STAGE, Term, Way, bounds_about, terms_of
 from .walks import DIFFERENCE_STEP, Walks, own_values
 
 # Number of terms that are fitted even if an earlier one explains the walks, because others may explain them
@@ -175,7 +175,25 @@ def _advice(fit: Fit, walks: Walks, terms: Sequence[Scored], reacting: Fit | Non
                 bounds = bounds_about(one.term, found.values)
                 untied = tuple(name for name in one.term.untied if name in fit.tied)
                 tried.append(Tried(one.term.cause, found, bounds, one.term.names, untied=untied))
+    if not any(one.explains for one in tried) and spent() < SECONDS:
+        unmoved = _without_reaction(fit, walks, afar)
+        if unmoved is not None:
+            tried.append(Tried(NO_REACTION, unmoved, change={"stage_reaction": False}))
     return _verdict(fit, tried, spent())
+
+
+def _without_reaction(fit: Fit, walks: Walks, afar: Afar) -> Fit | None:
+    """Return the fit without the reaction of friction on the stage, from distant guesses. None if the model
+    has no reaction, or cannot be fitted without it."""
+    model = walks.model
+    if not model.stage_reaction or model.static or model.clamped:
+        return None
+    own = [p.starting_at(fit.values[p.name])._replace(power=0) for p in fit.parameters]
+    unmoved = replace(walks, model=model.replace(stage_reaction=False))
+    try:
+        return unmoved.completed(afar(unmoved, own, {}))
+    except (FitError, QuantityError, ArithmeticError):
+        return None
 
 
 def _from_afar(fit: Fit, terms: Sequence[Scored]) -> list[Scored]:

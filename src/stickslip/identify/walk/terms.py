@@ -26,6 +26,7 @@ CONSTANT = "a constant force along x (a slope, a spring, a cable)"
 SLOPE = "friction that changes along the stroke"
 RIPPLE = "friction that comes and goes along the stroke"
 REACTION = "friction that acts back on the stage"
+NO_REACTION = "a stage so stiff that friction does not move it"
 STAGE = "a stage with other values than the given ones"
 
 # Stribeck velocities, relative to the model's, at which a Stribeck curve is searched.
