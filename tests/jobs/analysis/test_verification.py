@@ -71,10 +71,9 @@ def test_what_is_not_met_fails_with_a_sentence(folder: Path) -> None:
     (folder / "wrong.yaml").write_text(yaml.safe_dump(content), "utf-8")
     done = run(str(folder / "wrong.yaml"), "--require", "rmse < 1 nm", "--out", str(folder / "wrong"))
     assert done.exit_code == 1
-    last = done.stderr.splitlines()[-1]
-    assert last.startswith("Error: not as required: walk: r_squared is 0.")
-    assert "which is not > 0.99; walk: net_step_error is" in last
-    assert "walk: rmse is" in last
+    said = [line for line in done.stderr.splitlines() if line.startswith("Error: not as required: walk: ")]
+    assert [line.split()[5] for line in said] == ["r_squared", "net_step_error", "rmse"]
+    assert said[0].endswith("which is not > 0.99")
     page = (folder / "wrong" / "report.html").read_text("utf-8")
     assert "Not as required" in page
 
@@ -267,7 +266,7 @@ def test_a_sampled_drive_without_a_waveform_says_what_to_do(folder: Path) -> Non
         warnings.simplefilter("ignore")
         done = run(results, wild, "--require", "net_step_error < 2 %", "--out", str(folder / "w"))
     assert done.exit_code == 1
-    assert "name it, as drive of the recording in a verification file" in done.stderr.splitlines()[-1]
+    assert "name it, as drive of the recording in a verification file" in done.stderr
 
 
 @pytest.mark.parametrize(("force", "code"), [("0.5401 N", 0), ("0.45 N", 1)])
