@@ -97,6 +97,8 @@ OF_UNITS: dict[str, Callable[[], Any]] = {
     "rig": lambda: ss.rig.VirtualRig(KANG, BENCH),
     "channels": lambda: {"end_effector_position": ss.rig.Channel("interferometer")},
     "limits": ss.rig.Limits,
+    "actuators": lambda: [KANG, KANG],
+    "waveforms": lambda: [ss.Sawtooth(65.0, 5.0)] * 2,
 }
 
 
@@ -173,6 +175,9 @@ ARRAYS: dict[str, tuple[str, Any, Callable[[Any], Any]]] = {
     "simulation.sensitivities-times": (
         *SECONDS, lambda v: ss.simulation.sensitivities(KANG, SAW, parameters=["coulomb_force"], times=v)
     ),
+    "simulation.simulate_together-times": (
+        *SECONDS, lambda v: ss.simulation.simulate_together([KANG, KANG], [SAW, SAW], times=v)
+    ),
     "steady_steps-parameters": (*VOLTS, lambda v: ss.steady_steps(KANG, SAW, parameters={"amplitude": v})),
     "step_map-voltage": (*VOLTS, lambda v: ss.step_map(KANG, SAW, voltage=v)),
     "step_map-frequency": ("Hz", [50.0, 60.0], lambda v: ss.step_map(KANG, SAW, frequency=v)),
@@ -183,6 +188,7 @@ ARRAYS: dict[str, tuple[str, Any, Callable[[Any], Any]]] = {
         "N", [0.5] * 39 + [0.4],
         lambda v: ss.step_map(KANG, SAW, load=0.0, fit={"coulomb_force": v}, draws=40)
     ),
+    "design.backward_rate-position": ("m", [0.0, 3e-6, 2e-6], design.backward_rate),
     "design.load_speed_curve-loads": ("N", [0.0, 0.1], lambda v: design.load_speed_curve(KANG, SAW, v)),
     "design.step_at-voltage": ("V", [20.0, 50.0], lambda v: design.step_at(TABLE, v)),
     "friction_response-time": ("s", [0.0, 0.1], lambda v: RESPONSE(v, [0.0, 1e-6])),

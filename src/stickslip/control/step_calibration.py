@@ -98,8 +98,8 @@ def measure_steps(
         InterlockError: the positioner is not simulated, and the program not armed.
         RigError, QuantityError: from the positioner; or a reading is not a number.
     """
-    need_armed(positioner)
     sigma, rows = math.sqrt(2.0) * _NOISE.check(noise, "noise"), []
+    need_armed(positioner)
     for volts in bursts.voltages:
         positioner.ranges.check(axis, int(bursts.steps), volts, bursts.frequency)
     plan = list(bursts.plan)
@@ -140,8 +140,8 @@ def measure_travel(
         RigError: a limit is not reached; or from the positioner.
         QuantityError: from the positioner; or the travel is out of range.
     """
-    need_armed(positioner)
     way, repeats = _LIMIT.check(travel, "travel"), _NOISE.check(error, "error")
+    need_armed(positioner)
     rows = []
     try:
         _to_limit(positioner, axis, at_limit, -1, max(bursts.voltages), bursts)
