@@ -9,7 +9,7 @@ and the ratio of tangential to normal stiffness over 2(1 - ν)/(2 - ν). Half a 
 from __future__ import annotations
 
 import numpy as np
-from tests.contact.half_space import held, periodic, pressed, rough
+from tests.physics.contact.half_space import held, periodic, pressed, rough
 
 SIZE, NU = 256, 0.3
 LOADS = (0.02, 0.06, 0.15, 0.3)  # mean pressure over E* and the root mean square slope
