@@ -23,7 +23,7 @@ import mutate_c
 
 ROOT = Path(__file__).resolve().parents[1]
 MOVES = ("control/test_moves_stored.py", "control/test_arrival.py")
-TESTS = ("engine", "plant", "piezo", "simulation", "solve", "electronics/test_charging.py", *MOVES)
+TESTS = ("engine", "simulation", "physics/piezo", "physics/electronics/test_charging.py", *MOVES)
 COUNTED = ("--coverage", "-fprofile-update=atomic")
 
 
